@@ -1,0 +1,163 @@
+use crate::Sizes;
+
+macro_rules! fields {
+    ($($(#[$doc:meta])* $variant:ident = $bit:literal, $name:literal, |$s:ident, $frames:ident, $wrenches:ident| $shape:expr;)*) => {
+        /// A named block of numbers in a request or an answer. The numbers are part of the wire contract.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[repr(u8)]
+        #[non_exhaustive]
+        pub enum Field { $($(#[$doc])* $variant = $bit,)* }
+
+        impl Field {
+            /// Every field, in the order of its number, which is also the order in which fields are packed.
+            pub const ALL: &[Field] = &[$(Field::$variant,)*];
+
+            /// The name that scripts see.
+            pub const fn name(self) -> &'static str {
+                match self { $(Field::$variant => $name,)* }
+            }
+
+            /// (rows, columns) on a model of the given sizes; a vector has one column, matrices are packed row by row.
+            pub const fn shape(self, sizes: &Sizes, n_frames: usize, n_wrenches: usize) -> (usize, usize) {
+                match self { $(Field::$variant => { let ($s, $frames, $wrenches) = (sizes, n_frames, n_wrenches); let _ = ($s, $frames, $wrenches); $shape })* }
+            }
+        }
+    };
+}
+
+fields! {
+    /// Independent coordinates y `[m, rad]` (n_qy).
+    Y = 0, "y", |s, f, w| (s.n_qy, 1);
+    /// Independent velocities ẏ (n_vy).
+    Yd = 1, "yd", |s, f, w| (s.n_vy, 1);
+    /// Independent accelerations ÿ (n_vy).
+    Ydd = 2, "ydd", |s, f, w| (s.n_vy, 1);
+    /// Tree coordinates q (n_q).
+    Q = 3, "q", |s, f, w| (s.n_q, 1);
+    /// Tree velocities q̇ (n_v).
+    Qd = 4, "qd", |s, f, w| (s.n_v, 1);
+    /// Tree accelerations q̈ (n_v).
+    Qdd = 5, "qdd", |s, f, w| (s.n_v, 1);
+    /// Actuator coordinates u (n_u).
+    U = 6, "u", |s, f, w| (s.n_u, 1);
+    /// Actuator velocities u̇ (n_u).
+    Ud = 7, "ud", |s, f, w| (s.n_u, 1);
+    /// Actuator accelerations ü (n_u).
+    Udd = 8, "udd", |s, f, w| (s.n_u, 1);
+    /// A closed pose near the answer from which numerical closures continue (n_q).
+    QGuess = 9, "q_guess", |s, f, w| (s.n_q, 1);
+    /// The tree velocity that goes with the guess (n_v).
+    QdGuess = 10, "qd_guess", |s, f, w| (s.n_v, 1);
+    /// Generalised forces on the tree coordinates (n_v).
+    TauQ = 11, "tau_q", |s, f, w| (s.n_v, 1);
+    /// Generalised forces on the independent coordinates (n_vy).
+    TauY = 12, "tau_y", |s, f, w| (s.n_vy, 1);
+    /// Actuator forces (n_u).
+    TauU = 13, "tau_u", |s, f, w| (s.n_u, 1);
+    /// Wrenches `[n; f]` on the named links, world axes at the link's origin, acting on the robot (n_wrenches × 6).
+    Wrenches = 14, "wrenches", |s, f, w| (w, 6);
+    /// The part of `tau_y` that no actuator can give (n_vy).
+    TauUnactuated = 15, "tau_unactuated", |s, f, w| (s.n_vy, 1);
+    /// Loop Jacobian, q̇ = G ẏ (n_v × n_vy).
+    G = 16, "G", |s, f, w| (s.n_v, s.n_vy);
+    /// q̈ = G ÿ + g (n_v).
+    GBias = 17, "g_bias", |s, f, w| (s.n_v, 1);
+    /// Actuator rows of G (n_u × n_vy).
+    GU = 18, "G_u", |s, f, w| (s.n_u, s.n_vy);
+    /// ü = G_u ÿ + g_u (n_u).
+    GUBias = 19, "g_u", |s, f, w| (s.n_u, 1);
+    /// Constraint Jacobian, K q̇ = 0 (n_c × n_v).
+    K = 20, "K", |s, f, w| (s.n_c, s.n_v);
+    /// K q̈ = k, k = −K̇ q̇ (n_c).
+    KBias = 21, "k_bias", |s, f, w| (s.n_c, 1);
+    /// Loop-closure forces (n_c).
+    Lambda = 22, "lambda", |s, f, w| (s.n_c, 1);
+    /// Reduced mass matrix GᵀMG (n_vy × n_vy).
+    MY = 23, "M_y", |s, f, w| (s.n_vy, s.n_vy);
+    /// Reduced bias force Gᵀ(C + M g) (n_vy).
+    CY = 24, "C_y", |s, f, w| (s.n_vy, 1);
+    /// Largest scaled loop residual (1).
+    Residual = 25, "residual", |s, f, w| (1, 1);
+    /// Newton steps taken (1).
+    Iterations = 26, "iterations", |s, f, w| (1, 1);
+    /// 2-norm condition number of K_d, unscaled (1).
+    CondKd = 27, "cond_Kd", |s, f, w| (1, 1);
+    /// 2-norm condition number of G_u, unscaled (1).
+    CondGu = 28, "cond_Gu", |s, f, w| (1, 1);
+    /// Distance to singularity: least singular value of the scaled K_d over all clusters (1).
+    SigmaMin = 29, "sigma_min", |s, f, w| (1, 1);
+    /// The closest reachable independent coordinates found (n_qy).
+    NearestY = 30, "nearest_y", |s, f, w| (s.n_qy, 1);
+    /// Pose of each asked frame in the root frame: position and quaternion x, y, z, w (n_frames × 7).
+    FramePose = 31, "frame_pose", |s, f, w| (f, 7);
+    /// Twist `[ω; v]` of each asked frame, world axes at the frame's origin (n_frames × 6).
+    FrameTwist = 32, "frame_twist", |s, f, w| (f, 6);
+    /// Classical acceleration of each asked frame, gravity not included (n_frames × 6).
+    FrameAcc = 33, "frame_acc", |s, f, w| (f, 6);
+    /// Frame Jacobians over the tree velocities (6 n_frames × n_v).
+    JacobianTree = 34, "jacobian_tree", |s, f, w| (6 * f, s.n_v);
+    /// Frame Jacobians over the independent velocities (6 n_frames × n_vy).
+    JacobianIndependent = 35, "jacobian_independent", |s, f, w| (6 * f, s.n_vy);
+    /// Frame Jacobians over the actuator velocities, where these determine the motion (6 n_frames × n_u).
+    JacobianActuator = 36, "jacobian_actuator", |s, f, w| (6 * f, s.n_u);
+    /// 2-norm condition number of M_y (1).
+    CondMy = 37, "cond_My", |s, f, w| (1, 1);
+}
+
+impl Field {
+    /// The field of a name, as scripts write it.
+    pub fn from_name(name: &str) -> Option<Field> {
+        Field::ALL.iter().copied().find(|field| field.name() == name)
+    }
+
+    /// True for fields that a failed answer may still carry.
+    pub const fn survives_failure(self) -> bool {
+        matches!(self, Field::Residual | Field::Iterations | Field::NearestY)
+    }
+}
+
+/// A set of fields, as one machine word.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(transparent)]
+pub struct FieldSet(pub u64);
+
+impl FieldSet {
+    /// The empty set.
+    pub const EMPTY: FieldSet = FieldSet(0);
+
+    /// The set of the given fields.
+    pub const fn of(fields: &[Field]) -> FieldSet {
+        let (mut bits, mut k) = (0, 0);
+        while k < fields.len() {
+            bits |= 1 << fields[k] as u8;
+            k += 1;
+        }
+        FieldSet(bits)
+    }
+
+    /// True when the field is in the set.
+    pub const fn has(self, field: Field) -> bool {
+        self.0 >> field as u8 & 1 == 1
+    }
+
+    /// True when any of the fields is in the set.
+    pub const fn has_any(self, fields: &[Field]) -> bool {
+        self.0 & FieldSet::of(fields).0 != 0
+    }
+
+    /// The set with one field more.
+    #[must_use]
+    pub const fn with(self, field: Field) -> FieldSet {
+        FieldSet(self.0 | 1 << field as u8)
+    }
+
+    /// The fields of the set, in packing order.
+    pub fn iter(self) -> impl Iterator<Item = Field> {
+        Field::ALL.iter().copied().filter(move |field| self.has(*field))
+    }
+
+    /// True when every bit stands for a field that this version knows.
+    pub fn is_known(self) -> bool {
+        self.0 & !FieldSet::of(Field::ALL).0 == 0
+    }
+}

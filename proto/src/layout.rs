@@ -1,0 +1,92 @@
+use crate::{Field, FieldSet, Wanted};
+
+/// The sizes of a model that fix the shape of every field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(C)]
+pub struct Sizes {
+    /// Tree coordinates.
+    pub n_q: usize,
+    /// Tree velocities.
+    pub n_v: usize,
+    /// Independent coordinates.
+    pub n_qy: usize,
+    /// Independent velocities.
+    pub n_vy: usize,
+    /// Actuators.
+    pub n_u: usize,
+    /// Constraint rows.
+    pub n_c: usize,
+}
+
+/// Where one field lies in the packed numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// The field.
+    pub field: Field,
+    /// Index of its first number.
+    pub offset: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Columns; a matrix is packed row by row.
+    pub columns: usize,
+}
+
+impl Slot {
+    /// The numbers that this slot takes.
+    pub const fn range(&self) -> core::ops::Range<usize> {
+        self.offset..self.offset + self.rows * self.columns
+    }
+}
+
+/// How the fields of a set lie one after the other in one flat array, in the order of the field numbers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    slots: Vec<Slot>,
+    len: usize,
+}
+
+impl Layout {
+    /// The layout of what a request gives.
+    pub fn of_given(wanted: &Wanted, sizes: &Sizes) -> Layout {
+        Layout::pack(wanted.given, wanted, sizes)
+    }
+
+    /// The layout of what an answer holds.
+    pub fn of_want(wanted: &Wanted, sizes: &Sizes) -> Layout {
+        Layout::pack(wanted.want, wanted, sizes)
+    }
+
+    /// The fields and where they lie.
+    pub fn slots(&self) -> &[Slot] {
+        &self.slots
+    }
+
+    /// The slot of one field, if it is there.
+    pub fn slot(&self, field: Field) -> Option<&Slot> {
+        self.slots.iter().find(|slot| slot.field == field)
+    }
+
+    /// How many numbers the array holds.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// True when there is nothing to pack.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    fn pack(set: FieldSet, wanted: &Wanted, sizes: &Sizes) -> Layout {
+        let mut len = 0;
+        let slots = set
+            .iter()
+            .map(|field| {
+                let (rows, columns) = field.shape(sizes, wanted.n_frames as usize, wanted.n_wrenches as usize);
+                let slot = Slot { field, offset: len, rows, columns };
+                len += rows * columns;
+                slot
+            })
+            .collect();
+        Layout { slots, len }
+    }
+}

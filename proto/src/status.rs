@@ -1,0 +1,109 @@
+use core::fmt;
+
+macro_rules! statuses {
+    ($($(#[$doc:meta])* $variant:ident = $code:literal, $name:literal;)*) => {
+        /// How a request ended. The numbers are part of the wire contract and never change.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(u32)]
+        #[non_exhaustive]
+        pub enum Status { $($(#[$doc])* $variant = $code,)* }
+
+        impl Status {
+            /// Every status, in the order of its number.
+            pub const ALL: &[Status] = &[$(Status::$variant,)*];
+
+            /// The name that scripts see.
+            pub const fn name(self) -> &'static str {
+                match self { $(Status::$variant => $name,)* }
+            }
+
+            /// The status of a number on the wire; `None` for a number that this version does not know.
+            pub const fn from_code(code: u32) -> Option<Status> {
+                match code { $($code => Some(Status::$variant),)* _ => None }
+            }
+        }
+    };
+}
+
+statuses! {
+    /// The answer is complete.
+    Ok = 0, "ok";
+    /// The request itself is malformed: a field missing, two that exclude each other, a quaternion not of unit length.
+    BadRequest = 1, "bad_request";
+    /// An input number is NaN or infinite.
+    NonFiniteInput = 2, "non_finite_input";
+    /// The number of input or output numbers does not fit the plan.
+    WrongSize = 3, "wrong_size";
+    /// The request was made for a model with another fingerprint.
+    WrongModel = 4, "wrong_model";
+    /// The request or plan number is not known.
+    UnknownRequest = 5, "unknown_request";
+    /// Newton's method ran out of steps although the target seems reachable.
+    NotConverged = 6, "not_converged";
+    /// The straight path from the guess to the target crosses a singularity onto another branch.
+    BranchChanged = 7, "branch_changed";
+    /// No closed pose has these coordinates.
+    Unreachable = 8, "unreachable";
+    /// The closure loses rank at the answer: the mechanism gains a freedom.
+    SingularClosure = 9, "singular_closure";
+    /// The declared independent coordinates do not determine the motion at the answer.
+    SingularIndependents = 10, "singular_independents";
+    /// The actuators do not determine the motion (or a force cannot be mapped to them) at the answer.
+    SingularActuation = 11, "singular_actuation";
+    /// The reduced mass matrix is not positive definite.
+    MassNotPositive = 12, "mass_not_positive";
+    /// The server has more work than it accepts.
+    Overloaded = 13, "overloaded";
+    /// The server is stopping.
+    ShuttingDown = 14, "shutting_down";
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Bits that accompany an answer and never change its numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(transparent)]
+pub struct Warnings(pub u32);
+
+impl Warnings {
+    /// No warning.
+    pub const NONE: Warnings = Warnings(0);
+    /// A position, velocity or actuator force lies outside the limits that the model declares.
+    pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
+
+    /// True when every bit of `other` is set.
+    pub const fn contains(self, other: Warnings) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// The names that scripts see, in the order of the bits.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        [(Self::LIMITS_EXCEEDED, "limits_exceeded")].into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
+    }
+}
+
+impl core::ops::BitOrAssign for Warnings {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn status_numbers_are_the_wire_contract() {
+        for (code, status) in Status::ALL.iter().enumerate() {
+            assert_eq!(*status as usize, code);
+            assert_eq!(Status::from_code(code as u32), Some(*status));
+        }
+        assert_eq!(Status::from_code(15), None);
+        assert_eq!(Status::Unreachable as u32, 8);
+        assert_eq!(Status::ShuttingDown.name(), "shutting_down");
+    }
+}

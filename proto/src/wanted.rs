@@ -1,0 +1,224 @@
+use core::fmt;
+
+use crate::{Field, FieldSet};
+
+/// Frames that one plan can name.
+pub const MAX_FRAMES: usize = 32;
+/// Links that one plan can put wrenches on.
+pub const MAX_WRENCHES: usize = 16;
+
+/// What is asked. The numbers are part of the wire contract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Request {
+    /// Positions, velocities, accelerations, closures, frames.
+    Kinematics = 1,
+    /// Motion to forces.
+    InverseDynamics = 2,
+    /// Forces to motion.
+    ForwardDynamics = 3,
+    /// Positions, velocities, accelerations and forces from one space to another.
+    Map = 4,
+}
+
+impl Request {
+    /// Every request, in the order of its number.
+    pub const ALL: &[Request] = &[Request::Kinematics, Request::InverseDynamics, Request::ForwardDynamics, Request::Map];
+
+    /// The name that scripts see.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Request::Kinematics => "kinematics",
+            Request::InverseDynamics => "inverse-dynamics",
+            Request::ForwardDynamics => "forward-dynamics",
+            Request::Map => "map",
+        }
+    }
+
+    /// The request of a number on the wire.
+    pub const fn from_code(code: u32) -> Option<Request> {
+        match code {
+            1 => Some(Request::Kinematics),
+            2 => Some(Request::InverseDynamics),
+            3 => Some(Request::ForwardDynamics),
+            4 => Some(Request::Map),
+            _ => None,
+        }
+    }
+
+    /// What is answered when a script names no wish.
+    pub const fn default_want(self) -> FieldSet {
+        match self {
+            Request::Kinematics | Request::Map => FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U]),
+            Request::InverseDynamics => FieldSet::of(&[Field::TauY, Field::TauU]),
+            Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
+        }
+    }
+}
+
+/// What a plan is made for: the fields that a request gives and those that the answer holds. Its bytes are those on the
+/// wire, so it holds plain numbers only and is checked by [`Wanted::check`] before use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(C)]
+pub struct Wanted {
+    /// Number of the [`Request`].
+    pub request: u32,
+    /// How many entries of `frames` count.
+    pub n_frames: u16,
+    /// How many entries of `wrench_links` count.
+    pub n_wrenches: u16,
+    /// The fields that each request gives.
+    pub given: FieldSet,
+    /// The fields that each answer holds.
+    pub want: FieldSet,
+    /// Indices of the links whose frames are asked.
+    pub frames: [u16; MAX_FRAMES],
+    /// Indices of the links that wrenches act on.
+    pub wrench_links: [u16; MAX_WRENCHES],
+}
+
+/// Why a [`Wanted`] cannot be planned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WantedError {
+    /// The request's number is unknown.
+    UnknownRequest(u32),
+    /// A bit of `given` or `want` stands for no field of this version.
+    UnknownField,
+    /// More frames or wrenches than a plan can name.
+    TooMany {
+        /// What there are too many of.
+        what: &'static str,
+        /// How many a plan can name.
+        limit: usize,
+    },
+    /// An index names no link of the model.
+    UnknownLink(u16),
+    /// A field cannot be given to this request.
+    NotAnInput(Field),
+    /// A field cannot be asked of this request.
+    NotAnOutput(Field),
+    /// None of the fields that this request needs is given.
+    Missing(&'static str),
+    /// Two given fields exclude each other.
+    Conflict(Field, Field),
+}
+
+impl fmt::Display for WantedError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            WantedError::UnknownRequest(code) => write!(f, "request number {code} is unknown; this version knows 1 to 4"),
+            WantedError::UnknownField => f.write_str("a field number is unknown to this version; client and server differ"),
+            WantedError::TooMany { what, limit } => write!(f, "too many {what}; a plan names at most {limit}"),
+            WantedError::UnknownLink(index) => write!(f, "link number {index} is not in the model"),
+            WantedError::NotAnInput(field) => write!(f, "`{}` is no input of this request", field.name()),
+            WantedError::NotAnOutput(field) => write!(f, "`{}` is no output of this request", field.name()),
+            WantedError::Missing(what) => write!(f, "nothing says {what}"),
+            WantedError::Conflict(a, b) => write!(f, "`{}` and `{}` exclude each other; give one", a.name(), b.name()),
+        }
+    }
+}
+
+impl core::error::Error for WantedError {}
+
+impl Wanted {
+    /// A wish without frames and wrenches.
+    pub const fn new(request: Request, given: FieldSet, want: FieldSet) -> Wanted {
+        Wanted { request: request as u32, n_frames: 0, n_wrenches: 0, given, want, frames: [0; MAX_FRAMES], wrench_links: [0; MAX_WRENCHES] }
+    }
+
+    /// The same wish with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and refused by [`Wanted::check`].
+    #[must_use]
+    pub fn with_frames(mut self, links: &[u16]) -> Wanted {
+        self.n_frames = links.len().min(u16::MAX as usize) as u16;
+        self.frames.iter_mut().zip(links).for_each(|(slot, link)| *slot = *link);
+        self
+    }
+
+    /// The same wish with wrenches on these links; gives [`Field::Wrenches`].
+    #[must_use]
+    pub fn with_wrenches(mut self, links: &[u16]) -> Wanted {
+        self.n_wrenches = links.len().min(u16::MAX as usize) as u16;
+        self.wrench_links.iter_mut().zip(links).for_each(|(slot, link)| *slot = *link);
+        self.given = self.given.with(Field::Wrenches);
+        self
+    }
+
+    /// The links whose frames are asked.
+    pub fn frames(&self) -> &[u16] {
+        &self.frames[..(self.n_frames as usize).min(MAX_FRAMES)]
+    }
+
+    /// The links that wrenches act on.
+    pub fn wrench_links(&self) -> &[u16] {
+        &self.wrench_links[..(self.n_wrenches as usize).min(MAX_WRENCHES)]
+    }
+
+    /// Checks everything that does not depend on numbers; `n_links` is the model's count of links.
+    pub fn check(&self, n_links: usize) -> Result<Request, WantedError> {
+        use Field::*;
+        let request = Request::from_code(self.request).ok_or(WantedError::UnknownRequest(self.request))?;
+        if !self.given.is_known() || !self.want.is_known() {
+            return Err(WantedError::UnknownField);
+        }
+        if self.n_frames as usize > MAX_FRAMES {
+            return Err(WantedError::TooMany { what: "frames", limit: MAX_FRAMES });
+        }
+        if self.n_wrenches as usize > MAX_WRENCHES {
+            return Err(WantedError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
+        }
+        if let Some(link) = self.frames().iter().chain(self.wrench_links()).find(|link| **link as usize >= n_links) {
+            return Err(WantedError::UnknownLink(*link));
+        }
+
+        // what may be given
+        const MOTION: FieldSet = FieldSet::of(&[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, QGuess, QdGuess]);
+        const VELOCITY: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
+        const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU]);
+        let inputs = match request {
+            Request::Kinematics => MOTION.0,
+            Request::InverseDynamics => MOTION.with(Wrenches).0,
+            Request::ForwardDynamics => VELOCITY.with(Wrenches).0 | FORCES.0,
+            Request::Map => MOTION.0 | FORCES.0,
+        };
+        if let Some(field) = self.given.iter().find(|field| inputs >> *field as u8 & 1 == 0) {
+            return Err(WantedError::NotAnInput(field));
+        }
+        // one space for each order of motion, and one for the forces
+        for group in [[Y, Q, U], [Yd, Qd, Ud], [Ydd, Qdd, Udd], [TauQ, TauY, TauU]] {
+            let mut given = group.into_iter().filter(|field| self.given.has(*field));
+            if let (Some(a), Some(b)) = (given.next(), given.next()) {
+                return Err(WantedError::Conflict(a, b));
+            }
+        }
+        if !self.given.has_any(&[Y, Q, U]) {
+            return Err(WantedError::Missing("where the robot is: give y, q or u"));
+        }
+        if request == Request::ForwardDynamics && !self.given.has_any(&[TauQ, TauY, TauU]) {
+            return Err(WantedError::Missing("the forces: give tau_u, tau_y or tau_q"));
+        }
+
+        // what may be asked
+        const STATE: FieldSet = FieldSet::of(&[
+            Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, G, GBias, GU, GUBias, K, KBias, Residual, Iterations, CondKd, CondGu, SigmaMin, NearestY,
+            FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator,
+        ]);
+        const DYNAMICS: FieldSet = FieldSet::of(&[Lambda, MY, CY, CondMy]);
+        let outputs = STATE.0
+            | match request {
+                Request::Kinematics => 0,
+                Request::InverseDynamics => DYNAMICS.with(TauY).with(TauU).with(TauUnactuated).with(TauQ).0,
+                Request::ForwardDynamics => DYNAMICS.with(TauY).0,
+                Request::Map => FieldSet::of(&[TauY, TauU, TauUnactuated]).0,
+            };
+        if let Some(field) = self.want.iter().find(|field| outputs >> *field as u8 & 1 == 0) {
+            return Err(WantedError::NotAnOutput(field));
+        }
+        let forces_given = self.given.has_any(&[TauQ, TauY, TauU]);
+        if request == Request::Map && !forces_given && self.want.has_any(&[TauY, TauU, TauUnactuated]) {
+            return Err(WantedError::Missing("the forces: give tau_u, tau_y or tau_q"));
+        }
+        Ok(request)
+    }
+}

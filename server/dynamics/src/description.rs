@@ -1,0 +1,192 @@
+//! What a person wrote about one robot, as plain data: links, joints, submechanisms and loops, by index.
+//!
+//! Whoever reads files fills a [`Description`]; [`crate::Model::compile`] turns it into the arrays that the kernels run on.
+
+/// One robot, as written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// Name of the robot.
+    pub name: String,
+    /// Links; the root is the one that is no joint's child.
+    pub links: Vec<Link>,
+    /// Joints between links, fixed ones included.
+    pub joints: Vec<Joint>,
+    /// Submechanisms; their lists, joined in this order, give the order of q, y and u.
+    pub submechanisms: Vec<Submechanism>,
+    /// Gravity in root axes `[m/s²]`.
+    pub gravity: [f64; 3],
+}
+
+/// A rigid link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Link {
+    /// Unique name.
+    pub name: String,
+    /// Mass and inertia; without it the link is massless.
+    pub inertial: Option<Inertial>,
+}
+
+/// Mass and inertia of a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertial {
+    /// Pose of the centre of mass and its axes {link}.
+    pub origin: Placement,
+    /// Mass `[kg]`.
+    pub mass: f64,
+    /// ixx, ixy, ixz, iyy, iyz, izz about the centre of mass `[kg m²]` {origin}.
+    pub inertia: [f64; 6],
+}
+
+/// A pose as URDF writes it: translation, then fixed-axis roll, pitch, yaw.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Placement {
+    /// Translation `[m]`.
+    pub xyz: [f64; 3],
+    /// Roll, pitch, yaw about fixed axes `[rad]`.
+    pub rpy: [f64; 3],
+}
+
+/// A joint of the spanning tree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Unique name.
+    pub name: String,
+    /// What motion it allows.
+    pub kind: JointKind,
+    /// Index of the parent link.
+    pub parent: usize,
+    /// Index of the child link.
+    pub child: usize,
+    /// Pose of the joint frame (= the child link's frame at zero) {parent}.
+    pub origin: Placement,
+    /// Axis of motion, of any length but zero {joint frame}.
+    pub axis: [f64; 3],
+    /// Limits; used for warnings only.
+    pub limits: Option<Limits>,
+    /// A linear dependence on other joints (`<mimic>`, `<transmission>`).
+    pub coupling: Option<Coupling>,
+}
+
+/// What motion a joint allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum JointKind {
+    /// None.
+    Fixed,
+    /// Rotation about the axis.
+    Revolute,
+    /// Rotation about the axis without limits.
+    Continuous,
+    /// Translation along the axis.
+    Prismatic,
+    /// All six; q = [p; x y z w], q̇ = [ω; v] in the body.
+    Floating,
+}
+
+/// Limits of a joint, in its own unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Least position.
+    pub lower: f64,
+    /// Greatest position.
+    pub upper: f64,
+    /// Greatest speed.
+    pub velocity: f64,
+    /// Greatest force or moment.
+    pub effort: f64,
+}
+
+/// q = Σ multiplier · q_master + offset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coupling {
+    /// (joint index, multiplier) of each master.
+    pub terms: Vec<(usize, f64)>,
+    /// Constant part.
+    pub offset: f64,
+}
+
+/// A named group of joints with its loops.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Submechanism {
+    /// Contextual name, unique by custom.
+    pub name: String,
+    /// How its loops are to be closed.
+    pub kind: SubmechanismKind,
+    /// The type as it was written.
+    pub type_name: String,
+    /// Moving joints, in the order of q.
+    pub spanning_tree: Vec<usize>,
+    /// Independent joints, in the order of y.
+    pub independent: Vec<usize>,
+    /// Actuated joints, in the order of u.
+    pub active: Vec<usize>,
+    /// Loops as given; empty where the type defines them.
+    pub loops: Vec<Loop>,
+}
+
+/// How the loops of a submechanism are to be closed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum SubmechanismKind {
+    /// No loop.
+    Serial,
+    /// Lambda: rocker, stator, slider.
+    Rrpr,
+    /// Two SPU legs around a universal joint.
+    Spu2U1,
+    /// Two SPRR legs around a universal joint.
+    Sprr2U1,
+    /// Two SURRPR legs around a universal joint.
+    Surrpr2U1,
+    /// Six UPS legs.
+    Ups6,
+    /// Three RUS legs, doubled (Active Ankle).
+    Rus3x2,
+    /// Parallelograms.
+    ParallelogramChain,
+    /// Linear couplings.
+    Transmission,
+    /// Whatever the loops say, by Newton's method.
+    Numerical,
+}
+
+/// One loop: two frames that coincide in some directions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loop {
+    /// Name of the cut.
+    pub name: String,
+    /// Index of the predecessor link.
+    pub predecessor: usize,
+    /// Index of the successor link.
+    pub successor: usize,
+    /// Where the two cut frames lie.
+    pub cut: Cut,
+    /// The constrained directions, in the axes of the predecessor's cut frame.
+    pub rows: Vec<Row>,
+}
+
+/// Where the cut frames of a loop lie.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Cut {
+    /// Both are the frame of this joint at the zero pose: closed at zero by construction.
+    AtJoint(usize),
+    /// Both are the frame of this link at the zero pose: closed at zero by construction.
+    AtLink(usize),
+    /// Placed by hand on the predecessor and on the successor.
+    Placed {
+        /// Cut frame {predecessor link}.
+        predecessor: Placement,
+        /// Cut frame {successor link}.
+        successor: Placement,
+    },
+}
+
+/// One constrained direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Name of the row.
+    pub name: String,
+    /// `[angular; linear]` {predecessor's cut frame}.
+    pub axis: [f64; 6],
+}

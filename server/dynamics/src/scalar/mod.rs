@@ -1,0 +1,139 @@
+//! The numbers that every kernel is written over.
+
+mod double_double;
+mod elementary;
+
+pub use double_double::Dd;
+
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
+
+/// A real number as kernels see it: `f64`, double-double, and later dual numbers and SIMD lanes.
+///
+/// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by [`Real::select`].
+pub trait Real:
+    Copy + Debug + PartialEq + Send + Sync + 'static
+    + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+    + AddAssign + SubAssign + MulAssign
+{
+    /// The outcome of a comparison, one bit for each lane.
+    type Mask: Mask;
+    /// The scalar in which the model's constants are kept.
+    type Const: Copy + Debug + Send + Sync + 'static;
+
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+    /// Unit roundoff: the largest relative error of one operation.
+    const EPSILON: f64;
+
+    /// A constant of the model, the same in all lanes.
+    fn lift(constant: Self::Const) -> Self;
+    /// An exactly representable number, the same in all lanes.
+    fn from_f64(x: f64) -> Self;
+    /// self · a + b, rounded once where the scalar can.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+    /// Square root; NaN below zero.
+    fn sqrt(self) -> Self;
+    /// Absolute value.
+    fn abs(self) -> Self;
+    /// (sin x, cos x), x in radians.
+    fn sin_cos(self) -> (Self, Self);
+    /// The angle of the point (x, self) in (−π, π].
+    fn atan2(self, x: Self) -> Self;
+    /// self < other.
+    fn lt(self, other: Self) -> Self::Mask;
+    /// Neither NaN nor infinite.
+    fn is_finite(self) -> Self::Mask;
+    /// `a` where the mask is set, else `b`.
+    fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+}
+
+/// The outcome of a comparison, one bit for each lane.
+pub trait Mask: Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> {
+    /// The same outcome in all lanes.
+    fn splat(value: bool) -> Self;
+    /// Set in every lane.
+    fn all(self) -> bool;
+    /// Set in some lane.
+    fn any(self) -> bool;
+}
+
+impl Mask for bool {
+    #[inline(always)]
+    fn splat(value: bool) -> bool {
+        value
+    }
+    #[inline(always)]
+    fn all(self) -> bool {
+        self
+    }
+    #[inline(always)]
+    fn any(self) -> bool {
+        self
+    }
+}
+
+/// A scalar of one lane: code off the straight path may branch on it.
+pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
+    /// The nearest double.
+    fn to_f64(self) -> f64;
+}
+
+impl Real for f64 {
+    type Mask = bool;
+    type Const = f64;
+
+    const ZERO: f64 = 0.0;
+    const ONE: f64 = 1.0;
+    const EPSILON: f64 = f64::EPSILON / 2.0;
+
+    #[inline(always)]
+    fn lift(constant: f64) -> f64 {
+        constant
+    }
+    #[inline(always)]
+    fn from_f64(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn mul_add(self, a: f64, b: f64) -> f64 {
+        f64::mul_add(self, a, b)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> f64 {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> f64 {
+        f64::abs(self)
+    }
+    #[inline]
+    fn sin_cos(self) -> (f64, f64) {
+        elementary::sin_cos(self)
+    }
+    #[inline]
+    fn atan2(self, x: f64) -> f64 {
+        elementary::atan2(self, x)
+    }
+    #[inline(always)]
+    fn lt(self, other: f64) -> bool {
+        self < other
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        f64::is_finite(self)
+    }
+    #[inline(always)]
+    fn select(mask: bool, a: f64, b: f64) -> f64 {
+        if mask { a } else { b }
+    }
+}
+
+impl Scalar for f64 {
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
