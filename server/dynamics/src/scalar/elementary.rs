@@ -11,8 +11,6 @@ pub(super) trait Lane: Real {
     fn sign_from_bit(self, k: u32) -> Self;
     /// This number, negated where `sign` has its sign bit set.
     fn xor_sign(self, sign: Self) -> Self;
-    /// (b, a) where `sign` has its sign bit set, else (a, b).
-    fn swap_by_sign(sign: Self, a: Self, b: Self) -> (Self, Self);
 }
 
 impl Lane for f64 {
@@ -23,13 +21,6 @@ impl Lane for f64 {
     #[inline(always)]
     fn xor_sign(self, sign: f64) -> f64 {
         f64::from_bits(self.to_bits() ^ (sign.to_bits() & SIGN_BIT))
-    }
-    #[inline(always)]
-    fn swap_by_sign(sign: f64, a: f64, b: f64) -> (f64, f64) {
-        // a choice by an integer condition would compile to a jump, which a random quadrant mispredicts
-        let mask = ((sign.to_bits() as i64) >> 63) as u64;
-        let difference = (a.to_bits() ^ b.to_bits()) & mask;
-        (f64::from_bits(a.to_bits() ^ difference), f64::from_bits(b.to_bits() ^ difference))
     }
 }
 
@@ -42,7 +33,7 @@ pub(super) const RANGE: f64 = (1_u64 << 45) as f64;
 const INTEGER: f64 = 6_755_399_441_055_744.0;
 
 /// π/2 in three doubles.
-const HALF_PI: [f64; 3] = [1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33];
+const HALF_PI: [f64; 3] = [core::f64::consts::FRAC_PI_2, 6.123233995736766e-17, -1.4973849048591698e-33];
 
 /// (sin r − r) / r³ as a polynomial in r², |r| ≤ 0.79: minimax for the relative error of sin (Remez exchange in 60 digits,
 /// coefficients rounded from the lowest up, the rest fitted again after each), 2⁻⁵⁷·⁷.
@@ -101,10 +92,12 @@ pub(super) fn sin_cos<T: Lane>(x: T) -> (T, T) {
     let sin = (z * r).mul_add(six(&SIN), dr * w) + r;
     let cos = z2.mul_add(six(&COS), (-r).mul_add(dr, e)) + w;
 
-    // back to the quadrant n mod 4 and the sign of x
-    let (odd, half) = (t.sign_from_bit(0), t.sign_from_bit(1));
-    let (sin, cos) = T::swap_by_sign(odd, sin, cos);
-    (sin.xor_sign(half).xor_sign(x), cos.xor_sign(half).xor_sign(odd))
+    // back to the quadrant n mod 4 and the sign of x; n is odd where n/2 − 1/4 rounds down
+    let m = n.mul_add(k(0.5), k(-0.25));
+    let odd = ((m + k(INTEGER)) - k(INTEGER)).lt(m);
+    let (sin, cos) = (T::select(odd, cos, sin), T::select(odd, sin, cos));
+    let (ones, twos) = (t.sign_from_bit(0), t.sign_from_bit(1));
+    (sin.xor_sign(twos).xor_sign(x), cos.xor_sign(twos).xor_sign(ones))
 }
 
 /// (atan t − t) / t³ as a polynomial in t², 0 ≤ t ≤ 1: found as [`SIN`] is, 2⁻⁵⁷·⁴.
@@ -144,13 +137,13 @@ pub(super) fn atan2<T: Lane>(y: T, x: T) -> T {
     let one = diagonal | long.lt(k(f64::from_bits(1)));
     let t = T::select(diagonal, T::ONE, short) / T::select(one, T::ONE, long);
 
-    // the angle is |base ± atan t|: 0 + or π − for flat points, π/2 ∓ for steep ones
-    let sign = T::select(steep, -T::ONE, T::ONE).xor_sign(x);
-    let axis = |half: f64| T::select(steep, k(half), k(half) - k(half).xor_sign(x));
-    let t = t.xor_sign(sign);
+    // the angle's size is base ± atan t: 0 + or π − where flat, π/2 ∓ where steep
+    let flat = T::select(steep, T::ZERO, T::ONE);
+    let side = flat.xor_sign(x);
+    let z = t * t;
+    let t = t.xor_sign((flat - k(0.5)).xor_sign(x));
 
     // the polynomial in z = t²
-    let z = t * t;
     let z2 = z * z;
     let z4 = z2 * z2;
     let z8 = z4 * z4;
@@ -162,8 +155,8 @@ pub(super) fn atan2<T: Lane>(y: T, x: T) -> T {
     let p = four(16).mul_add(z8, eight(8)).mul_add(z8, eight(0));
 
     // PRECISION: base + t is rounded into s and its error kept
-    let base = axis(HALF_PI[0]);
+    let base = (-side).mul_add(k(HALF_PI[0]), k(HALF_PI[0]));
     let s = base + t;
-    let e = ((base - s) + t) + axis(HALF_PI[1]);
+    let e = ((base - s) + t) + (-side).mul_add(k(HALF_PI[1]), k(HALF_PI[1]));
     ((z * t).mul_add(p, e) + s).xor_sign(y)
 }
