@@ -217,3 +217,57 @@ impl Scalar for Dd {
         self.hi
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::reference::{Random, relative};
+    use super::*;
+
+    const SEED: u64 = 20_250_118;
+    const EPSILON: f64 = Dd::EPSILON;
+
+    #[test]
+    fn sums_products_quotients_and_roots_undo_each_other() {
+        let mut random = Random(SEED);
+        for _ in 0..20_000 {
+            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 60.0));
+            let size = a.hi.abs().max(b.hi.abs());
+            assert!((((a + b) - a) - b).hi.abs() <= 4.0 * EPSILON * size, "{a:?} {b:?}");
+            assert!(relative((a * b) / b, a) <= 2.0 * EPSILON, "{a:?} {b:?}");
+            assert!(relative((a / b) * b, a) <= 2.0 * EPSILON, "{a:?} {b:?}");
+            assert!(relative(b.abs().sqrt() * b.abs().sqrt(), b.abs()) <= 3.0 * EPSILON, "{b:?}");
+            assert!(relative(a.mul_add(b, -(a * b)) + b, b) == 0.0, "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn cancelling_signs_keep_the_relative_error() {
+        // (1 + 2⁻⁵³ + 2⁻¹⁰⁶) − (1 + 2⁻⁵³) and its like, where a sum without the trailing parts' own error loses all digits
+        let (h, l) = (2.0_f64.powi(-53), 2.0_f64.powi(-106));
+        assert_eq!(Dd { hi: 1.0, lo: h + l } - Dd { hi: 1.0, lo: h }, Dd::from(0.0));
+        assert_eq!(Dd { hi: 1.0, lo: h } - Dd { hi: 1.0, lo: -h }, Dd::from(2.0 * h));
+        assert_eq!((Dd::ONE + Dd::from(l)) - Dd::ONE, Dd::from(l));
+        assert_eq!((Dd::from(1e16) + Dd::ONE) + Dd::from(-1e16), Dd::ONE);
+    }
+
+    #[test]
+    fn results_are_normalised() {
+        let mut random = Random(SEED);
+        for _ in 0..20_000 {
+            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 60.0));
+            let (s, c) = b.sin_cos();
+            for v in [a + b, a - b, a * b, a / b, a.abs().sqrt(), s, c, a.atan2(b)] {
+                assert_eq!(v.hi + v.lo, v.hi, "{a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn zero_and_faults_are_told_apart() {
+        let zero = Dd::ZERO;
+        assert_eq!(zero.sqrt(), zero);
+        assert!(!(-Dd::ONE).sqrt().is_finite() && !(Dd::ONE / zero).is_finite() && !Dd::from(f64::INFINITY).is_finite());
+        assert!(Real::lt(Dd::ONE, Dd { hi: 1.0, lo: 1e-20 }) && !Real::lt(Dd::ONE, Dd::ONE));
+        assert_eq!(Dd { hi: -1.0, lo: 1e-20 }.abs(), Dd { hi: 1.0, lo: -1e-20 });
+    }
+}

@@ -60,3 +60,37 @@ impl Dd {
 fn power_of_ten(n: usize) -> f64 {
     (0..n).fold(1.0, |p, _| p * 10.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::reference::relative;
+    use super::*;
+
+    #[test]
+    fn decimal_text_gives_the_nearest_pair() {
+        let pi = Dd { hi: core::f64::consts::PI, lo: 1.2246467991473532e-16 };
+        let cases = [
+            ("3.14159265358979323846264338327950288419716939937510582", pi),
+            ("-314159265358979323846264338327950288419.716939937510582E-38", -pi),
+            ("+0.000314159265358979323846264338327950288419716939937510582e4", pi),
+            ("0.1", Dd { hi: 0.1, lo: -5.551115123125783e-18 }),
+            ("1e-30", Dd { hi: 1e-30, lo: -8.333642060758599e-47 }),
+        ];
+        for (text, truth) in cases {
+            let error = Dd::parse_decimal(text).map(|v| relative(v, truth));
+            assert!(error.is_some_and(|e| e <= 3.0 * Dd::EPSILON), "{text}: {error:?}");
+        }
+        for (text, exact) in
+            [("0", 0.0), ("-12.5", -12.5), (".5", 0.5), ("5.", 5.0), ("1e20", 1e20), ("00012", 12.0), ("1e-999999999", 0.0)]
+        {
+            assert_eq!(Dd::parse_decimal(text), Some(Dd::from(exact)), "{text}");
+        }
+    }
+
+    #[test]
+    fn other_text_is_refused() {
+        for text in ["", ".", "-", "e5", "1e", "1e5.0", "1..2", "--1", "nan", "inf", "1 ", "1_0", "0x1", "1e999", "１"] {
+            assert_eq!(Dd::parse_decimal(text), None, "{text}");
+        }
+    }
+}
