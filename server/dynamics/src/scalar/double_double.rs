@@ -11,9 +11,9 @@ use super::{Real, Scalar};
 
 /// hi + lo with |lo| ≤ ulp(hi) / 2, about 106 bits.
 ///
-/// With u = 2⁻⁵³ the largest relative error of a sum or difference is 3 u², of a product 4 u², of a square root 25/8 u²; a
-/// quotient stays below 4 u² wherever it was measured. They hold while no part underflows, |x| > 1e-270. Infinite operands and
-/// overflow give NaN.
+/// With u = 2⁻⁵³ the relative error of a sum or difference is at most 3 u², of a product 4 u², of a square root 25/8 u² (proven).
+/// A quotient, sine, cosine and arc tangent stay below 4 u² too (not proven; the largest seen: 1.6, 1.9, 1.9 and 3.1 u²). All this
+/// holds while no part underflows, |x| > 1e-270. Infinite operands and overflow give NaN.
 ///
 /// Sources: Hida, Li, Bailey, *Algorithms for quad-double precision floating point arithmetic* (2001); Joldes, Muller, Popescu,
 /// *Tight and rigorous error bounds for basic building blocks of double-word arithmetic* (2017), "JMP" below.
@@ -122,7 +122,7 @@ impl Mul<f64> for Dd {
 
 impl Div for Dd {
     type Output = Dd;
-    /// Long division with three quotient digits (Hida, Li, Bailey, §3.5).
+    /// Long division with three quotient digits (Hida, Li, Bailey).
     #[inline]
     fn div(self, b: Dd) -> Dd {
         let q1 = self.hi / b.hi;
@@ -162,7 +162,7 @@ impl Real for Dd {
 
     const ZERO: Dd = Dd { hi: 0.0, lo: 0.0 };
     const ONE: Dd = Dd { hi: 1.0, lo: 0.0 };
-    /// 4 u² = 2⁻¹⁰⁴: the bound of one sum, product or root, not the 2⁻¹⁰⁷ of the representation.
+    /// 4 u² = 2⁻¹⁰⁴, the bound of one operation; numbers themselves are spaced finer.
     const EPSILON: f64 = f64::EPSILON * f64::EPSILON;
 
     #[inline(always)]

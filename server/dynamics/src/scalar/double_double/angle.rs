@@ -48,7 +48,7 @@ fn inverse_factorial(k: usize) -> Dd {
 /// x − n π/2 and n mod 4, n the integer nearest to x / (π/2).
 ///
 /// The parts are summed exactly enough that even next to a multiple of π/2 all bits of the remainder count: error-free vector
-/// transformations (Ogita, Rump, Oishi, *Accurate sum and dot product*, 2005, algorithm 4.8 with K = 5).
+/// transformations (Ogita, Rump, Oishi, *Accurate sum and dot product*, 2005, SumK with K = 5).
 fn reduce(x: Dd) -> (Dd, i64) {
     let n = (x.hi * core::f64::consts::FRAC_2_PI).round_ties_even();
 
@@ -67,7 +67,7 @@ fn reduce(x: Dd) -> (Dd, i64) {
     (Dd { hi, lo }, n.rem_euclid(4.0) as i64)
 }
 
-/// (sin x, cos x) to about 2⁻¹⁰³; from 2⁴⁵ on the angle counts as zero, as in the `f64` kernel.
+/// (sin x, cos x) to about 2⁻¹⁰⁴; from 2⁴⁵ on the angle counts as zero, as in the `f64` kernel.
 pub(super) fn sin_cos(x: Dd) -> (Dd, Dd) {
     let x = if x.hi.abs() < elementary::RANGE { x } else { Dd::from(x.hi * 0.0) };
     let (r, quadrant) = reduce(x);
