@@ -65,7 +65,7 @@ pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: us
             det = -det;
         }
         let pivot = A[k * m + k];
-        if !(pivot.abs() > T::ZERO) {
+        if !T::ZERO.lt(pivot.abs()) {
             return None;
         }
         det *= pivot;
@@ -163,7 +163,7 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
                     b = y.mul_add(y, b);
                     c = x.mul_add(y, c);
                 }
-                if !(c.abs() > tiny * (a * b).sqrt()) {
+                if !(tiny * (a * b).sqrt()).lt(c.abs()) {
                     continue;
                 }
                 turned = true;

@@ -133,9 +133,15 @@ pub(crate) fn from_quaternion<T: Real>(x: T, y: T, z: T, w: T) -> Matrix3<T> {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     let (xy, xz, yz, wx, wy, wz) = (x * y, x * z, y * z, w * x, w * y, w * z);
     Matrix3::new(
-        T::ONE - two * (yy + zz), two * (xy - wz), two * (xz + wy),
-        two * (xy + wz), T::ONE - two * (xx + zz), two * (yz - wx),
-        two * (xz - wy), two * (yz + wx), T::ONE - two * (xx + yy),
+        T::ONE - two * (yy + zz),
+        two * (xy - wz),
+        two * (xz + wy),
+        two * (xy + wz),
+        T::ONE - two * (xx + zz),
+        two * (yz - wx),
+        two * (xz - wy),
+        two * (yz + wx),
+        T::ONE - two * (xx + yy),
     )
 }
 

@@ -3,8 +3,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::closure::{Rate, Scratch};
 use crate::model::Model;
 use crate::scalar::{Real, Scalar};
-use crate::tree::Articulated;
 use crate::spatial::{Pose, identity, zero};
+use crate::tree::Articulated;
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next one.
 #[derive(Clone, Debug)]
@@ -89,8 +89,7 @@ impl<T: Scalar> Workspace<T> {
     pub fn new(model: &Model<T>) -> Workspace<T> {
         let sizes = model.sizes();
         let bodies = model.bodies.len();
-        let at_rest =
-            BodyState { R: identity(), p: zero(), w: zero(), v: zero(), alpha: zero(), a: zero(), n: zero(), f: zero() };
+        let at_rest = BodyState { R: identity(), p: zero(), w: zero(), v: zero(), alpha: zero(), a: zero(), n: zero(), f: zero() };
         let of = |n: usize| vec![T::ZERO; n];
         let clusters = || model.clusters.iter();
         let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);

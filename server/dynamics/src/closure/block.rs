@@ -178,9 +178,15 @@ impl Block {
                 let det = A[0].mul_add(c0, A[1].mul_add(c1, A[2] * c2));
                 let d = T::ONE / det;
                 let adjugate = [
-                    c0, minor(2, 1, 8, 7, A), minor(1, 2, 4, 5, A),
-                    c1, minor(0, 2, 6, 8, A), minor(2, 0, 5, 3, A),
-                    c2, minor(1, 0, 7, 6, A), minor(0, 1, 3, 4, A),
+                    c0,
+                    minor(2, 1, 8, 7, A),
+                    minor(1, 2, 4, 5, A),
+                    c1,
+                    minor(0, 2, 6, 8, A),
+                    minor(2, 0, 5, 3, A),
+                    c2,
+                    minor(1, 0, 7, 6, A),
+                    minor(0, 1, 3, 4, A),
                 ];
                 for (x, y) in inverse.iter_mut().zip(adjugate) {
                     *x = y * d;
@@ -198,7 +204,13 @@ impl Block {
 
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
     #[inline]
-    pub(super) fn jacobian<T: Real>(&self, n_vy: usize, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) -> T::Mask {
+    pub(super) fn jacobian<T: Real>(
+        &self,
+        n_vy: usize,
+        cuts: &[Cut<T::Const>],
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+    ) -> T::Mask {
         let m = self.unknowns.len();
         local.scratch.A[..m * m].fill(T::ZERO);
         local.scratch.B[..m * n_vy].fill(T::ZERO);

@@ -127,13 +127,13 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
         let next = squared_residual(cluster, scratch, local.q);
         if next < cost {
             cost = next;
-            damping = damping * T::from_f64(0.2);
+            damping *= T::from_f64(0.2);
         } else {
             for &j in &cluster.dependent {
                 local.q[j] = scratch.last[j];
             }
             local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
-            damping = damping * T::from_f64(8.0);
+            damping *= T::from_f64(8.0);
         }
     }
     None

@@ -191,7 +191,8 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let inverse_det = T::ONE / dot(&J3, &r3);
 
         // velocity of the pin for each independent coordinate
-        let pin_velocity = |z: &Vector3<T>, o: &Vector3<T>, motion: Motion| if motion == Motion::Revolute { cross(z, &(pin - o)) } else { *z };
+        let pin_velocity =
+            |z: &Vector3<T>, o: &Vector3<T>, motion: Motion| if motion == Motion::Revolute { cross(z, &(pin - o)) } else { *z };
         for (&j, &k) in of.chain.iter().zip(&of.chain_y) {
             let pose = &local.scratch.pose[j + 1];
             let x = t_mul(&L, &pin_velocity(&column(&pose.R, 2), &pose.p, bodies[j].motion));

@@ -14,17 +14,17 @@ mod rrpr;
 
 use nalgebra::{Matrix3, Vector3};
 
+pub(crate) use block::{Block, BlockCut};
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Leg, Legs};
-pub(crate) use block::{Block, BlockCut};
 pub(crate) use numerical::Numerical;
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
 
+use crate::Status;
 use crate::model::{Body, Cluster};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
-use crate::Status;
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
@@ -180,7 +180,9 @@ pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: 
         },
         Closure::Legs(legs) => match &legs.polish {
             None => legs.close(cluster, bodies, local, level).into(),
-            Some(numerical) => polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level),
+            Some(numerical) => {
+                polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
+            }
         },
         Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
     }

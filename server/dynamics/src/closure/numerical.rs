@@ -103,11 +103,8 @@ impl<C: Scalar> Numerical<C> {
             local.q[j] = local.start[j];
         }
         let (good, iterations) = self.newton(cluster, bodies, local, TRUST, STEPS);
-        let outcome = if good {
-            Outcome { status: Status::Ok, iterations }
-        } else {
-            careful::follow(self, cluster, bodies, local, iterations)
-        };
+        let outcome =
+            if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
         if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
     }
 

@@ -101,7 +101,8 @@ impl<T: Real> CutState<T> {
     /// φ̈ of every row at q̈ = 0, from the rates of the two bodies.
     fn acceleration(&self, cut: &Cut<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>]) -> (Vector3<T>, Vector3<T>) {
         let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
-        let at = |x: &Rate<T>, r: Vector3<T>| (cross_add(&x.w, &r, &x.v), cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)));
+        let at =
+            |x: &Rate<T>, r: Vector3<T>| (cross_add(&x.w, &r, &x.v), cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)));
         let (v_s, a_s) = at(s, self.point - pose[cut.successor].p);
         let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
         // v_p, a_p: of the predecessor's point that coincides with S
@@ -174,7 +175,13 @@ pub(crate) fn constraint_bias<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose
 }
 
 /// Rates of every local body at q̈ = 0.
-pub(crate) fn local_rates<T: Real>(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], qd: &[T], pose: &[Pose<T>], rate: &mut [Rate<T>]) {
+pub(crate) fn local_rates<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    qd: &[T],
+    pose: &[Pose<T>],
+    rate: &mut [Rate<T>],
+) {
     rate[0] = Rate { w: zero(), v: zero(), alpha: zero(), a: zero() };
     for j in 0..cluster.n {
         let parent = cluster.local_parent[j];

@@ -3,9 +3,7 @@
 use faer::Mat;
 
 use super::{Body, Cluster, Model, Motion};
-use crate::closure::{
-    Block, BlockCut, Closure, Level, Local, Numerical, Scratch, constraint_jacobian, constraint_residual, local_poses,
-};
+use crate::closure::{Block, BlockCut, Closure, Level, Local, Numerical, Scratch, constraint_jacobian, constraint_residual, local_poses};
 use crate::description::Description;
 use crate::fault::{Fault, Site};
 use crate::linear::factorise_ltdl;
@@ -46,7 +44,8 @@ pub(super) fn analyse(
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
 
     // the pose of highest rank is generic
-    let (rank, generic) = samples.iter().map(|sample| (rank(&matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>())), sample)).max_by_key(|x| x.0)?;
+    let (rank, generic) =
+        samples.iter().map(|sample| (rank(&matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>())), sample)).max_by_key(|x| x.0)?;
     let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
     let rank_d = self::rank(&K_d);
     if n - rank != cluster.n_vy || rank_d != n_dependent {
@@ -55,7 +54,9 @@ pub(super) fn analyse(
     }
     let used = independent_rows(&K_d, n_dependent);
     if used.len() < rows {
-        let dropped = (0..rows).filter(|r| !used.contains(r)).map(|r| format!("{} (off by {:.1e} along the motion)", row_names[r], off_by(&samples, cluster, r, n)));
+        let dropped = (0..rows)
+            .filter(|r| !used.contains(r))
+            .map(|r| format!("{} (off by {:.1e} along the motion)", row_names[r], off_by(&samples, cluster, r, n)));
         warnings.push(Fault {
             site,
             found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
@@ -125,7 +126,11 @@ pub(super) fn check_mass(model: &Model<f64>, description: &Description, errors: 
         let bad = (0..n).filter(|i| !(ws.factor[i * n + i] > 0.0 && ws.factor[i * n + i] * scale < 1e18)).collect::<Vec<_>>();
         if !bad.is_empty() {
             let names = bad.iter().map(|i| model.meta.independent[model.order.vy_external[*i]].as_str()).collect::<Vec<_>>().join(", ");
-            let site = description.joints.iter().position(|joint| names.split(", ").next() == Some(joint.name.as_str())).map_or(Site::Robot, Site::Joint);
+            let site = description
+                .joints
+                .iter()
+                .position(|joint| names.split(", ").next() == Some(joint.name.as_str()))
+                .map_or(Site::Robot, Site::Joint);
             errors.push(Fault {
                 site,
                 found: format!("no inertia that resists the motion of {names}"),
@@ -160,15 +165,7 @@ impl<T: Scalar> State<T> {
     }
 
     fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
-        Local {
-            start: &self.start,
-            q: &mut self.q,
-            turn: &mut self.turn,
-            qd: &mut self.qd,
-            G: &mut self.G,
-            g: &mut self.g,
-            scratch,
-        }
+        Local { start: &self.start, q: &mut self.q, turn: &mut self.turn, qd: &mut self.qd, G: &mut self.G, g: &mut self.g, scratch }
     }
 }
 

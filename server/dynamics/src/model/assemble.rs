@@ -118,13 +118,21 @@ fn owners(description: &Description, errors: &mut Vec<Fault>) -> Option<Vec<usiz
         }
         for &j in submechanism.independent.iter().chain(&submechanism.active) {
             if !submechanism.spanning_tree.contains(&j) {
-                fault(Site::Submechanism(s), "an independent or active joint outside the spanning tree".into(), "joints of jointnames_spanningtree");
+                fault(
+                    Site::Submechanism(s),
+                    "an independent or active joint outside the spanning tree".into(),
+                    "joints of jointnames_spanningtree",
+                );
             }
         }
     }
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
         for j in submechanism.active.iter().filter(|j| description.joints.get(**j).is_some_and(|joint| joint.kind == JointKind::Floating)) {
-            fault(Site::Submechanism(s), format!("the floating joint {} as an actuator", description.joints[*j].name), "actuators of one freedom");
+            fault(
+                Site::Submechanism(s),
+                format!("the floating joint {} as an actuator", description.joints[*j].name),
+                "actuators of one freedom",
+            );
         }
     }
     for (j, joint) in description.joints.iter().enumerate() {
@@ -446,7 +454,8 @@ impl<'a> Builder<'a> {
                 self.names.limits.push(joint.limits);
                 if let Some(limits) = joint.limits {
                     let written::Limits { lower, upper, velocity, .. } = limits;
-                    let (lower, upper) = if joint.kind == JointKind::Continuous { (f64::NEG_INFINITY, f64::INFINITY) } else { (lower, upper) };
+                    let (lower, upper) =
+                        if joint.kind == JointKind::Continuous { (f64::NEG_INFINITY, f64::INFINITY) } else { (lower, upper) };
                     self.model.limits.push(Limit { q: body.q, v: body.v, lower, upper, velocity });
                 }
             }
@@ -517,7 +526,10 @@ impl<'a> Builder<'a> {
                 if !cluster.dependent.is_empty() {
                     errors.push(Fault {
                         site: Site::Submechanism(s),
-                        found: format!("joint {} that is not independent and in no loop", self.description.joints[self.skeleton.moving[joints[0]]].name),
+                        found: format!(
+                            "joint {} that is not independent and in no loop",
+                            self.description.joints[self.skeleton.moving[joints[0]]].name
+                        ),
                         expected: "every joint independent, in a loop or coupled".into(),
                         help: "list it in jointnames_independent or give the loop".into(),
                     });
@@ -554,7 +566,12 @@ impl<'a> Builder<'a> {
             })
         });
         let mut loop_names: Vec<String> = loop_names.collect();
-        let mut coupled = self.description.submechanisms.iter().flat_map(|s| &s.spanning_tree).filter(|j| self.description.joints[**j].coupling.is_some());
+        let mut coupled = self
+            .description
+            .submechanisms
+            .iter()
+            .flat_map(|s| &s.spanning_tree)
+            .filter(|j| self.description.joints[**j].coupling.is_some());
         for name in loop_names.iter_mut().filter(|name| name.is_empty()) {
             *name = coupled.next().map(|j| format!("{}/coupling", self.description.joints[*j].name)).unwrap_or_default();
         }

@@ -109,10 +109,15 @@ fn rrpr(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], order: &[usize], zero: &[Pos
     ];
     for row in &cut.rows {
         let linear = direction(&zero[cut.predecessor], &direction(&cut.x_p_cut, &row.linear));
-        deviations.push(("a constraint axis of the loop not in the plane".into(), Subject::Loop, (dot(&linear, &n).abs() / norm(&linear)).to_f64()));
+        deviations.push((
+            "a constraint axis of the loop not in the plane".into(),
+            Subject::Loop,
+            (dot(&linear, &n).abs() / norm(&linear)).to_f64(),
+        ));
     }
     let sign = |x: Dd| if x < Dd::ZERO { -Dd::ONE } else { Dd::ONE };
-    let form = Rrpr { joints: [j1, j2, j3], d3, d1, t0, square0, length0, eccentricity, sense: sign(sense), side: sign(length0), polish: None };
+    let form =
+        Rrpr { joints: [j1, j2, j3], d3, d1, t0, square0, length0, eccentricity, sense: sign(sense), side: sign(length0), polish: None };
     Ok(Form { closure: Closure::Rrpr(form), deviations })
 }
 
@@ -189,19 +194,7 @@ fn leg(
     }
     let pin = zero[platform].inverse().point(&point);
     let sign = |x: Dd| if x < Dd::ZERO { -Dd::ONE } else { Dd::ONE };
-    Ok(Leg {
-        joints,
-        axes,
-        center,
-        pin,
-        e_square: dot(&e, &e),
-        square0: dot(&v, &v),
-        length0,
-        side: sign(length0),
-        root: sign(v[2]),
-        a,
-        e,
-    })
+    Ok(Leg { joints, axes, center, pin, e_square: dot(&e, &e), square0: dot(&v, &v), length0, side: sign(length0), root: sign(v[2]), a, e })
 }
 
 /// True when the cut is between these two local bodies, either way round.

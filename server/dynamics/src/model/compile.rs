@@ -32,7 +32,7 @@ impl Model<f64> {
 
 fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<Fault>) -> Option<Compiled> {
     let assembly = Assembly::new(description, errors)?;
-    let mut exact = assembly.model;
+    let mut exact = assembly.model.clone();
     let mut info = Vec::new();
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
         let rows = assembly.row_owner.iter().filter(|owner| owner.0 == s).count();
@@ -103,7 +103,10 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
                     errors.push(Fault {
                         site,
                         found: format!("{worst}: off by {misfit:.3e} of the mechanism's size"),
-                        expected: format!("at most {POLISHABLE} for the closed form of {}", description.submechanisms[assembly.owner[c]].type_name),
+                        expected: format!(
+                            "at most {POLISHABLE} for the closed form of {}",
+                            description.submechanisms[assembly.owner[c]].type_name
+                        ),
                         help: "correct the axis or origin, or write type NUMERICAL".into(),
                     });
                     continue;
@@ -126,7 +129,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
     if !errors.is_empty() {
         return None;
     }
-    exact.meta = Arc::new(Meta { closures: info, ..assembly.meta });
+    exact.meta = Arc::new(Meta { closures: info, ..assembly.meta.clone() });
     let model = exact.map(Dd::to_f64);
     analysis::check_mass(&model, description, errors);
     Some(Compiled { model, exact, warnings: Vec::new() })

@@ -64,7 +64,7 @@ pub(crate) struct Limit {
 }
 
 /// What both precisions of a model share.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Meta {
     pub(crate) name: String,
     pub(crate) fingerprint: u64,

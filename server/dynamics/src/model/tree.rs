@@ -201,4 +201,3 @@ fn parents_first(skeleton: &Skeleton, members: &[usize]) -> Vec<usize> {
     }
     ordered
 }
-

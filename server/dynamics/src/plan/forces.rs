@@ -38,20 +38,26 @@ impl Plan {
         Ok(())
     }
 
-    /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g.
+    /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g; without loops tree and independent velocities are numbered alike.
     pub(super) fn forward_dynamics<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
-        self.mass_matrix(model, ws);
         let n = model.meta.sizes.n_vy;
         for k in 0..n {
             ws.ydd[k] = ws.tau_y[k] - ws.C_y[k];
         }
-        ws.factor[..n * n].copy_from_slice(&ws.M_y[..n * n]);
-        if !factorise_ltdl(&mut ws.factor, &model.y_parent, n).all() {
+        let positive = if self.steps.articulated {
+            tree::articulated_solve(model, &ws.motion, &mut ws.articulated, &mut ws.ydd)
+        } else {
+            self.mass_matrix(model, ws);
+            ws.factor.copy_from_slice(&ws.M_y);
+            let positive = factorise_ltdl(&mut ws.factor, &model.y_parent, n);
+            solve_ltdl(&ws.factor, &model.y_parent, n, &mut ws.ydd);
+            positive
+        };
+        if !positive.all() {
             return Err(Status::MassNotPositive);
         }
-        solve_ltdl(&ws.factor, &model.y_parent, n, &mut ws.ydd);
         for cluster in &model.clusters {
             for (k, &j) in cluster.independent.iter().enumerate() {
                 ws.qdd[cluster.v + j] = ws.ydd[cluster.vy + k];

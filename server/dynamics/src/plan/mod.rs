@@ -82,9 +82,10 @@ struct Steps {
     poses: bool,
     frames: bool,
     frame_velocities: bool,
-    frame_rates: bool,
     newton_euler: bool,
     mass_matrix: bool,
+    /// Forward dynamics by articulated bodies: nothing is tied and nobody asks for M_y.
+    articulated: bool,
     /// K or what follows from it.
     conditions: bool,
 }
@@ -113,7 +114,8 @@ impl Plan {
         let acceleration = space(Ydd, Qdd, Udd);
 
         let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
-        let frames = wanted.n_frames > 0 && want.has_any(&[FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator]);
+        let frames =
+            wanted.n_frames > 0 && want.has_any(&[FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator]);
         let conditions = want.has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy]);
         let wants_velocity = want.has_any(&[Qd, Yd, Ud, FrameTwist, FrameAcc, KBias]);
         let wants_acceleration = want.has_any(&[Qdd, Ydd, Udd, FrameAcc]);
@@ -133,8 +135,10 @@ impl Plan {
         } else {
             Level::Position
         };
-        let mass_matrix = want.has_any(&[MY, CondMy]) || request == Request::ForwardDynamics;
-        let newton_euler = dynamics && (request == Request::ForwardDynamics || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));
+        let articulated = request == Request::ForwardDynamics && model.tied.is_empty() && !want.has_any(&[MY, CondMy]);
+        let mass_matrix = want.has_any(&[MY, CondMy]) || request == Request::ForwardDynamics && !articulated;
+        let newton_euler =
+            dynamics && (request == Request::ForwardDynamics || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));
         let steps = Steps {
             position,
             velocity,
@@ -144,9 +148,9 @@ impl Plan {
             poses: frames || dynamics && (newton_euler || mass_matrix),
             frames,
             frame_velocities: want.has(FrameTwist),
-            frame_rates: want.has(FrameAcc),
             newton_euler,
             mass_matrix,
+            articulated,
             conditions,
         };
         let of = |links: &[u16]| links.iter().map(|link| *link as usize).collect::<Vec<_>>();

@@ -104,7 +104,9 @@ impl Plan {
             }
             Field::JacobianTree => self.each_frame(model, out, 6 * order.v.len(), |frame, out| tree_jacobian(model, ws, frame, out)),
             Field::JacobianIndependent => {
-                self.each_frame(model, out, 6 * order.vy.len(), |frame, out| independent_jacobian(model, ws, frame, out, &order.vy_external));
+                self.each_frame(model, out, 6 * order.vy.len(), |frame, out| {
+                    independent_jacobian(model, ws, frame, out, &order.vy_external)
+                });
             }
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
             // written where they are computed

@@ -75,13 +75,13 @@ impl Plan {
                 tree_accelerations(cluster, ws);
             }
         }
-        if self.steps.position == Space::Actuation || self.from_actuation() {
+        if self.steps.position == Space::Actuation || self.actuated_rates() {
             self.check_unactuated(model)?;
         }
         Ok(())
     }
 
-    fn from_actuation(&self) -> bool {
+    fn actuated_rates(&self) -> bool {
         self.steps.velocity == Some(Space::Actuation) || self.steps.acceleration == Some(Space::Actuation)
     }
 
@@ -105,14 +105,14 @@ impl Plan {
         let mut outcome = if actuated {
             from_actuators(cluster, bodies, ws, found)?
         } else {
-            let level = if self.from_actuation() { Level::Velocity } else { self.steps.level };
+            let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
             close(cluster, bodies, &mut local(cluster, ws), level)
         };
         found.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
             return Err(outcome.status);
         }
-        if self.from_actuation() || actuated {
+        if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
             if self.steps.velocity == Some(Space::Actuation) {
                 self.independent_rates(cluster, ws, false)?;
@@ -228,7 +228,7 @@ fn from_actuators<T: Scalar>(
         let det = solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
         if k == 0 {
             sign = det;
-        } else if !(T::ZERO < det * sign) {
+        } else if !T::ZERO.lt(det * sign) {
             return Err(Status::BranchChanged);
         }
         // one step, no longer than allowed
@@ -256,7 +256,7 @@ fn normalise_quaternions<T: Scalar>(model: &Model<T>, q: &mut [T]) -> Result<(),
     for cluster in model.clusters.iter().filter(|c| matches!(c.closure, Closure::Serial) && c.n_q == 7) {
         let of = &mut q[cluster.q + 3..cluster.q + 7];
         let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
-        if !((norm - T::ONE).abs() < T::from_f64(UNIT)) {
+        if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
             return Err(Status::BadRequest);
         }
         for x in of {
