@@ -51,5 +51,5 @@ pub(crate) fn contents(name: &str) -> Result<Contents, LoadError> {
         return Err(LoadError::UnknownRobot { name: name.to_owned(), known: names().collect::<Vec<_>>().join(", "), near });
     };
     let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
-    Ok(Contents { urdf: (label("urdf"), urdf.into()), submechanisms: Some((label("yml"), submechanisms.into())) })
+    Ok(Contents { urdf: (label("urdf"), urdf.into()), submechanisms: Some((label("yml"), submechanisms.into())), folder: None })
 }

@@ -1,5 +1,6 @@
 //! From a source to a compiled model, or to everything that is wrong with it.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::Description;
@@ -7,7 +8,7 @@ use sarrus_dynamics::description::Description;
 use crate::build::{self, Places};
 use crate::compile::{Compiled, compile};
 use crate::report::{Findings, Report};
-use crate::submechanisms::{self, Submechanisms, tree};
+use crate::submechanisms::{self, Entry, Submechanisms, tree};
 use crate::text::{self, Text};
 use crate::urdf::{self, Urdf};
 use crate::{bundled, smurf};
@@ -94,6 +95,8 @@ pub enum LoadError {
 pub(crate) struct Contents {
     pub(crate) urdf: (String, Vec<u8>),
     pub(crate) submechanisms: Option<(String, Vec<u8>)>,
+    /// Where the files lie that the submechanisms name.
+    pub(crate) folder: Option<PathBuf>,
 }
 
 /// Reads and compiles a robot.
@@ -117,12 +120,14 @@ fn contents(source: &Source, findings: &mut Findings) -> Result<Option<Contents>
         Source::Bundled(name) => bundled::contents(name).map(Some),
         Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => smurf::contents(urdf, submechanisms.as_deref(), findings),
         Source::Files { urdf, submechanisms } => {
+            let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
             let submechanisms = submechanisms.as_deref().map(file).transpose()?;
-            Ok(Some(Contents { urdf: file(urdf)?, submechanisms }))
+            Ok(Some(Contents { urdf: file(urdf)?, submechanisms, folder }))
         }
         Source::Text { urdf, submechanisms } => Ok(Some(Contents {
             urdf: ("robot.urdf".to_owned(), urdf.clone()),
             submechanisms: submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes)),
+            folder: None,
         })),
     }
 }
@@ -137,14 +142,20 @@ fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &
     // every check of the text, as far as each file goes
     let (urdf_name, bytes) = contents.urdf;
     let urdf_text = Text::new(&urdf_name, bytes, findings);
-    let urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, findings));
+    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, findings));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
     let submechanism_text = contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, findings));
-    let submechanisms: Option<Submechanisms> = submechanism_text
-        .as_ref()
-        .and_then(|text| tree::parse(text, findings))
-        .map(|root| submechanisms::read(&root, urdf.as_ref(), findings));
+    let root = submechanism_text.as_ref().and_then(|text| tree::parse(text, findings));
+    let entries = root.as_ref().map(|root| submechanisms::walk(root, findings));
+    if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
+        transmissions(urdf, entries, folder, findings);
+    }
+    if let Some(urdf) = &urdf {
+        urdf.check_couplings(findings);
+    }
+    let submechanisms: Option<Submechanisms> =
+        root.zip(entries).map(|(root, entries)| submechanisms::check(root.place, entries, urdf.as_ref(), findings));
     if findings.has_errors() || with_submechanisms != submechanisms.is_some() {
         return None;
     }
@@ -182,4 +193,18 @@ fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &
         findings.warning(places.of(fault.site), fault.found, fault.expected, fault.help);
     }
     compiled.map(|compiled| (description, compiled))
+}
+
+/// Takes the couplings of TRANSMISSION submechanisms from the files that they name, as HyRoDyn does, where the URDF has none.
+fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, findings: &mut Findings) {
+    for entry in entries.iter().filter(|entry| entry.type_name.as_ref().is_some_and(|(name, _)| name == "TRANSMISSION")) {
+        let joints: HashSet<&str> = entry.tree.iter().flatten().map(|(name, _)| name.as_str()).collect();
+        let is_coupled = joints.iter().any(|name| urdf.joint(name).is_some_and(|joint| !joint.masters.is_empty()));
+        let Some(path) = entry.file_path.as_ref().filter(|_| !is_coupled).map(|(path, _)| folder.join(path)) else { continue };
+        // a file that is not there leaves the couplings missing, and that is told
+        let Ok(bytes) = text::read_named(&path) else { continue };
+        if let Some(text) = Text::new(&path.display().to_string(), bytes, findings) {
+            urdf.couple_from(&text, &joints, findings);
+        }
+    }
 }

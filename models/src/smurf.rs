@@ -6,7 +6,7 @@ use crate::LoadError;
 use crate::load::{Contents, file};
 use crate::report::Findings;
 use crate::submechanisms::tree::{self, Node, Value};
-use crate::text::Text;
+use crate::text::{self, Text};
 
 /// Whether a file is given as SMURF.
 pub(crate) fn is_smurf(path: &Path) -> bool {
@@ -32,17 +32,23 @@ pub(crate) fn contents(path: &Path, submechanisms: Option<&Path>, findings: &mut
         findings.error(files.place, "`files` names no URDF", "one", "add it");
         return Ok(None);
     };
-    let urdf = file(urdf)?;
+    let urdf = named_file(urdf)?;
     if let Some(given) = submechanisms {
-        return Ok(Some(Contents { urdf, submechanisms: Some(file(given)?) }));
+        let folder = given.parent().map(Path::to_owned);
+        return Ok(Some(Contents { urdf, submechanisms: Some(file(given)?), folder }));
     }
     for candidate in named(&["yml", "yaml"]) {
-        let (name, bytes) = file(&candidate)?;
+        let (name, bytes) = named_file(&candidate)?;
         if may_have_submechanisms(&name, bytes.clone()) {
-            return Ok(Some(Contents { urdf, submechanisms: Some((name, bytes)) }));
+            let folder = candidate.parent().map(Path::to_owned);
+            return Ok(Some(Contents { urdf, submechanisms: Some((name, bytes)), folder }));
         }
     }
-    Ok(Some(Contents { urdf, submechanisms: None }))
+    Ok(Some(Contents { urdf, submechanisms: None, folder: None }))
+}
+
+fn named_file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
+    Ok((path.display().to_string(), text::read_named(path)?))
 }
 
 /// A file that cannot be parsed may: its faults are then told with the rest.

@@ -10,13 +10,12 @@ use std::collections::{HashMap, HashSet};
 use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 
 pub(crate) use values::{Document, EntryValues, LoopValues, PlacementValues};
-pub(crate) use walk::{Entry, LoopEntry, Named};
+pub(crate) use walk::{Entry, LoopEntry, Named, walk};
 
 use crate::report::{Findings, Place, quoted};
 use crate::text::Text;
 use crate::urdf::Urdf;
 use kind::{KNOWN, Letters, letters};
-use tree::Node;
 
 /// A submechanism file as it stands, checked against the robot.
 pub(crate) struct Submechanisms {
@@ -24,9 +23,8 @@ pub(crate) struct Submechanisms {
     pub(crate) entries: Vec<Entry>,
 }
 
-/// Walks the tree of a file and, where there is a robot, checks its names.
-pub(crate) fn read(root: &Node, urdf: Option<&Urdf>, findings: &mut Findings) -> Submechanisms {
-    let entries = walk::walk(root, findings);
+/// Checks the entries of a file and, where there is a robot, their names.
+pub(crate) fn check(place: Place, entries: Vec<Entry>, urdf: Option<&Urdf>, findings: &mut Findings) -> Submechanisms {
     let mut names: HashSet<&str> = HashSet::new();
     for (name, place) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
         if !names.insert(name) {
@@ -42,12 +40,12 @@ pub(crate) fn read(root: &Node, urdf: Option<&Urdf>, findings: &mut Findings) ->
     let all_read = !entries.is_empty() && entries.iter().all(|entry| entry.tree.is_some());
     for joint in urdf.into_iter().flat_map(|urdf| &urdf.joints).filter(|_| all_read) {
         let moves = joint.kind.is_some_and(|kind| kind != JointKind::Fixed);
-        if moves && !owner.contains_key(joint.name.as_str()) {
+        if moves && !joint.name.is_empty() && !owner.contains_key(joint.name.as_str()) {
             let found = format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
             findings.error(joint.place, found, "every moving joint in one", "add it to a jointnames_spanningtree or make it fixed");
         }
     }
-    Submechanisms { place: root.place, entries }
+    Submechanisms { place, entries }
 }
 
 /// The values of a file whose walk found no error; `None` after an error.
@@ -81,6 +79,11 @@ fn kind_of(written: &str, place: Place, findings: &mut Findings) -> Option<Subme
         findings.error(place, format!("the submechanism type {} is not known", quoted(written)), expected, help);
     }
     kind
+}
+
+/// "1 joint", "2 joints".
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The checks of one submechanism against the robot.
@@ -182,12 +185,12 @@ impl<'a> Check<'a, '_> {
         }
         if let Some(known) = KNOWN.iter().find(|known| known.name == type_name.0) {
             if !known.tree.is_empty() && !known.tree.contains(&tree.len()) {
-                let found = format!("{written} with {} spanning-tree joints", tree.len());
+                let found = format!("{written} with {}", counted(tree.len(), "spanning-tree joint"));
                 let expected = known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
                 self.findings.error(place, found, expected, "correct jointnames_spanningtree or use NUMERICAL");
             }
             if let Some(count) = known.independent.filter(|count| *count != independent.len()) {
-                let found = format!("{written} with {} independent joints", independent.len());
+                let found = format!("{written} with {}", counted(independent.len(), "independent joint"));
                 self.findings.error(place, found, count.to_string(), "correct jointnames_independent");
             }
         }
@@ -208,8 +211,8 @@ impl<'a> Check<'a, '_> {
         let Some((name, place)) = self.entry.type_name.as_ref().filter(|_| self.urdf.is_some() && self.coupled(tree) < needed) else {
             return;
         };
-        let found = format!("{} of {} dependent joints, of which the URDF couples {}", quoted(name), needed, self.coupled(tree));
-        let help = "add <mimic> or <transmission> with <depends_on> to the URDF of the whole robot";
+        let found = format!("{} of {}, of which URDF couples {}", quoted(name), counted(needed, "dependent joint"), self.coupled(tree));
+        let help = "add <mimic> or <transmission> with <depends_on> to it, or to the file of `file_path`";
         self.findings.error(*place, found, "a coupling for each", help);
     }
 
@@ -240,8 +243,8 @@ impl<'a> Check<'a, '_> {
         if known != tree.len() || actual == letters {
             return;
         }
-        let found =
-            format!("the type {} stands over {} rotations and {} translations", quoted(written), actual.rotations, actual.translations);
+        let actual_counts = [counted(actual.rotations, "rotation"), counted(actual.translations, "translation")];
+        let found = format!("the type {} stands over {}", quoted(written), actual_counts.join(" and "));
         let expected = format!("{} and {}", letters.rotations, letters.translations);
         if actual.rotations + actual.translations == letters.rotations + letters.translations {
             self.findings.warning(place, found, expected, "correct the type; it is read as serial");

@@ -68,6 +68,11 @@ pub(crate) fn parse(text: &Text, findings: &mut Findings) -> Option<Node> {
         let (event, span) = match event {
             Ok(event) => event,
             Err(error) => {
+                // the scanner looks ahead of our own limit and has a higher one
+                if error.info() == "recursion limit exceeded" {
+                    too_deep(place(error.marker()), findings);
+                    return None;
+                }
                 let found = format!("this is not YAML: {}", error.info());
                 findings.error(place(error.marker()), found, "a submechanism file", "mend the file at this place");
                 return None;
@@ -94,7 +99,7 @@ pub(crate) fn parse(text: &Text, findings: &mut Findings) -> Option<Node> {
             }
             Event::SequenceStart(..) | Event::MappingStart(..) => {
                 if open.len() >= DEEPEST {
-                    findings.error(here, "lists and mappings are nested too deep", format!("at most {DEEPEST} levels"), "flatten the file");
+                    too_deep(here, findings);
                     return None;
                 }
                 let value = if matches!(event, Event::SequenceStart(..)) { Value::List(Vec::new()) } else { Value::Map(Vec::new()) };
@@ -127,6 +132,10 @@ pub(crate) fn parse(text: &Text, findings: &mut Findings) -> Option<Node> {
         }
     }
     Some(root.unwrap_or(Node { place: Place::start(text.file), value: Value::Null }))
+}
+
+fn too_deep(place: Place, findings: &mut Findings) {
+    findings.error(place, "lists and mappings are nested too deep", format!("at most {DEEPEST} levels"), "flatten the file");
 }
 
 impl Open {

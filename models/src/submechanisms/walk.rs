@@ -14,6 +14,7 @@ pub(crate) struct Entry {
     pub(crate) place: Place,
     pub(crate) name: Option<Named>,
     pub(crate) type_name: Option<Named>,
+    pub(crate) file_path: Option<Named>,
     pub(crate) all: Option<Vec<Named>>,
     pub(crate) tree: Option<Vec<Named>>,
     pub(crate) independent: Option<Vec<Named>>,
@@ -89,7 +90,7 @@ fn entry(node: &Node, findings: &mut Findings) -> Option<Entry> {
     if node.get("type").is_none() {
         findings.error(node.place, "the submechanism has no `type`", "a type as 3R, RRPR or NUMERICAL", "add it");
     }
-    word(node, "file_path", findings);
+    let file_path = word(node, "file_path", findings);
     for key in ["jointnames_spanningtree", "jointnames_independent", "jointnames_active"] {
         if node.get(key).is_none() {
             findings.error(node.place, format!("the submechanism has no `{key}`"), "a list of joints, which may be empty", "add it");
@@ -99,6 +100,7 @@ fn entry(node: &Node, findings: &mut Findings) -> Option<Entry> {
         place: node.place,
         name: contextual_name.or(other_name),
         type_name,
+        file_path,
         all: words(node, "jointnames", findings),
         tree: words(node, "jointnames_spanningtree", findings),
         independent: words(node, "jointnames_independent", findings),

@@ -3,7 +3,6 @@
 use roxmltree::Node;
 use sarrus_dynamics::description::JointKind;
 
-use super::Version;
 use super::xml::{Reader, Shape};
 use crate::report::{Place, quoted};
 
@@ -34,6 +33,7 @@ const TYPES: [(&str, JointKind); 5] = [
 
 /// A joint as it stands in the file.
 pub(crate) struct JointEntry {
+    /// Empty when it is missing, which has been told.
     pub(crate) name: String,
     pub(crate) place: Place,
     /// `None` when the type is not known, which has been told.
@@ -53,9 +53,9 @@ pub(crate) struct Master {
     pub(crate) offset: f64,
 }
 
-pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, version: Version) -> Option<JointEntry> {
+pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
     let place = reader.place(node);
-    let name = reader.required(node, "name").map(|(name, _)| name);
+    let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
     let kind = reader.required(node, "type").and_then(|(written, place)| kind_of(reader, &written, place));
     let children = reader.children(node, &JOINT);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
@@ -73,21 +73,21 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, version:
         }
     });
     if let Some(node) = find("axis") {
-        axis(reader, node, kind);
+        axis(reader, node, kind, &name);
     }
     let limit_node = find("limit");
     match limit_node {
-        Some(node) => limit(reader, node, kind, version),
+        Some(node) => limit(reader, node, kind),
         None if matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic)) => {
             let what = if kind == Some(JointKind::Revolute) { "revolute" } else { "prismatic" };
-            let found = format!("the {what} joint {} has no limits", quoted(name.as_deref().unwrap_or_default()));
+            let found = format!("the {what} joint {} has no limits", quoted(&name));
             let help = if what == "revolute" { "add them, or make the joint continuous" } else { "add them" };
             reader.findings.error(place, found, "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>", help);
         }
         None => {}
     }
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
-    Some(JointEntry { name: name?, place, kind, parent, child, has_limits: limit_node.is_some(), masters })
+    JointEntry { name, place, kind, parent, child, has_limits: limit_node.is_some(), masters }
 }
 
 fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<JointKind> {
@@ -116,16 +116,20 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     reader.numbers::<3>(node, "rpy");
     let Some(quaternion) = reader.numbers::<4>(node, "quat_xyzw") else { return };
     let place = reader.place(node);
+    if !reader.version.has_quaternions() {
+        let help = "write version=\"1.1\" on `robot` or use `rpy`";
+        return reader.findings.error(place, "`quat_xyzw` in a file of version 1.0", "`rpy`", help);
+    }
     if node.has_attribute("rpy") {
         reader.findings.error(place, "`origin` has both `rpy` and `quat_xyzw`", "one of them", "remove the other");
     }
     let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if !((length - 1.0).abs() < 1e-3) {
+    if (length - 1.0).abs() >= 1e-3 {
         reader.findings.error(place, format!("the quaternion of `origin` has the length {length}"), "1", "normalise it");
     }
 }
 
-fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>) {
+fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, joint: &str) {
     reader.children(node, &AXIS);
     if node.attribute_node("xyz").is_none() {
         reader.findings.error(reader.place(node), "`axis` has no `xyz`", "a direction as 0 0 1", "add it");
@@ -135,25 +139,29 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
         let length = axis.iter().fold(0.0_f64, |length, x| length.max(x.abs()));
         // far from unit length its square would leave the range of numbers
         if !(1e-6..=1e6).contains(&length) {
-            let found = if length == 0.0 { "the axis is zero".to_owned() } else { format!("the axis has a length near {length:e}") };
+            let found = if length == 0.0 {
+                format!("the axis of joint {} is zero", quoted(joint))
+            } else {
+                format!("the axis of joint {} has a length near {length:e}", quoted(joint))
+            };
             reader.findings.error(reader.place(node), found, "a direction as 0 0 1", "correct it");
         }
     }
 }
 
-fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, version: Version) {
+fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>) {
     reader.children(node, &LIMIT);
     let place = reader.place(node);
     let [lower, upper] = ["lower", "upper"].map(|name| reader.numbers::<1>(node, name).map(|[number]| number));
     for name in ["effort", "velocity", "acceleration", "deceleration", "jerk"] {
-        let needed = matches!(name, "effort" | "velocity") && !version.has_optional_limits();
+        let needed = matches!(name, "effort" | "velocity") && !reader.version.has_optional_limits();
         let value = if needed { reader.required_number(node, name) } else { reader.numbers::<1>(node, name).map(|[number]| number) };
         if value.is_some_and(|value| value < 0.0) {
             reader.findings.error(place, format!("the limit `{name}` is negative"), "zero or more", "correct the value");
         }
     }
     let has_range = matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic));
-    if has_range && !version.has_optional_limits() && !node.has_attribute("lower") && !node.has_attribute("upper") {
+    if has_range && !reader.version.has_optional_limits() && !node.has_attribute("lower") && !node.has_attribute("upper") {
         reader.findings.error(place, "`limit` has neither `lower` nor `upper`", "the range of the joint", "add them");
     }
     let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));

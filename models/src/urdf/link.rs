@@ -18,6 +18,7 @@ const INERTIA: Shape = Shape { attributes: &["ixx", "ixy", "ixz", "iyy", "iyz", 
 
 /// A link as it stands in the file.
 pub(crate) struct LinkEntry {
+    /// Empty when it is missing, which has been told.
     pub(crate) name: String,
     pub(crate) place: Place,
     pub(crate) inertial: Weight,
@@ -34,14 +35,13 @@ pub(crate) enum Weight {
     Given { place: Place, mass: f64, inertia: [f64; 6] },
 }
 
-pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<LinkEntry> {
+pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
     let name = reader.required(node, "name");
     let mut inertial = Weight::Absent;
     for child in reader.children(node, &LINK) {
         inertial = weight(reader, child);
     }
-    let (name, _) = name?;
-    Some(LinkEntry { name, place: reader.place(node), inertial })
+    LinkEntry { name: name.map(|(name, _)| name).unwrap_or_default(), place: reader.place(node), inertial }
 }
 
 fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {

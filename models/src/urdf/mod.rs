@@ -8,7 +8,7 @@ mod transmission;
 mod values;
 mod xml;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use sarrus_dynamics::description::JointKind;
 
@@ -51,6 +51,10 @@ impl Version {
         Some(Version(major.parse().ok()?, minor.parse().ok()?))
     }
 
+    fn has_quaternions(self) -> bool {
+        self >= Version(1, 1)
+    }
+
     fn has_optional_limits(self) -> bool {
         self >= Version(1, 2)
     }
@@ -60,7 +64,7 @@ impl Urdf {
     /// Walks the text; `None` when it is no URDF file at all, which has been told.
     pub(crate) fn read(text: &Text, findings: &mut Findings) -> Option<Urdf> {
         let document = xml::parse(text, findings)?;
-        let mut reader = Reader { text, findings, unread: Vec::new() };
+        let mut reader = Reader { text, findings, version: Version(1, 0), unread: Vec::new() };
         let root = document.root_element();
         let place = reader.place(root);
         if !root.has_tag_name("robot") {
@@ -69,7 +73,7 @@ impl Urdf {
             return None;
         }
         let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();
-        let version = Version::parse(root.attribute("version")).filter(|version| version.0 == 1).unwrap_or_else(|| {
+        reader.version = Version::parse(root.attribute("version")).filter(|version| version.0 == 1).unwrap_or_else(|| {
             let found = format!("the version {} of `robot`", quoted(root.attribute("version").unwrap_or_default()));
             reader.findings.error(place, found, "1.0, 1.1 or 1.2", "correct it");
             Version(1, 0)
@@ -86,8 +90,8 @@ impl Urdf {
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
-                "link" => urdf.links.extend(link::read(&mut reader, node)),
-                "joint" => urdf.joints.extend(joint::read(&mut reader, node, version)),
+                "link" => urdf.links.push(link::read(&mut reader, node)),
+                "joint" => urdf.joints.push(joint::read(&mut reader, node)),
                 _ => {
                     dependences.extend(transmission::read(&mut reader, node));
                     reader.unread.push(node.range());
@@ -102,6 +106,25 @@ impl Urdf {
         }
         urdf.unread = reader.unread;
         Some(urdf)
+    }
+
+    /// Takes over the couplings of another URDF, that of a submechanism alone, for those of `joints` that have none yet.
+    pub(crate) fn couple_from(&mut self, text: &Text, joints: &HashSet<&str>, findings: &mut Findings) {
+        let Some(document) = xml::parse(text, findings) else { return };
+        let mut reader = Reader { text, findings, version: Version(1, 2), unread: Vec::new() };
+        let mut dependences: Vec<Dependence> = Vec::new();
+        for node in document.root_element().children() {
+            if node.has_tag_name("transmission") {
+                dependences.extend(transmission::read(&mut reader, node));
+            } else if node.has_tag_name("joint") {
+                dependences.extend(transmission::of_mimic(&mut reader, node));
+            }
+        }
+        let missing = |dependence: &Dependence| {
+            joints.contains(dependence.joint.as_str()) && self.joint(&dependence.joint).is_some_and(|joint| joint.masters.is_empty())
+        };
+        dependences.retain(missing);
+        self.couple(dependences, findings);
     }
 
     /// Whether this joint moves; a joint of unknown type may.
@@ -125,7 +148,7 @@ impl Urdf {
     }
 
     fn index_names(&mut self, findings: &mut Findings) {
-        for (i, link) in self.links.iter().enumerate() {
+        for (i, link) in self.links.iter().enumerate().filter(|(_, link)| !link.name.is_empty()) {
             if self.link_index.contains_key(&link.name) {
                 findings.error(
                     link.place,
@@ -137,7 +160,7 @@ impl Urdf {
                 self.link_index.insert(link.name.clone(), i);
             }
         }
-        for (i, joint) in self.joints.iter().enumerate() {
+        for (i, joint) in self.joints.iter().enumerate().filter(|(_, joint)| !joint.name.is_empty()) {
             if self.joint_index.contains_key(&joint.name) {
                 let found = format!("a second joint is named {}", quoted(&joint.name));
                 findings.error(joint.place, found, "a name of its own", "rename one of them");
@@ -147,7 +170,7 @@ impl Urdf {
         }
     }
 
-    /// Hands the dependences of transmissions to their joints and checks every coupling.
+    /// Hands the dependences of transmissions to their joints.
     fn couple(&mut self, dependences: Vec<Dependence>, findings: &mut Findings) {
         for dependence in dependences {
             let joint = self.joint_index.get(&dependence.joint).copied();
@@ -164,6 +187,10 @@ impl Urdf {
                 Some(joint) => joint.masters = dependence.masters,
             }
         }
+    }
+
+    /// Checks every coupling.
+    pub(crate) fn check_couplings(&self, findings: &mut Findings) {
         for joint in &self.joints {
             for master in &joint.masters {
                 let who = format!("the joint {} follows {}", quoted(&joint.name), quoted(&master.joint));
@@ -177,7 +204,7 @@ impl Urdf {
                     Some(i) if !self.moves(*i) => (format!("{who}, which is fixed"), "name a joint that moves".to_owned()),
                     Some(_) => continue,
                 };
-                findings.error(master.place, found, "another moving joint of this file", help);
+                findings.error(master.place, found, "another moving joint of this robot", help);
             }
             if !joint.masters.is_empty() && matches!(joint.kind, Some(JointKind::Fixed | JointKind::Floating)) {
                 let found = format!("the joint {} is coupled", quoted(&joint.name));

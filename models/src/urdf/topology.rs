@@ -48,7 +48,9 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<usize> {
         && whole
     {
         let first = urdf.links.get(*first).map(|link| quoted(&link.name)).unwrap_or_default();
-        for link in others.iter().filter_map(|other| urdf.links.get(*other)) {
+        // a link of a second name cannot be connected and has been told
+        let named = |i: &&usize| urdf.links.get(**i).is_some_and(|link| urdf.link_index.get(&link.name) == Some(*i));
+        for link in others.iter().filter(named).filter_map(|other| urdf.links.get(*other)) {
             let found = format!("the link {} is a second root beside {first}", quoted(&link.name));
             findings.error(link.place, found, "one root", "connect it by a joint or remove it");
         }

@@ -17,6 +17,13 @@ pub(crate) struct Dependence {
     pub(crate) masters: Vec<Master>,
 }
 
+/// The dependence that a joint states by `<mimic>`.
+pub(super) fn of_mimic<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Dependence> {
+    let mimic = node.children().find(|child| child.has_tag_name("mimic"))?;
+    let (joint, place) = reader.required(node, "name")?;
+    Some(Dependence { joint, place, masters: vec![master(reader, mimic)?] })
+}
+
 /// The dependences of a transmission; the transmissions of other programs have none.
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Dependence> {
     let mut dependences = Vec::new();

@@ -2,7 +2,7 @@
 
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
-use super::guard;
+use super::{Version, guard};
 use crate::number;
 use crate::report::{Findings, Place, quoted};
 use crate::text::Text;
@@ -55,6 +55,8 @@ fn place_of(error: &roxmltree::Error, text: &Text) -> Place {
 pub(super) struct Reader<'t, 'f> {
     pub(super) text: &'t Text,
     pub(super) findings: &'f mut Findings,
+    /// The version that the file states.
+    pub(super) version: Version,
     /// Byte ranges of everything that is not read.
     pub(super) unread: Vec<core::ops::Range<usize>>,
 }
