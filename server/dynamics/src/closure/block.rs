@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::rows::{CutState, refresh, row_along};
+use super::rows::{CutState, cos_sin, place, row_along};
 use super::{Cut, Local};
 use crate::linear::solve_unpivoted;
 use crate::model::{Body, Cluster, Motion};
@@ -25,7 +25,7 @@ pub(crate) struct Block {
     pub(crate) cuts: Vec<BlockCut>,
     /// Bodies that move with the unknowns and matter to the block, in tree order.
     pub(crate) bodies: Vec<usize>,
-    /// Those, and the bodies that earlier blocks moved.
+    /// Bodies on the way that earlier blocks moved.
     pub(crate) stale: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
@@ -83,7 +83,9 @@ impl Block {
                 for r in 0..m {
                     step = inverse[i * m + r].mul_add(local.scratch.phi[r], step);
                 }
-                local.q[j] -= T::select(done, T::ZERO, step);
+                let step = T::select(done, T::ZERO, step);
+                local.q[j] -= step;
+                local.scratch.step[i] = step;
                 let scale = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
                 let scaled = step.abs() * T::from_f64(scale);
                 size = T::select(size.lt(scaled), scaled, size);
@@ -93,8 +95,17 @@ impl Block {
             good = good & (done | at_floor | size.lt(previous * T::from_f64(CONTRACTION)));
             done = done | at_floor;
             previous = size;
+            // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
+            let tiny = size.lt(converged).all();
+            for (i, &j) in self.unknowns.iter().enumerate() {
+                if bodies[j].motion == Motion::Revolute {
+                    let (c, s) = local.turn[j];
+                    let step = local.scratch.step[i];
+                    local.turn[j] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[j]) };
+                }
+            }
             for &j in &self.bodies {
-                refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+                place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
             if done.all() {
                 break;

@@ -23,10 +23,16 @@ pub(super) fn refresh<T: Real>(
     pose: &mut [Pose<T>],
 ) {
     if bodies[j].motion == Motion::Revolute {
-        let (s, c) = q[j].sin_cos();
-        turn[j] = (c, s);
+        turn[j] = cos_sin(q[j]);
     }
     place(cluster, bodies, j, q, turn, pose);
+}
+
+/// (cos x, sin x).
+#[inline(always)]
+pub(super) fn cos_sin<T: Real>(x: T) -> (T, T) {
+    let (s, c) = x.sin_cos();
+    (c, s)
 }
 
 /// Pose of one local body from its coordinate and turn.
@@ -46,7 +52,8 @@ pub(super) fn place<T: Real>(
 
 /// One cut at one pose: what all of its rows share.
 pub(super) struct CutState<T> {
-    /// Orientation of P, origin of S, p_S − p_P {cluster's parent body}.
+    /// Orientation of the predecessor, of P where a row is angular, origin of S, p_S − p_P {cluster's parent body}.
+    R_p: Matrix3<T>,
     R: Matrix3<T>,
     point: Vector3<T>,
     pub(super) d: Vector3<T>,
@@ -63,18 +70,17 @@ impl<T: Real> CutState<T> {
         let point = s.point(&lift(&cut.x_s_cut.p));
         let d = point - p.point(&lift(&cut.x_p_cut.p));
         if ball {
-            return CutState { R: identity(), point, d, theta: zero(), A: identity() };
+            return CutState { R_p: identity(), R: identity(), point, d, theta: zero(), A: identity() };
+        }
+        if !cut.angular {
+            return CutState { R_p: p.R, R: p.R, point, d, theta: zero(), A: identity() };
         }
         let R = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
-        let (theta, A) = if cut.angular {
-            let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
-            let theta = log(&mul_mat(&R.transpose(), &R_S));
-            let (c, _) = log_factors(&theta);
-            (theta, rate_matrix(&theta, c))
-        } else {
-            (zero(), identity())
-        };
-        CutState { R, point, d, theta, A }
+        let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
+        let theta = log(&mul_mat(&R.transpose(), &R_S));
+        let (c, _) = log_factors(&theta);
+        let A = rate_matrix(&theta, c);
+        CutState { R_p: p.R, R, point, d, theta, A }
     }
 
     /// φ of a row.
@@ -83,14 +89,14 @@ impl<T: Real> CutState<T> {
         if !row.terms.is_empty() {
             return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[*j], sum));
         }
-        row_along(row, &t_mul(&self.R, &self.d), &self.theta)
+        row_along(row, &t_mul(&self.R_p, &self.d), &self.theta)
     }
 
     /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the motion of S against P.
     #[inline]
     pub(super) fn directions(&self, cut: &Cut<T::Const>, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
         let angular = if cut.angular { mul(&self.R, &t_mul(&self.A, &lift(&row.angular))) } else { zero() };
-        (mul(&self.R, &lift(&row.linear)), angular)
+        (mul(&self.R_p, &lift(&row.linear_p)), angular)
     }
 
     /// Twist of S (at its origin) against P for a unit rate of joint j: (ω, v).
@@ -104,7 +110,7 @@ impl<T: Real> CutState<T> {
         }
     }
 
-    /// ẍ and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball joint p̈_S − p̈_P, in the axes of the cluster's parent body.
+    /// ẍ (in the predecessor's axes) and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball joint p̈_S − p̈_P, in the axes of the cluster's parent body.
     #[inline]
     pub(super) fn acceleration(&self, cut: &Cut<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>], ball: bool) -> (Vector3<T>, Vector3<T>) {
         let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
@@ -118,7 +124,7 @@ impl<T: Real> CutState<T> {
         let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
         // v_p, a_p: of the predecessor's point that coincides with S
         let relative = a_s - a_p - cross(&p.w, &(v_s - v_p)) * T::from_f64(2.0);
-        let x = t_mul(&self.R, &relative);
+        let x = t_mul(&self.R_p, &relative);
         if !cut.angular {
             return (x, zero());
         }
@@ -136,10 +142,10 @@ impl<T: Real> CutState<T> {
     }
 }
 
-/// linear · x + angular · θ of a row.
+/// linear · x + angular · θ of a row, x in the predecessor's axes.
 #[inline(always)]
 pub(super) fn row_along<T: Real>(row: &CutRow<T::Const>, x: &Vector3<T>, theta: &Vector3<T>) -> T {
-    dot(&lift(&row.linear), x) + dot(&lift(&row.angular), theta)
+    dot(&lift(&row.linear_p), x) + dot(&lift(&row.angular), theta)
 }
 
 /// φ of every row of a cluster.

@@ -377,7 +377,6 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
                 }
             }
         }
-        unknowns.iter().for_each(|j| known[*j] = true);
         let moves = |known: &dyn Fn(usize) -> bool, j: usize| {
             let mut at = j + 1;
             while at != 0 {
@@ -390,6 +389,7 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
         };
         let bodies = (0..n).filter(|j| unknowns.contains(j) || on_way[*j] && moves(&|x| unknowns.contains(&x), *j)).collect();
         let stale = (0..n).filter(|j| on_way[*j] && moves(&|x| known[x], *j)).collect();
+        unknowns.iter().for_each(|j| known[*j] = true);
         let size = unknowns.len();
         blocks.push(Block { unknowns, cuts, bodies, stale, offset });
         offset += size * size;
