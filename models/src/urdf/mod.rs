@@ -100,9 +100,9 @@ impl Urdf {
         }
         urdf.index_names(reader.findings);
         urdf.couple(dependences, reader.findings);
-        let roots = topology::check(&urdf, reader.findings);
-        for (i, link) in urdf.links.iter().enumerate() {
-            link::check(&mut reader, link, roots.contains(&i));
+        let is_root = topology::check(&urdf, reader.findings);
+        for (link, is_root) in urdf.links.iter().zip(is_root) {
+            link::check(&mut reader, link, is_root);
         }
         urdf.unread = reader.unread;
         Some(urdf)
