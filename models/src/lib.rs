@@ -24,7 +24,7 @@
 
 mod build;
 mod bundled;
-mod compile;
+mod check;
 mod inertia;
 mod load;
 mod nearest;
@@ -36,5 +36,6 @@ mod text;
 mod urdf;
 
 pub use bundled::{bundled, bundled_text};
+pub use check::{CheckReport, ClosureReport};
 pub use load::{LoadError, Loaded, Options, Source, load};
 pub use report::{Finding, Report};

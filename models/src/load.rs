@@ -4,9 +4,9 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::Description;
+use sarrus_dynamics::{Compiled, Model};
 
 use crate::build::{self, Places};
-use crate::compile::{Compiled, compile};
 use crate::report::{Findings, Report};
 use crate::submechanisms::{self, Entry, Submechanisms, tree};
 use crate::text::{self, Text};
@@ -179,7 +179,7 @@ fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &
 
     // the model; its faults go back to their places
     let places = Places::new(&urdf, submechanisms.as_ref());
-    let (compiled, errors, warnings) = match compile(&description) {
+    let (compiled, errors, warnings) = match Model::compile(&description) {
         Ok(compiled) => {
             let warnings = compiled.warnings.clone();
             (Some(compiled), Vec::new(), warnings)

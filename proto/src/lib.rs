@@ -13,4 +13,4 @@ mod wanted;
 pub use field::{Field, FieldSet};
 pub use layout::{Layout, Sizes, Slot};
 pub use status::{Status, Warnings};
-pub use wanted::{Request, Wanted, WantedError, MAX_FRAMES, MAX_WRENCHES};
+pub use wanted::{MAX_FRAMES, MAX_WRENCHES, Request, Wanted, WantedError};
