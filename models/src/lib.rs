@@ -20,13 +20,13 @@
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier offset/></joint>`, as couplings.
 //! - A SMURF file in place of the URDF.
 //!
-//! # Limits
-//! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and 1024 on all loops. A file beyond them is
-//! faulty, and so is one with anchors, aliases, tags or a document type: reading costs time in proportion to the size of a file. Of
-//! each file's errors and warnings the first thousand found are listed, with the number of the others.
-//!
 //! Without a submechanism file every moving joint is independent and active in the order of the URDF; floating joints are not
 //! active, joints with `<mimic>` follow.
+//!
+//! # Limits
+//! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and 1024 on all loops. A file beyond them is
+//! faulty, and so is one with anchors, aliases, tags or a document type: reading costs time in proportion to the size of a file. A report
+//! lists the first thousand errors and the first thousand warnings that were found, and the number of the others.
 #![forbid(unsafe_code)]
 
 mod build;
