@@ -147,12 +147,17 @@ fn open_board(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Board, S
 const STATISTICS: u64 = 0;
 const HEARTBEAT: u64 = 1;
 
+/// Where the answering thread writes its sign of life.
+pub type HeartbeatEntry = EntryHandleMut<Threadsafe, u64, Heartbeat>;
+/// Where statistics are written.
+pub type StatisticsEntry = EntryHandleMut<Threadsafe, u64, Statistics>;
+
 /// The server's side of the status board: two entries, one for each thread that writes.
 pub struct StatusBoard {
     /// Written by the thread that answers.
-    pub heartbeat: EntryHandleMut<Threadsafe, u64, Heartbeat>,
+    pub heartbeat: HeartbeatEntry,
     /// Written beside it.
-    pub statistics: EntryHandleMut<Threadsafe, u64, Statistics>,
+    pub statistics: StatisticsEntry,
 }
 
 impl StatusBoard {

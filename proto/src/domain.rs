@@ -1,8 +1,8 @@
 //! Where everything of one user lives in shared memory, and what it is called there.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, FileName, LogLevel, NodeBuilder, SemanticString, SignalHandlingMode, set_log_level};
@@ -100,28 +100,60 @@ impl Domain {
 
     /// A node of this process in the domain; clears away what dead processes left.
     pub fn node<S: Service>(&self) -> Result<Node<S>, DomainError> {
-        // a process that leaves may take the empty directories with it just now
-        let mut reason = String::new();
-        for _ in 0..5 {
-            self.make_root()?;
-            let builder = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&self.config);
-            match builder.create::<S>() {
-                Ok(node) => return Ok(node),
-                Err(error) => reason = format!("{error:?}"),
-            }
+        let _lock = self.lock(File::lock_shared)?;
+        let builder = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&self.config);
+        let failed = |error| DomainError::Node { path: self.root.clone(), reason: format!("{error:?}") };
+        let node = builder.create::<S>().map_err(failed)?;
+        // the transport lets everybody write its counter of nodes
+        for path in self.counters() {
+            let _ = fs::set_permissions(path, fs::Permissions::from_mode(0o600));
         }
-        Err(DomainError::Node { path: self.root.clone(), reason })
+        Ok(node)
     }
 
-    /// Removes the directories that are empty; call it when the last node of the process is gone.
+    /// Removes what outlives the last node: empty directories and the transport's counter. Call it when the nodes of this
+    /// process are gone; does nothing while another process has one.
     pub fn tidy(&self) {
+        let Ok(_lock) = self.lock(|directory| directory.try_lock().map_err(io::Error::from)) else { return };
         let nodes = self.root.join("nodes");
         for entry in fs::read_dir(&nodes).into_iter().flatten().flatten() {
             let _ = fs::remove_dir(entry.path());
         }
         // a directory that somebody uses is not empty and stays
-        for path in [&nodes, &self.root.join("services"), &self.root] {
-            let _ = fs::remove_dir(path);
+        let used = |path: &Path| fs::remove_dir(path).is_err_and(|error| error.kind() != io::ErrorKind::NotFound);
+        if !used(&nodes) {
+            for path in self.counters() {
+                let _ = fs::remove_file(path);
+            }
+            let _ = used(&self.root.join("services")) || used(&self.root);
+        }
+    }
+
+    /// The transport's counter of nodes, which it never removes itself.
+    fn counters(&self) -> impl Iterator<Item = PathBuf> {
+        let prefix = self.prefix();
+        let ours = move |path: &PathBuf| {
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            name.starts_with(&prefix) && name.ends_with(".global_mgmt")
+        };
+        fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|entry| entry.path()).filter(ours)
+    }
+
+    /// The root directory, made if it is missing, and locked: nobody tidies while a node is being made.
+    fn lock(&self, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, DomainError> {
+        let failed = |source| DomainError::Root { path: self.root.clone(), source };
+        loop {
+            self.make_root()?;
+            let directory = match File::open(&self.root) {
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                other => other.map_err(failed)?,
+            };
+            lock(&directory).map_err(failed)?;
+            // it may have been removed between opening and locking
+            let same = |path: fs::Metadata| directory.metadata().is_ok_and(|ours| ours.ino() == path.ino());
+            if fs::metadata(&self.root).is_ok_and(same) {
+                return Ok(directory);
+            }
         }
     }
 

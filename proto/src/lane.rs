@@ -19,7 +19,7 @@ use crate::message::{ComputeRequest, ComputeResponse, ControlRequest, ControlRes
 use crate::message::{Heartbeat, MAX_NUMBERS_OUT, RequestHead, ResponseHead, Statistics};
 
 /// The service variant of boards and of everything that moves between threads.
-pub(crate) type Threadsafe = ipc_threadsafe::Service;
+pub type Threadsafe = ipc_threadsafe::Service;
 /// The key of a lane's only entry.
 pub(crate) const KEY: u64 = 0;
 
@@ -135,7 +135,7 @@ pub type ComputePending<S> = PendingResponse<S, ComputeRequest, (), ComputeRespo
 /// A request that the server has taken.
 pub type ComputeActive<S> = ActiveRequest<S, ComputeRequest, (), ComputeResponse, ()>;
 
-/// Writes a request in place and sends it; `None` when the transport takes no more from this client now.
+/// Writes a request in place and sends it; `None` when no server took it: it is busy with an older one, or gone.
 pub fn send_request<S: Service>(client: &ComputeClient<S>, head: &RequestHead, numbers: &[f64]) -> Option<ComputePending<S>> {
     let request = client.loan_uninit().ok()?;
     // SAFETY: the payload lies in a shared mapping: every byte has some value, and any bits are an atomic integer. Only

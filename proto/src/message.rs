@@ -260,8 +260,6 @@ pub struct Statistics {
     pub lanes_made: u64,
     /// Plans registered.
     pub plans: u64,
-    /// Clients of the requests door.
-    pub door_clients: u64,
     /// Calls of the system's allocator by the thread that answers, after start-up.
     pub system_allocations: u64,
     /// Blocks that thread took from its own pool.
