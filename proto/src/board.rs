@@ -2,8 +2,8 @@
 
 use iceoryx2::node::Node;
 use iceoryx2::port::reader::EntryHandle;
-use iceoryx2::port::writer::{EntryHandleMut, WriterCreateError};
-use iceoryx2::prelude::{PortFactory, ServiceName, ZeroCopySend};
+use iceoryx2::port::writer::{EntryHandleMut, Writer, WriterCreateError};
+use iceoryx2::prelude::{CallbackProgression, PortFactory, ServiceName, ZeroCopySend};
 use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
 use iceoryx2::service::port_factory::blackboard;
 
@@ -48,6 +48,8 @@ macro_rules! by_class {
 /// The server's side of a lane; made and retired beside the thread that answers.
 pub struct ServedLane {
     request: Board,
+    /// Sees that the client has been there, also when it left at once.
+    claimed: Box<dyn Inbox<RequestHead>>,
 }
 
 impl ServedLane {
@@ -67,22 +69,31 @@ impl ServedLane {
         let response = by_class!(class_out, ResponseHead, create_board(node, &response_name)).ok_or_else(no_class(class_out))??;
 
         let reader = request.reader_builder().create().map_err(|error| ServiceError::memory(&request_name, &error))?;
+        let claimed = by_class!(class_in, RequestHead, inbox(&reader)).flatten();
         let inbox = by_class!(class_in, RequestHead, inbox(&reader)).flatten();
         let writer = response.writer_builder().create().map_err(|error| ServiceError::memory(&response_name, &error))?;
-        let outbox = by_class!(class_out, ResponseHead, outbox(&writer)).flatten();
+        let outbox = by_class!(class_out, ResponseHead, outbox(writer)).flatten();
         let inbox = inbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
+        let claimed = claimed.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
         let mut outbox = outbox.ok_or_else(|| ServiceError::Locked { service: response_name.to_string() })?;
-        // both cells of the entry are mapped before anybody waits for them
-        for _ in 0..2 {
-            outbox.numbers().fill(0.0);
-            outbox.publish(ResponseHead::default());
-        }
-        Ok((ServedLane { request }, inbox, outbox))
+        map(outbox.as_mut());
+        Ok((ServedLane { request, claimed }, inbox, outbox))
+    }
+
+    /// True once a client has claimed the lane, whether it is still there or not.
+    pub fn was_claimed(&self) -> bool {
+        self.claimed.has_news()
     }
 
     /// True while a client holds the request board's write port.
     pub fn is_claimed(&self) -> bool {
-        self.request.dynamic_config().number_of_writers() > 0
+        // listed, not counted: the count keeps writers that died
+        let mut claimed = false;
+        self.request.dynamic_config().list_writers(|_| {
+            claimed = true;
+            CallbackProgression::Stop
+        });
+        claimed
     }
 }
 
@@ -112,9 +123,19 @@ impl ClaimedLane {
             WriterCreateError::ExceedsMaxSupportedWriters => ServiceError::Full { service: request_name.to_string(), limit: 1 },
             other => ServiceError::memory(&request_name, &other),
         })?;
-        let outbox = by_class!(class_in, RequestHead, outbox(&writer)).flatten();
-        let outbox = outbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
+        let outbox = by_class!(class_in, RequestHead, outbox(writer)).flatten();
+        let mut outbox = outbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
+        // its heads have sequence 0: no request, a sign that the lane is claimed
+        map(outbox.as_mut());
         Ok(ClaimedLane { outbox, inbox })
+    }
+}
+
+/// Writes both cells of an entry, so that their memory is there before anybody waits for it.
+fn map<H: Default>(outbox: &mut dyn Outbox<H>) {
+    for _ in 0..2 {
+        outbox.numbers().fill(0.0);
+        outbox.publish(H::default());
     }
 }
 
@@ -149,6 +170,8 @@ const HEARTBEAT: u64 = 1;
 
 /// Where the answering thread writes its sign of life.
 pub type HeartbeatEntry = EntryHandleMut<Threadsafe, u64, Heartbeat>;
+/// The writing port of a status board.
+pub type StatusPort = Writer<Threadsafe, u64>;
 /// Where statistics are written.
 pub type StatisticsEntry = EntryHandleMut<Threadsafe, u64, Statistics>;
 
@@ -158,6 +181,8 @@ pub struct StatusBoard {
     pub heartbeat: HeartbeatEntry,
     /// Written beside it.
     pub statistics: StatisticsEntry,
+    /// Goes last: entries whose port is gone are never recognised as a dead server's.
+    pub port: StatusPort,
 }
 
 impl StatusBoard {
@@ -170,7 +195,7 @@ impl StatusBoard {
         let writer = board.writer_builder().create().map_err(|error| ServiceError::memory(&service, &error))?;
         let heartbeat = writer.entry(&HEARTBEAT).map_err(|error| ServiceError::memory(&service, &error))?;
         let statistics = writer.entry(&STATISTICS).map_err(|error| ServiceError::memory(&service, &error))?;
-        Ok(StatusBoard { heartbeat, statistics })
+        Ok(StatusBoard { heartbeat, statistics, port: writer })
     }
 }
 

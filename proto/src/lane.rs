@@ -50,6 +50,8 @@ pub trait Inbox<H>: Send {
     /// The entry when it was written since the last call. It is copied before anybody looks at it: what the writer does
     /// meanwhile changes nothing. Makes no system call, takes no lock, never allocates.
     fn poll(&mut self) -> Option<(H, &[f64])>;
+    /// True when `poll` would give the entry.
+    fn has_news(&self) -> bool;
 }
 
 /// The writing end of a board.
@@ -85,6 +87,10 @@ impl<H: Copy + Send + 'static, const N: usize> Inbox<H> for Reading<H, N> {
         self.last = self.entry.get();
         Some((self.last.head, &self.last.numbers))
     }
+
+    fn has_news(&self) -> bool {
+        !self.entry.is_up_to_date(&self.last)
+    }
 }
 
 struct Writing<H: Copy + 'static, const N: usize> {
@@ -92,15 +98,17 @@ struct Writing<H: Copy + 'static, const N: usize> {
     value: Option<EntryValueUninit<Threadsafe, u64, Entry<H, N>>>,
     // where numbers go should that ever not hold
     spare: [f64; 1],
+    // an entry whose port is gone is never recognised as a dead client's
+    _port: Writer<Threadsafe, u64>,
 }
 
 /// The writing end of the entry of a board; `None` when another handle exists or died without giving it back.
-pub(crate) fn outbox<H: Copy + Default + Send + 'static, const N: usize>(writer: &Writer<Threadsafe, u64>) -> Option<Box<dyn Outbox<H>>>
+pub(crate) fn outbox<H: Copy + Default + Send + 'static, const N: usize>(port: Writer<Threadsafe, u64>) -> Option<Box<dyn Outbox<H>>>
 where
     Entry<H, N>: ZeroCopySend,
 {
-    let entry: EntryHandleMut<_, _, Entry<H, N>> = writer.entry(&KEY).ok()?;
-    Some(Box::new(Writing { value: Some(entry.loan_uninit()), spare: [0.0] }))
+    let entry: EntryHandleMut<_, _, Entry<H, N>> = port.entry(&KEY).ok()?;
+    Some(Box::new(Writing { value: Some(entry.loan_uninit()), spare: [0.0], _port: port }))
 }
 
 impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {

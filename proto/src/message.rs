@@ -27,7 +27,7 @@ pub struct RequestHead {
     pub plan: u32,
     /// Fingerprint of the model that the client was made for.
     pub fingerprint: u64,
-    /// Counts the client's requests; the answer repeats it.
+    /// Counts the client's requests from 1; the answer repeats it. A lane's entry with 0 is no request.
     pub sequence: u64,
 }
 

@@ -131,6 +131,10 @@ impl Hot {
         // each lane once
         for lane in self.lanes.iter_mut().flatten() {
             let Some((head, numbers)) = lane.inbox.poll() else { continue };
+            // not a request: the client has just claimed its lane
+            if head.sequence == 0 {
+                continue;
+            }
             let start = self.clock.raw();
             let output = lane.outbox.numbers();
             let answer = match stopping {

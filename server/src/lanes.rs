@@ -96,9 +96,9 @@ impl Lanes {
         }
         for (index, slot) in self.slots.iter_mut().enumerate() {
             slot.lane = match std::mem::replace(&mut slot.lane, Lane::Free) {
-                Lane::Offered { boards, .. } if boards.is_claimed() => Lane::Claimed { boards },
-                Lane::Offered { boards, since } if since.elapsed() > UNCLAIMED => leave(&self.orders, index, boards),
-                Lane::Claimed { boards } if !boards.is_claimed() => leave(&self.orders, index, boards),
+                Lane::Offered { boards, .. } | Lane::Claimed { boards } if boards.is_claimed() => Lane::Claimed { boards },
+                Lane::Offered { boards, since } if !boards.was_claimed() && since.elapsed() < UNCLAIMED => Lane::Offered { boards, since },
+                Lane::Offered { boards, .. } | Lane::Claimed { boards } => leave(&self.orders, index, boards),
                 lane => lane,
             };
         }

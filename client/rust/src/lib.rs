@@ -15,5 +15,5 @@ pub use error::{ConnectError, Error};
 pub use options::{ConnectOptions, Door, Patience};
 pub use robot::{Answer, PlanId, Prepared, Robot};
 pub use sarrus_proto::message::Statistics;
-pub use sarrus_proto::{Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, WantedError, Warnings};
+pub use sarrus_proto::{Domain, Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, WantedError, Warnings};
 pub use wish::Wish;

@@ -40,8 +40,15 @@ struct Session {
 }
 
 enum End {
-    Lane { lane: ClaimedLane, classes: [usize; 2] },
-    Requests { client: ComputeClient<Threadsafe> },
+    /// Given up for a larger lane that did not come.
+    None,
+    Lane {
+        lane: ClaimedLane,
+        classes: [usize; 2],
+    },
+    Requests {
+        client: ComputeClient<Threadsafe>,
+    },
 }
 
 /// How an exchange with the server ended.
@@ -54,9 +61,8 @@ enum Exchange {
 }
 
 impl Remote {
-    pub(crate) fn connect(name: &str, options: ConnectOptions) -> Result<(Remote, ModelInfo), ConnectError> {
+    pub(crate) fn connect(domain: Domain, name: &str, options: ConnectOptions) -> Result<(Remote, ModelInfo), ConnectError> {
         let name = ServerName::new(name)?;
-        let domain = Domain::of_user()?;
         let node = domain.node::<Threadsafe>()?;
         let mut remote = Remote { session: None, node: Some(node), domain, name, options, fingerprint: 0, sequence: 0 };
         let deadline = Instant::now() + options.timeout;
@@ -204,13 +210,14 @@ impl Session {
         Ok(Session { instance: hello.instance, plans, status, end })
     }
 
-    /// Gets a larger lane where this one is too small.
+    /// Gets a larger lane where this one is too small, which goes back first: it may be the server's last.
     fn grow(&mut self, control: &Control<'_>, needs: [usize; 2]) -> Result<(), ConnectError> {
-        if let End::Lane { lane, classes } = &mut self.end
+        if let End::Lane { classes, .. } = &self.end
             && (needs[0] > classes[0] || needs[1] > classes[1])
         {
-            let larger = [needs[0].max(classes[0]), needs[1].max(classes[1])];
-            (*lane, *classes) = control.lane(larger)?;
+            self.end = End::None;
+            let (lane, classes) = control.lane(needs)?;
+            self.end = End::Lane { lane, classes };
         }
         Ok(())
     }
@@ -227,6 +234,7 @@ impl Session {
         let mut watch = Watch::new();
         let overloaded = ResponseHead::new(Status::Overloaded, Warnings::NONE, head.sequence);
         match &mut self.end {
+            End::None => Exchange::Lost,
             End::Lane { lane, .. } => {
                 let Some(numbers) = lane.outbox.numbers().get_mut(..input.len()) else { return Exchange::Lost };
                 numbers.copy_from_slice(input);

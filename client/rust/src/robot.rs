@@ -1,5 +1,5 @@
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
-use sarrus_proto::{Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, Warnings};
+use sarrus_proto::{Domain, Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, Warnings};
 
 use crate::remote::Remote;
 use crate::wish::Wish;
@@ -80,7 +80,15 @@ impl Robot {
     /// # Errors
     /// As [`Robot::connect`].
     pub fn connect_with(name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
-        let (remote, info) = Remote::connect(name, options)?;
+        Robot::connect_in(Domain::of_user()?, name, options)
+    }
+
+    /// Connects to a server of another domain than the user's own.
+    ///
+    /// # Errors
+    /// As [`Robot::connect`].
+    pub fn connect_in(domain: Domain, name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
+        let (remote, info) = Remote::connect(domain, name, options)?;
         Ok(Robot { remote, info, prepared: Vec::new(), packed: Vec::new(), unpacked: Vec::new() })
     }
 
