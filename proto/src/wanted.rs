@@ -125,7 +125,15 @@ impl core::error::Error for WantedError {}
 impl Wanted {
     /// A wish without frames and wrenches.
     pub const fn new(request: Request, given: FieldSet, want: FieldSet) -> Wanted {
-        Wanted { request: request as u32, n_frames: 0, n_wrenches: 0, given, want, frames: [0; MAX_FRAMES], wrench_links: [0; MAX_WRENCHES] }
+        Wanted {
+            request: request as u32,
+            n_frames: 0,
+            n_wrenches: 0,
+            given,
+            want,
+            frames: [0; MAX_FRAMES],
+            wrench_links: [0; MAX_WRENCHES],
+        }
     }
 
     /// The same wish with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and refused by [`Wanted::check`].
@@ -201,8 +209,33 @@ impl Wanted {
 
         // what may be asked
         const STATE: FieldSet = FieldSet::of(&[
-            Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, G, GBias, GU, GUBias, K, KBias, Residual, Iterations, CondKd, CondGu, SigmaMin, NearestY,
-            FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator,
+            Y,
+            Yd,
+            Ydd,
+            Q,
+            Qd,
+            Qdd,
+            U,
+            Ud,
+            Udd,
+            G,
+            GBias,
+            GU,
+            GUBias,
+            K,
+            KBias,
+            Residual,
+            Iterations,
+            CondKd,
+            CondGu,
+            SigmaMin,
+            NearestY,
+            FramePose,
+            FrameTwist,
+            FrameAcc,
+            JacobianTree,
+            JacobianIndependent,
+            JacobianActuator,
         ]);
         const DYNAMICS: FieldSet = FieldSet::of(&[Lambda, MY, CY, CondMy]);
         let outputs = STATE.0

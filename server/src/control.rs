@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use iceoryx2::node::Node;
+use sarrus_dynamics::Model;
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::board::class_of;
 use sarrus_proto::lane::{Threadsafe, copy_once};
@@ -11,13 +12,12 @@ use sarrus_proto::service::ControlServer;
 
 use crate::engine::{Plans, Registered, Unplanned};
 use crate::lanes::{Lanes, NoLane};
-use crate::stand_in::Model;
 
 /// The control service's side of the server.
 pub(crate) struct Control {
     pub(crate) port: ControlServer,
     pub(crate) instance: u64,
-    pub(crate) model: Arc<Model>,
+    pub(crate) model: Arc<Model<f64>>,
     pub(crate) plans: Arc<Plans>,
     pub(crate) info: Vec<u8>,
     pub(crate) fingerprint: u64,

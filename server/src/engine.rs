@@ -2,10 +2,9 @@
 
 use std::sync::{Arc, Mutex, OnceLock};
 
+use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::message::{ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead, ResponseHead};
 use sarrus_proto::{PROTOCOL_VERSION, Status, Wanted, WantedError, Warnings};
-
-use crate::stand_in::{Model, Plan, Workspace};
 
 /// The plans of all clients: filled beside the answering thread, read by it. A plan stays as long as the server.
 pub(crate) struct Plans {
@@ -41,7 +40,7 @@ impl Plans {
     }
 
     /// The plan of a wanted set; equal sets share one.
-    pub(crate) fn register(&self, model: &Model, wanted: &Wanted) -> Result<Registered, Unplanned> {
+    pub(crate) fn register(&self, model: &Model<f64>, wanted: &Wanted) -> Result<Registered, Unplanned> {
         let mut registered = self.registered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let known = self.table.iter().map_while(OnceLock::get).position(|plan| plan.wanted() == wanted);
         let index = match known {
@@ -78,14 +77,14 @@ pub(crate) enum Input<'a> {
 
 /// Everything that answering needs; belongs to the answering thread.
 pub(crate) struct Engine {
-    model: Arc<Model>,
+    model: Arc<Model<f64>>,
     plans: Arc<Plans>,
-    workspace: Workspace,
+    workspace: Workspace<f64>,
     scratch: Vec<f64>,
 }
 
 impl Engine {
-    pub(crate) fn new(model: Arc<Model>, plans: Arc<Plans>) -> Engine {
+    pub(crate) fn new(model: Arc<Model<f64>>, plans: Arc<Plans>) -> Engine {
         let workspace = Workspace::new(&model);
         Engine { model, plans, workspace, scratch: vec![0.0; MAX_NUMBERS_IN] }
     }

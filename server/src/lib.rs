@@ -11,6 +11,5 @@ mod hot;
 mod lanes;
 pub mod pool;
 mod serve;
-pub mod stand_in;
 
 pub use serve::{MAX_LANES, ServeError, ServeOptions, Wait, serve};

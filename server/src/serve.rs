@@ -9,6 +9,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc;
 use quanta::Clock;
+use sarrus_dynamics::Model;
 use sarrus_proto::board::{HeartbeatEntry, StatisticsEntry, StatusBoard};
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::message::Statistics;
@@ -21,7 +22,6 @@ use crate::engine::{Engine, Plans};
 use crate::hot::{Hot, Order, Retired, Shared};
 use crate::lanes::Lanes;
 use crate::pool;
-use crate::stand_in::Model;
 
 /// How the answering thread waits for requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +97,7 @@ pub enum ServeError {
 /// # Errors
 /// [`ServeError`]; whatever it is, nothing is left in shared memory.
 pub fn serve(
-    model: Arc<Model>,
+    model: Arc<Model<f64>>,
     info: &ModelInfo,
     options: &ServeOptions,
     stop: &AtomicBool,
@@ -116,7 +116,7 @@ pub fn serve(
 fn run(
     domain: &Domain,
     name: &ServerName,
-    model: Arc<Model>,
+    model: Arc<Model<f64>>,
     info: &ModelInfo,
     options: &ServeOptions,
     stop: &AtomicBool,

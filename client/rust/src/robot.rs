@@ -1,18 +1,12 @@
+use sarrus_dynamics::Answer;
+use sarrus_models::{LoadError, Options, Source};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
 use sarrus_proto::{Domain, Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, Warnings};
 
+use crate::local::Local;
 use crate::remote::Remote;
 use crate::wish::Wish;
 use crate::{ConnectError, ConnectOptions, Error};
-
-/// How a request ended; the numbers are in the caller's output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Answer {
-    /// Ok, or why not; a failed answer has NaN for numbers.
-    pub status: Status,
-    /// What is remarkable; never changes status or numbers.
-    pub warnings: Warnings,
-}
 
 /// The number of a prepared plan of one [`Robot`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,7 +51,7 @@ impl Prepared {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Robot {
-    remote: Remote,
+    side: Side,
     info: ModelInfo,
     prepared: Vec<Prepared>,
     /// The input of the methods that pack fields.
@@ -66,7 +60,24 @@ pub struct Robot {
     unpacked: Vec<f64>,
 }
 
+/// Where the robot is.
+enum Side {
+    /// In another process.
+    Remote(Box<Remote>),
+    /// In this one.
+    Local(Box<Local>),
+}
+
 impl Robot {
+    /// Loads a robot into this process: no server, the same answers.
+    ///
+    /// # Errors
+    /// [`LoadError`], with every fault of the files.
+    pub fn load(source: &Source, options: &Options) -> Result<Robot, LoadError> {
+        let (local, info) = Local::load(source, options)?;
+        Ok(Robot::new(Side::Local(Box::new(local)), info))
+    }
+
     /// Connects to a server on this machine, with a lane of one's own.
     ///
     /// # Errors
@@ -89,7 +100,11 @@ impl Robot {
     /// As [`Robot::connect`].
     pub fn connect_in(domain: Domain, name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
         let (remote, info) = Remote::connect(domain, name, options)?;
-        Ok(Robot { remote, info, prepared: Vec::new(), packed: Vec::new(), unpacked: Vec::new() })
+        Ok(Robot::new(Side::Remote(Box::new(remote)), info))
+    }
+
+    fn new(side: Side, info: ModelInfo) -> Robot {
+        Robot { side, info, prepared: Vec::new(), packed: Vec::new(), unpacked: Vec::new() }
     }
 
     /// Names, order, sizes and limits.
@@ -99,7 +114,10 @@ impl Robot {
 
     /// What the server counts; `None` in process and while the server is gone.
     pub fn statistics(&self) -> Option<Statistics> {
-        self.remote.statistics()
+        match &self.side {
+            Side::Remote(remote) => remote.statistics(),
+            Side::Local(_) => None,
+        }
     }
 
     /// A wanted set by names, to be prepared.
@@ -125,7 +143,12 @@ impl Robot {
         self.packed.resize(self.packed.len().max(n_in), 0.0);
         self.unpacked.resize(self.unpacked.len().max(n_out), 0.0);
         self.prepared.push(Prepared { wanted: *wanted, given, want });
-        if let Err(error) = self.remote.register(&self.prepared) {
+        let registered = match (&mut self.side, self.prepared.last()) {
+            (Side::Local(local), Some(last)) => local.register(last),
+            (Side::Remote(remote), _) => remote.register(&self.prepared),
+            _ => Ok(()),
+        };
+        if let Err(error) = registered {
             self.prepared.pop();
             return Err(error);
         }
@@ -149,7 +172,10 @@ impl Robot {
             output.fill(f64::NAN);
             return Ok(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
         }
-        let outcome = self.remote.ask(&self.prepared, plan.0, input, output);
+        let outcome = match &mut self.side {
+            Side::Remote(remote) => remote.ask(&self.prepared, plan.0, input, output),
+            Side::Local(local) => local.ask(plan.0, input, output),
+        };
         if outcome.is_err() {
             output.fill(f64::NAN);
         }

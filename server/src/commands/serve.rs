@@ -6,12 +6,17 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
-use sarrus_server::{ServeOptions, Wait, serve, stand_in};
+use sarrus_client::{LoadError, describe};
+use sarrus_server::{ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
+
+use super::robot::RobotFlags;
 
 /// Flags of `serve`.
 #[derive(Args)]
 pub(crate) struct Serve {
+    #[command(flatten)]
+    robot: RobotFlags,
     /// Name under which clients find the server.
     #[arg(long, default_value = "default")]
     name: String,
@@ -41,7 +46,15 @@ impl Serve {
             }
         }
 
-        let (model, info) = stand_in::robot();
+        let loaded = match self.robot.load() {
+            Ok(loaded) => loaded,
+            Err(error) => {
+                eprintln!("sarrus serve: {error}");
+                return ExitCode::from(if matches!(error, LoadError::Faults(_)) { 1 } else { 2 });
+            }
+        };
+        let info = describe(&loaded);
+        info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));
         let wait = match self.wait {
             None => Wait::fitting(),
             Some(WaitFlag::Busy) => Wait::Busy,
@@ -53,7 +66,7 @@ impl Serve {
             let mut out = std::io::stdout().lock();
             let _ = writeln!(out, "ready {} {:016x}", options.name, info.fingerprint).and_then(|()| out.flush());
         };
-        match serve(Arc::new(model), &info, &options, &stop, ready) {
+        match serve(Arc::new(loaded.compiled.model), &info, &options, &stop, ready) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
                 eprintln!("sarrus serve: {error}");

@@ -28,12 +28,12 @@ fn request(call: u32) -> ControlRequest {
 }
 
 /// Says hello as any client does.
-pub fn hello(node: &Node<Threadsafe>, name: &ServerName) -> ControlResponse {
+pub(crate) fn hello(node: &Node<Threadsafe>, name: &ServerName) -> ControlResponse {
     call(&open_control(node, name).unwrap(), request(Call::Hello as u32))
 }
 
 /// A lane, claimed.
-pub fn lane(node: &Node<Threadsafe>, name: &ServerName, [n_in, n_out]: [usize; 2]) -> ClaimedLane {
+pub(crate) fn lane(node: &Node<Threadsafe>, name: &ServerName, [n_in, n_out]: [usize; 2]) -> ClaimedLane {
     let client = open_control(node, name).unwrap();
     let hello = call(&client, request(Call::Hello as u32));
     let granted = call(&client, ControlRequest { arguments: [n_in as u64, n_out as u64], ..request(Call::Lane as u32) });

@@ -7,9 +7,9 @@ mod support;
 
 use std::time::{Duration, Instant};
 
-use sarrus_client::{ConnectError, ConnectOptions, Door, Field, FieldSet, Request, Status, Wanted};
+use sarrus_client::{ConnectError, ConnectOptions, Door, Field, FieldSet, Options, Request, Robot, Source, Status, Wanted};
 
-use support::{Asker, Place, STATE, options};
+use support::{Asker, Place, ROBOT, STATE, options};
 
 /// Not a test of its own: the body of the clients that tests start as other processes.
 #[test]
@@ -35,16 +35,19 @@ fn ready_is_one_line_with_name_and_fingerprint() {
 }
 
 #[test]
-fn both_doors_give_the_same_bits() {
+fn both_doors_give_the_same_bits_as_in_process() {
     let place = Place::new();
     let _server = place.serve("same", &[]);
     let [mut lane, mut requests] = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("same", door).unwrap()));
+    let mut local = Asker::new(Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap());
+    assert_eq!(lane.robot.model(), local.robot.model());
     for k in 0..200 {
-        for asker in [&mut lane, &mut requests] {
+        for asker in [&mut lane, &mut requests, &mut local] {
             asker.input.iter_mut().enumerate().for_each(|(i, number)| *number = 1e-3 * ((k * 31 + i * 17) % 101) as f64);
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
-        assert_eq!(lane.bits(), requests.bits());
+        assert_eq!(lane.bits(), local.bits());
+        assert_eq!(requests.bits(), local.bits());
     }
 }
 

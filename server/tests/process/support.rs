@@ -12,23 +12,26 @@ use sarrus_client::{ConnectError, ConnectOptions, Door, Field, FieldSet, Patienc
 use sarrus_proto::Domain;
 
 /// What every test asks: all of the robot's state.
-pub const STATE: Wanted = Wanted::new(
+pub(crate) const STATE: Wanted = Wanted::new(
     Request::Kinematics,
     FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
     FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U]),
 );
 
+/// The robot that every test serves.
+pub(crate) const ROBOT: &str = "rh5v2_upper_body";
+
 static ALONE: Mutex<()> = Mutex::new(());
 static DOMAINS: AtomicU32 = AtomicU32::new(0);
 
 /// A domain of one test; tests run one at a time as long as they hold it.
-pub struct Place {
-    pub domain: Domain,
+pub(crate) struct Place {
+    pub(crate) domain: Domain,
     _alone: MutexGuard<'static, ()>,
 }
 
 impl Place {
-    pub fn new() -> Place {
+    pub(crate) fn new() -> Place {
         let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let number = DOMAINS.fetch_add(1, Relaxed);
         let domain = Domain::at(&std::env::temp_dir().join(format!("sarrus-test-{}-{number}", std::process::id()))).unwrap();
@@ -36,7 +39,7 @@ impl Place {
     }
 
     /// What is there under the root and in shared memory.
-    pub fn leftovers(&self) -> Vec<PathBuf> {
+    pub(crate) fn leftovers(&self) -> Vec<PathBuf> {
         fn walk(directory: PathBuf, found: &mut Vec<PathBuf>) {
             for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
                 found.push(entry.path());
@@ -54,7 +57,7 @@ impl Place {
         found
     }
 
-    pub fn serve(&self, name: &str, flags: &[&str]) -> Server {
+    pub(crate) fn serve(&self, name: &str, flags: &[&str]) -> Server {
         let mut child = self.command(name, flags).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
@@ -64,23 +67,23 @@ impl Place {
         Server { child, ready: line }
     }
 
-    pub fn command(&self, name: &str, flags: &[&str]) -> Command {
+    pub(crate) fn command(&self, name: &str, flags: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-        command.args(["serve", "--name", name]).args(flags).env("SARRUS_ROOT", self.domain.root());
+        command.args(["serve", "--robot", ROBOT, "--name", name]).args(flags).env("SARRUS_ROOT", self.domain.root());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
         command
     }
 
-    pub fn connect(&self, name: &str, door: Door) -> Result<Robot, ConnectError> {
+    pub(crate) fn connect(&self, name: &str, door: Door) -> Result<Robot, ConnectError> {
         self.connect_with(name, ConnectOptions { door, ..options() })
     }
 
-    pub fn connect_with(&self, name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
+    pub(crate) fn connect_with(&self, name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
         Robot::connect_in(self.domain.clone(), name, options)
     }
 
     /// Another process that connects, prepares and asks until it is killed; returns once it was answered.
-    pub fn client(&self, name: &str, door: Door) -> Client {
+    pub(crate) fn client(&self, name: &str, door: Door) -> Client {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args(["the_other_process", "--exact", "--nocapture"]).stdout(Stdio::piped()).stderr(Stdio::null());
         command.env("SARRUS_ROOT", self.domain.root()).env("SARRUS_TEST_SERVER", name).env("SARRUS_TEST_DOOR", format!("{door:?}"));
@@ -100,27 +103,27 @@ impl Drop for Place {
     }
 }
 
-pub fn options() -> ConnectOptions {
+pub(crate) fn options() -> ConnectOptions {
     ConnectOptions { patience: Patience::Polite, ..ConnectOptions::default() }
 }
 
 /// A served robot in another process; killed when dropped.
-pub struct Server {
+pub(crate) struct Server {
     child: Child,
-    pub ready: String,
+    pub(crate) ready: String,
 }
 
 impl Server {
-    pub fn id(&self) -> u32 {
+    pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    pub fn kill(mut self) {
+    pub(crate) fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    pub fn stop(mut self, signal: &str) -> ExitStatus {
+    pub(crate) fn stop(mut self, signal: &str) -> ExitStatus {
         assert!(Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success());
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(10) {
@@ -141,12 +144,12 @@ impl Drop for Server {
 }
 
 /// A client in another process; killed when dropped.
-pub struct Client {
+pub(crate) struct Client {
     child: Child,
 }
 
 impl Client {
-    pub fn kill(mut self) {
+    pub(crate) fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
@@ -160,15 +163,15 @@ impl Drop for Client {
 }
 
 /// A robot with the state's plan and arrays that fit.
-pub struct Asker {
-    pub robot: Robot,
-    pub plan: PlanId,
-    pub input: Vec<f64>,
-    pub output: Vec<f64>,
+pub(crate) struct Asker {
+    pub(crate) robot: Robot,
+    pub(crate) plan: PlanId,
+    pub(crate) input: Vec<f64>,
+    pub(crate) output: Vec<f64>,
 }
 
 impl Asker {
-    pub fn new(mut robot: Robot) -> Asker {
+    pub(crate) fn new(mut robot: Robot) -> Asker {
         let plan = robot.prepare(&STATE).unwrap();
         let prepared = robot.plan(plan).unwrap();
         let input = (0..prepared.given().len()).map(|k| 1e-3 * (k % 7) as f64).collect();
@@ -176,11 +179,11 @@ impl Asker {
         Asker { robot, plan, input, output }
     }
 
-    pub fn ask(&mut self) -> Result<sarrus_client::Answer, sarrus_client::Error> {
+    pub(crate) fn ask(&mut self) -> Result<sarrus_client::Answer, sarrus_client::Error> {
         self.robot.ask(self.plan, &self.input, &mut self.output)
     }
 
-    pub fn bits(&self) -> Vec<u64> {
+    pub(crate) fn bits(&self) -> Vec<u64> {
         self.output.iter().map(|number| number.to_bits()).collect()
     }
 }

@@ -12,14 +12,25 @@ use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Su
 ///
 /// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by [`Real::select`].
 pub trait Real:
-    Copy + Debug + PartialEq + Send + Sync + 'static
-    + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
-    + AddAssign + SubAssign + MulAssign
+    Copy
+    + Debug
+    + PartialEq
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
 {
     /// The outcome of a comparison, one bit for each lane.
     type Mask: Mask;
     /// The scalar in which the model's constants are kept.
-    type Const: Copy + Debug + Send + Sync + 'static;
+    type Const: Copy + Debug + PartialEq + Send + Sync + 'static;
 
     /// 0.
     const ZERO: Self;

@@ -1,0 +1,55 @@
+//! The robots that come with sarrus.
+
+use crate::LoadError;
+use crate::load::Contents;
+use crate::nearest::nearest;
+
+struct Bundled {
+    name: &'static str,
+    about: &'static str,
+    urdf: &'static str,
+    submechanisms: &'static str,
+}
+
+macro_rules! robots {
+    ($($name:literal: $about:literal,)*) => {
+        [$(Bundled {
+            name: $name,
+            about: $about,
+            urdf: include_str!(concat!("../robots/", $name, "/", $name, ".urdf")),
+            submechanisms: include_str!(concat!("../robots/", $name, "/", $name, ".yml")),
+        },)*]
+    };
+}
+
+static ROBOTS: [Bundled; 9] = robots! {
+    "lambda": "elbow of a humanoid: one lambda loop (RRPR) driven by a linear actuator",
+    "torso": "torso of a humanoid: a universal joint driven by two linear actuators (2SPU+1U)",
+    "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators (2SPRR+1U)",
+    "parallelogram": "parallelogram of crank, follower and coupler",
+    "stewart": "Stewart platform: six free directions on six linear actuators (6UPS)",
+    "wrist": "wrist of a humanoid: two actuators, rockers and rods; every loop numerical",
+    "r3_lambda_r": "arm: three revolute joints, a lambda elbow, a roll joint",
+    "rh5v2_upper_body": "upper body of a humanoid with 23 joints: torso and two arms with lambda elbows",
+    "rh5v2_full": "upper body of a humanoid with head and parallel wrists: 50 joints, numerical and analytic loops side by side",
+};
+
+/// Names of the bundled robots, each with one line about it.
+pub fn bundled() -> impl Iterator<Item = (&'static str, &'static str)> {
+    ROBOTS.iter().map(|robot| (robot.name, robot.about))
+}
+
+/// The URDF and the submechanism file of a bundled robot.
+pub fn bundled_text(name: &str) -> Option<(&'static str, &'static str)> {
+    ROBOTS.iter().find(|robot| robot.name == name).map(|robot| (robot.urdf, robot.submechanisms))
+}
+
+pub(crate) fn contents(name: &str) -> Result<Contents, LoadError> {
+    let Some((urdf, submechanisms)) = bundled_text(name) else {
+        let names = || ROBOTS.iter().map(|robot| robot.name);
+        let near = nearest(name, names()).map(str::to_owned);
+        return Err(LoadError::UnknownRobot { name: name.to_owned(), known: names().collect::<Vec<_>>().join(", "), near });
+    };
+    let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
+    Ok(Contents { urdf: (label("urdf"), urdf.into()), submechanisms: Some((label("yml"), submechanisms.into())), folder: None })
+}

@@ -1,0 +1,39 @@
+//! Robot files to checked descriptions: URDF for the spanning tree, submechanism YAML for the loops, and nine bundled robots.
+//!
+//! ```
+//! use sarrus_models::{Options, Source, load};
+//!
+//! let loaded = load(&Source::Bundled("lambda".into()), &Options::default())?;
+//! assert_eq!(loaded.description.joints.len(), 3);
+//! # Ok::<(), sarrus_models::LoadError>(())
+//! ```
+//!
+//! Each text is walked as a tree with positions, which finds every fault of it at once; when there is none, its values are
+//! read by urdf-rs and serde, and [`load`] compiles them. Faults that only the compiler sees come back with their places too.
+//!
+//! # What is read beyond plain URDF
+//! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path` (not opened), `jointnames`,
+//!   `jointnames_spanningtree`, `jointnames_independent`, `jointnames_active`, `loop_constraints`.
+//! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead of the frame of `cut_joint`.
+//! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier offset/></joint>`, as couplings.
+//! - A SMURF file in place of the URDF.
+//!
+//! Without a submechanism file every moving joint is independent and active in the order of the URDF; floating joints are not
+//! active, joints with `<mimic>` follow.
+#![forbid(unsafe_code)]
+
+mod build;
+mod bundled;
+mod inertia;
+mod load;
+mod nearest;
+mod number;
+mod report;
+mod smurf;
+mod submechanisms;
+mod text;
+mod urdf;
+
+pub use bundled::{bundled, bundled_text};
+pub use load::{LoadError, Loaded, Options, Source, load};
+pub use report::{Finding, Report};

@@ -1,0 +1,210 @@
+//! From a source to a compiled model, or to everything that is wrong with it.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use sarrus_dynamics::description::Description;
+use sarrus_dynamics::{Compiled, Model};
+
+use crate::build::{self, Places};
+use crate::report::{Findings, Report};
+use crate::submechanisms::{self, Entry, Submechanisms, tree};
+use crate::text::{self, Text};
+use crate::urdf::{self, Urdf};
+use crate::{bundled, smurf};
+
+/// Where a robot comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Source {
+    /// One of [`crate::bundled`], by name.
+    Bundled(String),
+    /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every moving joint is independent
+    /// and active.
+    Files {
+        /// URDF or SMURF.
+        urdf: PathBuf,
+        /// Submechanism YAML.
+        submechanisms: Option<PathBuf>,
+    },
+    /// The contents of files.
+    Text {
+        /// URDF.
+        urdf: Vec<u8>,
+        /// Submechanism YAML.
+        submechanisms: Option<Vec<u8>>,
+    },
+}
+
+/// How a robot is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Gravity in root axes `[m/s²]`.
+    pub gravity: [f64; 3],
+    /// Faults of mass and inertia are warnings.
+    pub lenient: bool,
+}
+
+impl Default for Options {
+    /// Standard gravity downwards, strict.
+    fn default() -> Options {
+        Options { gravity: [0.0, 0.0, -9.81], lenient: false }
+    }
+}
+
+/// A robot, read and compiled.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Loaded {
+    /// What the files say.
+    pub description: Description,
+    /// The model that the kernels run on.
+    pub compiled: Compiled,
+    /// Warnings.
+    pub report: Report,
+}
+
+/// Why a robot cannot be loaded.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// A file cannot be opened or read.
+    #[error("cannot open {file}: {reason}; give the path of a readable file")]
+    Open {
+        /// The file as the user named it.
+        file: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// No robot of this name is bundled.
+    #[error("there is no bundled robot `{name}`; expected one of {known}{}", near.as_ref().map(|near| format!("; did you mean `{near}`?")).unwrap_or_default())]
+    UnknownRobot {
+        /// The name that was asked for.
+        name: String,
+        /// Every name there is.
+        known: String,
+        /// The nearest of them, if one is near.
+        near: Option<String>,
+    },
+    /// The content of the files is faulty: every fault, and the warnings beside them.
+    #[error("{0}")]
+    Faults(Report),
+}
+
+/// The contents of a source, with the names that messages give them.
+pub(crate) struct Contents {
+    pub(crate) urdf: (String, Vec<u8>),
+    pub(crate) submechanisms: Option<(String, Vec<u8>)>,
+    /// Where the files lie that the submechanisms name.
+    pub(crate) folder: Option<PathBuf>,
+}
+
+/// Reads and compiles a robot.
+///
+/// # Errors
+/// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other variants stand for sources
+/// that cannot be read at all.
+pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
+    let mut findings = Findings::new(options.lenient);
+    let mut robot = None;
+    let loaded = contents(source, &mut findings)?.and_then(|contents| read(contents, options, &mut findings, &mut robot));
+    let report = Report { robot, ..findings.into_report() };
+    match loaded {
+        Some((description, compiled)) if report.errors.is_empty() => Ok(Loaded { description, compiled, report }),
+        _ => Err(LoadError::Faults(report)),
+    }
+}
+
+fn contents(source: &Source, findings: &mut Findings) -> Result<Option<Contents>, LoadError> {
+    match source {
+        Source::Bundled(name) => bundled::contents(name).map(Some),
+        Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => smurf::contents(urdf, submechanisms.as_deref(), findings),
+        Source::Files { urdf, submechanisms } => {
+            let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
+            let submechanisms = submechanisms.as_deref().map(file).transpose()?;
+            Ok(Some(Contents { urdf: file(urdf)?, submechanisms, folder }))
+        }
+        Source::Text { urdf, submechanisms } => Ok(Some(Contents {
+            urdf: ("robot.urdf".to_owned(), urdf.clone()),
+            submechanisms: submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes)),
+            folder: None,
+        })),
+    }
+}
+
+/// A file's name for messages and its bytes.
+pub(crate) fn file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
+    Ok((path.display().to_string(), text::read(path)?))
+}
+
+/// Reads and compiles; `None` or errors in `findings` after a fault.
+fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &mut Option<String>) -> Option<(Description, Compiled)> {
+    // every check of the text, as far as each file goes
+    let (urdf_name, bytes) = contents.urdf;
+    let urdf_text = Text::new(&urdf_name, bytes, findings);
+    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, findings));
+    *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
+    let with_submechanisms = contents.submechanisms.is_some();
+    let submechanism_text = contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, findings));
+    let root = submechanism_text.as_ref().and_then(|text| tree::parse(text, findings));
+    let entries = root.as_ref().map(|root| submechanisms::walk(root, findings));
+    if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
+        transmissions(urdf, entries, folder, findings);
+    }
+    if let Some(urdf) = &urdf {
+        urdf.check_couplings(findings);
+    }
+    let submechanisms: Option<Submechanisms> =
+        root.zip(entries).map(|(root, entries)| submechanisms::check(root.place, entries, urdf.as_ref(), findings));
+    if findings.has_errors() || with_submechanisms != submechanisms.is_some() {
+        return None;
+    }
+
+    // the values
+    let (urdf_text, urdf) = (urdf_text?, urdf?);
+    let values = urdf::values(&urdf_text, &urdf, findings)?;
+    let entries = match &submechanism_text {
+        Some(text) => Some(submechanisms::values(text, findings)?),
+        None => None,
+    };
+    let Some(description) = build::description(&urdf, values, entries, options.gravity) else {
+        findings.error(
+            urdf.place,
+            "two readers of these files see different names",
+            "plain names",
+            "use letters, digits, _ and / in names",
+        );
+        return None;
+    };
+
+    // the model; its faults go back to their places
+    let places = Places::new(&urdf, submechanisms.as_ref());
+    let (compiled, errors, warnings) = match Model::compile(&description) {
+        Ok(compiled) => {
+            let warnings = compiled.warnings.clone();
+            (Some(compiled), Vec::new(), warnings)
+        }
+        Err(error) => (None, error.errors, error.warnings),
+    };
+    for fault in errors {
+        findings.error(places.of(fault.site), fault.found, fault.expected, fault.help);
+    }
+    for fault in warnings {
+        findings.warning(places.of(fault.site), fault.found, fault.expected, fault.help);
+    }
+    compiled.map(|compiled| (description, compiled))
+}
+
+/// Takes the couplings of TRANSMISSION submechanisms from the files that they name, as HyRoDyn does, where the URDF has none.
+fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, findings: &mut Findings) {
+    for entry in entries.iter().filter(|entry| entry.type_name.as_ref().is_some_and(|(name, _)| name == "TRANSMISSION")) {
+        let joints: HashSet<&str> = entry.tree.iter().flatten().map(|(name, _)| name.as_str()).collect();
+        let is_coupled = joints.iter().any(|name| urdf.joint(name).is_some_and(|joint| !joint.masters.is_empty()));
+        let Some(path) = entry.file_path.as_ref().filter(|_| !is_coupled).map(|(path, _)| folder.join(path)) else { continue };
+        // a file that is not there leaves the couplings missing, and that is told
+        let Ok(bytes) = text::read_named(&path) else { continue };
+        if let Some(text) = Text::new(&path.display().to_string(), bytes, findings) {
+            urdf.couple_from(&text, &joints, findings);
+        }
+    }
+}

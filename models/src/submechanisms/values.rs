@@ -1,0 +1,48 @@
+//! The values of a submechanism file whose walk found no error, by serde.
+
+use serde::Deserialize;
+
+/// A submechanism file.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Document {
+    pub(crate) submechanisms: Vec<EntryValues>,
+}
+
+/// A submechanism.
+#[derive(Debug, Deserialize)]
+pub(crate) struct EntryValues {
+    pub(crate) r#type: String,
+    pub(crate) contextual_name: Option<String>,
+    pub(crate) name: Option<String>,
+    pub(crate) jointnames_spanningtree: Option<Vec<String>>,
+    pub(crate) jointnames_independent: Option<Vec<String>>,
+    pub(crate) jointnames_active: Option<Vec<String>>,
+    pub(crate) loop_constraints: Option<Vec<LoopValues>>,
+}
+
+/// A loop constraint. Stabilisation parameters are of no use to exact closures.
+#[derive(Debug, Deserialize)]
+pub(crate) struct LoopValues {
+    pub(crate) cut_joint: String,
+    pub(crate) predecessor_body: String,
+    pub(crate) successor_body: String,
+    pub(crate) constraint_axes: Vec<RowValues>,
+    pub(crate) predecessor_placement: Option<PlacementValues>,
+    pub(crate) successor_placement: Option<PlacementValues>,
+}
+
+/// A constrained direction.
+#[derive(Debug, Deserialize)]
+pub(crate) struct RowValues {
+    pub(crate) name: String,
+    pub(crate) axis: [f64; 6],
+}
+
+/// A placement by hand.
+#[derive(Debug, Deserialize)]
+pub(crate) struct PlacementValues {
+    #[serde(default)]
+    pub(crate) xyz: [f64; 3],
+    #[serde(default)]
+    pub(crate) rpy: [f64; 3],
+}

@@ -1,0 +1,128 @@
+//! The text of a file, and the line and column of any byte of it.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::LoadError;
+use crate::report::{Findings, Place};
+
+/// Largest file that is read `[byte]`.
+pub(crate) const LARGEST: usize = 64 << 20;
+/// Deepest nesting of elements, lists and mappings that is read.
+pub(crate) const DEEPEST: usize = 64;
+
+/// Bytes between two entries of [`Text::counts`].
+const BLOCK: usize = 256;
+
+/// The text of one file.
+#[derive(Debug)]
+pub(crate) struct Text {
+    pub(crate) file: u32,
+    pub(crate) content: String,
+    /// First byte of each line.
+    lines: Vec<usize>,
+    /// Characters before each block of bytes, so that a column costs little even on a line of megabytes.
+    counts: Vec<usize>,
+}
+
+impl Text {
+    /// Checks size and encoding; a byte order mark is dropped. `None` after an error.
+    pub(crate) fn new(name: &str, bytes: Vec<u8>, findings: &mut Findings) -> Option<Text> {
+        let file = findings.add_file(name);
+        if bytes.len() > LARGEST {
+            let help = "leave out what a robot does not need";
+            findings.error(Place::start(file), format!("the file is larger than {} MiB", LARGEST >> 20), "a robot of ordinary size", help);
+            return None;
+        }
+        let (content, fault) = match String::from_utf8(bytes) {
+            Ok(content) => (content, None),
+            Err(error) => {
+                let good = error.utf8_error().valid_up_to();
+                let mut bytes = error.into_bytes();
+                let bad = bytes.get(good).copied().unwrap_or_default();
+                bytes.truncate(good);
+                (String::from_utf8(bytes).unwrap_or_default(), Some(bad))
+            }
+        };
+        let content = content.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(content);
+        let text = Text { file, lines: line_starts(&content), counts: character_counts(&content), content };
+        if let Some(bad) = fault {
+            let place = text.place(text.content.len());
+            findings.error(place, format!("the byte 0x{bad:02x} is not UTF-8"), "UTF-8 text", "save the file as UTF-8");
+            return None;
+        }
+        Some(text)
+    }
+
+    /// Line and column of a byte.
+    pub(crate) fn place(&self, offset: usize) -> Place {
+        let offset = offset.min(self.content.len());
+        let line = self.lines.partition_point(|start| *start <= offset).max(1);
+        let start = self.lines.get(line - 1).copied().unwrap_or(0);
+        let column = self.characters_before(offset) - self.characters_before(start) + 1;
+        Place { file: self.file, line: line as u32, column: column as u32 }
+    }
+
+    fn characters_before(&self, offset: usize) -> usize {
+        let block = offset / BLOCK;
+        let before = self.counts.get(block).copied().unwrap_or(0);
+        before + count_characters(self.content.as_bytes().get(block * BLOCK..offset).unwrap_or_default())
+    }
+}
+
+/// The bytes of a file, at most one more than [`LARGEST`].
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
+    let unreadable = |error: std::io::Error| LoadError::Open { file: path.display().to_string(), reason: error.to_string() };
+    let file = File::open(path).map_err(unreadable)?;
+    let mut bytes = Vec::new();
+    file.take(LARGEST as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    Ok(bytes)
+}
+
+/// As [`read`], of a file that another file names: only what is an ordinary file, so that no device or pipe is waited for.
+pub(crate) fn read_named(path: &Path) -> Result<Vec<u8>, LoadError> {
+    match path.metadata() {
+        Ok(metadata) if !metadata.is_file() => {
+            Err(LoadError::Open { file: path.display().to_string(), reason: "it is no ordinary file".to_owned() })
+        }
+        _ => read(path),
+    }
+}
+
+fn line_starts(content: &str) -> Vec<usize> {
+    let after_breaks = content.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(offset, _)| offset + 1);
+    core::iter::once(0).chain(after_breaks).collect()
+}
+
+fn character_counts(content: &str) -> Vec<usize> {
+    let mut before = 0;
+    let blocks = content.as_bytes().chunks(BLOCK).map(|block| {
+        before += count_characters(block);
+        before
+    });
+    core::iter::once(0).chain(blocks).collect()
+}
+
+/// Characters that begin in these bytes of UTF-8.
+fn count_characters(bytes: &[u8]) -> usize {
+    bytes.iter().filter(|byte| **byte & 0xc0 != 0x80).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_and_columns_count_characters_from_one() {
+        let mut findings = Findings::new(false);
+        let content = format!("\u{feff}a\r\nb¨c{}x", "é".repeat(1000));
+        let Some(text) = Text::new("f", content.into_bytes(), &mut findings) else { return assert!(!findings.has_errors()) };
+        let at = |offset| (text.place(offset).line, text.place(offset).column);
+        assert_eq!(at(0), (1, 1));
+        assert_eq!(at(3), (2, 1));
+        assert_eq!(at(6), (2, 3));
+        assert_eq!(at(text.content.len() - 1), (2, 1004));
+        assert_eq!(at(usize::MAX), (2, 1005));
+    }
+}

@@ -1,0 +1,187 @@
+//! Joints: type, links, axis, limits, couplings.
+
+use roxmltree::Node;
+use sarrus_dynamics::description::JointKind;
+
+use super::xml::{Reader, Shape};
+use crate::report::{Place, quoted};
+
+const JOINT: Shape = Shape {
+    attributes: &["name", "type"],
+    once: &["origin", "parent", "child", "axis", "limit", "mimic"],
+    many: &[],
+    ignored: &["dynamics", "calibration", "safety_controller", "hardwareInterface", "joint_properties", "sensor", "gazebo"],
+};
+const ORIGIN: Shape = Shape { attributes: &["xyz", "rpy", "quat_xyzw"], once: &[], many: &[], ignored: &[] };
+const REFERENCE: Shape = Shape { attributes: &["link"], once: &[], many: &[], ignored: &[] };
+const AXIS: Shape = Shape { attributes: &["xyz"], once: &[], many: &[], ignored: &[] };
+const LIMIT: Shape = Shape {
+    attributes: &["lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"],
+    once: &[],
+    many: &[],
+    ignored: &[],
+};
+const MIMIC: Shape = Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
+
+const TYPES: [(&str, JointKind); 5] = [
+    ("revolute", JointKind::Revolute),
+    ("continuous", JointKind::Continuous),
+    ("prismatic", JointKind::Prismatic),
+    ("fixed", JointKind::Fixed),
+    ("floating", JointKind::Floating),
+];
+
+/// A joint as it stands in the file.
+pub(crate) struct JointEntry {
+    /// Empty when it is missing, which has been told.
+    pub(crate) name: String,
+    pub(crate) place: Place,
+    /// `None` when the type is not known, which has been told.
+    pub(crate) kind: Option<JointKind>,
+    pub(crate) parent: Option<(String, Place)>,
+    pub(crate) child: Option<(String, Place)>,
+    pub(crate) has_limits: bool,
+    pub(crate) masters: Vec<Master>,
+}
+
+/// One term of a coupling.
+#[derive(Clone, Debug)]
+pub(crate) struct Master {
+    pub(crate) joint: String,
+    pub(crate) place: Place,
+    pub(crate) multiplier: f64,
+    pub(crate) offset: f64,
+}
+
+pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
+    let place = reader.place(node);
+    let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
+    let kind = reader.required(node, "type").and_then(|(written, place)| kind_of(reader, &written, place));
+    let children = reader.children(node, &JOINT);
+    let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
+    if let Some(node) = find("origin") {
+        origin(reader, node);
+    }
+    let [parent, child] = ["parent", "child"].map(|end| match find(end) {
+        Some(node) => {
+            reader.children(node, &REFERENCE);
+            reader.required(node, "link")
+        }
+        None => {
+            reader.findings.error(place, format!("the joint has no `{end}`"), format!("<{end} link=\"…\"/>"), "add it");
+            None
+        }
+    });
+    if let Some(node) = find("axis") {
+        axis(reader, node, kind, &name);
+    }
+    let limit_node = find("limit");
+    match limit_node {
+        Some(node) => limit(reader, node, kind),
+        None if matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic)) => {
+            let what = if kind == Some(JointKind::Revolute) { "revolute" } else { "prismatic" };
+            let found = format!("the {what} joint {} has no limits", quoted(&name));
+            let help = if what == "revolute" { "add them, or make the joint continuous" } else { "add them" };
+            reader.findings.error(place, found, "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>", help);
+        }
+        None => {}
+    }
+    let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
+    JointEntry { name, place, kind, parent, child, has_limits: limit_node.is_some(), masters }
+}
+
+fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<JointKind> {
+    let names = TYPES.map(|(name, _)| name);
+    let kind = TYPES.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind);
+    if kind.is_none() {
+        let (found, help) = match written {
+            "planar" => ("the joint type `planar` is not supported".to_owned(), "use two prismatic and one revolute joint".to_owned()),
+            "spherical" | "ball" => {
+                (format!("the joint type `{written}` is not supported"), "use three revolute joints, or a loop of three rows".to_owned())
+            }
+            _ => {
+                let help = reader.findings.did_you_mean(written, names, "choose one of them");
+                (format!("the joint type {} is not known", quoted(written)), help)
+            }
+        };
+        reader.findings.error(place, found, names.join(", "), help);
+    }
+    kind
+}
+
+/// Checks an origin, of a joint or of an inertial.
+pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
+    reader.children(node, &ORIGIN);
+    reader.numbers::<3>(node, "xyz");
+    reader.numbers::<3>(node, "rpy");
+    let Some(quaternion) = reader.numbers::<4>(node, "quat_xyzw") else { return };
+    let place = reader.place(node);
+    if !reader.version.has_quaternions() {
+        let help = "write version=\"1.1\" on `robot` or use `rpy`";
+        return reader.findings.error(place, "`quat_xyzw` in a file of version 1.0", "`rpy`", help);
+    }
+    if node.has_attribute("rpy") {
+        reader.findings.error(place, "`origin` has both `rpy` and `quat_xyzw`", "one of them", "remove the other");
+    }
+    let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (length - 1.0).abs() >= 1e-3 {
+        reader.findings.error(place, format!("the quaternion of `origin` has the length {length}"), "1", "normalise it");
+    }
+}
+
+fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, joint: &str) {
+    reader.children(node, &AXIS);
+    if node.attribute_node("xyz").is_none() {
+        reader.findings.error(reader.place(node), "`axis` has no `xyz`", "a direction as 0 0 1", "add it");
+    }
+    let moves = matches!(kind, Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic));
+    if let Some(axis) = reader.numbers::<3>(node, "xyz").filter(|_| moves) {
+        let length = axis.iter().fold(0.0_f64, |length, x| length.max(x.abs()));
+        // far from unit length its square would leave the range of numbers
+        if !(1e-6..=1e6).contains(&length) {
+            let found = if length == 0.0 {
+                format!("the axis of joint {} is zero", quoted(joint))
+            } else {
+                format!("the axis of joint {} has a length near {length:e}", quoted(joint))
+            };
+            reader.findings.error(reader.place(node), found, "a direction as 0 0 1", "correct it");
+        }
+    }
+}
+
+fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>) {
+    reader.children(node, &LIMIT);
+    let place = reader.place(node);
+    let [lower, upper] = ["lower", "upper"].map(|name| reader.numbers::<1>(node, name).map(|[number]| number));
+    for name in ["effort", "velocity", "acceleration", "deceleration", "jerk"] {
+        let needed = matches!(name, "effort" | "velocity") && !reader.version.has_optional_limits();
+        let value = if needed { reader.required_number(node, name) } else { reader.numbers::<1>(node, name).map(|[number]| number) };
+        if value.is_some_and(|value| value < 0.0) {
+            reader.findings.error(place, format!("the limit `{name}` is negative"), "zero or more", "correct the value");
+        }
+    }
+    let has_range = matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic));
+    if has_range && !reader.version.has_optional_limits() && !node.has_attribute("lower") && !node.has_attribute("upper") {
+        reader.findings.error(place, "`limit` has neither `lower` nor `upper`", "the range of the joint", "add them");
+    }
+    let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));
+    if has_range && lower > upper {
+        reader.findings.error(place, format!("the lower limit {lower} is above the upper limit {upper}"), "lower ≤ upper", "swap them");
+    }
+}
+
+fn mimic<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Master> {
+    reader.children(node, &MIMIC);
+    master(reader, node)
+}
+
+/// Reads `joint`, `multiplier` and `offset`, of a mimic or of a transmission.
+pub(super) fn master<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Master> {
+    let joint = reader.required(node, "joint");
+    let [multiplier, offset] = [("multiplier", 1.0), ("offset", 0.0)].map(|(name, default)| match node.attribute_node(name) {
+        Some(_) => reader.numbers::<1>(node, name).map(|[number]| number),
+        None => Some(default),
+    });
+    let (joint, place) = joint?;
+    Some(Master { joint, place, multiplier: multiplier?, offset: offset? })
+}

@@ -1,0 +1,120 @@
+//! Links: their names, masses and inertias.
+
+use roxmltree::Node;
+
+use super::xml::{Reader, Shape};
+use crate::inertia::{self, InertiaFault};
+use crate::report::{Place, quoted};
+
+const LINK: Shape = Shape {
+    attributes: &["name", "type"],
+    once: &["inertial"],
+    many: &[],
+    ignored: &["visual", "collision", "contact", "self_collision_checking", "self_collide", "gravity", "sensor", "material", "verbose"],
+};
+const INERTIAL: Shape = Shape { attributes: &[], once: &["origin", "mass", "inertia"], many: &[], ignored: &[] };
+const MASS: Shape = Shape { attributes: &["value"], once: &[], many: &[], ignored: &[] };
+const INERTIA: Shape = Shape { attributes: &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], once: &[], many: &[], ignored: &[] };
+
+/// A link as it stands in the file.
+pub(crate) struct LinkEntry {
+    /// Empty when it is missing, which has been told.
+    pub(crate) name: String,
+    pub(crate) place: Place,
+    pub(crate) inertial: Weight,
+}
+
+/// What a link says about its mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Weight {
+    /// No inertial.
+    Absent,
+    /// Something of it is malformed, which has been told.
+    Malformed,
+    /// Both can be read.
+    Given { place: Place, mass: f64, inertia: [f64; 6] },
+}
+
+pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
+    let name = reader.required(node, "name");
+    let mut inertial = Weight::Absent;
+    for child in reader.children(node, &LINK) {
+        inertial = weight(reader, child);
+    }
+    LinkEntry { name: name.map(|(name, _)| name).unwrap_or_default(), place: reader.place(node), inertial }
+}
+
+fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
+    let place = reader.place(node);
+    let children = reader.children(node, &INERTIAL);
+    let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
+    if let Some(origin) = find("origin") {
+        super::joint::origin(reader, origin);
+    }
+    let mass = find("mass").map(|mass| {
+        reader.children(mass, &MASS);
+        reader.required_number(mass, "value")
+    });
+    let inertia = find("inertia").map(|inertia| {
+        reader.children(inertia, &INERTIA);
+        let [ixx, ixy, ixz, iyy, iyz, izz] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"].map(|name| reader.required_number(inertia, name));
+        Some([ixx?, ixy?, ixz?, iyy?, iyz?, izz?])
+    });
+    for (name, absent) in [("mass", mass.is_none()), ("inertia", inertia.is_none())] {
+        if absent {
+            reader.findings.error(place, format!("`inertial` has no `{name}`"), format!("<{name} …/>"), "add it or remove the inertial");
+        }
+    }
+    match (mass.flatten(), inertia.flatten()) {
+        (Some(mass), Some(inertia)) => Weight::Given { place, mass, inertia },
+        _ => Weight::Malformed,
+    }
+}
+
+/// Tells what cannot be the mass and inertia of a body; the root needs none.
+pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool) {
+    let name = quoted(&link.name);
+    let findings = &mut *reader.findings;
+    match link.inertial {
+        Weight::Malformed => {}
+        Weight::Absent if is_root => {}
+        Weight::Absent => {
+            findings.warning(
+                link.place,
+                format!("link {name} has no inertial: a massless body"),
+                "mass and inertia",
+                "add them if it has any",
+            );
+        }
+        Weight::Given { place, mass, inertia } => {
+            let no_inertia = inertia == [0.0; 6];
+            if mass < 0.0 {
+                findings.inertia(place, format!("the mass of link {name} is {mass}"), "zero or more", "correct the value");
+            } else if mass == 0.0 && !no_inertia {
+                let found = format!("link {name} has inertia but no mass");
+                findings.inertia(place, found, "a mass, or zero inertia too", "correct one of them");
+            } else if mass == 0.0 && !is_root {
+                findings.warning(
+                    place,
+                    format!("link {name} has zero mass: a massless body"),
+                    "mass and inertia",
+                    "add them if it has any",
+                );
+            } else if no_inertia && !is_root {
+                findings.warning(place, format!("link {name} has zero inertia: a point mass"), "an inertia", "add it if it is known");
+            }
+            match inertia::check(&inertia) {
+                Ok(()) => {}
+                Err(InertiaFault::Negative { least }) => {
+                    let found = format!("the inertia of link {name} has the negative principal moment {least:.6e}");
+                    findings.inertia(place, found, "moments of zero or more", "correct the inertia about the centre of mass");
+                }
+                Err(InertiaFault::Triangle { moments: [a, b, c] }) => {
+                    let found =
+                        format!("the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, break the triangle inequality");
+                    findings.inertia(place, found, "none above the sum of the others", "correct the inertia about the centre of mass");
+                }
+            }
+        }
+    }
+}

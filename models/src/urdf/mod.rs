@@ -1,0 +1,215 @@
+//! URDF: a strict walk over the text with positions, and the numbers by urdf-rs.
+
+mod guard;
+mod joint;
+mod link;
+mod topology;
+mod transmission;
+mod values;
+mod xml;
+
+use std::collections::{HashMap, HashSet};
+
+use sarrus_dynamics::description::JointKind;
+
+pub(crate) use joint::JointEntry;
+pub(crate) use link::{LinkEntry, Weight};
+pub(crate) use values::{Values, values};
+
+use crate::report::{Findings, Place, quoted};
+use crate::text::Text;
+use transmission::Dependence;
+use xml::{Reader, Shape};
+
+const ROBOT: Shape = Shape {
+    attributes: &["name", "version"],
+    once: &[],
+    many: &["link", "joint", "transmission"],
+    ignored: &["material", "gazebo", "ros2_control", "sensor", "loop_joint", "group", "self_collision_checking"],
+};
+
+/// A URDF file as it stands, with places; the numbers follow in [`Values`].
+pub(crate) struct Urdf {
+    pub(crate) name: String,
+    pub(crate) place: Place,
+    pub(crate) links: Vec<LinkEntry>,
+    pub(crate) joints: Vec<JointEntry>,
+    pub(crate) link_index: HashMap<String, usize>,
+    pub(crate) joint_index: HashMap<String, usize>,
+    /// Byte ranges that no part of sarrus reads.
+    unread: Vec<core::ops::Range<usize>>,
+}
+
+/// The version that the robot element states; before 1.1 there are no quaternions, before 1.2 limits are not optional.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Version(u32, u32);
+
+impl Version {
+    fn parse(written: Option<&str>) -> Option<Version> {
+        let Some(written) = written else { return Some(Version(1, 0)) };
+        let (major, minor) = written.trim().split_once('.')?;
+        Some(Version(major.parse().ok()?, minor.parse().ok()?))
+    }
+
+    fn has_quaternions(self) -> bool {
+        self >= Version(1, 1)
+    }
+
+    fn has_optional_limits(self) -> bool {
+        self >= Version(1, 2)
+    }
+}
+
+impl Urdf {
+    /// Walks the text; `None` when it is no URDF file at all, which has been told.
+    pub(crate) fn read(text: &Text, findings: &mut Findings) -> Option<Urdf> {
+        let document = xml::parse(text, findings)?;
+        let mut reader = Reader { text, findings, version: Version(1, 0), unread: Vec::new() };
+        let root = document.root_element();
+        let place = reader.place(root);
+        if !root.has_tag_name("robot") {
+            let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
+            reader.findings.error(place, found, "`robot`", "give a URDF file (expand xacro files, convert SDF or MJCF first)");
+            return None;
+        }
+        let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();
+        reader.version = Version::parse(root.attribute("version")).filter(|version| version.0 == 1).unwrap_or_else(|| {
+            let found = format!("the version {} of `robot`", quoted(root.attribute("version").unwrap_or_default()));
+            reader.findings.error(place, found, "1.0, 1.1 or 1.2", "correct it");
+            Version(1, 0)
+        });
+        let mut urdf = Urdf {
+            name,
+            place,
+            links: Vec::new(),
+            joints: Vec::new(),
+            link_index: HashMap::new(),
+            joint_index: HashMap::new(),
+            unread: Vec::new(),
+        };
+        let mut dependences: Vec<Dependence> = Vec::new();
+        for node in reader.children(root, &ROBOT) {
+            match node.tag_name().name() {
+                "link" => urdf.links.push(link::read(&mut reader, node)),
+                "joint" => urdf.joints.push(joint::read(&mut reader, node)),
+                _ => {
+                    dependences.extend(transmission::read(&mut reader, node));
+                    reader.unread.push(node.range());
+                }
+            }
+        }
+        urdf.index_names(reader.findings);
+        urdf.couple(dependences, reader.findings);
+        let roots = topology::check(&urdf, reader.findings);
+        for (i, link) in urdf.links.iter().enumerate() {
+            link::check(&mut reader, link, roots.contains(&i));
+        }
+        urdf.unread = reader.unread;
+        Some(urdf)
+    }
+
+    /// Takes over the couplings of another URDF, that of a submechanism alone, for those of `joints` that have none yet.
+    pub(crate) fn couple_from(&mut self, text: &Text, joints: &HashSet<&str>, findings: &mut Findings) {
+        let Some(document) = xml::parse(text, findings) else { return };
+        let mut reader = Reader { text, findings, version: Version(1, 2), unread: Vec::new() };
+        let mut dependences: Vec<Dependence> = Vec::new();
+        for node in document.root_element().children() {
+            if node.has_tag_name("transmission") {
+                dependences.extend(transmission::read(&mut reader, node));
+            } else if node.has_tag_name("joint") {
+                dependences.extend(transmission::of_mimic(&mut reader, node));
+            }
+        }
+        let missing = |dependence: &Dependence| {
+            joints.contains(dependence.joint.as_str()) && self.joint(&dependence.joint).is_some_and(|joint| joint.masters.is_empty())
+        };
+        dependences.retain(missing);
+        self.couple(dependences, findings);
+    }
+
+    /// Whether this joint moves; a joint of unknown type may.
+    pub(crate) fn moves(&self, joint: usize) -> bool {
+        self.joints.get(joint).is_some_and(|joint| joint.kind != Some(JointKind::Fixed))
+    }
+
+    /// The joint of a name.
+    pub(crate) fn joint(&self, name: &str) -> Option<&JointEntry> {
+        self.joint_index.get(name).and_then(|joint| self.joints.get(*joint))
+    }
+
+    /// Names of the links in the order of the file.
+    pub(crate) fn link_names(&self) -> impl Iterator<Item = &str> {
+        self.links.iter().map(|link| link.name.as_str())
+    }
+
+    /// Names of the joints in the order of the file.
+    pub(crate) fn joint_names(&self) -> impl Iterator<Item = &str> {
+        self.joints.iter().map(|joint| joint.name.as_str())
+    }
+
+    fn index_names(&mut self, findings: &mut Findings) {
+        for (i, link) in self.links.iter().enumerate().filter(|(_, link)| !link.name.is_empty()) {
+            if self.link_index.contains_key(&link.name) {
+                findings.error(
+                    link.place,
+                    format!("a second link is named {}", quoted(&link.name)),
+                    "a name of its own",
+                    "rename one of them",
+                );
+            } else {
+                self.link_index.insert(link.name.clone(), i);
+            }
+        }
+        for (i, joint) in self.joints.iter().enumerate().filter(|(_, joint)| !joint.name.is_empty()) {
+            if self.joint_index.contains_key(&joint.name) {
+                let found = format!("a second joint is named {}", quoted(&joint.name));
+                findings.error(joint.place, found, "a name of its own", "rename one of them");
+            } else {
+                self.joint_index.insert(joint.name.clone(), i);
+            }
+        }
+    }
+
+    /// Hands the dependences of transmissions to their joints.
+    fn couple(&mut self, dependences: Vec<Dependence>, findings: &mut Findings) {
+        for dependence in dependences {
+            let joint = self.joint_index.get(&dependence.joint).copied();
+            match joint.and_then(|joint| self.joints.get_mut(joint)) {
+                None => {
+                    let found = format!("the transmission names the joint {}, which does not exist", quoted(&dependence.joint));
+                    let help = findings.did_you_mean(&dependence.joint, self.joint_names(), "correct the name");
+                    findings.error(dependence.place, found, "a joint of this file", help);
+                }
+                Some(joint) if !joint.masters.is_empty() => {
+                    let found = format!("the joint {} is coupled a second time", quoted(&joint.name));
+                    findings.error(dependence.place, found, "one mimic or one transmission", "remove one of them");
+                }
+                Some(joint) => joint.masters = dependence.masters,
+            }
+        }
+    }
+
+    /// Checks every coupling.
+    pub(crate) fn check_couplings(&self, findings: &mut Findings) {
+        for joint in &self.joints {
+            for master in &joint.masters {
+                let who = format!("the joint {} follows {}", quoted(&joint.name), quoted(&master.joint));
+                let known = self.joint_index.get(&master.joint);
+                let (found, help) = match known {
+                    None => {
+                        let help = findings.did_you_mean(&master.joint, self.joint_names(), "correct the name");
+                        (format!("{who}, which does not exist"), help)
+                    }
+                    Some(_) if master.joint == joint.name => (format!("{who}, which is itself"), "name another joint".to_owned()),
+                    Some(i) if !self.moves(*i) => (format!("{who}, which is fixed"), "name a joint that moves".to_owned()),
+                    Some(_) => continue,
+                };
+                findings.error(master.place, found, "another moving joint of this robot", help);
+            }
+            if !joint.masters.is_empty() && matches!(joint.kind, Some(JointKind::Fixed | JointKind::Floating)) {
+                let found = format!("the joint {} is coupled", quoted(&joint.name));
+                findings.error(joint.place, found, "a coupling of joints with one axis", "remove the mimic or change the type");
+            }
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! The numbers of a URDF file whose walk found no error, by urdf-rs.
+
+use sarrus_dynamics::description::{Inertial, JointKind, Limits, Placement};
+
+use super::{Urdf, Weight};
+use crate::report::Findings;
+use crate::text::Text;
+
+/// Numbers of links and joints in the order of the file.
+pub(crate) struct Values {
+    pub(crate) inertials: Vec<Option<Inertial>>,
+    pub(crate) joints: Vec<JointValues>,
+}
+
+/// Numbers of one joint.
+pub(crate) struct JointValues {
+    pub(crate) origin: Placement,
+    pub(crate) axis: [f64; 3],
+    pub(crate) limits: Option<Limits>,
+}
+
+/// Reads the numbers; `None` after an error.
+pub(crate) fn values(text: &Text, urdf: &Urdf, findings: &mut Findings) -> Option<Values> {
+    let robot = match urdf_rs::read_from_string(&without_unread(text, urdf)) {
+        Ok(robot) => robot,
+        Err(error) => {
+            findings.error(urdf.place, format!("urdf-rs cannot read the file: {error}"), "a URDF file", "mend what it names");
+            return None;
+        }
+    };
+    let same_names = robot.links.iter().map(|link| &link.name).eq(urdf.links.iter().map(|link| &link.name))
+        && robot.joints.iter().map(|joint| &joint.name).eq(urdf.joints.iter().map(|joint| &joint.name));
+    if !same_names {
+        findings.error(urdf.place, "two readers of this file see different names", "plain names", "use letters, digits, _ and / in names");
+        return None;
+    }
+    let inertials = robot.links.iter().zip(&urdf.links).map(|(link, entry)| inertial(&link.inertial, entry.inertial)).collect();
+    let joints = robot.joints.iter().zip(&urdf.joints).map(|(joint, entry)| {
+        let limits =
+            Limits { lower: joint.limit.lower, upper: joint.limit.upper, velocity: joint.limit.velocity, effort: joint.limit.effort };
+        JointValues {
+            origin: placement(&joint.origin),
+            axis: *joint.axis.xyz,
+            limits: match entry.kind {
+                Some(JointKind::Revolute | JointKind::Prismatic) => Some(limits),
+                Some(JointKind::Continuous) => Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits }),
+                _ => None,
+            }
+            .filter(|_| entry.has_limits),
+        }
+    });
+    Some(Values { inertials, joints: joints.collect() })
+}
+
+fn inertial(value: &urdf_rs::Inertial, entry: Weight) -> Option<Inertial> {
+    let i = &value.inertia;
+    let inertial =
+        Inertial { origin: placement(&value.origin), mass: value.mass.value, inertia: [i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz] };
+    matches!(entry, Weight::Given { .. }).then_some(inertial)
+}
+
+fn placement(pose: &urdf_rs::Pose) -> Placement {
+    Placement { xyz: *pose.xyz, rpy: *pose.rpy }
+}
+
+/// The text with everything blank that is not ours to read: a fault in a mesh or a plug-in is no fault of the robot.
+fn without_unread(text: &Text, urdf: &Urdf) -> String {
+    let mut ranges = urdf.unread.clone();
+    ranges.sort_by_key(|range| range.start);
+    let mut kept = String::with_capacity(text.content.len());
+    let mut at = 0;
+    for range in ranges {
+        kept.push_str(text.content.get(at..range.start).unwrap_or_default());
+        at = at.max(range.end);
+    }
+    kept.push_str(text.content.get(at..).unwrap_or_default());
+    kept
+}

@@ -1,0 +1,153 @@
+//! Elements and attributes with their places, read strictly.
+
+use roxmltree::{Attribute, Document, Node, ParsingOptions};
+
+use super::{Version, guard};
+use crate::number;
+use crate::report::{Findings, Place, quoted};
+use crate::text::Text;
+
+/// Most nodes of a document.
+const MOST_NODES: u32 = 4_000_000;
+
+/// What an element may hold.
+pub(super) struct Shape {
+    /// Attributes.
+    pub(super) attributes: &'static [&'static str],
+    /// Elements that are read, once each.
+    pub(super) once: &'static [&'static str],
+    /// Elements that are read, any number of times.
+    pub(super) many: &'static [&'static str],
+    /// Elements that other programs read; `*` for any.
+    pub(super) ignored: &'static [&'static str],
+}
+
+/// Parses the text as XML; `None` after an error.
+pub(super) fn parse<'t>(text: &'t Text, findings: &mut Findings) -> Option<Document<'t>> {
+    if !guard::is_harmless(text, findings) {
+        return None;
+    }
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    match Document::parse_with_options(&text.content, options) {
+        Ok(document) => Some(document),
+        Err(error) => {
+            let place = place_of(&error, text);
+            let full = error.to_string();
+            // the parser repeats the place at the end of its message
+            let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
+            findings.error(place, format!("this is not XML: {what}"), "a well-formed URDF file", "mend the file at this place");
+            None
+        }
+    }
+}
+
+fn place_of(error: &roxmltree::Error, text: &Text) -> Place {
+    match error {
+        roxmltree::Error::UnclosedRootNode | roxmltree::Error::UnexpectedEndOfStream => text.place(text.content.len()),
+        _ => {
+            let at = error.pos();
+            Place { file: text.file, line: at.row, column: at.col }
+        }
+    }
+}
+
+/// Reads elements of one text and collects what is wrong with them.
+pub(super) struct Reader<'t, 'f> {
+    pub(super) text: &'t Text,
+    pub(super) findings: &'f mut Findings,
+    /// The version that the file states.
+    pub(super) version: Version,
+    /// Byte ranges of everything that is not read.
+    pub(super) unread: Vec<core::ops::Range<usize>>,
+}
+
+impl<'t> Reader<'t, '_> {
+    pub(super) fn place(&self, node: Node<'_, 't>) -> Place {
+        self.text.place(node.range().start)
+    }
+
+    pub(super) fn place_of_value(&self, attribute: &Attribute<'_, 't>) -> Place {
+        self.text.place(attribute.range_value().start)
+    }
+
+    /// The elements of `node` that are read. Warns about unknown elements and attributes, and refuses repeated ones.
+    pub(super) fn children<'a>(&mut self, node: Node<'a, 't>, shape: &Shape) -> Vec<Node<'a, 't>> {
+        let of = node.tag_name().name().to_owned();
+        for attribute in node.attributes() {
+            if attribute.namespace().is_none() && !shape.attributes.contains(&attribute.name()) {
+                let found = format!("the attribute {} of `{of}` is not known and not read", quoted(attribute.name()));
+                let expected = shape.attributes.join(", ");
+                let help = self.findings.did_you_mean(attribute.name(), shape.attributes.iter().copied(), "remove it if it is a slip");
+                self.findings.warning(self.text.place(attribute.range().start), found, expected, help);
+            }
+        }
+        let mut seen: Vec<&str> = Vec::new();
+        let mut children = Vec::new();
+        for child in node.children().filter(Node::is_element) {
+            let name = child.tag_name().name();
+            let is_ours = child.tag_name().namespace().is_none();
+            if is_ours && shape.many.contains(&name) {
+                children.push(child);
+                continue;
+            }
+            if is_ours && shape.once.contains(&name) {
+                if seen.contains(&name) {
+                    let found = format!("`{of}` has a second `{name}`");
+                    self.findings.error(self.place(child), found, "one", "remove one of them");
+                }
+                seen.push(name);
+                children.push(child);
+                continue;
+            }
+            self.unread.push(child.range());
+            if !is_ours || !(shape.ignored.contains(&name) || shape.ignored == ["*"]) {
+                let known = shape.once.iter().chain(shape.many).copied();
+                let expected = known.clone().collect::<Vec<_>>().join(", ");
+                let help = self.findings.did_you_mean(name, known, "remove it if it is a slip");
+                let found = format!("the element {} in `{of}` is not known and not read", quoted(name));
+                self.findings.warning(self.place(child), found, expected, help);
+            }
+        }
+        children
+    }
+
+    /// An attribute that must be there and not be empty.
+    pub(super) fn required(&mut self, node: Node<'_, 't>, attribute: &'static str) -> Option<(String, Place)> {
+        let of = node.tag_name().name();
+        let Some(found) = node.attribute_node(attribute) else {
+            let example = format!("{attribute}=\"…\"");
+            self.findings.error(self.place(node), format!("`{of}` has no `{attribute}`"), example, "add it");
+            return None;
+        };
+        let place = self.place_of_value(&found);
+        if found.value().trim().is_empty() {
+            self.findings.error(place, format!("`{attribute}` of `{of}` is empty"), "a name", "fill it in");
+            return None;
+        }
+        Some((found.value().to_owned(), place))
+    }
+
+    /// `N` finite numbers; `None` when the attribute is absent or after an error.
+    pub(super) fn numbers<const N: usize>(&mut self, node: Node<'_, 't>, attribute: &str) -> Option<[f64; N]> {
+        let found = node.attribute_node(attribute)?;
+        let of = node.tag_name().name();
+        match number::numbers(found.value()) {
+            Ok(numbers) => Some(numbers),
+            Err(fault) => {
+                let what = format!("`{attribute}` of `{of}`: {fault}");
+                self.findings.error(self.place_of_value(&found), what, number::expected(N), "correct the value");
+                None
+            }
+        }
+    }
+
+    /// As [`Reader::numbers`] of one; its absence is an error too.
+    pub(super) fn required_number(&mut self, node: Node<'_, 't>, attribute: &'static str) -> Option<f64> {
+        if node.attribute_node(attribute).is_none() {
+            let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
+            self.findings.error(self.place(node), found, format!("{attribute}=\"a number\""), "add it");
+            return None;
+        }
+        self.numbers::<1>(node, attribute).map(|[number]| number)
+    }
+}

@@ -1,0 +1,159 @@
+//! Files that mean harm, and files that were damaged: told or read, never a panic, never a wait.
+
+use super::*;
+
+/// Pseudo-random numbers (SplitMix64) of a fixed seed.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % bound as u64) as usize
+    }
+}
+
+#[test]
+fn deep_nesting_is_refused_before_a_parser_sees_it() {
+    let urdf = format!("<robot name=\"r\">{}", "<link>".repeat(1_000_000));
+    let expected = "robot.urdf:1:395: elements are nested too deep, expected at most 64 levels, flatten the file\n";
+    assert_eq!(told_of(urdf.as_bytes(), None, false), expected);
+    for (yaml, expected) in [
+        (
+            "[".repeat(1_000_000),
+            "submechanisms.yml:1:256: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+        ),
+        (
+            "- ".repeat(1_000_000),
+            "submechanisms.yml:1:129: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+        ),
+        (
+            "{a: ".repeat(1_000_000),
+            "submechanisms.yml:1:1021: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+        ),
+        (
+            "? ".repeat(1_000_000),
+            "submechanisms.yml:1:129: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+        ),
+    ] {
+        assert_eq!(told_of(URDF.as_bytes(), Some(yaml.as_bytes()), false), expected);
+    }
+    let levels = format!("<robot name=\"r\"><link name=\"a\">{}{}</link></robot>", "<visual>".repeat(62), "</visual>".repeat(62));
+    assert_eq!(told_of(levels.as_bytes(), None, false), "");
+}
+
+#[test]
+fn a_bomb_of_entities_is_refused() {
+    let bomb =
+        "<?xml version=\"1.0\"?>\n<!DOCTYPE lolz [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;\">]>\n<robot name=\"&b;\"/>";
+    let expected = "robot.urdf:2:1: a document type declaration (DTD), expected a file without one, remove it; the five entities of XML itself need none\n";
+    assert_eq!(told_of(bomb.as_bytes(), None, false), expected);
+}
+
+#[test]
+fn a_bomb_of_aliases_is_refused() {
+    let bomb = "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n";
+    let told = told_of(URDF.as_bytes(), Some(bomb.as_bytes()), false);
+    assert_eq!(told.matches("an alias").count(), 4);
+    assert_eq!(told.matches("an anchor").count(), 2);
+}
+
+#[test]
+fn a_file_too_large_is_refused() {
+    let large = vec![b' '; (64 << 20) + 1];
+    let expected =
+        "robot.urdf:1:1: the file is larger than 64 MiB, expected a robot of ordinary size, leave out what a robot does not need\n";
+    assert_eq!(told_of(&large, None, false), expected);
+}
+
+#[test]
+fn names_of_a_megabyte_are_shortened_in_messages() {
+    let long = "x".repeat(1 << 20);
+    let urdf = URDF.replace("\"rod\"", &format!("\"{long}\""));
+    let told = told(&urdf, YAML);
+    assert_eq!(told.lines().count(), 1);
+    assert!(told.starts_with("submechanisms.yml:13:21: `successor_body` names the link `rod`, which does not exist"));
+    let fine = told_of(urdf.as_bytes(), Some(YAML.replace(": rod", &format!(": {long}")).as_bytes()), false);
+    assert_eq!(fine, "");
+    let told = super::told(URDF, &YAML.replace("elbow", &long));
+    assert!(told.len() < 2000, "{}", told.len());
+}
+
+#[test]
+fn control_characters_are_made_visible() {
+    let told = told(URDF, &with(YAML, "[slide]", "[\"sli\\0\\e[31mde\"]"));
+    let expected = "submechanisms.yml:9:23: `jointnames_active` names `sli\\u{0}\\u{1b}[31mde`, which is not in the spanning tree, \
+        expected names of jointnames_spanningtree, add it to jointnames_spanningtree or remove it\n";
+    assert_eq!(told, expected);
+    assert!(told_of(b"<robot name=\"a\0b\"/>", None, false).starts_with("robot.urdf:1:"));
+    assert!(told_of(URDF.as_bytes(), Some(b"submechanisms: \0"), false).starts_with("submechanisms.yml:1:"));
+}
+
+#[test]
+fn thousands_of_faults_are_listed_up_to_a_thousand() {
+    let urdf = format!("<robot name=\"r\">{}</robot>", "<link/>".repeat(50_000));
+    let told = told_of(urdf.as_bytes(), None, false);
+    let errors: Vec<&str> = told.lines().filter(|line| !line.contains("no inertial")).collect();
+    assert_eq!(errors.len(), 1001);
+    assert!(errors[1000].contains("further errors are not listed"), "{}", errors[1000]);
+}
+
+#[test]
+fn many_attributes_and_namespaces_are_refused() {
+    let attributes: String = (0..300).map(|i| format!(" a{i}=\"\"")).collect();
+    let told = told_of(format!("<robot{attributes}/>").as_bytes(), None, false);
+    let expected = "robot.urdf:1:1: the element `robot` has too many attributes or namespaces, expected at most 256, remove those that no reader knows\n";
+    assert_eq!(told, expected);
+    let many = "<a xmlns:b=\"c\"/>".repeat(2000);
+    assert!(told_of(format!("<robot name=\"r\">{many}</robot>").as_bytes(), None, false).contains("too many attributes or namespaces"));
+}
+
+#[test]
+fn a_long_list_costs_no_more_than_its_length() {
+    let axes: String = (0..20_000).map(|i| format!("    - {{name: a{i}, axis: [0, 0, 0, 0, 1, 0]}}\n")).collect();
+    let told = told(URDF, &with(YAML, "    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n", &axes));
+    assert_eq!(told, "");
+}
+
+#[test]
+fn a_file_cut_anywhere_is_told_or_read() {
+    for end in (0..URDF.len()).step_by(3) {
+        assert!(told_of(&URDF.as_bytes()[..end], Some(YAML.as_bytes()), false).contains("robot.urdf:") || end + 1 >= URDF.len());
+    }
+    for end in 0..YAML.len() {
+        told_of(URDF.as_bytes(), Some(&YAML.as_bytes()[..end]), false);
+    }
+}
+
+#[test]
+fn damaged_files_are_told_or_read() {
+    const SEED: u64 = 0x5a44;
+    println!("seed {SEED:#x}");
+    let mut random = Random(SEED);
+    let alphabet = b"<>/=\"'&;[]{}:,-#!*&|%@`?\n\r\t \0\xff\xc3\xa90123456789.eE+-axyz";
+    let mut robots: Vec<(&str, &str)> = vec![(URDF, YAML)];
+    robots.extend(["torso", "parallelogram"].into_iter().filter_map(sarrus_models::bundled_text));
+    for round in 0..1500 {
+        let (urdf, yaml) = robots[round % robots.len()];
+        let mut files = [urdf.as_bytes().to_vec(), yaml.as_bytes().to_vec()];
+        for _ in 0..1 + random.below(4) {
+            let file = &mut files[random.below(2)];
+            let at = random.below(file.len());
+            match random.below(4) {
+                0 => file[at] ^= 1 << random.below(8),
+                1 => file[at] = alphabet[random.below(alphabet.len())],
+                2 => file.insert(at, alphabet[random.below(alphabet.len())]),
+                _ => {
+                    let end = file.len().min(at + random.below(20));
+                    file.drain(at..end);
+                }
+            }
+            if file.is_empty() {
+                file.push(b'x');
+            }
+        }
+        told_of(&files[0], Some(&files[1]), random.below(2) == 0);
+    }
+}

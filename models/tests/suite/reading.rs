@@ -1,0 +1,241 @@
+//! Files as users have them read without an error.
+
+use std::path::{Path, PathBuf};
+
+use sarrus_dynamics::description::{Cut, JointKind, Placement, SubmechanismKind};
+use sarrus_models::{Finding, LoadError, Loaded, bundled, bundled_text};
+
+use super::*;
+
+fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
+    let source = Source::Text { urdf: urdf.into(), submechanisms: yaml.map(Into::into) };
+    load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn every_bundled_robot_reads_without_a_word() {
+    assert_eq!(bundled().count(), 9);
+    for (name, about) in bundled() {
+        let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(loaded.report.to_string(), "", "{name}");
+        assert!(!about.is_empty());
+    }
+}
+
+#[test]
+fn every_value_of_the_lambda_is_read() {
+    let read = good(URDF, Some(YAML)).description;
+    assert_eq!(read.name, "lambda");
+    assert_eq!(read.links.iter().map(|link| link.name.as_str()).collect::<Vec<_>>(), ["base", "rocker", "stator", "rod"]);
+    assert_eq!(read.links[0].inertial, None);
+    let rocker = read.links[1].inertial.unwrap();
+    assert_eq!(rocker.origin, Placement { xyz: [0.0, 0.2, 0.0], rpy: [0.0; 3] });
+    assert_eq!((rocker.mass, rocker.inertia), (1.5, [0.02, 0.0, 0.0, 0.001, 0.0, 0.02]));
+
+    let [elbow, swing, slide] = &read.joints[..] else { panic!() };
+    assert_eq!((elbow.kind, elbow.parent, elbow.child), (JointKind::Revolute, 0, 1));
+    assert_eq!((swing.kind, swing.parent, swing.child), (JointKind::Continuous, 0, 2));
+    assert_eq!((slide.kind, slide.parent, slide.child), (JointKind::Prismatic, 2, 3));
+    assert_eq!((elbow.axis, swing.axis), ([1.0, 0.0, 0.0], [2.0, 0.0, 0.0]));
+    assert_eq!(swing.origin, Placement { xyz: [0.0, 0.1, 0.0], rpy: [1.1, 0.0, 0.0] });
+    let limits = elbow.limits.unwrap();
+    assert_eq!([limits.lower, limits.upper, limits.effort, limits.velocity], [-1.5, 1.4, 100.0, 10.0]);
+    assert_eq!(swing.limits, None);
+
+    let [group] = &read.submechanisms[..] else { panic!() };
+    assert_eq!((group.name.as_str(), group.type_name.as_str()), ("elbow_joint", "NUMERICAL"));
+    assert_eq!((&group.spanning_tree[..], &group.independent[..], &group.active[..]), (&[0, 1, 2][..], &[0][..], &[2][..]));
+    let [cut] = &group.loops[..] else { panic!() };
+    assert_eq!((cut.name.as_str(), cut.predecessor, cut.successor, &cut.cut), ("slide", 1, 3, &Cut::AtJoint(2)));
+    assert_eq!(cut.rows[0].name, "y");
+    assert_eq!(cut.rows[1].axis, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(read.gravity, [0.0, 0.0, -9.81]);
+}
+
+#[test]
+fn line_ends_of_windows_and_a_byte_order_mark_change_nothing() {
+    let windows = |text: &str| format!("\u{feff}{}", text.replace('\n', "\r\n"));
+    let there = good(&windows(URDF), Some(&windows(YAML))).description;
+    assert_eq!(there, good(URDF, Some(YAML)).description);
+    let fault = windows(&with(YAML, "[slide]", "[slid]"));
+    assert!(told(&windows(URDF), &fault).starts_with("submechanisms.yml:9:23: `jointnames_active` names `slid`"));
+}
+
+#[test]
+fn names_may_hold_slashes_and_the_active_list_may_be_empty() {
+    let urdf = URDF.replace("\"slide\"", "\"Connector_Body/slide\"");
+    let yaml = YAML.replace("[slide]", "[]").replace("slide", "Connector_Body/slide");
+    let read = good(&urdf, Some(&yaml)).description;
+    assert_eq!(read.joints[2].name, "Connector_Body/slide");
+    assert!(read.submechanisms[0].active.is_empty());
+    assert_eq!(good(&urdf, Some(&yaml.replace("jointnames_active: []", "jointnames_active:"))).description, read);
+}
+
+#[test]
+fn both_spellings_of_the_lambda_are_one_kind() {
+    for written in ["RRPR", "rrPr", "'rrPr'"] {
+        let read = good(URDF, Some(&with(YAML, "NUMERICAL", written))).description;
+        assert_eq!(read.submechanisms[0].kind, SubmechanismKind::Rrpr);
+    }
+}
+
+#[test]
+fn numbers_are_read_as_people_write_them() {
+    let yaml = with(YAML, "[0, 0, 0, 0, 1, 0]", "[0., -0., .0, 0e0, 1.0e+00, 0]");
+    assert_eq!(good(URDF, Some(&yaml)).description.submechanisms[0].loops[0].rows[0].axis, [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    let urdf = with(URDF, "xyz=\"0 0.1 0\"", "xyz=\" 0. \n\t+1.E-1  -0\"");
+    assert_eq!(good(&urdf, Some(YAML)).description.joints[1].origin.xyz, [0.0, 0.1, 0.0]);
+}
+
+#[test]
+fn a_mimic_is_a_coupling_with_its_defaults() {
+    let urdf = with(URDF, "<axis xyz=\"2 0 0\"/>", "<axis xyz=\"2 0 0\"/><mimic joint=\"elbow\"/>");
+    let coupling = good(&urdf, Some(YAML)).description.joints[1].coupling.clone().unwrap();
+    assert_eq!((coupling.terms, coupling.offset), (vec![(0, 1.0)], 0.0));
+    let urdf = with(&urdf, "joint=\"elbow\"", "joint=\"elbow\" multiplier=\"-2\" offset=\"0.5\"");
+    let coupling = good(&urdf, Some(YAML)).description.joints[1].coupling.clone().unwrap();
+    assert_eq!((coupling.terms, coupling.offset), (vec![(0, -2.0)], 0.5));
+}
+
+#[test]
+fn a_transmission_is_a_coupling_of_several_joints() {
+    let transmission = r#"<transmission name="t"><type>Linear</type><joint name="slide">
+        <depends_on joint="elbow" multiplier="2" offset="0.25"/><depends_on joint="swing" multiplier="-1"/>
+        </joint></transmission><transmission name="ros"><joint name="elbow"><hardwareInterface/></joint><actuator name="a"/></transmission></robot>"#;
+    let yaml = "submechanisms:\n- type: TRANSMISSION\n  contextual_name: t\n  jointnames_spanningtree: [elbow, swing, slide]\n  \
+        jointnames_independent: [elbow, swing]\n  jointnames_active: [swing, slide]\n";
+    let read = good(&with(URDF, "</robot>", transmission), Some(yaml));
+    assert_eq!(read.report.to_string(), "");
+    let coupling = read.description.joints[2].coupling.clone().unwrap();
+    assert_eq!((coupling.terms, coupling.offset), (vec![(0, 2.0), (1, -1.0)], 0.25));
+    assert_eq!(read.description.submechanisms[0].kind, SubmechanismKind::Transmission);
+}
+
+#[test]
+fn placements_by_hand_replace_the_cut_joint() {
+    let placed = "cut_joint: pin\n    predecessor_placement: {xyz: [1, 2, 3]}\n    successor_placement: {rpy: [0.1, 0, 0]}";
+    let read = good(URDF, Some(&with(YAML, "cut_joint: slide", placed)));
+    assert_eq!(read.report.to_string(), "");
+    let predecessor = Placement { xyz: [1.0, 2.0, 3.0], rpy: [0.0; 3] };
+    let successor = Placement { xyz: [0.0; 3], rpy: [0.1, 0.0, 0.0] };
+    assert_eq!(read.description.submechanisms[0].loops[0].cut, Cut::Placed { predecessor, successor });
+}
+
+#[test]
+fn a_cut_joint_without_a_frame_takes_the_frame_of_the_predecessor() {
+    let read = good(URDF, Some(&with(YAML, "cut_joint: slide", "cut_joint: RodEnd")));
+    assert_eq!(read.description.submechanisms[0].loops[0].cut, Cut::AtLink(1));
+    assert_eq!(read.report.warnings.len(), 1);
+}
+
+#[test]
+fn without_submechanisms_every_joint_is_its_own_and_mimics_follow() {
+    let extra = r#"<link name="free"/><joint name="float" type="floating"><parent link="base"/><child link="free"/></joint></robot>"#;
+    let urdf = with(&with(URDF, "</robot>", extra), "<axis xyz=\"2 0 0\"/>", "<axis xyz=\"2 0 0\"/><mimic joint=\"elbow\"/>");
+    let read = good(&urdf, None).description;
+    let [group] = &read.submechanisms[..] else { panic!() };
+    assert_eq!((&group.spanning_tree[..], &group.independent[..], &group.active[..]), (&[0, 1, 2, 3][..], &[0, 2, 3][..], &[0, 2][..]));
+    let group = &good(URDF, None).description.submechanisms[0];
+    assert_eq!((group.kind, group.independent.len()), (SubmechanismKind::Serial, 3));
+}
+
+#[test]
+fn a_quaternion_is_read_from_version_one_point_one_on() {
+    let urdf = with(&with(URDF, "rpy=\"1.1 0 0\"", "quat_xyzw=\"1 0 0 0\""), "name=\"lambda\"", "name=\"lambda\" version=\"1.1\"");
+    let rpy = good(&urdf, Some(YAML)).description.joints[1].origin.rpy;
+    assert!((rpy[0].abs() - core::f64::consts::PI).abs() < 1e-15, "{rpy:?}");
+}
+
+#[test]
+fn what_other_programs_read_may_be_faulty() {
+    let urdf = with(
+        URDF,
+        "<link name=\"base\"/>",
+        "<link name=\"base\"><visual><origin xyz=\"0 x\"/><geometry/></visual></link><gazebo reference=\"base\"><link name=\"rod\"/></gazebo>",
+    );
+    let read = good(&urdf, Some(YAML));
+    assert_eq!(read.report.to_string(), "");
+    assert_eq!(read.description, good(URDF, Some(YAML)).description);
+}
+
+#[test]
+fn a_lenient_reader_warns_of_inertias_and_reads_on() {
+    let urdf = with(URDF, "izz=\"0.02\"", "izz=\"0.5\"");
+    let strict = told_of(urdf.as_bytes(), Some(YAML.as_bytes()), false);
+    let lenient =
+        load(&Source::Text { urdf: urdf.into(), submechanisms: Some(YAML.into()) }, &Options { lenient: true, ..Options::default() });
+    assert_eq!(lenient.unwrap().report.to_string(), strict);
+}
+
+#[test]
+fn a_finding_as_json_has_the_names_that_scripts_see() {
+    let Err(LoadError::Faults(report)) = load(
+        &Source::Text { urdf: with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"heavy\"/>").into(), submechanisms: None },
+        &Options::default(),
+    ) else {
+        panic!()
+    };
+    let expected = r#"{"file":"robot.urdf","line":6,"column":20,"found":"`value` of `mass`: `heavy` is not a number","expected":"one finite number","help":"correct the value"}"#;
+    assert_eq!(serde_json::to_string(&report.errors[0]).unwrap(), expected);
+}
+
+/// The reference files, if they are there.
+fn reference() -> Option<PathBuf> {
+    let found = std::env::var_os("SARRUS_REFERENCE").map(|reference| Path::new(&reference).join("robots/hyrodyn"));
+    if found.is_none() {
+        println!("not run: SARRUS_REFERENCE is not set");
+    }
+    found
+}
+
+fn files(folder: &Path, urdf: &str, yaml: &str, lenient: bool) -> Result<Loaded, LoadError> {
+    let submechanisms = (!yaml.is_empty()).then(|| folder.join(yaml));
+    load(&Source::Files { urdf: folder.join(urdf), submechanisms }, &Options { lenient, ..Options::default() })
+}
+
+#[test]
+fn the_files_of_hyrodyn_read_unchanged() {
+    let Some(folder) = reference() else { return };
+    let pairs = [
+        ("leg/derived/leg_hip_knee.urdf", "leg/derived/leg_hip_knee.yml"),
+        ("leg/derived/leg_hip_knee.urdf", "leg/derived/leg_hip_knee_numerical.yml"),
+        ("rh5v2/derived/Body.urdf", "rh5v2/submechanisms/body_submechanism.yml"),
+        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced.yml"),
+        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_numerical.yml"),
+        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_hybrid_elbows_numerical.yml"),
+        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_hybrid_torso_numerical.yml"),
+        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/submechanisms/submechanisms_reduced_numerical.yml"),
+        ("rh5v2/derived/RH5v2.urdf", "rh5v2/derived/submechanisms_full_hybrid.yml"),
+        ("rh5v2/derived/RH5v2.urdf", "rh5v2/derived/submechanisms_full_numerical.yml"),
+        ("rh5v2/derived/RH5v2.urdf", ""),
+        ("rh5v2/derived/Head.urdf", ""),
+        ("rh5v2/derived/ALElbow.urdf", ""),
+        ("rh5v2/derived/left_wrist_mechanism.urdf", ""),
+        ("leg/derived/LLHip3.urdf", ""),
+    ];
+    for (urdf, yaml) in pairs {
+        if let Err(error) = files(&folder, urdf, yaml, false) {
+            panic!("{urdf} {yaml}\n{error}");
+        }
+    }
+}
+
+#[test]
+fn a_smurf_file_names_the_files_that_are_read() {
+    let Some(folder) = reference() else { return };
+    let smurf = files(&folder, "leg/smurf/leg.smurf", "", true);
+    let direct = files(&folder, "leg/urdf/leg.urdf", "leg/urdf/submechanisms.yml", true);
+    assert_eq!(smurf.unwrap().description, direct.unwrap().description);
+    // without leniency the negative inertias of the two foot-side links stand in the URDF that the SMURF names
+    let Err(LoadError::Faults(report)) = files(&folder, "leg/smurf/leg.smurf", "", false) else { panic!() };
+    let ends: Vec<_> =
+        report.errors.iter().map(|Finding { file, line, .. }| (file.ends_with("leg/smurf/../urdf/leg.urdf"), *line)).collect();
+    assert_eq!(ends, [(true, 67), (true, 74)]);
+}
+
+#[test]
+fn the_text_of_a_bundled_robot_is_there_for_others() {
+    let (urdf, yaml) = bundled_text("torso").unwrap();
+    assert!(urdf.contains("<robot name=\"torso\">") && yaml.contains("2SPU+1U"));
+    assert!(bundled_text("nobody").is_none());
+}

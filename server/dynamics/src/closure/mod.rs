@@ -1,0 +1,250 @@
+//! Loop closures: from the independent coordinates of a cluster to all of its coordinates, their Jacobian G and bias g.
+//!
+//! Everything is relative to the cluster's parent body, so the cost grows with the cluster and not with the robot. To add a closed
+//! form: one file beside these with its geometry, read off the model at load (`build`) and its position, velocity and acceleration
+//! level; one variant of [`Closure`].
+
+mod block;
+mod careful;
+mod coupling;
+mod legs;
+mod numerical;
+mod rows;
+mod rrpr;
+
+use nalgebra::{Matrix3, Vector3};
+
+pub(crate) use block::{Block, BlockCut};
+pub(crate) use coupling::Coupling;
+pub(crate) use legs::{Leg, Legs};
+pub(crate) use numerical::Numerical;
+pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates};
+pub(crate) use rrpr::Rrpr;
+
+use crate::Status;
+use crate::model::{Body, Cluster};
+use crate::scalar::{Mask, Real, Scalar};
+use crate::spatial::Pose;
+
+/// How a cluster's loops are closed.
+#[derive(Clone, Debug)]
+pub(crate) enum Closure<C> {
+    /// One free joint.
+    Serial,
+    /// Linear couplings.
+    Coupling(Coupling<C>),
+    /// Lambda.
+    Rrpr(Rrpr<C>),
+    /// A chain of independent joints that carries a platform on UPS legs (2SPU+1U).
+    Legs(Legs<C>),
+    /// Newton's method on the rows.
+    Numerical(Numerical<C>),
+}
+
+/// A cut joint: two frames on two bodies of the cluster and the rows that tie them.
+#[derive(Clone, Debug)]
+pub(crate) struct Cut<C> {
+    /// Local bodies (0 is the cluster's parent body) and the cut frames on them.
+    pub(crate) predecessor: usize,
+    pub(crate) successor: usize,
+    pub(crate) x_p_cut: Pose<C>,
+    pub(crate) x_s_cut: Pose<C>,
+    /// Constrained directions {predecessor's cut frame}.
+    pub(crate) rows: Vec<CutRow<C>>,
+    /// Local joints between the two ends and the side on which they lie: true = successor's.
+    pub(crate) path: Vec<(usize, bool)>,
+    /// True when some row has an angular part.
+    pub(crate) angular: bool,
+}
+
+/// One row of a cut, or a linear coupling when `terms` is not empty.
+#[derive(Clone, Debug)]
+pub(crate) struct CutRow<C> {
+    pub(crate) angular: Vector3<C>,
+    pub(crate) linear: Vector3<C>,
+    /// φ = Σ coefficient · q + offset over local joints.
+    pub(crate) terms: Vec<(usize, C)>,
+    pub(crate) offset: C,
+}
+
+/// How far down a closure is to be evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Level {
+    Position,
+    Velocity,
+    Acceleration,
+}
+
+/// The numbers of one cluster, by local joint.
+pub(crate) struct Local<'a, T> {
+    /// The closed pose from which a numerical closure continues (n).
+    pub(crate) start: &'a [T],
+    /// Tree coordinates, independents set (n).
+    pub(crate) q: &'a mut [T],
+    /// Cosine and sine of each revolute coordinate (n).
+    pub(crate) turn: &'a mut [(T, T)],
+    /// Tree velocities, independents set (n).
+    pub(crate) qd: &'a mut [T],
+    /// Loop Jacobian (n × n_vy, row-major).
+    pub(crate) G: &'a mut [T],
+    /// Bias (n).
+    pub(crate) g: &'a mut [T],
+    /// Scratch, shared by all clusters.
+    pub(crate) scratch: &'a mut Scratch<T>,
+}
+
+/// Scratch for the largest cluster.
+#[derive(Clone, Debug)]
+pub(crate) struct Scratch<T> {
+    /// Pose of each local body in the cluster's parent body; entry 0 is that body (n + 1).
+    pub(crate) pose: Vec<Pose<T>>,
+    /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the origin (n + 1).
+    pub(crate) rate: Vec<Rate<T>>,
+    /// Constraint Jacobian (n_c × n).
+    pub(crate) K: Vec<T>,
+    /// Residuals and right-hand sides.
+    pub(crate) phi: Vec<T>,
+    /// Square and right-hand side matrices of the blocks, and their inverses one after the other.
+    pub(crate) A: Vec<T>,
+    pub(crate) B: Vec<T>,
+    pub(crate) inverse: Vec<T>,
+    /// The last closed pose on a path, and the goal (n each).
+    pub(crate) last: Vec<T>,
+    pub(crate) goal: Vec<T>,
+}
+
+/// Rates of a local body, cluster axes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rate<T> {
+    pub(crate) w: Vector3<T>,
+    pub(crate) v: Vector3<T>,
+    pub(crate) alpha: Vector3<T>,
+    pub(crate) a: Vector3<T>,
+}
+
+/// What came of closing a cluster.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outcome {
+    pub(crate) status: Status,
+    pub(crate) iterations: u32,
+}
+
+impl Outcome {
+    pub(crate) const FINE: Outcome = Outcome { status: Status::Ok, iterations: 0 };
+
+    pub(crate) const fn failed(status: Status, iterations: u32) -> Outcome {
+        Outcome { status, iterations }
+    }
+}
+
+/// Which lanes a closed form could not serve, and why.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Verdict<M> {
+    pub(crate) unreachable: M,
+    pub(crate) singular: M,
+}
+
+impl<M: Mask> Verdict<M> {
+    pub(crate) fn fine() -> Verdict<M> {
+        Verdict { unreachable: M::splat(false), singular: M::splat(false) }
+    }
+}
+
+impl From<Verdict<bool>> for Outcome {
+    fn from(verdict: Verdict<bool>) -> Outcome {
+        if verdict.unreachable {
+            Outcome::failed(Status::Unreachable, 0)
+        } else if verdict.singular {
+            Outcome::failed(Status::SingularClosure, 0)
+        } else {
+            Outcome::FINE
+        }
+    }
+}
+
+/// Closes one cluster down to the wanted level.
+///
+/// On entry `local.q` and `local.qd` hold y and ẏ at the independents. On return q, the turns, and by level G and q̇, g are those of the
+/// closed pose.
+pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, level: Level) -> Outcome {
+    match &cluster.closure {
+        // a free joint has nothing to close: q = y, G = 1, g = 0 are set where they are read
+        Closure::Serial => Outcome::FINE,
+        Closure::Coupling(coupling) => {
+            coupling.close(cluster, bodies, local, level);
+            Outcome::FINE
+        }
+        Closure::Rrpr(rrpr) => match &rrpr.polish {
+            None => rrpr.close(local, level).into(),
+            Some(numerical) => polished(rrpr.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
+        },
+        Closure::Legs(legs) => match &legs.polish {
+            None => legs.close(cluster, bodies, local, level).into(),
+            Some(numerical) => {
+                polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
+            }
+        },
+        Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
+    }
+}
+
+/// The closed form starts Newton's method on the true rows of a mechanism that is only nearly of its type.
+fn polished<T: Scalar>(
+    closed_form: Outcome,
+    numerical: &Numerical<T>,
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+    level: Level,
+) -> Outcome {
+    if closed_form.status != Status::Ok {
+        return closed_form;
+    }
+    let outcome = numerical.polish(cluster, bodies, local);
+    if outcome.status == Status::Ok { numerical.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
+}
+
+impl<C: nalgebra::Scalar + Copy> Closure<C> {
+    /// The same closure with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Closure<D> {
+        match self {
+            Closure::Serial => Closure::Serial,
+            Closure::Coupling(coupling) => Closure::Coupling(coupling.map(f)),
+            Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
+            Closure::Legs(legs) => Closure::Legs(legs.map(f)),
+            Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
+        }
+    }
+}
+
+impl<C: nalgebra::Scalar + Copy> Cut<C> {
+    /// The same cut with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Cut<D> {
+        let row = |row: &CutRow<C>| CutRow {
+            angular: row.angular.map(f),
+            linear: row.linear.map(f),
+            terms: row.terms.iter().map(|(j, c)| (*j, f(*c))).collect(),
+            offset: f(row.offset),
+        };
+        Cut {
+            predecessor: self.predecessor,
+            successor: self.successor,
+            x_p_cut: crate::model::map_pose(&self.x_p_cut, f),
+            x_s_cut: crate::model::map_pose(&self.x_s_cut, f),
+            rows: self.rows.iter().map(row).collect(),
+            path: self.path.clone(),
+            angular: self.angular,
+        }
+    }
+}
+
+/// Pose of a local body in its parent from the turn and the coordinate of its joint.
+#[inline(always)]
+pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: T, turn: (T, T)) -> Pose<T> {
+    let E: Matrix3<T> = crate::spatial::lift_mat(&body.E);
+    let r = crate::spatial::lift(&body.r);
+    match body.motion {
+        crate::model::Motion::Prismatic => Pose { p: crate::spatial::scale_add(&crate::spatial::column(&E, 2), q, &r), R: E },
+        _ => Pose { R: crate::spatial::turn_z(&E, turn.0, turn.1), p: r },
+    }
+}

@@ -1,0 +1,131 @@
+//! Any loop by Newton's method on its rows, block by block.
+//!
+//! At load the independent rows and the dependent joints of a cluster are sorted into block triangular form: a block is a smallest set
+//! of rows that determines as many joints once the blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block
+//! of up to three rows is inverted in closed form, a larger one by elimination in an order fixed at load. The inverse at the accepted
+//! pose gives G and g.
+
+use sarrus_proto::Status;
+
+use super::block::Block;
+use super::rows::{local_poses, local_rates, refresh};
+use super::{Level, Local, Outcome, careful, constraint_bias};
+use crate::model::{Body, Cluster};
+use crate::scalar::{Mask, Real, Scalar};
+
+/// Newton steps that one straight attempt may take.
+pub(super) const STEPS: u32 = 10;
+/// Largest first step that is trusted without following the path, in radians or cluster lengths.
+pub(super) const TRUST: f64 = 0.35;
+
+/// The blocks of a cluster in the order in which they are closed.
+#[derive(Clone, Debug)]
+pub(crate) struct Numerical<C> {
+    pub(crate) blocks: Vec<Block>,
+    /// The closed pose at y = 0 from which a request without a guess starts (n).
+    pub(crate) zero: Vec<C>,
+}
+
+impl<C: nalgebra::Scalar + Copy> Numerical<C> {
+    /// The same blocks with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Numerical<D> {
+        Numerical { blocks: self.blocks.clone(), zero: self.zero.iter().map(|x| f(*x)).collect() }
+    }
+
+    /// Closes every block from the guess in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes
+    /// converged without a doubtful step and without a change of sign of any block's determinant.
+    pub(super) fn newton<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+        trust: f64,
+        steps: u32,
+    ) -> (T::Mask, u32) {
+        local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
+        let mut good = T::Mask::splat(true);
+        let mut taken = 0;
+        for (b, block) in self.blocks.iter().enumerate() {
+            if b > 0 {
+                for &j in &block.stale {
+                    refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+                }
+            }
+            let (fine, count) = block.newton(cluster, bodies, local, trust, steps);
+            good = good & fine;
+            taken += count;
+        }
+        (good, taken)
+    }
+
+    /// Velocity and acceleration level at the closed pose: G and q̇, then g.
+    #[inline]
+    fn rates<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>, level: Level) -> T::Mask {
+        let m = cluster.n_vy;
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            for other in 0..m {
+                local.G[j * m + other] = T::ZERO;
+            }
+            local.G[j * m + k] = T::ONE;
+            local.g[j] = T::ZERO;
+        }
+        // G block by block: G_d = −K_d⁻¹ K_i
+        let mut good = T::Mask::splat(true);
+        for block in &self.blocks {
+            good = good & block.jacobian(m, &cluster.cuts, bodies, local);
+        }
+        for block in &self.blocks {
+            for &j in &block.unknowns {
+                let mut qd = T::ZERO;
+                for (k, &i) in cluster.independent.iter().enumerate() {
+                    qd = local.G[j * m + k].mul_add(local.qd[i], qd);
+                }
+                local.qd[j] = qd;
+            }
+        }
+        if level >= Level::Acceleration {
+            // g_d = K_d⁻¹ (k − K_before g_before)
+            let scratch = &mut *local.scratch;
+            local_rates(cluster, bodies, local.qd, &scratch.pose, &mut scratch.rate);
+            constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
+            for block in &self.blocks {
+                block.bias(&cluster.cuts, bodies, local);
+            }
+        }
+        good
+    }
+}
+
+impl<C: Scalar> Numerical<C> {
+    /// Position level from the closed pose `local.start`, then the levels below.
+    pub(crate) fn close(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>, level: Level) -> Outcome {
+        for &j in &cluster.dependent {
+            local.q[j] = local.start[j];
+        }
+        let (good, iterations) = self.newton(cluster, bodies, local, TRUST, STEPS);
+        let outcome =
+            if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
+        if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
+    }
+
+    /// A fixed number of Newton steps from a closed form's answer.
+    pub(crate) fn polish(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>) -> Outcome {
+        let (good, iterations) = self.newton(cluster, bodies, local, TRUST, STEPS);
+        Outcome { status: if good { Status::Ok } else { Status::NotConverged }, iterations }
+    }
+
+    /// The levels below the position, with the reason where a block cannot be inverted.
+    pub(crate) fn differentiate(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+        level: Level,
+        outcome: Outcome,
+    ) -> Outcome {
+        if level == Level::Position || self.rates(cluster, bodies, local, level) {
+            return outcome;
+        }
+        Outcome::failed(careful::singular_status(cluster, bodies, local), outcome.iterations)
+    }
+}

@@ -1,0 +1,268 @@
+//! The rows of the implicit closure φ(q) = 0, their Jacobian K and bias k = −K̇ q̇, relative to the cluster's parent body.
+//!
+//! ```text
+//!   x = R_Pᵀ (p_S − p_P)         θ = log(R_Pᵀ R_S)         φ = linear · x + angular · θ
+//! ```
+//! P and S are the cut frames on predecessor and successor (base document 2.79 with its errata).
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Cut, CutRow, Rate, joint_pose};
+use crate::model::{Body, Cluster, Motion};
+use crate::scalar::Real;
+use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
+
+/// Sines, cosines and pose of one local body from its coordinate.
+#[inline]
+pub(super) fn refresh<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    q: &[T],
+    turn: &mut [(T, T)],
+    pose: &mut [Pose<T>],
+) {
+    if bodies[j].motion == Motion::Revolute {
+        let (s, c) = q[j].sin_cos();
+        turn[j] = (c, s);
+    }
+    place(cluster, bodies, j, q, turn, pose);
+}
+
+/// Pose of one local body from its coordinate and turn.
+#[inline]
+pub(super) fn place<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    q: &[T],
+    turn: &[(T, T)],
+    pose: &mut [Pose<T>],
+) {
+    let in_parent = joint_pose(&bodies[j], q[j], turn[j]);
+    let parent = cluster.local_parent[j];
+    pose[j + 1] = if parent == 0 { in_parent } else { pose[parent].then(&in_parent) };
+}
+
+/// One cut at one pose: what all of its rows share.
+pub(super) struct CutState<T> {
+    /// Orientation of P, origin of S, p_S − p_P {cluster's parent body}.
+    R: Matrix3<T>,
+    point: Vector3<T>,
+    d: Vector3<T>,
+    /// θ and the matrix of θ̇ = A ω.
+    theta: Vector3<T>,
+    A: Matrix3<T>,
+}
+
+impl<T: Real> CutState<T> {
+    #[inline]
+    pub(super) fn new(cut: &Cut<T::Const>, pose: &[Pose<T>]) -> CutState<T> {
+        let P = pose[cut.predecessor].then(&lift_pose(&cut.x_p_cut));
+        let point = pose[cut.successor].point(&lift(&cut.x_s_cut.p));
+        let (theta, A) = if cut.angular {
+            let R_S = mul_mat(&pose[cut.successor].R, &lift_mat(&cut.x_s_cut.R));
+            let theta = log(&mul_mat(&P.R.transpose(), &R_S));
+            let (c, _) = log_factors(&theta);
+            (theta, rate_matrix(&theta, c))
+        } else {
+            (zero(), crate::spatial::identity())
+        };
+        CutState { R: P.R, point, d: point - P.p, theta, A }
+    }
+
+    /// φ of a row.
+    #[inline]
+    pub(super) fn value(&self, row: &CutRow<T::Const>, q: &[T]) -> T {
+        if !row.terms.is_empty() {
+            return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[*j], sum));
+        }
+        dot(&lift(&row.linear), &t_mul(&self.R, &self.d)) + dot(&lift(&row.angular), &self.theta)
+    }
+
+    /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the motion of S against P.
+    #[inline]
+    pub(super) fn directions(&self, cut: &Cut<T::Const>, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
+        let angular = if cut.angular { mul(&self.R, &t_mul(&self.A, &lift(&row.angular))) } else { zero() };
+        (mul(&self.R, &lift(&row.linear)), angular)
+    }
+
+    /// Twist of S (at its origin) against P for a unit rate of joint j: (ω, v).
+    #[inline]
+    pub(super) fn twist(&self, body: &Body<T::Const>, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
+        let z = column(&pose.R, 2);
+        let z = if on_successor { z } else { -z };
+        match body.motion {
+            Motion::Prismatic => (zero(), z),
+            _ => (z, cross(&z, &(self.point - pose.p))),
+        }
+    }
+
+    /// φ̈ of every row at q̈ = 0, from the rates of the two bodies.
+    fn acceleration(&self, cut: &Cut<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>]) -> (Vector3<T>, Vector3<T>) {
+        let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
+        let at =
+            |x: &Rate<T>, r: Vector3<T>| (cross_add(&x.w, &r, &x.v), cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)));
+        let (v_s, a_s) = at(s, self.point - pose[cut.successor].p);
+        let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
+        // v_p, a_p: of the predecessor's point that coincides with S
+        let relative = a_s - a_p - cross(&p.w, &(v_s - v_p)) * T::from_f64(2.0);
+        let x = t_mul(&self.R, &relative);
+        if !cut.angular {
+            return (x, zero());
+        }
+        // θ̈ = A ω̇ + Ȧ ω with ω = R_Pᵀ (ω_S − ω_P)
+        let w = t_mul(&self.R, &(s.w - p.w));
+        let w_dot = t_mul(&self.R, &(s.alpha - p.alpha - cross(&p.w, &s.w)));
+        let theta = &self.theta;
+        let theta_dot = mul(&self.A, &w);
+        let (c, dc) = log_factors(theta);
+        let c_dot = dc * T::from_f64(2.0) * dot(theta, &theta_dot);
+        let turn = cross(theta, &w);
+        let twice = cross(&theta_dot, &turn) + cross(theta, &cross(&theta_dot, &w));
+        let bias = cross(&theta_dot, &w) * T::from_f64(-0.5) + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
+        (x, mul(&self.A, &w_dot) + bias)
+    }
+}
+
+/// φ of every row of a cluster.
+pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], q: &[T], phi: &mut [T]) {
+    let mut r = 0;
+    for cut in &cluster.cuts {
+        let state = CutState::new(cut, pose);
+        for row in &cut.rows {
+            phi[r] = state.value(row, q);
+            r += 1;
+        }
+    }
+}
+
+/// K of a cluster (rows × n, row-major).
+pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], pose: &[Pose<T>], K: &mut [T]) {
+    let n = cluster.n;
+    let mut r = 0;
+    for cut in &cluster.cuts {
+        let state = CutState::new(cut, pose);
+        for row in &cut.rows {
+            let of_row = &mut K[r * n..(r + 1) * n];
+            of_row.fill(T::ZERO);
+            for (j, c) in &row.terms {
+                of_row[*j] = T::lift(*c);
+            }
+            if row.terms.is_empty() {
+                let (linear, angular) = state.directions(cut, row);
+                for &(j, on_successor) in &cut.path {
+                    let (w, v) = state.twist(&bodies[j], &pose[j + 1], on_successor);
+                    of_row[j] = dot(&linear, &v) + dot(&angular, &w);
+                }
+            }
+            r += 1;
+        }
+    }
+}
+
+/// k = −K̇ q̇ of a cluster, from the rates of its bodies at q̈ = 0.
+pub(crate) fn constraint_bias<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>], k: &mut [T]) {
+    let mut r = 0;
+    for cut in &cluster.cuts {
+        let state = CutState::new(cut, pose);
+        let (x, theta) = state.acceleration(cut, pose, rate);
+        for row in &cut.rows {
+            k[r] = -(dot(&lift(&row.linear), &x) + dot(&lift(&row.angular), &theta));
+            r += 1;
+        }
+    }
+}
+
+/// Rates of every local body at q̈ = 0.
+pub(crate) fn local_rates<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    qd: &[T],
+    pose: &[Pose<T>],
+    rate: &mut [Rate<T>],
+) {
+    rate[0] = Rate { w: zero(), v: zero(), alpha: zero(), a: zero() };
+    for j in 0..cluster.n {
+        let parent = cluster.local_parent[j];
+        let p = rate[parent];
+        let (r, z) = (pose[j + 1].p - pose[parent].p, column(&pose[j + 1].R, 2));
+        let mut x = Rate {
+            w: p.w,
+            v: cross_add(&p.w, &r, &p.v),
+            alpha: p.alpha,
+            a: cross_add(&p.w, &cross(&p.w, &r), &cross_add(&p.alpha, &r, &p.a)),
+        };
+        let wz = cross(&p.w, &z);
+        if bodies[j].motion == Motion::Revolute {
+            x.alpha = scale_add(&wz, qd[j], &p.alpha);
+            x.w = scale_add(&z, qd[j], &p.w);
+        } else {
+            x.a = scale_add(&wz, qd[j] + qd[j], &x.a);
+            x.v = scale_add(&z, qd[j], &x.v);
+        }
+        rate[j + 1] = x;
+    }
+}
+
+/// Poses of every local body from q; fills the turns of revolute joints.
+pub(crate) fn local_poses<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    q: &[T],
+    turn: &mut [(T, T)],
+    pose: &mut [Pose<T>],
+) {
+    pose[0] = Pose::identity();
+    for j in 0..cluster.n {
+        refresh(cluster, bodies, j, q, turn, pose);
+    }
+}
+
+#[inline]
+fn lift_pose<T: Real>(pose: &Pose<T::Const>) -> Pose<T> {
+    Pose { R: lift_mat(&pose.R), p: lift(&pose.p) }
+}
+
+/// Rotation vector of a rotation matrix, |θ| ≤ π.
+fn log<T: Real>(R: &Matrix3<T>) -> Vector3<T> {
+    let [x, y, z, w] = to_quaternion(R);
+    let v = Vector3::new(x, y, z);
+    let square = dot(&v, &v);
+    let small = square.lt(T::from_f64(T::EPSILON));
+    let norm = T::select(small, T::ONE, square).sqrt();
+    let two = T::from_f64(2.0);
+    let factor = T::select(small, two / w, two * norm.atan2(w) / norm);
+    v * factor
+}
+
+/// c(θ²) = (1 − (θ/2) cot(θ/2)) / θ² and its derivative by θ².
+fn log_factors<T: Real>(theta: &Vector3<T>) -> (T, T) {
+    let square = dot(theta, theta);
+    let small = square.lt(T::from_f64(T::EPSILON));
+    let s = T::select(small, T::ONE, square);
+    let half = T::from_f64(0.5);
+    let x = half * s.sqrt();
+    let (sine, cosine) = x.sin_cos();
+    let cot = cosine / sine;
+    let f = x * cot;
+    let c = (T::ONE - f) / s;
+    let df = (cot - x / (sine * sine)) / (T::from_f64(8.0) * x);
+    let dc = -(df + c) / s;
+    (T::select(small, T::ONE / T::from_f64(12.0), c), T::select(small, T::ONE / T::from_f64(720.0), dc))
+}
+
+/// A = 1 − ½ [θ]× + c [θ]×², the matrix of θ̇ = A ω.
+fn rate_matrix<T: Real>(theta: &Vector3<T>, c: T) -> Matrix3<T> {
+    let half = T::from_f64(0.5);
+    let unit = |i: usize| {
+        let e = Vector3::new(
+            if i == 0 { T::ONE } else { T::ZERO },
+            if i == 1 { T::ONE } else { T::ZERO },
+            if i == 2 { T::ONE } else { T::ZERO },
+        );
+        let turn = cross(theta, &e);
+        scale_add(&cross(theta, &turn), c, &scale_add(&turn, -half, &e))
+    };
+    Matrix3::from_columns(&[unit(0), unit(1), unit(2)])
+}

@@ -1,0 +1,114 @@
+//! The lambda mechanism RRPR: a rocker that is moved by a slider on a turning stator, closed in its plane.
+//!
+//! ```text
+//!   d(y) = R(y) d₃ − d₁        pin seen from the stator's pivot
+//!   d = R(θ) (ℓ t₀ + ε b₀)     slider length ℓ, eccentricity ε of the pin across the slider
+//! ```
+//! t₀ is the slider's direction at zero, b₀ is t₀ turned by a right angle. All in the plane perpendicular to the rocker's axis n.
+
+use super::{Level, Local, Numerical, Verdict};
+use crate::scalar::Real;
+
+/// Geometry of a lambda in its plane.
+#[derive(Clone, Debug)]
+pub(crate) struct Rrpr<C> {
+    /// Local joints: rocker (independent), stator, slider.
+    pub(crate) joints: [usize; 3],
+    /// Pin and stator pivot from the rocker's pivot, slider direction at zero {plane}.
+    pub(crate) d3: [C; 2],
+    pub(crate) d1: [C; 2],
+    pub(crate) t0: [C; 2],
+    /// |d|² at zero, signed slider length at zero, eccentricity and its square.
+    pub(crate) square0: C,
+    pub(crate) length0: C,
+    pub(crate) eccentricity: C,
+    /// +1 where the stator turns with the rocker's sense, −1 against it.
+    pub(crate) sense: C,
+    /// ±1, the sign of the slider's length.
+    pub(crate) side: C,
+    /// Newton's method on the true rows, where the geometry is only nearly planar.
+    pub(crate) polish: Option<Numerical<C>>,
+}
+
+impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
+    /// The position, velocity and acceleration level in closed form.
+    #[inline]
+    pub(crate) fn close<T: Real<Const = C>>(&self, local: &mut Local<'_, T>, level: Level) -> Verdict<T::Mask> {
+        let [j1, j2, j3] = self.joints;
+        let two = |v: &[C; 2]| [T::lift(v[0]), T::lift(v[1])];
+        let (d3, d1, t0, e) = (two(&self.d3), two(&self.d1), two(&self.t0), T::lift(self.eccentricity));
+        let length0 = T::lift(self.length0);
+
+        // the pin: arm = R(y) d3, d = arm − d1
+        let (s1, c1) = local.q[j1].sin_cos();
+        let arm = [c1.mul_add(d3[0], -(s1 * d3[1])), s1.mul_add(d3[0], c1 * d3[1])];
+        let d = [arm[0] - d1[0], arm[1] - d1[1]];
+        let square = d[0].mul_add(d[0], d[1] * d[1]);
+
+        // slider length; PRECISION: the change of |d|² is formed from the turn of the arm, q3 without cancellation
+        let reach = square - e * e;
+        let length = T::lift(self.side) * reach.sqrt();
+        let q3 = (square - T::lift(self.square0)) / (length + length0);
+
+        // stator angle from w = ℓ t0 + ε b0 to d
+        let w = [length.mul_add(t0[0], -(e * t0[1])), length.mul_add(t0[1], e * t0[0])];
+        let inverse_square = T::ONE / square;
+        let cosine = w[0].mul_add(d[0], w[1] * d[1]) * inverse_square;
+        let sine = w[0].mul_add(d[1], -(w[1] * d[0])) * inverse_square;
+        let sense = T::lift(self.sense);
+        local.turn[j1] = (c1, s1);
+        local.turn[j2] = (cosine, sense * sine);
+        local.q[j2] = (sense * sine).atan2(cosine);
+        local.q[j3] = q3;
+        let floor = T::from_f64(1e-24) * T::lift(self.square0);
+        let verdict = Verdict { unreachable: reach.lt(T::ZERO), singular: reach.lt(floor) };
+        if level == Level::Position {
+            return verdict;
+        }
+
+        // t, b: slider direction and its normal; p: velocity of the pin for ẏ = 1
+        let t = [cosine.mul_add(t0[0], -(sine * t0[1])), sine.mul_add(t0[0], cosine * t0[1])];
+        let b = [-t[1], t[0]];
+        let p = [-arm[1], arm[0]];
+        let inverse_length = T::ONE / length;
+        let turn_rate = b[0].mul_add(p[0], b[1] * p[1]) * inverse_length;
+        let slide_rate = t[0].mul_add(p[0], t[1].mul_add(p[1], e * turn_rate));
+        local.G[j1] = T::ONE;
+        local.G[j2] = sense * turn_rate;
+        local.G[j3] = slide_rate;
+        let yd = local.qd[j1];
+        let (w2, v3) = (turn_rate * yd, slide_rate * yd);
+        local.qd[j2] = sense * w2;
+        local.qd[j3] = v3;
+        local.g[j1] = T::ZERO;
+        if level == Level::Velocity {
+            return verdict;
+        }
+
+        // d̈ at ÿ = 0, less the centripetal and Coriolis part of the stator
+        let (yd2, w22) = (yd * yd, w2 * w2);
+        let coriolis = T::from_f64(2.0) * v3 * w2;
+        let bias = |k: usize| w22.mul_add(d[k], -(yd2.mul_add(arm[k], coriolis * b[k])));
+        let (x0, x1) = (bias(0), bias(1));
+        let turn_bias = b[0].mul_add(x0, b[1] * x1) * inverse_length;
+        local.g[j2] = sense * turn_bias;
+        local.g[j3] = t[0].mul_add(x0, t[1].mul_add(x1, e * turn_bias));
+        verdict
+    }
+
+    /// The same geometry with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Rrpr<D> {
+        Rrpr {
+            joints: self.joints,
+            d3: self.d3.map(f),
+            d1: self.d1.map(f),
+            t0: self.t0.map(f),
+            square0: f(self.square0),
+            length0: f(self.length0),
+            eccentricity: f(self.eccentricity),
+            sense: f(self.sense),
+            side: f(self.side),
+            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
+        }
+    }
+}

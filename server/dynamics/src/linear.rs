@@ -1,0 +1,237 @@
+//! Small dense linear algebra on caller-owned slices: row-major, no allocation, generic over the scalar.
+
+use crate::scalar::{Mask, Real, Scalar};
+
+/// Solves A X = B in place by elimination without exchanges; A is m×m, B m×n, both row-major. B becomes X.
+///
+/// The rows must come in an order that was found good at load. Returns the mask of lanes whose every pivot stayed above
+/// `floor` times the largest entry of its row and the determinant of A.
+#[inline]
+pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, floor: f64) -> (T::Mask, T) {
+    let mut good = T::Mask::splat(true);
+    let mut det = T::ONE;
+    for k in 0..m {
+        // pivot against the largest entry of its row
+        let pivot = A[k * m + k];
+        let mut largest = T::ZERO;
+        for j in k..m {
+            let x = A[k * m + j].abs();
+            largest = T::select(largest.lt(x), x, largest);
+        }
+        good = good & (largest * T::from_f64(floor)).lt(pivot.abs());
+        det *= pivot;
+        let inverse = T::ONE / pivot;
+        for i in k + 1..m {
+            let l = -(A[i * m + k] * inverse);
+            for j in k + 1..m {
+                A[i * m + j] = l.mul_add(A[k * m + j], A[i * m + j]);
+            }
+            for j in 0..n {
+                B[i * n + j] = l.mul_add(B[k * n + j], B[i * n + j]);
+            }
+        }
+        A[k * m + k] = inverse;
+    }
+    for k in (0..m).rev() {
+        for j in 0..n {
+            let mut x = B[k * n + j];
+            for i in k + 1..m {
+                x = (-A[k * m + i]).mul_add(B[i * n + j], x);
+            }
+            B[k * n + j] = x * A[k * m + k];
+        }
+    }
+    (good, det)
+}
+
+/// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the determinant, or `None` where a
+/// pivot is zero or not a number.
+pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
+    let mut det = T::ONE;
+    for k in 0..m {
+        let mut p = k;
+        for i in k + 1..m {
+            if A[i * m + k].abs() > A[p * m + k].abs() {
+                p = i;
+            }
+        }
+        if p != k {
+            for j in 0..m {
+                A.swap(k * m + j, p * m + j);
+            }
+            for j in 0..n {
+                B.swap(k * n + j, p * n + j);
+            }
+            det = -det;
+        }
+        let pivot = A[k * m + k];
+        if !T::ZERO.lt(pivot.abs()) {
+            return None;
+        }
+        det *= pivot;
+        let inverse = T::ONE / pivot;
+        for i in k + 1..m {
+            let l = -(A[i * m + k] * inverse);
+            for j in k + 1..m {
+                A[i * m + j] = l.mul_add(A[k * m + j], A[i * m + j]);
+            }
+            for j in 0..n {
+                B[i * n + j] = l.mul_add(B[k * n + j], B[i * n + j]);
+            }
+        }
+    }
+    for k in (0..m).rev() {
+        let inverse = T::ONE / A[k * m + k];
+        for j in 0..n {
+            let mut x = B[k * n + j];
+            for i in k + 1..m {
+                x = (-A[k * m + i]).mul_add(B[i * n + j], x);
+            }
+            B[k * n + j] = x * inverse;
+        }
+    }
+    Some(det)
+}
+
+/// Factorises a symmetric matrix whose row i is zero left of the diagonal except at the ancestors of i: H = Lᵀ D L in place,
+/// no fill-in (Featherstone, Rigid Body Dynamics Algorithms, Table 6.3). `parent[i]` is the nearest ancestor of i or `usize::MAX`.
+///
+/// H is n×n row-major, lower triangle used. On return the strict lower triangle holds L, the diagonal 1/D. The mask tells
+/// where every D is positive.
+#[inline]
+pub(crate) fn factorise_ltdl<T: Real>(H: &mut [T], parent: &[usize], n: usize) -> T::Mask {
+    let mut positive = T::Mask::splat(true);
+    for k in (0..n).rev() {
+        let d = H[k * n + k];
+        positive = positive & T::ZERO.lt(d);
+        let inverse = T::ONE / d;
+        let mut i = parent[k];
+        while i != usize::MAX {
+            let l = H[k * n + i] * inverse;
+            let mut j = i;
+            while j != usize::MAX {
+                H[i * n + j] = (-l).mul_add(H[k * n + j], H[i * n + j]);
+                j = parent[j];
+            }
+            H[k * n + i] = l;
+            i = parent[i];
+        }
+        H[k * n + k] = inverse;
+    }
+    positive
+}
+
+/// Solves Lᵀ D L x = b in place after [`factorise_ltdl`].
+#[inline]
+pub(crate) fn solve_ltdl<T: Real>(H: &[T], parent: &[usize], n: usize, x: &mut [T]) {
+    for i in (0..n).rev() {
+        let xi = x[i];
+        let mut j = parent[i];
+        while j != usize::MAX {
+            x[j] = (-H[i * n + j]).mul_add(xi, x[j]);
+            j = parent[j];
+        }
+    }
+    for i in 0..n {
+        let mut xi = x[i] * H[i * n + i];
+        let mut j = parent[i];
+        while j != usize::MAX {
+            xi = (-H[i * n + j]).mul_add(x[j], xi);
+            j = parent[j];
+        }
+        x[i] = xi;
+    }
+}
+
+/// Largest and least singular value of the m×n row-major matrix A by one-sided Jacobi rotations; destroys A. When m < n the
+/// transpose must be passed. An empty matrix has (1, 1).
+pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, T) {
+    if n == 0 {
+        return (T::ONE, T::ONE);
+    }
+    const SWEEPS: usize = 30;
+    let tiny = T::from_f64(T::EPSILON);
+    for _ in 0..SWEEPS {
+        let mut turned = false;
+        for p in 0..n {
+            for q in p + 1..n {
+                // make columns p and q orthogonal
+                let (mut a, mut b, mut c) = (T::ZERO, T::ZERO, T::ZERO);
+                for i in 0..m {
+                    let (x, y) = (A[i * n + p], A[i * n + q]);
+                    a = x.mul_add(x, a);
+                    b = y.mul_add(y, b);
+                    c = x.mul_add(y, c);
+                }
+                if !(tiny * (a * b).sqrt()).lt(c.abs()) {
+                    continue;
+                }
+                turned = true;
+                let zeta = (b - a) / (c + c);
+                let t = T::ONE / (zeta.abs() + (T::ONE + zeta * zeta).sqrt());
+                let t = if zeta < T::ZERO { -t } else { t };
+                let cosine = T::ONE / (T::ONE + t * t).sqrt();
+                let sine = t * cosine;
+                for i in 0..m {
+                    let (x, y) = (A[i * n + p], A[i * n + q]);
+                    A[i * n + p] = cosine * x - sine * y;
+                    A[i * n + q] = sine * x + cosine * y;
+                }
+            }
+        }
+        if !turned {
+            break;
+        }
+    }
+    let (mut largest, mut least) = (T::ZERO, T::from_f64(f64::INFINITY));
+    for j in 0..n {
+        let mut square = T::ZERO;
+        for i in 0..m {
+            square = A[i * n + j].mul_add(A[i * n + j], square);
+        }
+        let sigma = square.sqrt();
+        if sigma > largest {
+            largest = sigma;
+        }
+        if sigma < least {
+            least = sigma;
+        }
+    }
+    (largest, least)
+}
+
+/// Least-squares solution of least norm of A x = b, A m×n row-major, by the normal equations of the smaller side (one step of
+/// refinement); x (n) into `x`. `None` where A has not full rank.
+pub(crate) fn least_norm<T: Scalar>(A: &mut [T], b: &mut [T], x: &mut [T], m: usize, n: usize) -> Option<()> {
+    if n == 0 {
+        return Some(());
+    }
+    let wide = n > m;
+    let s = m.min(n);
+    // N = A Aᵀ where A is wide, Aᵀ A where it is tall; kept behind the solution in `x`
+    let (solution, normal) = x.split_at_mut(n);
+    solution.fill(T::ZERO);
+    for _ in 0..2 {
+        for i in 0..s {
+            for j in 0..s {
+                let sum = |of: &dyn Fn(usize) -> (T, T), len: usize| (0..len).fold(T::ZERO, |sum, k| of(k).0.mul_add(of(k).1, sum));
+                normal[i * s + j] =
+                    if wide { sum(&|k| (A[i * n + k], A[j * n + k]), n) } else { sum(&|k| (A[k * n + i], A[k * n + j]), m) };
+            }
+        }
+        // residual r = b − A x, right-hand side r or Aᵀ r
+        let (square, rest) = normal.split_at_mut(s * s);
+        let (residual, rhs) = rest.split_at_mut(m);
+        for i in 0..m {
+            residual[i] = (0..n).fold(b[i], |r, k| (-A[i * n + k]).mul_add(solution[k], r));
+        }
+        for i in 0..s {
+            rhs[i] = if wide { residual[i] } else { (0..m).fold(T::ZERO, |sum, k| A[k * n + i].mul_add(residual[k], sum)) };
+        }
+        solve_pivoted(square, rhs, s, 1)?;
+        for k in 0..n {
+            solution[k] += if wide { (0..m).fold(T::ZERO, |sum, i| A[i * n + k].mul_add(rhs[i], sum)) } else { rhs[k] };
+        }
+    }
+    solution.iter().all(|x| x.is_finite()).then_some(())
+}

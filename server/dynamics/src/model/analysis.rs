@@ -1,0 +1,503 @@
+//! What is fixed at load about the loops of a cluster: rank, rows, blocks, mobility; and the checks that need closed poses.
+
+use faer::Mat;
+
+use super::{Body, Cluster, Model, Motion};
+use crate::closure::{Block, BlockCut, Closure, Level, Local, Numerical, Scratch, constraint_jacobian, constraint_residual, local_poses};
+use crate::description::Description;
+use crate::fault::{Fault, Site};
+use crate::linear::factorise_ltdl;
+use crate::scalar::{Dd, Scalar};
+use crate::spatial::Pose;
+use sarrus_proto::Status;
+
+/// Ratio of singular values below which a row says nothing new: files are rounded.
+const RANK_GAP: f64 = 1e-4;
+/// Poses at which rank is judged, and how far from zero they lie, in radians or cluster lengths.
+const POSES: usize = 3;
+const REACH: f64 = 0.2;
+/// Largest gap of a loop at zero, in cluster lengths.
+const OPEN: f64 = 1e-6;
+
+/// The result for one cluster.
+pub(super) struct Analysis {
+    pub(super) used: Vec<usize>,
+    pub(super) blocks: Vec<Block>,
+}
+
+/// A cluster at one closed pose: scaled K (rows × n, row-major).
+struct Sample {
+    K: Vec<f64>,
+}
+
+/// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared independents.
+pub(super) fn analyse(
+    cluster: &Cluster<f64>,
+    bodies: &[Body<f64>],
+    names: &[String],
+    row_names: &[String],
+    site: Site,
+    errors: &mut Vec<Fault>,
+    warnings: &mut Vec<Fault>,
+) -> Option<Analysis> {
+    let (n, rows, n_dependent) = (cluster.n, cluster.rows.len(), cluster.dependent.len());
+    let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
+
+    // the pose of highest rank is generic
+    let (rank, generic) =
+        samples.iter().map(|sample| (rank(&matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>())), sample)).max_by_key(|x| x.0)?;
+    let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
+    let rank_d = self::rank(&K_d);
+    if n - rank != cluster.n_vy || rank_d != n_dependent {
+        errors.push(wrong_mobility(cluster, &K_d, rank, names, row_names, site));
+        return None;
+    }
+    let used = independent_rows(&K_d, n_dependent);
+    if used.len() < rows {
+        let dropped = (0..rows)
+            .filter(|r| !used.contains(r))
+            .map(|r| format!("{} (off by {:.1e} along the motion)", row_names[r], off_by(&samples, cluster, r, n)));
+        warnings.push(Fault {
+            site,
+            found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
+            expected: format!("{n_dependent} independent axes for {n_dependent} dependent joints"),
+            help: "they are left out of the solution and carry no force".into(),
+        });
+    }
+    let blocks = blocks(cluster, &used, &generic.K);
+    Some(Analysis { used, blocks })
+}
+
+/// Closes the zero pose to the last digit; a fault where the loops are open there.
+pub(super) fn close_zero(cluster: &mut Cluster<Dd>, bodies: &[Body<Dd>], numerical: &mut Numerical<Dd>, site: Site) -> Option<Fault> {
+    let mut scratch = Scratch::new(cluster.n, cluster.rows.len());
+    let mut state = State::new(cluster.n, cluster.n_vy, &numerical.zero);
+    local_poses(cluster, bodies, &state.q, &mut state.turn, &mut scratch.pose);
+    constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
+    let gap = scratch.phi[..cluster.rows.len()].iter().fold(0.0, |gap: f64, phi| gap.max(phi.to_f64().abs()));
+    if gap > OPEN * cluster.length {
+        return Some(Fault {
+            site,
+            found: format!("a loop that is open by {gap:.3e} m (or rad) at the zero pose"),
+            expected: "placements that coincide at zero".into(),
+            help: "correct predecessor_placement, successor_placement or the joints' origins".into(),
+        });
+    }
+    if gap > 1e-28 * cluster.length && !matches!(cluster.closure, Closure::Coupling(_)) {
+        let outcome = numerical.close(cluster, bodies, &mut state.local(&mut scratch), Level::Position);
+        if outcome.status == Status::Ok {
+            numerical.zero.copy_from_slice(&state.q);
+        }
+    }
+    None
+}
+
+/// M_y must be positive definite at the zero pose and beside it.
+pub(super) fn check_mass(model: &Model<f64>, description: &Description, errors: &mut Vec<Fault>) {
+    let mut workspace = crate::Workspace::new(model);
+    let n = model.meta.sizes.n_vy;
+    for k in 0..POSES {
+        for (i, &q) in model.order.qy_q.iter().enumerate() {
+            workspace.q[q] = model.zero[q];
+            if model.order.qy_q.len() == n {
+                workspace.q[q] += 0.1 * noise(k * 1000 + i);
+            }
+        }
+        workspace.start.copy_from_slice(&model.zero);
+        for &c in &model.tied {
+            let cluster = &model.clusters[c];
+            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+            let mut local = crate::plan::local(cluster, &mut workspace);
+            if crate::closure::close(cluster, bodies, &mut local, Level::Velocity).status != Status::Ok {
+                return;
+            }
+        }
+        for &(i, q) in &model.free {
+            let (s, c) = workspace.q[q].sin_cos();
+            workspace.turn[i] = (c, s);
+        }
+        let ws = &mut workspace;
+        crate::tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+        crate::tree::reduced_mass_matrix(model, &ws.motion, &ws.G, &mut ws.composite, &mut ws.columns, &mut ws.cluster_mass, &mut ws.M_y);
+        let scale = (0..n).map(|i| ws.M_y[i * n + i]).fold(0.0, f64::max);
+        ws.factor.copy_from_slice(&ws.M_y);
+        factorise_ltdl(&mut ws.factor, &model.y_parent, n);
+        // the factor's diagonal is 1/D
+        let bad = (0..n).filter(|i| !(ws.factor[i * n + i] > 0.0 && ws.factor[i * n + i] * scale < 1e18)).collect::<Vec<_>>();
+        if !bad.is_empty() {
+            let names = bad.iter().map(|i| model.meta.independent[model.order.vy_external[*i]].as_str()).collect::<Vec<_>>().join(", ");
+            let site = description
+                .joints
+                .iter()
+                .position(|joint| names.split(", ").next() == Some(joint.name.as_str()))
+                .map_or(Site::Robot, Site::Joint);
+            errors.push(Fault {
+                site,
+                found: format!("no inertia that resists the motion of {names}"),
+                expected: "a positive definite reduced mass matrix".into(),
+                help: "give mass or inertia to a link that these joints move".into(),
+            });
+            return;
+        }
+    }
+}
+
+/// Numbers of one cluster, outside any workspace.
+struct State<T> {
+    start: Vec<T>,
+    q: Vec<T>,
+    turn: Vec<(T, T)>,
+    qd: Vec<T>,
+    G: Vec<T>,
+    g: Vec<T>,
+}
+
+impl<T: Scalar> State<T> {
+    fn new(n: usize, n_vy: usize, zero: &[T]) -> State<T> {
+        State {
+            start: zero.to_vec(),
+            q: zero.to_vec(),
+            turn: vec![(T::ONE, T::ZERO); n],
+            qd: vec![T::ZERO; n],
+            G: vec![T::ZERO; n * n_vy],
+            g: vec![T::ZERO; n],
+        }
+    }
+
+    fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
+        Local { start: &self.start, q: &mut self.q, turn: &mut self.turn, qd: &mut self.qd, G: &mut self.G, g: &mut self.g, scratch }
+    }
+}
+
+/// A closed pose some way from zero, found by damped steps of least norm, which need no rank; and the scaled K there.
+fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
+    let (n, rows) = (cluster.n, cluster.rows.len());
+    let mut turn = vec![(1.0, 0.0); n];
+    let mut pose = vec![Pose::identity(); n + 1];
+    let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
+    let mut q = vec![0.0; n];
+    for cut in &cluster.cuts {
+        for row in cut.rows.iter().filter(|row| row.terms.len() == 2) {
+            q[row.terms[0].0] = -row.offset;
+        }
+    }
+    let home = q.clone();
+    let mut closed = home.clone();
+    const SUBSTEPS: usize = 8;
+    for step in 1..=SUBSTEPS {
+        for (i, &j) in cluster.independent.iter().enumerate() {
+            let unit = if bodies[j].motion == Motion::Prismatic { cluster.length } else { 1.0 };
+            q[j] = home[j] + REACH * unit * noise(31 * k + i) * step as f64 / SUBSTEPS as f64;
+        }
+        let mut done = false;
+        for _ in 0..30 {
+            local_poses(cluster, bodies, &q, &mut turn, &mut pose);
+            constraint_residual(cluster, &pose, &q, &mut phi);
+            constraint_jacobian(cluster, bodies, &pose, &mut K);
+            if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
+                done = true;
+                break;
+            }
+            let K_d = matrix(&K, rows, n, &cluster.dependent);
+            let Ok(svd) = K_d.thin_svd() else { break };
+            let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
+            for a in 0..S.nrows() {
+                if S[a] > 1e-6 * S[0] {
+                    let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
+                    for (i, &j) in cluster.dependent.iter().enumerate() {
+                        q[j] -= V[(i, a)] * along;
+                    }
+                }
+            }
+        }
+        if !done {
+            break;
+        }
+        closed.copy_from_slice(&q);
+    }
+    local_poses(cluster, bodies, &closed, &mut turn, &mut pose);
+    constraint_jacobian(cluster, bodies, &pose, &mut K);
+    // lengths in units of the cluster's, so that rows and columns compare
+    let mut r = 0;
+    for cut in &cluster.cuts {
+        for row in &cut.rows {
+            let unit = if row.terms.is_empty() && row.linear.norm() > 0.0 { 1.0 / (cluster.length * row.linear.norm()) } else { 1.0 };
+            for j in 0..n {
+                let column = if bodies[j].motion == Motion::Prismatic { cluster.length } else { 1.0 };
+                K[r * n + j] *= unit * column;
+            }
+            r += 1;
+        }
+    }
+    Sample { K }
+}
+
+/// The same numbers for the same cluster and pose: a fixed sequence in [−1, 1].
+fn noise(k: usize) -> f64 {
+    let x = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ x >> 31).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+/// Columns of a row-major matrix.
+fn matrix(K: &[f64], rows: usize, n: usize, columns: &[usize]) -> Mat<f64> {
+    Mat::from_fn(rows, columns.len(), |r, a| K[r * n + columns[a]])
+}
+
+fn rank(A: &Mat<f64>) -> usize {
+    if A.nrows() == 0 || A.ncols() == 0 {
+        return 0;
+    }
+    A.thin_svd().map_or(0, |svd| {
+        let S = svd.S().column_vector();
+        (0..S.nrows()).filter(|i| S[*i] > RANK_GAP * S[0]).count()
+    })
+}
+
+/// As many rows of K_d as it has columns, by pivoted QR of its transpose, in their own order.
+fn independent_rows(K_d: &Mat<f64>, count: usize) -> Vec<usize> {
+    if K_d.nrows() == count {
+        return (0..count).collect();
+    }
+    let qr = K_d.transpose().col_piv_qr();
+    let (forward, _) = qr.P().arrays();
+    let mut used = forward[..count].to_vec();
+    used.sort_unstable();
+    used
+}
+
+/// How much a dropped row would move along the true motion, relative to its size.
+fn off_by(samples: &[Sample], cluster: &Cluster<f64>, r: usize, n: usize) -> f64 {
+    let rows = cluster.rows.len();
+    let mut worst: f64 = 0.0;
+    for sample in samples {
+        let K = matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>());
+        let Ok(svd) = K.svd() else { continue };
+        // null space of K up to the gap: what moves
+        let (S, V) = (svd.S().column_vector(), svd.V());
+        let size = (0..n).map(|j| K[(r, j)] * K[(r, j)]).sum::<f64>().sqrt();
+        for a in 0..n {
+            if a >= S.nrows() || S[a] <= RANK_GAP * S[0] {
+                let along: f64 = (0..n).map(|j| K[(r, j)] * V[(j, a)]).sum();
+                worst = worst.max(along.abs() / size);
+            }
+        }
+    }
+    worst
+}
+
+/// The fault of a mobility that does not fit: redundant rows and idle joints by name.
+fn wrong_mobility(cluster: &Cluster<f64>, K_d: &Mat<f64>, rank: usize, names: &[String], row_names: &[String], site: Site) -> Fault {
+    let mobility = cluster.n - rank;
+    let mut found = format!("mobility {mobility} ({} joints less rank {rank} of {} rows)", cluster.n, cluster.rows.len());
+    if rank < cluster.rows.len() {
+        let kept = independent_rows(K_d, self::rank(K_d).min(K_d.nrows()));
+        let redundant = (0..cluster.rows.len()).filter(|r| !kept.contains(r)).map(|r| row_names[r].as_str()).collect::<Vec<_>>();
+        found += &format!("; redundant rows: {}", redundant.join(", "));
+    }
+    // joints that can still move when all independents stand still
+    if let Ok(svd) = K_d.svd() {
+        let (S, V) = (svd.S().column_vector(), svd.V());
+        let free = |a: usize| a >= S.nrows() || S[a] <= RANK_GAP * S[0];
+        let idle = cluster.dependent.iter().enumerate().filter(|(i, _)| (0..V.ncols()).any(|a| free(a) && V[(*i, a)].abs() > 1e-3));
+        let idle = idle.map(|(_, j)| names[*j].as_str()).collect::<Vec<_>>();
+        if !idle.is_empty() {
+            found += &format!("; joints that the independents do not determine: {}", idle.join(", "));
+        }
+    }
+    Fault {
+        site,
+        found,
+        expected: format!("mobility {} as declared by jointnames_independent", cluster.n_vy),
+        help: "change jointnames_independent or loop_constraints".into(),
+    }
+}
+
+/// Block triangular form of the used rows against the dependents, in the order of solution.
+fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
+    let (n, m) = (cluster.n, cluster.dependent.len());
+    // which dependent each row can see
+    let mut sees = vec![vec![false; m]; m];
+    let mut home = Vec::new();
+    let mut r = 0;
+    for (c, cut) in cluster.cuts.iter().enumerate() {
+        for k in 0..cut.rows.len() {
+            home.push((c, k, r));
+            if let Some(i) = used.iter().position(|u| *u == r) {
+                for (a, j) in cluster.dependent.iter().enumerate() {
+                    sees[i][a] = cut.path.iter().any(|(on, _)| on == j);
+                }
+            }
+            r += 1;
+        }
+    }
+    let matched = matching(&sees, |i, a| K[used[i] * n + cluster.dependent[a]].abs());
+    // strongly connected sets of joints: a joint needs those that its row sees
+    let mut row_of = vec![0; m];
+    matched.iter().enumerate().for_each(|(i, a)| row_of[*a] = i);
+    let sets = strongly_connected(m, |a| (0..m).filter(|b| *b != a && sees[row_of[a]][*b]).collect());
+
+    let mut known = vec![false; n];
+    let mut offset = 0;
+    let mut blocks = Vec::new();
+    for set in sets {
+        let (set_rows, set_columns) = elimination_order(&set, &row_of, |i, a| K[used[i] * n + cluster.dependent[a]]);
+        let unknowns: Vec<usize> = set_columns.iter().map(|a| cluster.dependent[*a]).collect();
+        let mut place = vec![usize::MAX; n];
+        unknowns.iter().enumerate().for_each(|(i, j)| place[*j] = i);
+        let mut cuts: Vec<BlockCut> = Vec::new();
+        for (i, row) in set_rows.iter().enumerate() {
+            let (c, k, r) = home[used[*row]];
+            let first_row = r - k;
+            match cuts.iter_mut().find(|cut| cut.cut == c) {
+                Some(cut) => cut.rows.push((k, i)),
+                None => cuts.push(BlockCut { cut: c, first_row, rows: vec![(k, i)], follows: false }),
+            }
+        }
+        for cut in &mut cuts {
+            cut.follows = cluster.cuts[cut.cut].path.iter().any(|(j, _)| known[*j]);
+        }
+        // bodies on the way to the block's cuts that its unknowns, or those before it, move
+        let mut on_way = vec![false; n];
+        for cut in &cuts {
+            for mut at in [cluster.cuts[cut.cut].predecessor, cluster.cuts[cut.cut].successor] {
+                while at != 0 {
+                    on_way[at - 1] = true;
+                    at = cluster.local_parent[at - 1];
+                }
+            }
+        }
+        unknowns.iter().for_each(|j| known[*j] = true);
+        let moves = |known: &dyn Fn(usize) -> bool, j: usize| {
+            let mut at = j + 1;
+            while at != 0 {
+                if known(at - 1) {
+                    return true;
+                }
+                at = cluster.local_parent[at - 1];
+            }
+            false
+        };
+        let bodies = (0..n).filter(|j| unknowns.contains(j) || on_way[*j] && moves(&|x| unknowns.contains(&x), *j)).collect();
+        let stale = (0..n).filter(|j| on_way[*j] && moves(&|x| known[x], *j)).collect();
+        let size = unknowns.len();
+        blocks.push(Block { unknowns, cuts, place, bodies, stale, offset });
+        offset += size * size;
+    }
+    blocks
+}
+
+/// One joint for each row, by augmenting paths that try large entries first (Kuhn 1955).
+fn matching(sees: &[Vec<bool>], size: impl Fn(usize, usize) -> f64) -> Vec<usize> {
+    let m = sees.len();
+    let mut row_of: Vec<Option<usize>> = vec![None; m];
+    fn augment(i: usize, order: &[Vec<usize>], row_of: &mut [Option<usize>], tried: &mut [bool]) -> bool {
+        for &a in &order[i] {
+            if !tried[a] {
+                tried[a] = true;
+                if row_of[a].is_none_or(|other| augment(other, order, row_of, tried)) {
+                    row_of[a] = Some(i);
+                    return true;
+                }
+            }
+        }
+        false
+    }
+    let order: Vec<Vec<usize>> = (0..m)
+        .map(|i| {
+            let mut columns: Vec<usize> = (0..m).filter(|a| sees[i][*a]).collect();
+            columns.sort_by(|a, b| size(i, *b).total_cmp(&size(i, *a)));
+            columns
+        })
+        .collect();
+    for i in 0..m {
+        augment(i, &order, &mut row_of, &mut vec![false; m]);
+    }
+    let mut matched = vec![0; m];
+    for (a, row) in row_of.iter().enumerate() {
+        if let Some(i) = row {
+            matched[*i] = a;
+        }
+    }
+    matched
+}
+
+/// Tarjan's strongly connected components (1972); a component comes after all that it needs.
+fn strongly_connected(n: usize, needs: impl Fn(usize) -> Vec<usize>) -> Vec<Vec<usize>> {
+    struct Walk {
+        number: Vec<usize>,
+        low: Vec<usize>,
+        on_stack: Vec<bool>,
+        stack: Vec<usize>,
+        next: usize,
+        sets: Vec<Vec<usize>>,
+    }
+    fn visit(a: usize, needs: &dyn Fn(usize) -> Vec<usize>, walk: &mut Walk) {
+        walk.number[a] = walk.next;
+        walk.low[a] = walk.next;
+        walk.next += 1;
+        walk.stack.push(a);
+        walk.on_stack[a] = true;
+        for b in needs(a) {
+            if walk.number[b] == usize::MAX {
+                visit(b, needs, walk);
+                walk.low[a] = walk.low[a].min(walk.low[b]);
+            } else if walk.on_stack[b] {
+                walk.low[a] = walk.low[a].min(walk.number[b]);
+            }
+        }
+        if walk.low[a] == walk.number[a] {
+            let mut set = Vec::new();
+            while let Some(b) = walk.stack.pop() {
+                walk.on_stack[b] = false;
+                set.push(b);
+                if b == a {
+                    break;
+                }
+            }
+            set.sort_unstable();
+            walk.sets.push(set);
+        }
+    }
+    let mut walk =
+        Walk { number: vec![usize::MAX; n], low: vec![0; n], on_stack: vec![false; n], stack: Vec::new(), next: 0, sets: Vec::new() };
+    for a in 0..n {
+        if walk.number[a] == usize::MAX {
+            visit(a, &needs, &mut walk);
+        }
+    }
+    walk.sets
+}
+
+/// Rows and columns of a block in the order of full pivoting at a generic pose.
+fn elimination_order(set: &[usize], row_of: &[usize], entry: impl Fn(usize, usize) -> f64) -> (Vec<usize>, Vec<usize>) {
+    let mut rows: Vec<usize> = set.iter().map(|a| row_of[*a]).collect();
+    let mut columns = set.to_vec();
+    rows.sort_unstable();
+    let m = set.len();
+    if m <= 3 {
+        return (rows, columns);
+    }
+    let mut A: Vec<Vec<f64>> = rows.iter().map(|i| columns.iter().map(|a| entry(*i, *a)).collect()).collect();
+    for k in 0..m {
+        let (mut p, mut q) = (k, k);
+        for i in k..m {
+            for j in k..m {
+                if A[i][j].abs() > A[p][q].abs() {
+                    (p, q) = (i, j);
+                }
+            }
+        }
+        A.swap(k, p);
+        rows.swap(k, p);
+        A.iter_mut().for_each(|row| row.swap(k, q));
+        columns.swap(k, q);
+        for i in k + 1..m {
+            let l = A[i][k] / A[k][k];
+            for j in k..m {
+                A[i][j] -= l * A[k][j];
+            }
+        }
+    }
+    (rows, columns)
+}

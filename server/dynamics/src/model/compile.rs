@@ -1,0 +1,147 @@
+//! From a description to a model in both precisions: the order of the steps.
+
+use std::sync::Arc;
+
+use super::analysis::{self, Analysis};
+use super::assemble::Assembly;
+use super::{ClosureInfo, ClosureKind, Compiled, Meta, Model, closed_forms};
+use crate::closure::{Closure, Numerical};
+use crate::description::{Description, SubmechanismKind};
+use crate::fault::{CompileError, Fault, Site};
+use crate::scalar::{Dd, Scalar};
+
+/// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.
+const ROUNDING: f64 = 1e-13;
+/// Misfit up to which a closed form starts Newton's method on the true rows.
+const POLISHABLE: f64 = 1e-3;
+
+impl Model<f64> {
+    /// Compiles a description: merges fixed joints, finds clusters, fixes rank, rows and order of every closure, checks mobility, closure at
+    /// zero and the reduced mass matrix. Allocates; takes milliseconds.
+    ///
+    /// # Errors
+    /// All faults that were found, each with its place in the description.
+    pub fn compile(description: &Description) -> Result<Compiled, CompileError> {
+        let (mut errors, mut warnings) = (Vec::new(), Vec::new());
+        match build(description, &mut errors, &mut warnings) {
+            Some(compiled) if errors.is_empty() => Ok(Compiled { warnings, ..compiled }),
+            _ => Err(CompileError { errors, warnings }),
+        }
+    }
+}
+
+fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<Fault>) -> Option<Compiled> {
+    let assembly = Assembly::new(description, errors)?;
+    let mut exact = assembly.model.clone();
+    let mut info = Vec::new();
+    for (s, submechanism) in description.submechanisms.iter().enumerate() {
+        let rows = assembly.row_owner.iter().filter(|owner| owner.0 == s).count();
+        info.push(ClosureInfo {
+            name: submechanism.name.clone(),
+            type_name: submechanism.type_name.clone(),
+            kind: if rows == 0 { ClosureKind::Serial } else { ClosureKind::Analytic },
+            rows,
+            rank: 0,
+            misfit: 0.0,
+        });
+    }
+
+    // each tied cluster: rank and blocks, then its closed form if its type has one
+    let rough = exact.map(Dd::to_f64);
+    for c in exact.tied.clone() {
+        let cluster = &rough.clusters[c];
+        let bodies = &rough.bodies[cluster.body..cluster.body + cluster.n];
+        let names = assembly.names(description, c);
+        let site = Site::Submechanism(assembly.owner[c]);
+        let row_names = cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
+        let Some(Analysis { used, blocks }) = analysis::analyse(cluster, bodies, &names, &row_names, site, errors, warnings) else {
+            continue;
+        };
+        for &r in &used {
+            info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
+        }
+        let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
+        let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n].to_vec() };
+        exact.clusters[c].used = used;
+        if let Some(fault) = analysis::close_zero(&mut exact.clusters[c], &exact_bodies, &mut numerical, site) {
+            errors.push(fault);
+            continue;
+        }
+        let (q, n) = (cluster.q, cluster.n);
+        exact.zero[q..q + n].copy_from_slice(&numerical.zero);
+
+        // the closed form stands, starts Newton's method, or does not fit
+        let kind = assembly.kind(description, c);
+        let form = if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
+            None
+        } else {
+            closed_forms::build(kind, &exact.clusters[c], &exact_bodies, &assembly.local_order(description, c))
+        };
+        let closure = match form {
+            None if matches!(exact.clusters[c].closure, Closure::Coupling(_)) => continue,
+            None => {
+                if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
+                    warnings.push(fault);
+                }
+                Closure::Numerical(numerical)
+            }
+            Some(Err(why)) => {
+                warnings.push(Fault {
+                    site,
+                    found: format!("a {} whose {why}", description.submechanisms[assembly.owner[c]].type_name),
+                    expected: "the geometry that the type's closed form assumes".into(),
+                    help: "it is closed numerically; write NUMERICAL to say so".into(),
+                });
+                Closure::Numerical(numerical)
+            }
+            Some(Ok(mut form)) => {
+                let (worst, misfit) = form.misfit(&names);
+                for (s, _) in assembly.owners(c) {
+                    info[s].misfit = f64::max(info[s].misfit, misfit);
+                }
+                if misfit > POLISHABLE {
+                    errors.push(Fault {
+                        site,
+                        found: format!("{worst}: off by {misfit:.3e} of the mechanism's size"),
+                        expected: format!(
+                            "at most {POLISHABLE} for the closed form of {}",
+                            description.submechanisms[assembly.owner[c]].type_name
+                        ),
+                        help: "correct the axis or origin, or write type NUMERICAL".into(),
+                    });
+                    continue;
+                }
+                if misfit > ROUNDING {
+                    form.polish(numerical);
+                }
+                form.closure()
+            }
+        };
+        if matches!(closure, Closure::Numerical(_)) {
+            for (s, _) in assembly.owners(c) {
+                if info[s].rows > 0 {
+                    info[s].kind = ClosureKind::Numerical;
+                }
+            }
+        }
+        exact.clusters[c].closure = closure;
+    }
+    if !errors.is_empty() {
+        return None;
+    }
+    exact.meta = Arc::new(Meta { closures: info, ..assembly.meta.clone() });
+    let model = exact.map(Dd::to_f64);
+    analysis::check_mass(&model, description, errors);
+    Some(Compiled { model, exact, warnings: Vec::new() })
+}
+
+/// A type with a closed form elsewhere, but not here yet.
+fn not_closed_form(kind: SubmechanismKind, description: &Description, s: usize) -> Option<Fault> {
+    let numerical = matches!(kind, SubmechanismKind::Numerical | SubmechanismKind::Serial);
+    (!numerical).then(|| Fault {
+        site: Site::Submechanism(s),
+        found: format!("type {}", description.submechanisms[s].type_name),
+        expected: "a type with a closed form (RRPR, 2SPU+1U, 6UPS, TRANSMISSION, <mimic>)".into(),
+        help: "nothing to do: it is closed numerically from its loops".into(),
+    })
+}

@@ -1,0 +1,221 @@
+//! Forces: inverse dynamics, forward dynamics by projection, maps between the spaces, loop-closure forces.
+
+use sarrus_proto::{Field, Slot, Status};
+
+use super::Plan;
+use super::state::tree_accelerations;
+use crate::closure::Level;
+use crate::linear::{factorise_ltdl, least_norm, solve_ltdl, solve_pivoted};
+use crate::model::{Cluster, Model};
+use crate::scalar::{Mask, Scalar};
+use crate::spatial::zero;
+use crate::tree;
+use crate::workspace::Workspace;
+
+impl Plan {
+    /// τ_q = M q̈ + C − Σ Jᵀ w, τ_y = Gᵀ τ_q, τ_u from G_uᵀ τ_u = τ_y.
+    pub(super) fn inverse_dynamics<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+        if self.wants_any(&[Field::CY]) {
+            self.bias_force(model, ws, input, false);
+        }
+        if self.steps.newton_euler {
+            let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
+            tree::newton_euler(model, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+            to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
+        }
+        if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
+            to_actuators(model, ws)?;
+        }
+        if self.wants(Field::Lambda) {
+            // what the tree needs beyond the actuators comes from the loops
+            ws.loop_q.copy_from_slice(&ws.tau_q);
+            model.order.u_v.iter().zip(&ws.tau_u).for_each(|(v, tau)| ws.loop_q[*v] -= *tau);
+            independents_subtract(model, &ws.tau_rest, &mut ws.loop_q);
+        }
+        if self.steps.mass_matrix {
+            self.mass_matrix(model, ws);
+        }
+        Ok(())
+    }
+
+    /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g; without loops tree and independent velocities are numbered alike.
+    pub(super) fn forward_dynamics<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+        self.bias_force(model, ws, input, true);
+        self.given_forces(model, ws, input);
+        let n = model.meta.sizes.n_vy;
+        for k in 0..n {
+            ws.ydd[k] = ws.tau_y[k] - ws.C_y[k];
+        }
+        let positive = if self.steps.articulated {
+            tree::articulated_solve(model, &ws.motion, &mut ws.articulated, &mut ws.ydd)
+        } else {
+            self.mass_matrix(model, ws);
+            ws.factor.copy_from_slice(&ws.M_y);
+            let positive = factorise_ltdl(&mut ws.factor, &model.y_parent, n);
+            solve_ltdl(&ws.factor, &model.y_parent, n, &mut ws.ydd);
+            positive
+        };
+        if !positive.all() {
+            return Err(Status::MassNotPositive);
+        }
+        for cluster in &model.clusters {
+            for (k, &j) in cluster.independent.iter().enumerate() {
+                ws.qdd[cluster.v + j] = ws.ydd[cluster.vy + k];
+            }
+            if self.steps.tree_acceleration {
+                tree_accelerations(cluster, ws);
+            }
+        }
+        if self.wants(Field::Lambda) {
+            // τ_q of the motion less the given forces is what the loops supply
+            let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
+            tree::newton_euler(model, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.loop_q);
+            let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
+            if let Some(tau) = slot(Field::TauU) {
+                tau.iter().zip(&model.order.u_v).for_each(|(x, v)| ws.loop_q[*v] -= *x);
+            } else if let Some(tau) = slot(Field::TauY) {
+                tau.iter().zip(&model.order.vy_v).for_each(|(x, v)| ws.loop_q[*v] -= *x);
+            } else if let Some(tau) = slot(Field::TauQ) {
+                tau.iter().zip(&model.order.v).for_each(|(x, v)| ws.loop_q[*v] -= *x);
+            }
+        }
+        Ok(())
+    }
+
+    /// Forces from one space to the others at the closed state.
+    pub(super) fn map_forces<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+        if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
+            self.given_forces(model, ws, input);
+            if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
+                to_actuators(model, ws)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// C_y = Gᵀ (C + M g), with the wrenches on the left-hand side where they are to be counted.
+    fn bias_force<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], with_wrenches: bool) {
+        let moving = self.steps.level == Level::Acceleration;
+        // q̈ = g; nothing moves without velocities
+        if !moving {
+            ws.g.fill(T::ZERO);
+        }
+        let wrench = (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
+        tree::newton_euler(model, &ws.qd, &ws.g, wrench, &mut ws.motion, &mut ws.tau_q);
+        to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
+    }
+
+    /// M_y, lower triangle.
+    fn mass_matrix<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
+        tree::reduced_mass_matrix(model, &ws.motion, &ws.G, &mut ws.composite, &mut ws.columns, &mut ws.cluster_mass, &mut ws.M_y);
+    }
+
+    /// The given forces as τ_y.
+    fn given_forces<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) {
+        let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
+        if let Some(tau) = slot(Field::TauY) {
+            tau.iter().zip(&model.order.vy).for_each(|(x, k)| ws.tau_y[*k] = *x);
+            return;
+        }
+        ws.tau_q.fill(T::ZERO);
+        if let Some(tau) = slot(Field::TauU) {
+            tau.iter().zip(&model.order.u_v).for_each(|(x, v)| ws.tau_q[*v] = *x);
+        } else if let Some(tau) = slot(Field::TauQ) {
+            tau.iter().zip(&model.order.v).for_each(|(x, v)| ws.tau_q[*v] = *x);
+        }
+        to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
+    }
+
+    /// The given wrenches on their bodies; false where there are none.
+    fn wrenches<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
+        let Some(slot) = self.given.slot(Field::Wrenches) else { return false };
+        tree::world_poses(model, &self.wrench_bodies, &ws.motion, &mut ws.world);
+        ws.wrench.fill((zero(), zero()));
+        for (link, wrench) in self.wrench_links.iter().zip(input[slot.range()].chunks_exact(6)) {
+            let frame = &model.frames[*link];
+            let (n, f) = tree::frame_wrench(frame, &ws.world, wrench);
+            ws.wrench[frame.body].0 += n;
+            ws.wrench[frame.body].1 += f;
+        }
+        true
+    }
+}
+
+/// τ_y = Gᵀ τ_q, cluster by cluster.
+fn to_independent<T: Scalar>(model: &Model<T>, G: &[T], tau_q: &[T], tau_y: &mut [T]) {
+    for cluster in &model.clusters {
+        let m = cluster.n_vy;
+        if cluster.is_serial() {
+            tau_y[cluster.vy..cluster.vy + m].copy_from_slice(&tau_q[cluster.v..cluster.v + m]);
+            continue;
+        }
+        for k in 0..m {
+            let mut tau = T::ZERO;
+            for j in 0..cluster.n_v {
+                tau = G[cluster.g + j * m + k].mul_add(tau_q[cluster.v + j], tau);
+            }
+            tau_y[cluster.vy + k] = tau;
+        }
+    }
+}
+
+/// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as independents, of least norm where there are
+/// more, and where there are fewer the best, with the remainder in `tau_rest`.
+fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
+    ws.tau_rest.fill(T::ZERO);
+    for cluster in &model.clusters {
+        let (m, n_u) = (cluster.n_vy, cluster.active.len());
+        if cluster.is_serial() {
+            for k in 0..m {
+                let tau = ws.tau_y[cluster.vy + k];
+                match cluster.active.iter().find(|(_, j)| *j == k) {
+                    Some((u, _)) => ws.tau_u[*u] = tau,
+                    None => ws.tau_rest[cluster.vy + k] = tau,
+                }
+            }
+        } else if n_u == m {
+            actuator_matrix(cluster, ws);
+            solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+            for (r, (u, _)) in cluster.active.iter().enumerate() {
+                if !(ws.dense_rhs[r].is_finite()) {
+                    return Err(Status::SingularActuation);
+                }
+                ws.tau_u[*u] = ws.dense_rhs[r];
+            }
+        } else {
+            actuator_matrix(cluster, ws);
+            least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u).ok_or(Status::SingularActuation)?;
+            for (r, (u, _)) in cluster.active.iter().enumerate() {
+                ws.tau_u[*u] = ws.dense_spare[r];
+            }
+            for k in 0..m {
+                let mut rest = ws.tau_y[cluster.vy + k];
+                for (u, j) in &cluster.active {
+                    rest = (-ws.G[cluster.g + j * m + k]).mul_add(ws.tau_u[*u], rest);
+                }
+                ws.tau_rest[cluster.vy + k] = if n_u > m { T::ZERO } else { rest };
+            }
+        }
+    }
+    Ok(())
+}
+
+/// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.
+fn actuator_matrix<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    let (m, n_u) = (cluster.n_vy, cluster.active.len());
+    for k in 0..m {
+        for (r, &(_, j)) in cluster.active.iter().enumerate() {
+            ws.dense[k * n_u + r] = ws.G[cluster.g + j * m + k];
+        }
+        ws.dense_rhs[k] = ws.tau_y[cluster.vy + k];
+    }
+}
+
+/// Takes a force on the independents off the tree forces.
+fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [T]) {
+    for cluster in &model.clusters {
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            tau_q[cluster.v + j] -= tau_y[cluster.vy + k];
+        }
+    }
+}

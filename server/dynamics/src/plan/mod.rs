@@ -1,0 +1,207 @@
+//! A plan: the steps that a set of wanted outputs needs on a model, and no others.
+
+mod conditions;
+mod forces;
+mod output;
+mod run;
+mod state;
+
+pub(crate) use state::local;
+
+use sarrus_proto::{Field, FieldSet, Layout, Request, Status, Wanted, WantedError, Warnings};
+
+use crate::closure::Level;
+use crate::model::Model;
+
+/// Steps for one kind of request on one model; made off the hot path, then run any number of times.
+///
+/// ```
+/// use sarrus_dynamics::{Model, Plan, Workspace};
+/// use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind};
+/// use sarrus_proto::{Field, FieldSet, Request, Status, Wanted};
+///
+/// // a pendulum: 1 kg, 1 m below a horizontal axis
+/// let bob = Inertial { origin: Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.0; 6] };
+/// let description = Description {
+///     name: "pendulum".into(),
+///     links: vec![Link { name: "base".into(), inertial: None }, Link { name: "rod".into(), inertial: Some(bob) }],
+///     joints: vec![Joint {
+///         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1, origin: Placement::default(),
+///         axis: [0.0, 1.0, 0.0], limits: None, coupling: None,
+///     }],
+///     submechanisms: vec![Submechanism {
+///         name: "all".into(), kind: SubmechanismKind::Serial, type_name: "R".into(),
+///         spanning_tree: vec![0], independent: vec![0], active: vec![0], loops: vec![],
+///     }],
+///     gravity: [0.0, 0.0, -9.81],
+/// };
+/// let model = Model::compile(&description)?.model;
+/// let wanted = Wanted::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
+/// let plan = Plan::new(&model, &wanted)?;
+/// let mut workspace = Workspace::new(&model);
+/// let mut tau = [0.0];
+/// let answer = plan.run(&model, &mut workspace, &[std::f64::consts::FRAC_PI_2], &mut tau);
+/// assert_eq!(answer.status, Status::Ok);
+/// assert!((tau[0] + 9.81).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Plan {
+    wanted: Wanted,
+    request: Request,
+    given: Layout,
+    want: Layout,
+    fingerprint: u64,
+    steps: Steps,
+    /// Links whose frames are asked, bodies on the way to them and to the links with wrenches; parents first.
+    frames: Vec<usize>,
+    wrench_links: Vec<usize>,
+    frame_bodies: Vec<usize>,
+    wrench_bodies: Vec<usize>,
+}
+
+/// Which space the motion comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Space {
+    Independent,
+    Tree,
+    Actuation,
+}
+
+/// What has to be done, decided once.
+#[derive(Clone, Copy, Debug)]
+struct Steps {
+    position: Space,
+    velocity: Option<Space>,
+    acceleration: Option<Space>,
+    /// How far down the closures go.
+    level: Level,
+    /// q̈ is needed.
+    tree_acceleration: bool,
+    /// Sines and cosines of free joints and the poses of all bodies in their parents.
+    poses: bool,
+    frames: bool,
+    frame_velocities: bool,
+    newton_euler: bool,
+    mass_matrix: bool,
+    /// Forward dynamics by articulated bodies: nothing is tied and nobody asks for M_y.
+    articulated: bool,
+    /// K or what follows from it.
+    conditions: bool,
+}
+
+/// How a request ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// The status; with anything but `Ok` the wanted numbers are NaN, but for the fields that survive a failure.
+    pub status: Status,
+    /// Remarks that change neither status nor numbers.
+    pub warnings: Warnings,
+}
+
+impl Plan {
+    /// The plan for `wanted` on `model`. Allocates; errors name the field that does not fit.
+    pub fn new<C>(model: &Model<C>, wanted: &Wanted) -> Result<Plan, WantedError> {
+        use Field::*;
+        let request = wanted.check(model.meta.links.len())?;
+        let sizes = model.meta.sizes;
+        let (given, want) = (wanted.given, wanted.want);
+        let space = |y, q, u| {
+            [(y, Space::Independent), (q, Space::Tree), (u, Space::Actuation)].into_iter().find(|(field, _)| given.has(*field)).map(|x| x.1)
+        };
+        let position = space(Y, Q, U).unwrap_or(Space::Independent);
+        let velocity = space(Yd, Qd, Ud);
+        let acceleration = space(Ydd, Qdd, Udd);
+
+        let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
+        let frames =
+            wanted.n_frames > 0 && want.has_any(&[FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator]);
+        let conditions = want.has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy]);
+        let wants_velocity = want.has_any(&[Qd, Yd, Ud, FrameTwist, FrameAcc, KBias]);
+        let wants_acceleration = want.has_any(&[Qdd, Ydd, Udd, FrameAcc]);
+        let wants_bias = want.has_any(&[GBias, GUBias]) && velocity.is_some();
+        let moving = velocity.is_some();
+        // with ẏ = 0 the bias g is zero and need not be computed
+        let level = if moving && (dynamics || wants_acceleration || wants_bias) {
+            Level::Acceleration
+        } else if dynamics
+            || request == Request::Map
+            || (moving && wants_velocity)
+            || acceleration.is_some()
+            || want.has_any(&[G, GU, CondGu, JacobianIndependent, JacobianActuator])
+            || given.has_any(&[U, Ud, Udd])
+        {
+            Level::Velocity
+        } else {
+            Level::Position
+        };
+        let articulated = request == Request::ForwardDynamics && model.tied.is_empty() && !want.has_any(&[MY, CondMy]);
+        let mass_matrix = want.has_any(&[MY, CondMy]) || request == Request::ForwardDynamics && !articulated;
+        let newton_euler =
+            dynamics && (request == Request::ForwardDynamics || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));
+        let steps = Steps {
+            position,
+            velocity,
+            acceleration,
+            level,
+            tree_acceleration: wants_acceleration || request == Request::InverseDynamics || want.has(Lambda),
+            poses: frames || dynamics && (newton_euler || mass_matrix),
+            frames,
+            frame_velocities: want.has(FrameTwist),
+            newton_euler,
+            mass_matrix,
+            articulated,
+            conditions,
+        };
+        let of = |links: &[u16]| links.iter().map(|link| *link as usize).collect::<Vec<_>>();
+        let (frame_links, wrench_links) = (of(wanted.frames()), of(wanted.wrench_links()));
+        Ok(Plan {
+            wanted: *wanted,
+            request,
+            given: Layout::of_given(wanted, &sizes),
+            want: Layout::of_want(wanted, &sizes),
+            fingerprint: model.meta.fingerprint,
+            steps,
+            frame_bodies: supports(model, &frame_links),
+            wrench_bodies: supports(model, &wrench_links),
+            frames: frame_links,
+            wrench_links,
+        })
+    }
+
+    /// How the input numbers are packed.
+    pub fn given(&self) -> &Layout {
+        &self.given
+    }
+
+    /// How the output numbers are packed.
+    pub fn want(&self) -> &Layout {
+        &self.want
+    }
+
+    /// What the plan was made for.
+    pub fn wanted(&self) -> &Wanted {
+        &self.wanted
+    }
+
+    fn wants(&self, field: Field) -> bool {
+        self.wanted.want.has(field)
+    }
+
+    fn wants_any(&self, fields: &[Field]) -> bool {
+        self.wanted.want.0 & FieldSet::of(fields).0 != 0
+    }
+}
+
+/// The bodies that carry the given links, parents first.
+fn supports<C>(model: &Model<C>, links: &[usize]) -> Vec<usize> {
+    let mut carries = vec![false; model.bodies.len()];
+    for link in links {
+        let mut i = model.frames[*link].body;
+        while i != 0 {
+            carries[i] = true;
+            i = model.bodies[i].parent;
+        }
+    }
+    (1..model.bodies.len()).filter(|i| carries[*i]).collect()
+}

@@ -1,0 +1,216 @@
+//! From the workspace to the packed output.
+
+use sarrus_proto::{Field, Slot, Status};
+
+use super::Plan;
+use super::run::Findings;
+use crate::closure::Level;
+use crate::linear::solve_pivoted;
+use crate::model::{Frame, Model};
+use crate::scalar::Scalar;
+use crate::tree;
+use crate::workspace::Workspace;
+
+impl Plan {
+    /// Writes every wanted field.
+    pub(super) fn write<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, found: &Findings<T>, output: &mut [T]) -> Status {
+        if self.steps.frames {
+            tree::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
+            if self.steps.frame_velocities {
+                tree::velocities(model, &self.frame_bodies, &ws.qd, &mut ws.motion);
+            }
+        }
+        let conditions = if self.steps.conditions {
+            match self.conditions(model, ws, output) {
+                Ok(conditions) => Some(conditions),
+                Err(status) => return status,
+            }
+        } else {
+            None
+        };
+        for slot in self.want().slots() {
+            let range = slot.range();
+            let status = self.write_field(model, ws, slot, &mut output[range]);
+            if status != Status::Ok {
+                return status;
+            }
+        }
+        if let Some(conditions) = conditions {
+            let figures = [
+                (Field::Residual, conditions.residual),
+                (Field::CondKd, conditions.cond_Kd),
+                (Field::CondGu, conditions.cond_Gu),
+                (Field::SigmaMin, conditions.sigma_min),
+                (Field::CondMy, conditions.cond_My),
+            ];
+            for (field, value) in figures {
+                self.write_figure(field, value, output);
+            }
+        }
+        self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
+        Status::Ok
+    }
+
+    /// NaN everywhere, but for what survives a failure.
+    pub(super) fn write_failure<T: Scalar>(&self, found: &Findings<T>, output: &mut [T]) {
+        output.fill(T::from_f64(f64::NAN));
+        self.write_figure(Field::Residual, found.residual, output);
+        self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
+    }
+
+    fn write_figure<T: Scalar>(&self, field: Field, value: T, output: &mut [T]) {
+        if let Some(slot) = self.want().slot(field) {
+            output[slot.offset] = value;
+        }
+    }
+
+    fn write_field<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, slot: &Slot, out: &mut [T]) -> Status {
+        let order = &model.order;
+        let gather = |out: &mut [T], from: &[T], order: &[usize]| out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i]);
+        match slot.field {
+            Field::Y | Field::NearestY => gather(out, &ws.q, &order.qy_q),
+            Field::Yd => gather(out, &ws.qd, &order.vy_v),
+            Field::Ydd => gather(out, &ws.qdd, &order.vy_v),
+            Field::Q => gather(out, &ws.q, &order.q),
+            Field::Qd => gather(out, &ws.qd, &order.v),
+            Field::Qdd => gather(out, &ws.qdd, &order.v),
+            Field::U => gather(out, &ws.q, &order.u_q),
+            Field::Ud => gather(out, &ws.qd, &order.u_v),
+            Field::Udd => gather(out, &ws.qdd, &order.u_v),
+            Field::TauQ => gather(out, &ws.tau_q, &order.v),
+            Field::TauY => gather(out, &ws.tau_y, &order.vy),
+            Field::TauUnactuated => gather(out, &ws.tau_rest, &order.vy),
+            Field::TauU => out.copy_from_slice(&ws.tau_u),
+            Field::CY => gather(out, &ws.C_y, &order.vy),
+            Field::GBias => gather(out, &ws.g, &order.v),
+            Field::GUBias => gather(out, &ws.g, &order.u_v),
+            Field::G => self.write_G(model, ws, out, |v| Some(order.v_external[v])),
+            Field::GU => self.write_G(model, ws, out, |v| order.u_v.iter().position(|of_u| *of_u == v)),
+            Field::MY => {
+                let n = order.vy.len();
+                for (i, &a) in order.vy.iter().enumerate() {
+                    for (j, &b) in order.vy.iter().enumerate() {
+                        out[i * n + j] = ws.M_y[a.max(b) * n + a.min(b)];
+                    }
+                }
+            }
+            Field::FramePose => self.each_frame(model, out, 7, |frame, out| out.copy_from_slice(&tree::frame_pose(frame, &ws.world))),
+            Field::FrameTwist => {
+                self.each_frame(model, out, 6, |frame, out| out.copy_from_slice(&tree::frame_twist(frame, &ws.world, &ws.motion)));
+            }
+            Field::FrameAcc => {
+                tree::rates(model, &self.frame_bodies, &ws.qd, &ws.qdd, &mut ws.motion);
+                self.each_frame(model, out, 6, |frame, out| out.copy_from_slice(&tree::frame_acceleration(frame, &ws.world, &ws.motion)));
+            }
+            Field::JacobianTree => self.each_frame(model, out, 6 * order.v.len(), |frame, out| tree_jacobian(model, ws, frame, out)),
+            Field::JacobianIndependent => {
+                self.each_frame(model, out, 6 * order.vy.len(), |frame, out| {
+                    independent_jacobian(model, ws, frame, out, &order.vy_external)
+                });
+            }
+            Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
+            // written where they are computed
+            _ => {}
+        }
+        Status::Ok
+    }
+
+    fn each_frame<T: Scalar>(&self, model: &Model<T>, out: &mut [T], len: usize, mut write: impl FnMut(&Frame<T>, &mut [T])) {
+        for (link, out) in self.frames.iter().zip(out.chunks_exact_mut(len.max(1))) {
+            write(&model.frames[*link], out);
+        }
+    }
+
+    /// Rows of G; `row_of` gives the row of an internal velocity, if it has one.
+    fn write_G<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>, out: &mut [T], row_of: impl Fn(usize) -> Option<usize>) {
+        let n_vy = model.sizes().n_vy;
+        out.fill(T::ZERO);
+        for cluster in &model.clusters {
+            for j in 0..cluster.n_v {
+                let Some(row) = row_of(cluster.v + j) else { continue };
+                for k in 0..cluster.n_vy {
+                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] = ws.G[cluster.g + j * cluster.n_vy + k];
+                }
+            }
+        }
+    }
+
+    /// J over u̇ = J over ẏ · G_u⁻¹, cluster by cluster.
+    fn actuator_jacobians<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, out: &mut [T]) -> Status {
+        let (n_u, n_vy) = (model.sizes().n_u, model.sizes().n_vy);
+        out.fill(T::ZERO);
+        for (link, out) in self.frames.iter().zip(out.chunks_exact_mut((6 * n_u).max(1))) {
+            let frame = &model.frames[*link];
+            let mut spare = core::mem::take(&mut ws.jacobian);
+            independent_jacobian(model, ws, frame, &mut spare, &model.order.vy_internal);
+            let mut status = Status::Ok;
+            for cluster in &model.clusters {
+                let m = cluster.n_vy;
+                if (0..m).all(|k| (0..6).all(|row| spare[row * n_vy + cluster.vy + k] == T::ZERO)) {
+                    continue;
+                }
+                if cluster.active.len() != m {
+                    status = Status::SingularActuation;
+                    break;
+                }
+                // G_uᵀ Xᵀ = Jᵀ
+                for k in 0..m {
+                    for (r, &(_, j)) in cluster.active.iter().enumerate() {
+                        ws.dense[k * m + r] = ws.G[cluster.g + j * m + k];
+                    }
+                    for row in 0..6 {
+                        ws.dense_rhs[k * 6 + row] = spare[row * n_vy + cluster.vy + k];
+                    }
+                }
+                if solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 6).is_none() {
+                    status = Status::SingularActuation;
+                    break;
+                }
+                for (r, (u, _)) in cluster.active.iter().enumerate() {
+                    for row in 0..6 {
+                        out[row * n_u + u] = ws.dense_rhs[r * 6 + row];
+                    }
+                }
+            }
+            ws.jacobian = spare;
+            if status != Status::Ok {
+                return status;
+            }
+        }
+        Status::Ok
+    }
+
+    /// The bias is zero where no velocity was given.
+    pub(super) fn clear_bias<T: Scalar>(&self, ws: &mut Workspace<T>) {
+        if self.steps.level < Level::Acceleration {
+            ws.g.fill(T::ZERO);
+        }
+    }
+}
+
+/// Jacobian over the tree velocities (6 × n_v).
+fn tree_jacobian<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T>, out: &mut [T]) {
+    let n_v = model.sizes().n_v;
+    out.fill(T::ZERO);
+    tree::frame_jacobian(model, frame, &ws.world, |v, column| {
+        for row in 0..6 {
+            out[row * n_v + model.order.v_external[v]] = column[row];
+        }
+    });
+}
+
+/// Jacobian over the independent velocities (6 × n_vy), J G, with the columns in the given order.
+fn independent_jacobian<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T>, out: &mut [T], order: &[usize]) {
+    let n_vy = model.sizes().n_vy;
+    out.fill(T::ZERO);
+    tree::frame_jacobian(model, frame, &ws.world, |v, column| {
+        let cluster = &model.clusters[model.cluster_of_v[v]];
+        for k in 0..cluster.n_vy {
+            let g = ws.G[cluster.g + (v - cluster.v) * cluster.n_vy + k];
+            for row in 0..6 {
+                let entry = &mut out[row * n_vy + order[cluster.vy + k]];
+                *entry = column[row].mul_add(g, *entry);
+            }
+        }
+    });
+}

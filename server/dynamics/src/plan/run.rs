@@ -1,0 +1,85 @@
+//! The road of one request: numbers in, state, dynamics, numbers out.
+
+use sarrus_proto::{Request, Status, Warnings};
+
+use super::{Answer, Plan};
+use crate::model::Model;
+use crate::scalar::Scalar;
+use crate::tree;
+use crate::workspace::Workspace;
+
+/// What a run found besides the numbers in the workspace.
+pub(super) struct Findings<T> {
+    pub(super) status: Status,
+    pub(super) iterations: u32,
+    pub(super) residual: T,
+}
+
+impl Plan {
+    /// Answers one request.
+    ///
+    /// `input` holds the given fields packed by [`Plan::given`], `output` receives the wanted fields packed by [`Plan::want`]. The answer
+    /// depends on model, plan and input alone. Allocates never; panics never. A failed answer is NaN wherever its status forbids a number.
+    pub fn run<T: Scalar>(&self, model: &Model<T>, workspace: &mut Workspace<T>, input: &[T], output: &mut [T]) -> Answer {
+        if input.len() != self.given.len() || output.len() != self.want.len() {
+            output.fill(T::from_f64(f64::NAN));
+            return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
+        }
+        if model.meta.fingerprint != self.fingerprint {
+            output.fill(T::from_f64(f64::NAN));
+            return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
+        }
+        let mut found = Findings { status: Status::Ok, iterations: 0, residual: T::from_f64(f64::NAN) };
+        found.status = match self.compute(model, workspace, input, &mut found) {
+            Ok(()) => self.write(model, workspace, &found, output),
+            Err(status) => status,
+        };
+        if found.status != Status::Ok {
+            self.write_failure(&found, output);
+            return Answer { status: found.status, warnings: Warnings::NONE };
+        }
+        Answer { status: Status::Ok, warnings: self.limits(model, workspace) }
+    }
+
+    fn compute<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], found: &mut Findings<T>) -> Result<(), Status> {
+        if !input.iter().all(|x| x.is_finite()) {
+            return Err(Status::NonFiniteInput);
+        }
+        self.close_state(model, ws, input, found)?;
+        if self.steps.poses {
+            for &(i, q) in &model.free {
+                let (s, c) = ws.q[q].sin_cos();
+                ws.turn[i] = (c, s);
+            }
+            tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+        }
+        match self.request {
+            Request::InverseDynamics => self.inverse_dynamics(model, ws, input),
+            Request::ForwardDynamics => self.forward_dynamics(model, ws, input),
+            Request::Map => self.map_forces(model, ws, input),
+            _ => Ok(()),
+        }
+    }
+
+    /// Where a position, velocity or actuator force lies outside the model's limits.
+    fn limits<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Warnings {
+        let mut warnings = Warnings::NONE;
+        let velocities = self.steps.velocity.is_some() && self.steps.level >= crate::closure::Level::Velocity;
+        for limit in &model.limits {
+            let q = ws.q[limit.q].to_f64();
+            let mut outside = q < limit.lower || q > limit.upper;
+            outside |= velocities && ws.qd[limit.v].to_f64().abs() > limit.velocity;
+            if outside {
+                warnings |= Warnings::LIMITS_EXCEEDED;
+            }
+        }
+        if self.request == Request::InverseDynamics && self.wants_any(&[sarrus_proto::Field::TauU]) {
+            for (tau, effort) in ws.tau_u.iter().zip(&model.effort) {
+                if tau.to_f64().abs() > *effort {
+                    warnings |= Warnings::LIMITS_EXCEEDED;
+                }
+            }
+        }
+        warnings
+    }
+}

@@ -1,0 +1,267 @@
+//! From what is given to a closed state: q, q̇, q̈, G and g.
+
+use sarrus_proto::{Field, Slot, Status};
+
+use super::run::Findings;
+use super::{Plan, Space};
+use crate::closure::{Closure, Level, Local, Outcome, close};
+use crate::linear::solve_pivoted;
+use crate::model::{Cluster, Model, Motion};
+use crate::scalar::Scalar;
+use crate::workspace::Workspace;
+
+/// Newton steps from actuator to independent coordinates.
+const STEPS: u32 = 60;
+/// Longest of these steps, in radians or cluster lengths.
+const LONGEST: f64 = 0.2;
+/// Largest deviation of a quaternion from unit length.
+const UNIT: f64 = 1e-6;
+
+impl Plan {
+    /// Fills q, q̇, q̈, the turns of tied joints, G and g from the input.
+    pub(super) fn close_state<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        found: &mut Findings<T>,
+    ) -> Result<(), Status> {
+        let order = &model.order;
+        let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
+        let scatter = |from: &[T], to: &mut [T], order: &[usize]| from.iter().zip(order).for_each(|(x, i)| to[*i] = *x);
+
+        // where closures start: the guess, or the given q itself, or their own zero
+        let start = slot(Field::Q).or(slot(Field::QGuess));
+        match start {
+            Some(start) => scatter(start, &mut ws.start, &order.q),
+            None => ws.start.copy_from_slice(&model.zero),
+        }
+
+        // positions
+        match self.steps.position {
+            Space::Independent => scatter(slot(Field::Y).unwrap_or(&[]), &mut ws.q, &order.qy_q),
+            Space::Tree => ws.q.copy_from_slice(&ws.start),
+            Space::Actuation => {
+                ws.q.copy_from_slice(&ws.start);
+                scatter(slot(Field::U).unwrap_or(&[]), &mut ws.q, &order.u_q);
+            }
+        }
+        normalise_quaternions(model, &mut ws.q)?;
+        if start.is_some() {
+            normalise_quaternions(model, &mut ws.start)?;
+        }
+
+        // velocities and accelerations of the independents; what is not given is zero
+        ws.qd.fill(T::ZERO);
+        ws.qdd.fill(T::ZERO);
+        self.clear_bias(ws);
+        match self.steps.velocity {
+            Some(Space::Independent) => scatter(slot(Field::Yd).unwrap_or(&[]), &mut ws.qd, &order.vy_v),
+            Some(Space::Tree) => scatter(slot(Field::Qd).unwrap_or(&[]), &mut ws.qd, &order.v),
+            Some(Space::Actuation) => scatter(slot(Field::Ud).unwrap_or(&[]), &mut ws.qd, &order.u_v),
+            None => {}
+        }
+        match self.steps.acceleration {
+            Some(Space::Independent) => scatter(slot(Field::Ydd).unwrap_or(&[]), &mut ws.qdd, &order.vy_v),
+            Some(Space::Tree) => scatter(slot(Field::Qdd).unwrap_or(&[]), &mut ws.qdd, &order.v),
+            Some(Space::Actuation) => scatter(slot(Field::Udd).unwrap_or(&[]), &mut ws.qdd, &order.u_v),
+            None => {}
+        }
+
+        for &c in &model.tied {
+            let cluster = &model.clusters[c];
+            self.close_cluster(model, cluster, ws, found)?;
+            if self.steps.tree_acceleration && self.steps.level >= Level::Velocity {
+                tree_accelerations(cluster, ws);
+            }
+        }
+        if self.steps.position == Space::Actuation || self.actuated_rates() {
+            self.check_unactuated(model)?;
+        }
+        Ok(())
+    }
+
+    fn actuated_rates(&self) -> bool {
+        self.steps.velocity == Some(Space::Actuation) || self.steps.acceleration == Some(Space::Actuation)
+    }
+
+    /// Actuators can only tell the state of joints that they move; a free joint without one needs its coordinate otherwise.
+    fn check_unactuated<T: Scalar>(&self, model: &Model<T>) -> Result<(), Status> {
+        let guessed = self.given.slot(Field::QGuess).is_some();
+        let driven = |cluster: &Cluster<T>| !cluster.is_serial() || cluster.active.len() == cluster.n_vy;
+        if guessed || model.clusters.iter().all(driven) { Ok(()) } else { Err(Status::SingularActuation) }
+    }
+
+    /// Closes one cluster, from whatever space its numbers come.
+    fn close_cluster<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        cluster: &Cluster<T>,
+        ws: &mut Workspace<T>,
+        found: &mut Findings<T>,
+    ) -> Result<(), Status> {
+        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        let actuated = self.steps.position == Space::Actuation;
+        let mut outcome = if actuated {
+            from_actuators(cluster, bodies, ws, found)?
+        } else {
+            let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
+            close(cluster, bodies, &mut local(cluster, ws), level)
+        };
+        found.iterations += outcome.iterations;
+        if outcome.status != Status::Ok {
+            return Err(outcome.status);
+        }
+        if self.actuated_rates() || actuated {
+            // ẏ from u̇, then the bias, then ÿ from ü
+            if self.steps.velocity == Some(Space::Actuation) {
+                self.independent_rates(cluster, ws, false)?;
+            }
+            if self.steps.level > Level::Position {
+                outcome = self.close_again(cluster, bodies, ws);
+                if outcome.status != Status::Ok {
+                    return Err(outcome.status);
+                }
+            }
+            if self.steps.acceleration == Some(Space::Actuation) {
+                self.independent_rates(cluster, ws, true)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// All levels at the closed pose that was just found.
+    fn close_again<T: Scalar>(&self, cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], ws: &mut Workspace<T>) -> Outcome {
+        let at = cluster.q..cluster.q + cluster.n_q;
+        ws.start[at.clone()].copy_from_slice(&ws.q[at]);
+        close(cluster, bodies, &mut local(cluster, ws), self.steps.level)
+    }
+
+    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents.
+    fn independent_rates<T: Scalar>(&self, cluster: &Cluster<T>, ws: &mut Workspace<T>, accelerations: bool) -> Result<(), Status> {
+        let m = cluster.n_vy;
+        if cluster.active.len() != m {
+            return Err(Status::SingularActuation);
+        }
+        let bias = accelerations && self.steps.level >= Level::Acceleration;
+        for (r, &(_, j)) in cluster.active.iter().enumerate() {
+            for k in 0..m {
+                ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
+            }
+            let given = if accelerations { ws.qdd[cluster.v + j] } else { ws.qd[cluster.v + j] };
+            ws.dense_rhs[r] = if bias { given - ws.g[cluster.v + j] } else { given };
+        }
+        solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
+            to[cluster.v + j] = ws.dense_rhs[k];
+        }
+        Ok(())
+    }
+}
+
+/// The workspace's numbers of one cluster.
+pub(crate) fn local<'a, T: Scalar>(cluster: &Cluster<T>, ws: &'a mut Workspace<T>) -> Local<'a, T> {
+    let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
+    Local {
+        start: &ws.start[q.clone()],
+        q: &mut ws.q[q],
+        turn: &mut ws.turn[cluster.body..cluster.body + cluster.n],
+        qd: &mut ws.qd[v.clone()],
+        G: &mut ws.G[cluster.g..cluster.g + cluster.n_v * cluster.n_vy],
+        g: &mut ws.g[v],
+        scratch: &mut ws.scratch,
+    }
+}
+
+/// q̈ = G ÿ + g of the dependents of one cluster.
+pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    let m = cluster.n_vy;
+    for &j in &cluster.dependent {
+        let mut qdd = ws.g[cluster.v + j];
+        for (k, &i) in cluster.independent.iter().enumerate() {
+            qdd = ws.G[cluster.g + j * m + k].mul_add(ws.qdd[cluster.v + i], qdd);
+        }
+        ws.qdd[cluster.v + j] = qdd;
+    }
+}
+
+/// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's method from the start.
+fn from_actuators<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[crate::model::Body<T>],
+    ws: &mut Workspace<T>,
+    found: &mut Findings<T>,
+) -> Result<Outcome, Status> {
+    let m = cluster.n_vy;
+    if cluster.active.len() != m {
+        // nothing measures this cluster: its independents are those of the guess
+        let at = cluster.q..cluster.q + cluster.n_q;
+        ws.q[at.clone()].copy_from_slice(&ws.start[at]);
+        return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+    }
+    for (r, &(_, j)) in cluster.active.iter().enumerate() {
+        ws.goal_u[r] = ws.q[cluster.q + j];
+    }
+    if cluster.active.iter().zip(&cluster.independent).all(|((_, a), i)| a == i) {
+        return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+    }
+    for &j in &cluster.independent {
+        ws.q[cluster.q + j] = ws.start[cluster.q + j];
+    }
+    let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
+    let mut sign = T::ZERO;
+    for k in 0..STEPS {
+        let outcome = close(cluster, bodies, &mut local(cluster, ws), Level::Velocity);
+        found.iterations += outcome.iterations;
+        if outcome.status != Status::Ok {
+            return Ok(outcome);
+        }
+        let at = cluster.q..cluster.q + cluster.n_q;
+        ws.start[at.clone()].copy_from_slice(&ws.q[at]);
+        for (r, &(_, j)) in cluster.active.iter().enumerate() {
+            for k in 0..m {
+                ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
+            }
+            ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + j];
+        }
+        let det = solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+        if k == 0 {
+            sign = det;
+        } else if !T::ZERO.lt(det * sign) {
+            return Err(Status::BranchChanged);
+        }
+        // one step, no longer than allowed
+        let mut size = T::ZERO;
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            let unit = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
+            let step = ws.dense_rhs[k].abs() * T::from_f64(unit);
+            size = T::select(size.lt(step), step, size);
+        }
+        let longest = T::from_f64(LONGEST);
+        let damping = T::select(longest.lt(size), longest / size, T::ONE);
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            ws.q[cluster.q + j] += ws.dense_rhs[k] * damping;
+        }
+        found.iterations += 1;
+        if size < tolerance {
+            return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+        }
+    }
+    Ok(Outcome::failed(Status::Unreachable, 0))
+}
+
+/// Quaternions within 1e-6 of unit length are normalised, others refused.
+fn normalise_quaternions<T: Scalar>(model: &Model<T>, q: &mut [T]) -> Result<(), Status> {
+    for cluster in model.clusters.iter().filter(|c| matches!(c.closure, Closure::Serial) && c.n_q == 7) {
+        let of = &mut q[cluster.q + 3..cluster.q + 7];
+        let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
+        if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
+            return Err(Status::BadRequest);
+        }
+        for x in of {
+            *x = *x / norm;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,161 @@
+use nalgebra::{Matrix3, Vector3};
+
+use crate::closure::{Rate, Scratch};
+use crate::model::Model;
+use crate::scalar::{Real, Scalar};
+use crate::spatial::{Pose, identity, zero};
+use crate::tree::Articulated;
+
+/// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next one.
+#[derive(Clone, Debug)]
+pub struct Workspace<T> {
+    // coordinates, in the order of the bodies
+    /// Tree coordinates, velocities, accelerations.
+    pub(crate) q: Vec<T>,
+    pub(crate) qd: Vec<T>,
+    pub(crate) qdd: Vec<T>,
+    /// The closed pose that numerical closures start from.
+    pub(crate) start: Vec<T>,
+    /// The actuator coordinates that one cluster has to reach.
+    pub(crate) goal_u: Vec<T>,
+    /// Independent accelerations.
+    pub(crate) ydd: Vec<T>,
+
+    // closures
+    /// (cos q, sin q) of each revolute body's joint; 0 is the world.
+    pub(crate) turn: Vec<(T, T)>,
+    /// G blocks of all clusters, row-major, and g.
+    pub(crate) G: Vec<T>,
+    pub(crate) g: Vec<T>,
+    pub(crate) scratch: Scratch<T>,
+
+    // recursions
+    pub(crate) motion: Vec<BodyState<T>>,
+    pub(crate) composite: Vec<Composite<T>>,
+    pub(crate) articulated: Vec<Articulated<T>>,
+    /// Pose of each body {root}.
+    pub(crate) world: Vec<Pose<T>>,
+    /// External wrench on each body, `[n; f]` at its origin {body}.
+    pub(crate) wrench: Vec<(Vector3<T>, Vector3<T>)>,
+    /// Forces on tree, independent and actuator coordinates.
+    pub(crate) tau_q: Vec<T>,
+    pub(crate) tau_y: Vec<T>,
+    pub(crate) tau_u: Vec<T>,
+    pub(crate) tau_rest: Vec<T>,
+    /// Reduced mass matrix and its factor (n_vy × n_vy), reduced bias force.
+    pub(crate) M_y: Vec<T>,
+    pub(crate) C_y: Vec<T>,
+    pub(crate) factor: Vec<T>,
+    /// Force columns of the cluster that is carried towards the root: `[n; f]` for each of its independents.
+    pub(crate) columns: Vec<(Vector3<T>, Vector3<T>)>,
+    /// Mass matrix of one cluster (n × n).
+    pub(crate) cluster_mass: Vec<T>,
+    /// Dense scratch for what is asked rarely: conditions, actuator maps, λ, Jacobians.
+    pub(crate) dense: Vec<T>,
+    pub(crate) dense_rhs: Vec<T>,
+    pub(crate) dense_spare: Vec<T>,
+    /// One frame's Jacobian (6 × n_vy), and the tree forces that only the loops can supply.
+    pub(crate) jacobian: Vec<T>,
+    pub(crate) loop_q: Vec<T>,
+}
+
+/// What the recursions keep for one body, in its own axes at its origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BodyState<T> {
+    /// Pose in the parent.
+    pub(crate) R: Matrix3<T>,
+    pub(crate) p: Vector3<T>,
+    /// Angular velocity, velocity of the origin, angular acceleration, classical acceleration of the origin.
+    pub(crate) w: Vector3<T>,
+    pub(crate) v: Vector3<T>,
+    pub(crate) alpha: Vector3<T>,
+    pub(crate) a: Vector3<T>,
+    /// Moment and force that the joint transmits.
+    pub(crate) n: Vector3<T>,
+    pub(crate) f: Vector3<T>,
+}
+
+/// Inertia of a body with everything that it carries, as if rigid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Composite<T> {
+    pub(crate) mass: T,
+    pub(crate) h: Vector3<T>,
+    /// xx xy xz yy yz zz about the body's origin.
+    pub(crate) inertia: [T; 6],
+}
+
+impl<T: Scalar> Workspace<T> {
+    /// Scratch for every plan on this model. Allocates; nothing after it does.
+    pub fn new(model: &Model<T>) -> Workspace<T> {
+        let sizes = model.sizes();
+        let bodies = model.bodies.len();
+        let at_rest = BodyState { R: identity(), p: zero(), w: zero(), v: zero(), alpha: zero(), a: zero(), n: zero(), f: zero() };
+        let of = |n: usize| vec![T::ZERO; n];
+        let clusters = || model.clusters.iter();
+        let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);
+        let largest = clusters().map(|c| c.n_v).max().unwrap_or(0);
+        let rows = clusters().map(|c| c.rows.len()).max().unwrap_or(0);
+        let side = largest.max(rows).max(sizes.n_vy).max(sizes.n_u) + 6;
+        Workspace {
+            q: of(sizes.n_q),
+            qd: of(sizes.n_v),
+            qdd: of(sizes.n_v),
+            start: of(sizes.n_q),
+            goal_u: of(sizes.n_u),
+            ydd: of(sizes.n_vy),
+            turn: vec![(T::ONE, T::ZERO); bodies],
+            G: free_jacobians(model),
+            g: of(sizes.n_v),
+            scratch: Scratch::new(largest, rows),
+            motion: vec![at_rest; bodies],
+            composite: vec![Composite { mass: T::ZERO, h: zero(), inertia: [T::ZERO; 6] }; bodies],
+            articulated: vec![Articulated::default(); bodies],
+            world: vec![Pose::identity(); bodies],
+            wrench: vec![(zero(), zero()); bodies],
+            tau_q: of(sizes.n_v),
+            tau_y: of(sizes.n_vy),
+            tau_u: of(sizes.n_u),
+            tau_rest: of(sizes.n_vy),
+            M_y: of(sizes.n_vy * sizes.n_vy),
+            C_y: of(sizes.n_vy),
+            factor: of(sizes.n_vy * sizes.n_vy),
+            columns: vec![(zero(), zero()); widest],
+            cluster_mass: of(largest * largest),
+            dense: of(side * side),
+            dense_rhs: of(side * side),
+            dense_spare: of(side * side),
+            jacobian: of(6 * sizes.n_vy),
+            loop_q: of(sizes.n_v),
+        }
+    }
+}
+
+/// G blocks with the identity at every free joint, which no request changes.
+fn free_jacobians<T: Scalar>(model: &Model<T>) -> Vec<T> {
+    let mut G = vec![T::ZERO; model.n_g];
+    for cluster in model.clusters.iter().filter(|c| c.is_serial()) {
+        for k in 0..cluster.n_v {
+            G[cluster.g + k * cluster.n_vy + k] = T::ONE;
+        }
+    }
+    G
+}
+
+impl<T: Real> Scratch<T> {
+    /// For clusters of up to n joints and this many rows.
+    pub(crate) fn new(n: usize, rows: usize) -> Scratch<T> {
+        let of = |n: usize| vec![T::ZERO; n];
+        let side = n.max(rows);
+        Scratch {
+            pose: vec![Pose::identity(); n + 1],
+            rate: vec![Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }; n + 1],
+            K: of(rows * n),
+            phi: of(side),
+            A: of(side * side),
+            B: of(side * side),
+            inverse: of(side * side),
+            last: of(n),
+            goal: of(n),
+        }
+    }
+}

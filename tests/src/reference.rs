@@ -1,0 +1,48 @@
+//! Reference answers: `tests/vectors` in the project, and a larger collection where `$SARRUS_REFERENCE` points.
+
+use std::path::{Path, PathBuf};
+
+use sarrus_dynamics::scalar::Dd;
+use serde_json::Value;
+
+/// The nine bundled robots with answers from an independent engine.
+pub const ROBOTS: [&str; 9] =
+    ["lambda", "parallelogram", "torso", "ankle", "wrist", "r3_lambda_r", "stewart", "rh5v2_upper_body", "rh5v2_full"];
+
+/// A file of the project's own vectors.
+pub fn vectors(name: &str) -> Value {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors").join(format!("{name}.json"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The folder of reference data beside the project, if there is one.
+pub fn folder() -> Option<PathBuf> {
+    let folder = std::env::var_os("SARRUS_REFERENCE").map(PathBuf::from).filter(|folder| folder.is_dir());
+    if folder.is_none() {
+        println!("not run: SARRUS_REFERENCE does not point to reference data");
+    }
+    folder
+}
+
+/// A number, a list or a list of rows, flat.
+pub fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(numbers).collect(),
+        other => vec![other.as_f64().unwrap_or_else(|| panic!("not a number: {other}"))],
+    }
+}
+
+/// The same for numbers of forty digits in quotes.
+pub fn digits(value: &Value) -> Vec<Dd> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(digits).collect(),
+        Value::String(text) => vec![Dd::parse_decimal(text).unwrap_or_else(|| panic!("not a number: {text}"))],
+        other => numbers(other).into_iter().map(Dd::from).collect(),
+    }
+}
+
+/// The cases of a file.
+pub fn cases(file: &Value) -> &[Value] {
+    file["cases"].as_array().or(file["states"].as_array()).map_or(&[], Vec::as_slice)
+}

@@ -1,0 +1,63 @@
+//! One request in process, by field.
+
+use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::{Answer, Model, Plan, Workspace};
+use sarrus_proto::{Field, FieldSet, Request, Status, Wanted};
+
+/// A model with everything that it takes to ask it.
+pub struct Robot<T> {
+    /// The model.
+    pub model: Model<T>,
+    workspace: Workspace<T>,
+}
+
+/// An answer, by field.
+pub struct Fields<T> {
+    /// How it ended.
+    pub answer: Answer,
+    plan: Plan,
+    numbers: Vec<T>,
+}
+
+impl<T: Scalar> Robot<T> {
+    /// A model and its workspace.
+    pub fn new(model: Model<T>) -> Robot<T> {
+        Robot { workspace: Workspace::new(&model), model }
+    }
+
+    /// Asks with the given fields for the wanted ones.
+    pub fn ask(&mut self, request: Request, given: &[(Field, &[T])], want: &[Field]) -> Fields<T> {
+        self.ask_for(Wanted::new(request, FieldSet::EMPTY, FieldSet::of(want)), given)
+    }
+
+    /// The same from a base with frames or wrenches.
+    pub fn ask_for(&mut self, base: Wanted, given: &[(Field, &[T])]) -> Fields<T> {
+        let mut wanted = base;
+        for (field, _) in given {
+            wanted.given = wanted.given.with(*field);
+        }
+        let plan = Plan::new(&self.model, &wanted).unwrap_or_else(|error| panic!("{error}"));
+        let mut input = vec![T::ZERO; plan.given().len()];
+        for (field, numbers) in given {
+            let slot = plan.given().slot(*field).unwrap_or_else(|| panic!("{field:?} is not packed"));
+            input[slot.range()].copy_from_slice(numbers);
+        }
+        let mut numbers = vec![T::ZERO; plan.want().len()];
+        let answer = plan.run(&self.model, &mut self.workspace, &input, &mut numbers);
+        Fields { answer, plan, numbers }
+    }
+}
+
+impl<T: Scalar> Fields<T> {
+    /// The numbers of a field.
+    pub fn get(&self, field: Field) -> &[T] {
+        let slot = self.plan.want().slot(field).unwrap_or_else(|| panic!("{field:?} was not wanted"));
+        &self.numbers[slot.range()]
+    }
+
+    /// The same answer, which must be complete.
+    pub fn ok(self) -> Fields<T> {
+        assert_eq!(self.answer.status, Status::Ok);
+        self
+    }
+}
