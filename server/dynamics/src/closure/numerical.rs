@@ -16,7 +16,7 @@ use crate::scalar::{Mask, Real, Scalar};
 /// Newton steps that one straight attempt may take.
 pub(super) const STEPS: u32 = 10;
 /// Largest first step that is trusted without following the path, in radians or cluster lengths.
-pub(super) const TRUST: f64 = 0.35;
+pub(super) const TRUST: f64 = 0.5;
 
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
