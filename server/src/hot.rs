@@ -4,6 +4,10 @@
 //! none is overwritten, because a client has one request under way. After start-up the loop takes no lock, writes no log,
 //! reads no clock but the processor's counter, and in busy mode makes no system call. Two things the transport does on it
 //! are no part of a request: when a client of the requests door comes or goes its memory is mapped or unmapped.
+//!
+//! Overload: work is bounded by the number of clients, so requests wait, at most for one request of each other client. A
+//! client that gives up a request and asks again before the server took it is told `overloaded` by its own side of the
+//! requests door; through a lane its newer request replaces the one that it gave up. Nothing else is ever dropped.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

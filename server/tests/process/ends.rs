@@ -124,6 +124,23 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
 }
 
 #[test]
+fn a_server_that_comes_back_with_another_model_is_refused() {
+    let place = Place::new();
+    let server = place.serve("changeling", &[]);
+    let mut asker = Asker::new(place.connect("changeling", Door::Lane).unwrap());
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    server.kill();
+    let _other = place.serve_robot("lambda", "changeling", &[]);
+    let error = asker.ask().unwrap_err();
+    assert!(matches!(error, Error::Connect(ConnectError::WrongModel { .. })), "{error}");
+    assert!(asker.output.iter().all(|number| number.is_nan()));
+    // nor with other gravity, which is part of the model
+    drop(_other);
+    let _other = place.serve("changeling", &["--gravity", "0,0,-1.62"]);
+    assert!(matches!(asker.ask(), Err(Error::Connect(ConnectError::WrongModel { .. }))));
+}
+
+#[test]
 fn a_new_start_clears_what_a_crash_left() {
     let place = Place::new();
     let server = place.serve("crash", &[]);
