@@ -1,11 +1,13 @@
 //! One block of a numerical closure: Newton's method, its inverse, G and g.
 
-use super::rows::{CutState, refresh};
+use nalgebra::Vector3;
+
+use super::rows::{CutState, cos_sin, place, row_along};
 use super::{Cut, Local};
 use crate::linear::solve_unpivoted;
 use crate::model::{Body, Cluster, Motion};
 use crate::scalar::{Mask, Real};
-use crate::spatial::{Pose, dot};
+use crate::spatial::{Pose, dot, zero};
 
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
@@ -21,11 +23,9 @@ pub(crate) struct Block {
     pub(crate) unknowns: Vec<usize>,
     /// The cuts whose rows it holds.
     pub(crate) cuts: Vec<BlockCut>,
-    /// Place of each local joint among the unknowns, or `usize::MAX` (n).
-    pub(crate) place: Vec<usize>,
     /// Bodies that move with the unknowns and matter to the block, in tree order.
     pub(crate) bodies: Vec<usize>,
-    /// Those, and the bodies that earlier blocks moved.
+    /// Bodies on the way that earlier blocks moved.
     pub(crate) stale: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
@@ -34,13 +34,17 @@ pub(crate) struct Block {
 /// The rows of one cut that a block holds.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockCut {
-    /// Index of the cut and of its first row among the cluster's rows.
+    /// Index of the cut.
     pub(crate) cut: usize,
-    pub(crate) first_row: usize,
     /// (row of the cut, row of the block).
     pub(crate) rows: Vec<(usize, usize)>,
-    /// True when a joint of an earlier block lies on the cut's path.
-    pub(crate) follows: bool,
+    /// True when the rows are a whole ball joint: then the axes do not matter and those of the cluster's parent body are taken.
+    pub(crate) ball: bool,
+    /// Joints of the cut's path that the block determines: joint, side (true = successor's), column.
+    pub(crate) solve: Vec<(usize, bool, usize)>,
+    /// Joints of the path that are known before, and those among them that an earlier block determined.
+    pub(crate) known: Vec<(usize, bool)>,
+    pub(crate) earlier: Vec<(usize, bool)>,
 }
 
 impl Block {
@@ -79,7 +83,9 @@ impl Block {
                 for r in 0..m {
                     step = inverse[i * m + r].mul_add(local.scratch.phi[r], step);
                 }
-                local.q[j] -= T::select(done, T::ZERO, step);
+                let step = T::select(done, T::ZERO, step);
+                local.q[j] -= step;
+                local.scratch.step[i] = step;
                 let scale = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
                 let scaled = step.abs() * T::from_f64(scale);
                 size = T::select(size.lt(scaled), scaled, size);
@@ -89,8 +95,17 @@ impl Block {
             good = good & (done | at_floor | size.lt(previous * T::from_f64(CONTRACTION)));
             done = done | at_floor;
             previous = size;
+            // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
+            let tiny = size.lt(converged).all();
+            for (i, &j) in self.unknowns.iter().enumerate() {
+                if bodies[j].motion == Motion::Revolute {
+                    let (c, s) = local.turn[j];
+                    let step = local.scratch.step[i];
+                    local.turn[j] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[j]) };
+                }
+            }
             for &j in &self.bodies {
-                refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+                place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
             if done.all() {
                 break;
@@ -105,53 +120,25 @@ impl Block {
         let m = self.unknowns.len();
         let scratch = &mut *local.scratch;
         let mut largest = T::ZERO;
-        if jacobian {
+        if jacobian && self.cuts.len() > 1 {
             scratch.A[..m * m].fill(T::ZERO);
         }
         for of in &self.cuts {
             let cut = &cuts[of.cut];
-            let state = CutState::new(cut, &scratch.pose);
+            let state = CutState::new(cut, &scratch.pose, of.ball);
             for &(r, i) in &of.rows {
-                let value = state.value(&cut.rows[r], local.q);
+                let value = if of.ball { state.d[i - of.rows[0].1] } else { state.value(&cut.rows[r], local.q) };
                 scratch.phi[i] = value;
                 largest = T::select(largest.lt(value.abs()), value.abs(), largest);
             }
             if jacobian {
-                self.columns(cut, of, &state, bodies, &scratch.pose, |i, j, value| {
-                    if self.place[j] != usize::MAX {
-                        scratch.A[i * m + self.place[j]] = value;
-                    }
-                });
+                let directions = of.directions(cut, &state);
+                for &(j, side, column) in &of.solve {
+                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| scratch.A[i * m + column] = x);
+                }
             }
         }
         largest
-    }
-
-    /// Calls `each(row of the block, joint, entry of K)` for every entry of the block's rows.
-    #[inline(always)]
-    fn columns<T: Real>(
-        &self,
-        cut: &Cut<T::Const>,
-        of: &BlockCut,
-        state: &CutState<T>,
-        bodies: &[Body<T::Const>],
-        pose: &[Pose<T>],
-        mut each: impl FnMut(usize, usize, T),
-    ) {
-        for &(r, i) in &of.rows {
-            let row = &cut.rows[r];
-            if row.terms.is_empty() {
-                let (linear, angular) = state.directions(cut, row);
-                for &(j, on_successor) in &cut.path {
-                    let (w, v) = state.twist(&bodies[j], &pose[j + 1], on_successor);
-                    let entry = dot(&linear, &v);
-                    each(i, j, if cut.angular { entry + dot(&angular, &w) } else { entry });
-                }
-            }
-            for (j, c) in &row.terms {
-                each(i, *j, T::lift(*c));
-            }
-        }
     }
 
     /// Inverse of A into the scratch: closed form up to 3×3, elimination in the order fixed at load beyond. Returns where it is sound,
@@ -212,22 +199,25 @@ impl Block {
         local: &mut Local<'_, T>,
     ) -> T::Mask {
         let m = self.unknowns.len();
-        local.scratch.A[..m * m].fill(T::ZERO);
-        local.scratch.B[..m * n_vy].fill(T::ZERO);
         let scratch = &mut *local.scratch;
         let G = &mut *local.G;
+        scratch.A[..m * m].fill(T::ZERO);
+        scratch.B[..m * n_vy].fill(T::ZERO);
         for of in &self.cuts {
             let cut = &cuts[of.cut];
-            let state = CutState::new(cut, &scratch.pose);
-            self.columns(cut, of, &state, bodies, &scratch.pose, |i, j, value| {
-                if self.place[j] != usize::MAX {
-                    scratch.A[i * m + self.place[j]] = value;
-                } else {
-                    for k in 0..n_vy {
-                        scratch.B[i * n_vy + k] = value.mul_add(G[j * n_vy + k], scratch.B[i * n_vy + k]);
+            let state = CutState::new(cut, &scratch.pose, of.ball);
+            let directions = of.directions(cut, &state);
+            for &(j, side, column) in &of.solve {
+                of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| scratch.A[i * m + column] = x);
+            }
+            for &(j, side) in &of.known {
+                let of_joint = &G[j * n_vy..(j + 1) * n_vy];
+                of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| {
+                    for (b, g) in scratch.B[i * n_vy..(i + 1) * n_vy].iter_mut().zip(of_joint) {
+                        *b = x.mul_add(*g, *b);
                     }
-                }
-            });
+                });
+            }
         }
         let (good, _) = self.invert(local);
         for (i, &j) in self.unknowns.iter().enumerate() {
@@ -242,7 +232,7 @@ impl Block {
         good
     }
 
-    /// The block's rows of g from k in `scratch.phi` and the inverse that [`Block::jacobian`] left.
+    /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
     #[inline]
     pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
         let m = self.unknowns.len();
@@ -250,17 +240,18 @@ impl Block {
         let g = &mut *local.g;
         for of in &self.cuts {
             let cut = &cuts[of.cut];
+            let state = CutState::new(cut, &scratch.pose, of.ball);
+            let (x, theta) = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
             for &(r, i) in &of.rows {
-                scratch.B[i] = scratch.phi[of.first_row + r];
+                scratch.B[i] = if of.ball { -x[i - of.rows[0].1] } else { -row_along(&cut.rows[r], &x, &theta) };
             }
-            // joints of earlier blocks accelerate by their own g
-            if of.follows {
-                let state = CutState::new(cut, &scratch.pose);
-                self.columns(cut, of, &state, bodies, &scratch.pose, |i, j, value| {
-                    if self.place[j] == usize::MAX {
-                        scratch.B[i] = (-value).mul_add(g[j], scratch.B[i]);
-                    }
-                });
+            if !of.earlier.is_empty() {
+                let directions = of.directions(cut, &state);
+                for &(j, side) in &of.earlier {
+                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| {
+                        scratch.B[i] = (-x).mul_add(g[j], scratch.B[i]);
+                    });
+                }
             }
         }
         for (i, &j) in self.unknowns.iter().enumerate() {
@@ -269,6 +260,54 @@ impl Block {
                 x = scratch.inverse[self.offset + i * m + r].mul_add(scratch.B[r], x);
             }
             g[j] = x;
+        }
+    }
+}
+
+/// Directions of the rows of a cut: linear, angular.
+type Directions<T> = [(Vector3<T>, Vector3<T>); 6];
+
+impl BlockCut {
+    /// Directions of the rows, in their order here.
+    #[inline(always)]
+    fn directions<T: Real>(&self, cut: &Cut<T::Const>, state: &CutState<T>) -> Directions<T> {
+        let mut directions = [(zero(), zero()); 6];
+        if !self.ball {
+            for (to, &(r, _)) in directions.iter_mut().zip(&self.rows) {
+                *to = state.directions(cut, &cut.rows[r]);
+            }
+        }
+        directions
+    }
+
+    /// Calls `each(row of the block, entry of K)` for one joint.
+    #[inline(always)]
+    fn column<T: Real>(
+        &self,
+        cut: &Cut<T::Const>,
+        state: &CutState<T>,
+        directions: &Directions<T>,
+        body: &Body<T::Const>,
+        pose: &Pose<T>,
+        j: usize,
+        side: bool,
+        mut each: impl FnMut(usize, T),
+    ) {
+        let (w, v) = state.twist(body, pose, side);
+        if self.ball {
+            for (k, &(_, i)) in self.rows.iter().enumerate() {
+                each(i, v[k]);
+            }
+            return;
+        }
+        for ((linear, angular), &(r, i)) in directions.iter().zip(&self.rows) {
+            let terms = &cut.rows[r].terms;
+            if terms.is_empty() {
+                let entry = dot(linear, &v);
+                each(i, if cut.angular { entry + dot(angular, &w) } else { entry });
+            } else {
+                each(i, terms.iter().find(|(joint, _)| *joint == j).map_or(T::ZERO, |(_, c)| T::lift(*c)));
+            }
         }
     }
 }
