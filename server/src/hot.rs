@@ -39,7 +39,7 @@ const QUIET: Duration = Duration::from_millis(200);
 /// In sleeping mode: the length of one long sleep.
 const LONG_NAP: Duration = Duration::from_millis(1);
 /// After the order to stop, requests are refused for this long, so that nobody waits for an answer in vain.
-const FAREWELL: Duration = Duration::from_millis(30);
+const FAREWELL: Duration = Duration::from_millis(100);
 
 /// The answering thread's ends of a lane.
 pub(crate) struct HotLane {

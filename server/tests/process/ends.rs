@@ -33,7 +33,7 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{error}");
-        assert!(start.elapsed() < Duration::from_millis(1500));
+        assert!(start.elapsed() < Duration::from_millis(2500));
         assert!(asker.output.iter().all(|number| number.is_nan()));
     }
     drop(askers);
@@ -102,7 +102,7 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{door:?}: {error}");
-        assert!(start.elapsed() < Duration::from_millis(1500), "{door:?}: {:?}", start.elapsed());
+        assert!(start.elapsed() < Duration::from_millis(2500), "{door:?}: {:?}", start.elapsed());
 
         // a new one: the next request finds it
         let server = place.serve("phoenix", &[]);
