@@ -9,6 +9,8 @@ use crate::model::{Body, Cluster, Motion};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
 
+/// Largest first step, in radians or cluster lengths.
+const TRUST: f64 = 0.5;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
 /// After a step below this size the next one uses the same inverse.
@@ -29,6 +31,8 @@ pub(crate) struct Block {
     pub(crate) stale: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
+    /// True when the determinant at the old unknowns changes with the new y, so that its sign must be taken at the old pose.
+    pub(crate) remember: bool,
 }
 
 /// The rows of one cut that a block holds.
@@ -63,17 +67,24 @@ macro_rules! by_width {
 }
 
 impl Block {
-    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after.
+    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after. `branch` is the
+    /// determinant at the old pose, read where the block says so.
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
         cluster: &Cluster<T::Const>,
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
-        trust: f64,
+        branch: T,
         steps: u32,
     ) -> (T::Mask, u32) {
-        by_width!(self.newton_of_width(cluster, bodies, local, trust, steps))
+        by_width!(self.newton_of_width(cluster, bodies, local, branch, steps))
+    }
+
+    /// The determinant at the closed pose in `local`, whose poses are fresh.
+    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(&cluster.cuts, bodies, local, true);
+        self.invert::<T, ANY>(local.scratch).1
     }
 
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
@@ -104,7 +115,7 @@ impl Block {
         cluster: &Cluster<T::Const>,
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
-        trust: f64,
+        branch: T,
         steps: u32,
     ) -> (T::Mask, u32) {
         let m = self.width::<M>();
@@ -113,8 +124,8 @@ impl Block {
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
         let unit = T::from_f64(1.0 / cluster.length);
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
-        let mut previous = T::from_f64(trust / CONTRACTION);
-        let mut first_det = T::ZERO;
+        let mut previous = T::from_f64(TRUST / CONTRACTION);
+        let mut last_det = branch;
         let mut taken = 0;
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
@@ -122,8 +133,8 @@ impl Block {
             let residual = self.evaluate::<T, M>(&cluster.cuts, bodies, local, fresh);
             if fresh {
                 let (fine, det) = self.invert::<T, M>(local.scratch);
-                let same_branch = T::ZERO.lt(det * if k == 0 { det } else { first_det });
-                first_det = det;
+                let same_branch = T::ZERO.lt(det * if k == 0 && !self.remember { det } else { last_det });
+                last_det = det;
                 good = good & (done | (fine & same_branch));
             }
             // step, in radians or cluster lengths
