@@ -4,6 +4,10 @@
 //! none is overwritten, because a client has one request under way. After start-up the loop takes no lock, writes no log,
 //! reads no clock but the processor's counter, and in busy mode makes no system call. Two things the transport does on it
 //! are no part of a request: when a client of the requests door comes or goes its memory is mapped or unmapped.
+//!
+//! Overload: work is bounded by the number of clients, so requests wait, at most for one request of each other client. A
+//! client that gives up a request and asks again before the server took it is told `overloaded` by its own side of the
+//! requests door; through a lane its newer request replaces the one that it gave up. Nothing else is ever dropped.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -28,10 +32,14 @@ const SWEEPS_BETWEEN_MAIL: u32 = 32;
 const BEAT: Duration = Duration::from_millis(1);
 /// In sleeping mode: polled for this long after the last request, then slept.
 const IDLE: Duration = Duration::from_micros(200);
-/// In sleeping mode: the length of one sleep.
+/// In sleeping mode: the length of one sleep while requests keep coming now and then.
 const NAP: Duration = Duration::from_micros(50);
+/// In sleeping mode: without a request for this long, sleeps are long.
+const QUIET: Duration = Duration::from_millis(200);
+/// In sleeping mode: the length of one long sleep.
+const LONG_NAP: Duration = Duration::from_millis(1);
 /// After the order to stop, requests are refused for this long, so that nobody waits for an answer in vain.
-const FAREWELL: Duration = Duration::from_millis(30);
+const FAREWELL: Duration = Duration::from_millis(100);
 
 /// The answering thread's ends of a lane.
 pub(crate) struct HotLane {
@@ -74,7 +82,7 @@ impl Hot {
     /// Answers until the order to stop, then refuses for a moment what still comes.
     pub(crate) fn run(&mut self) {
         let ticks = |span: Duration| Ticks::of(&self.clock, span);
-        let (beat, idle, farewell) = (ticks(BEAT), ticks(IDLE), ticks(FAREWELL));
+        let (beat, idle, quiet, farewell) = (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(FAREWELL));
         let (mut beats, mut sweeps) = (0, 0_u32);
         let (mut last_beat, mut last_request, mut stop_since) = (self.clock.raw(), self.clock.raw(), None);
 
@@ -87,10 +95,11 @@ impl Hot {
             let mut napped = false;
             if self.wait == Wait::Sleep {
                 let now = self.clock.raw();
+                let pause = now.wrapping_sub(last_request);
                 if answered > 0 {
                     last_request = now;
-                } else if now.wrapping_sub(last_request) > idle.0 {
-                    std::thread::sleep(NAP);
+                } else if pause > idle.0 {
+                    std::thread::sleep(if pause > quiet.0 { LONG_NAP } else { NAP });
                     napped = true;
                 }
             }

@@ -1,4 +1,4 @@
-//! Round trips of a running server: `round_trip NAME lane|requests [COUNT]`.
+//! Round trips of a running server: `round_trip NAME lane|requests [COUNT [PAUSE_US]]`, the pause before each request.
 
 use std::time::{Duration, Instant};
 
@@ -10,6 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let door = if arguments.next().as_deref() == Some("requests") { Door::Requests } else { Door::Lane };
     let count: usize = arguments.next().map_or(Ok(200_000), |text| text.parse())?;
 
+    let pause = Duration::from_micros(arguments.next().map_or(Ok(0), |text| text.parse())?);
     let options = ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
     let mut robot = Robot::connect_with(&name, options)?;
     println!("{}: {} independent coordinates, {door:?}", robot.model().robot, robot.model().independent.len());
@@ -27,6 +28,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let mut times = Vec::with_capacity(count);
         for _ in 0..count {
+            if !pause.is_zero() {
+                std::thread::sleep(pause);
+            }
             let start = Instant::now();
             ask()?;
             times.push(start.elapsed());

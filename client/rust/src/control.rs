@@ -7,9 +7,9 @@ use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::message::{Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PAGE, Refusal};
 use sarrus_proto::service::{ControlClient, open_control};
-use sarrus_proto::{FieldSet, ModelInfo, PROTOCOL_VERSION, Request, ServerName, Wanted, WantedError};
+use sarrus_proto::{FieldSet, ModelInfo, PROTOCOL_VERSION, Request, ServerName, Wanted};
 
-use crate::{ConnectError, Error};
+use crate::{ConnectError, Error, Prepared};
 
 /// A port of the control service, open while a client attaches or registers plans.
 pub(crate) struct Control<'a> {
@@ -45,16 +45,20 @@ impl<'a> Control<'a> {
         for page in 0..hello.info_bytes.div_ceil(PAGE) {
             bytes.extend_from_slice(self.granted(Call::Model, [page as u64, 0], None)?.text());
         }
-        ModelInfo::from_json(&bytes).ok_or(ConnectError::BadAnswer { what: "the model information" })
+        ModelInfo::from_json(&bytes).ok_or(ConnectError::BadAnswer { what: "about the model" })
     }
 
-    /// Registers a wanted set; the server's number of its plan.
-    pub(crate) fn plan(&self, wanted: &Wanted) -> Result<u32, Error> {
-        let response = self.call(Call::Plan, [0; 2], Some(wanted))?;
+    /// Registers a plan; the server's number of it.
+    pub(crate) fn plan(&self, prepared: &Prepared) -> Result<u32, Error> {
+        let response = self.call(Call::Plan, [0; 2], Some(prepared.wanted()))?;
+        let [number, n_in, n_out, _] = response.numbers;
         match Refusal::from_code(response.refusal) {
-            None if response.refusal == 0 => Ok(response.numbers[0] as u32),
-            // the same check, here: the server's words become a value again
-            Some(Refusal::BadWanted) => Err(Error::Wanted(wanted.check(usize::MAX).err().unwrap_or(WantedError::UnknownField))),
+            // client and server must mean the same numbers
+            None if response.refusal == 0 && [n_in, n_out] == [prepared.given().len() as u64, prepared.want().len() as u64] => {
+                Ok(number as u32)
+            }
+            None => Err(ConnectError::BadAnswer { what: "for a plan" }.into()),
+            Some(Refusal::BadWanted) => Err(Error::NotPlanned { reason: String::from_utf8_lossy(response.text()).into_owned() }),
             Some(Refusal::TooLarge) => {
                 let [n_in, n_out, ..] = response.numbers.map(|n| n as usize);
                 Err(Error::TooLarge { n_in, n_out, max_in: MAX_NUMBERS_IN, max_out: MAX_NUMBERS_OUT })

@@ -50,7 +50,7 @@ pub enum ConnectError {
     #[error("the server is stopping; connect again when it is back")]
     ShuttingDown,
     /// The server's answer makes no sense.
-    #[error("the server answered {what} in a way this client does not know; use client and server of one version")]
+    #[error("the server's answer {what} makes no sense to this client; use client and server of one version")]
     BadAnswer {
         /// What was asked.
         what: &'static str,
@@ -95,6 +95,12 @@ pub enum Error {
     /// What is wanted cannot be planned.
     #[error("{0}")]
     Wanted(WantedError),
+    /// The server finds something in the wanted set that it cannot plan.
+    #[error("the server cannot plan this: {reason}")]
+    NotPlanned {
+        /// What the server says.
+        reason: String,
+    },
     /// A name stands for no field or link.
     #[error("`{name}` is no {what}; {help}")]
     UnknownName {
@@ -164,7 +170,7 @@ impl ConnectError {
             },
             Some(Refusal::Stopping) => ConnectError::ShuttingDown,
             Some(Refusal::Failed) => ConnectError::Failed { reason: String::from_utf8_lossy(response.text()).into_owned() },
-            _ => ConnectError::BadAnswer { what: "an attach" },
+            _ => ConnectError::BadAnswer { what: "to an attach" },
         }
     }
 }

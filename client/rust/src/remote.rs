@@ -135,7 +135,7 @@ impl Remote {
         if hello.instance != session.instance {
             return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() }.into());
         }
-        let number = control.plan(last.wanted())?;
+        let number = control.plan(last)?;
         session.grow(&control, needs(prepared))?;
         session.plans.push(number);
         Ok(())
@@ -168,7 +168,7 @@ impl Remote {
         node.try_cleanup_dead_nodes();
         let attempt = deadline.min(Instant::now() + 10 * RETRY);
         let (control, hello) = Control::open(node, &self.name, Some(self.fingerprint), attempt)?;
-        let plans = prepared.iter().map(|prepared| control.plan(prepared.wanted())).collect::<Result<Vec<u32>, Error>>()?;
+        let plans = prepared.iter().map(|prepared| control.plan(prepared)).collect::<Result<Vec<u32>, Error>>()?;
         self.session = Some(Session::open(node, &self.name, &control, &hello, plans, needs(prepared), self.options.door)?);
         Ok(())
     }

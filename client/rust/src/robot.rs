@@ -247,3 +247,9 @@ impl Robot {
         outcome
     }
 }
+
+// a controller's thread may take the robot over
+const _: () = {
+    const fn moves<T: Send>() {}
+    moves::<Robot>()
+};

@@ -33,7 +33,7 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{error}");
-        assert!(start.elapsed() < Duration::from_millis(1500));
+        assert!(start.elapsed() < Duration::from_millis(2500));
         assert!(asker.output.iter().all(|number| number.is_nan()));
     }
     drop(askers);
@@ -102,7 +102,7 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{door:?}: {error}");
-        assert!(start.elapsed() < Duration::from_millis(1500), "{door:?}: {:?}", start.elapsed());
+        assert!(start.elapsed() < Duration::from_millis(2500), "{door:?}: {:?}", start.elapsed());
 
         // a new one: the next request finds it
         let server = place.serve("phoenix", &[]);
@@ -121,6 +121,23 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
         assert!(server.stop("-TERM").success());
         assert_eq!(place.leftovers(), NOTHING, "{door:?}");
     }
+}
+
+#[test]
+fn a_server_that_comes_back_with_another_model_is_refused() {
+    let place = Place::new();
+    let server = place.serve("changeling", &[]);
+    let mut asker = Asker::new(place.connect("changeling", Door::Lane).unwrap());
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    server.kill();
+    let _other = place.serve_robot("lambda", "changeling", &[]);
+    let error = asker.ask().unwrap_err();
+    assert!(matches!(error, Error::Connect(ConnectError::WrongModel { .. })), "{error}");
+    assert!(asker.output.iter().all(|number| number.is_nan()));
+    // nor with other gravity, which is part of the model
+    drop(_other);
+    let _other = place.serve("changeling", &["--gravity", "0,0,-1.62"]);
+    assert!(matches!(asker.ask(), Err(Error::Connect(ConnectError::WrongModel { .. }))));
 }
 
 #[test]

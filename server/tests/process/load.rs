@@ -4,14 +4,15 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use sarrus_client::{Door, Status};
+use sarrus_client::{Door, Options, Robot, Source, Status};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::RequestHead;
 use sarrus_proto::service::open_compute;
 use sarrus_proto::{PROTOCOL_VERSION, ServerName};
+use sarrus_server::pool;
 
-use crate::support::{Asker, Place};
+use crate::support::{Asker, Place, ROBOT};
 
 #[test]
 fn no_request_reaches_the_systems_allocator() {
@@ -31,6 +32,25 @@ fn no_request_reaches_the_systems_allocator() {
         assert_eq!(served, 20_001, "{door:?}: {statistics:?}");
         assert_eq!(statistics.pool_allocations > 0, door == Door::Requests, "{door:?}: {statistics:?}");
         assert!(statistics.latency_ns[0] > 0 && statistics.answered(Status::NonFiniteInput) > 0);
+    }
+}
+
+#[test]
+fn asking_allocates_nothing_through_a_lane_and_in_process() {
+    let place = Place::new();
+    let _server = place.serve("sparing", &[]);
+    // the transport itself makes one small block for each request through the other door
+    let local = Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap();
+    let [lane, requests] = [Door::Lane, Door::Requests].map(|door| place.connect("sparing", door).unwrap());
+    for (robot, blocks) in [(local, 0), (lane, 0), (requests, 1)] {
+        let mut asker = Asker::new(robot);
+        asker.ask().unwrap();
+        let before = pool::counts();
+        let adopted = pool::adopt_thread();
+        let good = (0..1000).filter(|_| asker.ask().is_ok_and(|answer| answer.status == Status::Ok)).count();
+        drop(adopted);
+        let after = pool::counts();
+        assert_eq!((good, after.pool - before.pool, after.system - before.system), (1000, 1000 * blocks, 0));
     }
 }
 

@@ -1,4 +1,6 @@
 //! The server as its users meet it: as a process, among clients that crash, crowd, lie and vanish. One test at a time.
+// lint: helpers of tests say what they expect, as tests do
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod ends;
 mod lies;
@@ -10,6 +12,10 @@ use std::time::{Duration, Instant};
 use sarrus_client::{ConnectError, ConnectOptions, Door, Field, FieldSet, Options, Request, Robot, Source, Status, Wanted};
 
 use support::{Asker, Place, ROBOT, STATE, options};
+
+/// Counts what a thread takes from an allocator while it is adopted.
+#[global_allocator]
+static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
 
 /// Not a test of its own: the body of the clients that tests start as other processes.
 #[test]
@@ -85,7 +91,7 @@ fn no_server_is_told_at_once() {
 fn a_second_server_of_the_name_is_refused() {
     let place = Place::new();
     let server = place.serve("twice", &[]);
-    let second = place.command("twice", &[]).output().unwrap();
+    let second = place.command(ROBOT, "twice", &[]).output().unwrap();
     assert_eq!((second.status.code(), second.stdout.len()), (Some(2), 0));
     let words = String::from_utf8(second.stderr).unwrap();
     assert_eq!(words, "sarrus serve: a server named `twice` is running already; stop it or choose another name with --name\n");

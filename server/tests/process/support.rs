@@ -58,7 +58,11 @@ impl Place {
     }
 
     pub(crate) fn serve(&self, name: &str, flags: &[&str]) -> Server {
-        let mut child = self.command(name, flags).spawn().unwrap();
+        self.serve_robot(ROBOT, name, flags)
+    }
+
+    pub(crate) fn serve_robot(&self, robot: &str, name: &str, flags: &[&str]) -> Server {
+        let mut child = self.command(robot, name, flags).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         if line.is_empty() {
@@ -67,9 +71,9 @@ impl Place {
         Server { child, ready: line }
     }
 
-    pub(crate) fn command(&self, name: &str, flags: &[&str]) -> Command {
+    pub(crate) fn command(&self, robot: &str, name: &str, flags: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-        command.args(["serve", "--robot", ROBOT, "--name", name]).args(flags).env("SARRUS_ROOT", self.domain.root());
+        command.args(["serve", "--robot", robot, "--name", name]).args(flags).env("SARRUS_ROOT", self.domain.root());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
         command
     }

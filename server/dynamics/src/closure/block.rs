@@ -3,12 +3,14 @@
 use nalgebra::Vector3;
 
 use super::rows::{CutState, cos_sin, place, row_along};
-use super::{Cut, Local};
+use super::{Cut, Local, Scratch};
 use crate::linear::solve_unpivoted;
 use crate::model::{Body, Cluster, Motion};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
 
+/// Largest first step, in radians or cluster lengths.
+const TRUST: f64 = 0.5;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
 /// After a step below this size the next one uses the same inverse.
@@ -29,6 +31,8 @@ pub(crate) struct Block {
     pub(crate) stale: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
+    /// True when the determinant at the old unknowns changes with the new y, so that its sign must be taken at the old pose.
+    pub(crate) remember: bool,
 }
 
 /// The rows of one cut that a block holds.
@@ -47,47 +51,108 @@ pub(crate) struct BlockCut {
     pub(crate) earlier: Vec<(usize, bool)>,
 }
 
+/// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the block.
+const ANY: usize = 0;
+
+/// Calls a method with the block's width as a constant.
+macro_rules! by_width {
+    ($self:ident . $method:ident ( $($argument:expr),* )) => {
+        match $self.unknowns.len() {
+            1 => $self.$method::<T, 1>($($argument),*),
+            2 => $self.$method::<T, 2>($($argument),*),
+            3 => $self.$method::<T, 3>($($argument),*),
+            _ => $self.$method::<T, ANY>($($argument),*),
+        }
+    };
+}
+
 impl Block {
-    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after.
+    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after. `branch` is the
+    /// determinant at the old pose, read where the block says so.
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
         cluster: &Cluster<T::Const>,
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
-        trust: f64,
+        branch: T,
         steps: u32,
     ) -> (T::Mask, u32) {
-        let m = self.unknowns.len();
+        by_width!(self.newton_of_width(cluster, bodies, local, branch, steps))
+    }
+
+    /// The determinant at the closed pose in `local`, whose poses are fresh.
+    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(&cluster.cuts, bodies, local, true);
+        self.invert::<T, ANY>(local.scratch).1
+    }
+
+    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
+    #[inline]
+    pub(super) fn jacobian<T: Real>(
+        &self,
+        n_vy: usize,
+        cuts: &[Cut<T::Const>],
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+    ) -> T::Mask {
+        by_width!(self.jacobian_of_width(n_vy, cuts, bodies, local))
+    }
+
+    /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
+    #[inline]
+    pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
+        by_width!(self.bias_of_width(cuts, bodies, local));
+    }
+
+    #[inline(always)]
+    fn width<const M: usize>(&self) -> usize {
+        if M == ANY { self.unknowns.len() } else { M }
+    }
+
+    fn newton_of_width<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+        branch: T,
+        steps: u32,
+    ) -> (T::Mask, u32) {
+        let m = self.width::<M>();
+        let unknowns = &self.unknowns[..m];
         let converged = T::from_f64(0.1 * T::EPSILON.sqrt());
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
+        let unit = T::from_f64(1.0 / cluster.length);
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
-        let mut previous = T::from_f64(trust / CONTRACTION);
-        let mut first_det = T::ZERO;
+        let mut previous = T::from_f64(TRUST / CONTRACTION);
+        let mut last_det = branch;
         let mut taken = 0;
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
             let fresh = k == 0 || !previous.lt(T::from_f64(CHORD)).all();
-            let residual = self.evaluate(&cluster.cuts, bodies, local, fresh);
+            let residual = self.evaluate::<T, M>(&cluster.cuts, bodies, local, fresh);
             if fresh {
-                let (fine, det) = self.invert(local);
-                let same_branch = T::ZERO.lt(det * T::select(T::Mask::splat(k == 0), det, first_det));
-                first_det = det;
+                let (fine, det) = self.invert::<T, M>(local.scratch);
+                let same_branch = T::ZERO.lt(det * if k == 0 && !self.remember { det } else { last_det });
+                last_det = det;
                 good = good & (done | (fine & same_branch));
             }
             // step, in radians or cluster lengths
             let mut size = T::ZERO;
-            let inverse = &local.scratch.inverse[self.offset..self.offset + m * m];
-            for (i, &j) in self.unknowns.iter().enumerate() {
+            let scratch = &mut *local.scratch;
+            let (phi, steps) = (&scratch.phi[..m], &mut scratch.step[..m]);
+            let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+            for i in 0..m {
                 let mut step = T::ZERO;
                 for r in 0..m {
-                    step = inverse[i * m + r].mul_add(local.scratch.phi[r], step);
+                    step = inverse[i * m + r].mul_add(phi[r], step);
                 }
-                let step = T::select(done, T::ZERO, step);
-                local.q[j] -= step;
-                local.scratch.step[i] = step;
-                let scale = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
-                let scaled = step.abs() * T::from_f64(scale);
+                steps[i] = T::select(done, T::ZERO, step);
+            }
+            for (i, &j) in unknowns.iter().enumerate() {
+                local.q[j] -= steps[i];
+                let scaled = steps[i].abs();
+                let scaled = if bodies[j].motion == Motion::Prismatic { scaled * unit } else { scaled };
                 size = T::select(size.lt(scaled), scaled, size);
             }
             taken += 1;
@@ -97,15 +162,15 @@ impl Block {
             previous = size;
             // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
             let tiny = size.lt(converged).all();
-            for (i, &j) in self.unknowns.iter().enumerate() {
+            for (i, &j) in unknowns.iter().enumerate() {
                 if bodies[j].motion == Motion::Revolute {
                     let (c, s) = local.turn[j];
-                    let step = local.scratch.step[i];
+                    let step = steps[i];
                     local.turn[j] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[j]) };
                 }
             }
             for &j in &self.bodies {
-                place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+                place(cluster, bodies, j, local.q, local.turn, &mut scratch.pose);
             }
             if done.all() {
                 break;
@@ -115,26 +180,33 @@ impl Block {
     }
 
     /// φ into the scratch and, if wanted, K of the unknowns; returns the largest |φ|.
-    #[inline]
-    fn evaluate<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>, jacobian: bool) -> T {
-        let m = self.unknowns.len();
+    #[inline(always)]
+    fn evaluate<T: Real, const M: usize>(
+        &self,
+        cuts: &[Cut<T::Const>],
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+        jacobian: bool,
+    ) -> T {
+        let m = self.width::<M>();
         let scratch = &mut *local.scratch;
+        let (phi, A) = (&mut scratch.phi[..m], &mut scratch.A[..m * m]);
         let mut largest = T::ZERO;
         if jacobian && self.cuts.len() > 1 {
-            scratch.A[..m * m].fill(T::ZERO);
+            A.fill(T::ZERO);
         }
         for of in &self.cuts {
             let cut = &cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose, of.ball);
-            for &(r, i) in &of.rows {
-                let value = if of.ball { state.d[i - of.rows[0].1] } else { state.value(&cut.rows[r], local.q) };
-                scratch.phi[i] = value;
+            for (k, &(r, i)) in of.rows.iter().enumerate() {
+                let value = if of.ball { state.d[k] } else { state.value(&cut.rows[r], local.q) };
+                phi[i] = value;
                 largest = T::select(largest.lt(value.abs()), value.abs(), largest);
             }
             if jacobian {
                 let directions = of.directions(cut, &state);
                 for &(j, side, column) in &of.solve {
-                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| scratch.A[i * m + column] = x);
+                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| A[i * m + column] = x);
                 }
             }
         }
@@ -143,11 +215,11 @@ impl Block {
 
     /// Inverse of A into the scratch: closed form up to 3×3, elimination in the order fixed at load beyond. Returns where it is sound,
     /// and the determinant.
-    #[inline]
-    fn invert<T: Real>(&self, local: &mut Local<'_, T>) -> (T::Mask, T) {
-        let m = self.unknowns.len();
-        let A = &mut local.scratch.A;
-        let inverse = &mut local.scratch.inverse[self.offset..self.offset + m * m];
+    #[inline(always)]
+    fn invert<T: Real, const M: usize>(&self, scratch: &mut Scratch<T>) -> (T::Mask, T) {
+        let m = self.width::<M>();
+        let A = &mut scratch.A[..m * m];
+        let inverse = &mut scratch.inverse[self.offset..self.offset + m * m];
         match m {
             1 => {
                 inverse[0] = T::ONE / A[0];
@@ -189,16 +261,14 @@ impl Block {
         }
     }
 
-    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
-    #[inline]
-    pub(super) fn jacobian<T: Real>(
+    fn jacobian_of_width<T: Real, const M: usize>(
         &self,
         n_vy: usize,
         cuts: &[Cut<T::Const>],
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
     ) -> T::Mask {
-        let m = self.unknowns.len();
+        let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let G = &mut *local.G;
         scratch.A[..m * m].fill(T::ZERO);
@@ -219,7 +289,7 @@ impl Block {
                 });
             }
         }
-        let (good, _) = self.invert(local);
+        let (good, _) = self.invert::<T, M>(local.scratch);
         for (i, &j) in self.unknowns.iter().enumerate() {
             for k in 0..n_vy {
                 let mut x = T::ZERO;
@@ -232,18 +302,16 @@ impl Block {
         good
     }
 
-    /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
-    #[inline]
-    pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
-        let m = self.unknowns.len();
+    fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
+        let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let g = &mut *local.g;
         for of in &self.cuts {
             let cut = &cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose, of.ball);
             let (x, theta) = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
-            for &(r, i) in &of.rows {
-                scratch.B[i] = if of.ball { -x[i - of.rows[0].1] } else { -row_along(&cut.rows[r], &x, &theta) };
+            for (k, &(r, i)) in of.rows.iter().enumerate() {
+                scratch.B[i] = if of.ball { -x[k] } else { -row_along(&cut.rows[r], &x, &theta) };
             }
             if !of.earlier.is_empty() {
                 let directions = of.directions(cut, &state);
@@ -264,17 +332,20 @@ impl Block {
     }
 }
 
-/// Directions of the rows of a cut: linear, angular.
-type Directions<T> = [(Vector3<T>, Vector3<T>); 6];
+/// Linear and angular directions of the rows of a cut.
+struct Directions<T> {
+    linear: [Vector3<T>; 6],
+    angular: [Vector3<T>; 6],
+}
 
 impl BlockCut {
     /// Directions of the rows, in their order here.
     #[inline(always)]
     fn directions<T: Real>(&self, cut: &Cut<T::Const>, state: &CutState<T>) -> Directions<T> {
-        let mut directions = [(zero(), zero()); 6];
+        let mut directions = Directions { linear: [zero(); 6], angular: [zero(); 6] };
         if !self.ball {
-            for (to, &(r, _)) in directions.iter_mut().zip(&self.rows) {
-                *to = state.directions(cut, &cut.rows[r]);
+            for (k, &(r, _)) in self.rows.iter().enumerate() {
+                (directions.linear[k], directions.angular[k]) = state.directions(cut, &cut.rows[r]);
             }
         }
         directions
@@ -300,11 +371,11 @@ impl BlockCut {
             }
             return;
         }
-        for ((linear, angular), &(r, i)) in directions.iter().zip(&self.rows) {
+        for (k, &(r, i)) in self.rows.iter().enumerate() {
             let terms = &cut.rows[r].terms;
             if terms.is_empty() {
-                let entry = dot(linear, &v);
-                each(i, if cut.angular { entry + dot(angular, &w) } else { entry });
+                let entry = dot(&directions.linear[k], &v);
+                each(i, if cut.angular { entry + dot(&directions.angular[k], &w) } else { entry });
             } else {
                 each(i, terms.iter().find(|(joint, _)| *joint == j).map_or(T::ZERO, |(_, c)| T::lift(*c)));
             }

@@ -110,6 +110,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) A: Vec<T>,
     pub(crate) B: Vec<T>,
     pub(crate) inverse: Vec<T>,
+    /// Determinant of each block at the pose that Newton's method leaves.
+    pub(crate) branch: Vec<T>,
     /// Newton's last step.
     pub(crate) step: Vec<T>,
     /// The last closed pose on a path, and the goal (n each).

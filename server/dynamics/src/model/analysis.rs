@@ -391,10 +391,17 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
         let stale = (0..n).filter(|j| on_way[*j] && moves(&|x| known[x], *j)).collect();
         unknowns.iter().for_each(|j| known[*j] = true);
         let size = unknowns.len();
-        blocks.push(Block { unknowns, cuts, bodies, stale, offset });
+        let remember = cuts.iter().any(|cut| !one_sided(cut));
+        blocks.push(Block { unknowns, cuts, bodies, stale, offset, remember });
         offset += size * size;
     }
     blocks
+}
+
+/// True when a new y leaves the block's part of K at the old unknowns as it was, up to a turn of the rows: the unknowns move one end alone
+/// and the velocities are those of that end.
+fn one_sided(cut: &BlockCut) -> bool {
+    cut.solve.iter().all(|(_, on_successor, _)| *on_successor) || cut.ball && cut.solve.iter().all(|(_, on_successor, _)| !on_successor)
 }
 
 /// True when the block's rows of a cut, one after the other, tie all three directions of a point.
