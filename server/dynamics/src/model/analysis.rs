@@ -398,10 +398,10 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
     blocks
 }
 
-/// True when a new y leaves the block's part of K at the old unknowns as it was, up to a turn of the rows: the unknowns move one end alone
-/// and the velocities are those of that end.
+/// True when a new y leaves the block's part of K at the old unknowns as it was, up to a turn of the rows: the unknowns move the successor
+/// alone, whose cut point the velocities are those of.
 fn one_sided(cut: &BlockCut) -> bool {
-    cut.solve.iter().all(|(_, on_successor, _)| *on_successor) || cut.ball && cut.solve.iter().all(|(_, on_successor, _)| !on_successor)
+    cut.solve.iter().all(|(_, on_successor, _)| *on_successor)
 }
 
 /// True when the block's rows of a cut, one after the other, tie all three directions of a point.
