@@ -2,7 +2,7 @@
 
 use sarrus_proto::Status;
 
-use super::numerical::{Numerical, STEPS};
+use super::numerical::Numerical;
 use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster, Motion};
@@ -13,14 +13,12 @@ const BUDGET: u32 = 1200;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 0.25;
 const SHORTEST: f64 = 1.0 / 65536.0;
-/// Trust in one substep, in radians or cluster lengths.
-const TRUST: f64 = 0.1;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 60;
 /// Relative singular value below which a matrix has lost rank.
 const LOST: f64 = 1e-9;
 
-/// Follows the straight path from `local.start` to the independents in `local.q`, shortening a substep that is doubtful.
+/// Follows the straight path from `local.start` to the independents in `scratch.goal`, shortening a substep that is doubtful.
 pub(super) fn follow<T: Scalar>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
@@ -29,17 +27,15 @@ pub(super) fn follow<T: Scalar>(
     mut iterations: u32,
 ) -> Outcome {
     let n = cluster.n;
-    for &j in &cluster.independent {
-        local.scratch.goal[j] = local.q[j];
-    }
     local.q.copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
-    let (closed, count) = numerical.newton(cluster, bodies, local, super::numerical::TRUST, STEPS);
+    let (closed, count) = numerical.newton(cluster, bodies, local);
     iterations += count;
     if !closed {
         return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
+    numerical.remember(cluster, bodies, local);
     let (mut at, mut step) = (0.0, FIRST);
     while at < 1.0 {
         let next = f64::min(1.0, at + step);
@@ -50,10 +46,11 @@ pub(super) fn follow<T: Scalar>(
         for &j in &cluster.dependent {
             local.q[j] = local.scratch.last[j];
         }
-        let (good, count) = numerical.newton(cluster, bodies, local, TRUST, STEPS);
+        let (good, count) = numerical.newton(cluster, bodies, local);
         iterations += count;
         if good {
             local.scratch.last[..n].copy_from_slice(local.q);
+            numerical.remember(cluster, bodies, local);
             at = next;
             step *= 2.0;
         } else {
@@ -75,10 +72,10 @@ pub(super) fn follow<T: Scalar>(
 /// Why the goal in `local.q` was not reached: some other closed pose has its y, none has, or the budget ran out.
 fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, iterations: u32) -> Status {
     match search(cluster, bodies, local) {
-        Some(true) => Status::BranchChanged,
         Some(false) => Status::Unreachable,
-        None if iterations > BUDGET => Status::NotConverged,
-        None => Status::Unreachable,
+        _ if iterations > BUDGET => Status::NotConverged,
+        Some(true) => Status::BranchChanged,
+        None => Status::NotConverged,
     }
 }
 

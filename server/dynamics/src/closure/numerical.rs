@@ -9,14 +9,12 @@ use sarrus_proto::Status;
 
 use super::block::Block;
 use super::rows::{local_poses, local_rates, refresh};
-use super::{Level, Local, Outcome, careful, constraint_bias};
+use super::{Level, Local, Outcome, careful};
 use crate::model::{Body, Cluster};
 use crate::scalar::{Mask, Real, Scalar};
 
 /// Newton steps that one straight attempt may take.
-pub(super) const STEPS: u32 = 10;
-/// Largest first step that is trusted without following the path, in radians or cluster lengths.
-pub(super) const TRUST: f64 = 0.35;
+const STEPS: u32 = 10;
 
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
@@ -32,30 +30,33 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         Numerical { blocks: self.blocks.clone(), zero: self.zero.iter().map(|x| f(*x)).collect() }
     }
 
-    /// Closes every block from the guess in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes
-    /// converged without a doubtful step and without a change of sign of any block's determinant.
-    pub(super) fn newton<T: Real<Const = C>>(
-        &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, T>,
-        trust: f64,
-        steps: u32,
-    ) -> (T::Mask, u32) {
+    /// Closes every block from the dependents in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes converged
+    /// without a doubtful step and without a change of sign of any block's determinant.
+    pub(super) fn newton<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>) -> (T::Mask, u32) {
         local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
         let mut good = T::Mask::splat(true);
         let mut taken = 0;
         for (b, block) in self.blocks.iter().enumerate() {
-            if b > 0 {
-                for &j in &block.stale {
-                    refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
-                }
+            for &j in &block.stale {
+                refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
-            let (fine, count) = block.newton(cluster, bodies, local, trust, steps);
+            let branch = local.scratch.branch[b];
+            let (fine, count) = block.newton(cluster, bodies, local, branch, STEPS);
             good = good & fine;
             taken += count;
         }
         (good, taken)
+    }
+
+    /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not show it.
+    pub(super) fn remember<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>) {
+        if !self.blocks.iter().any(|block| block.remember) {
+            return;
+        }
+        local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
+        for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.remember) {
+            local.scratch.branch[b] = block.determinant(cluster, bodies, local);
+        }
     }
 
     /// Velocity and acceleration level at the closed pose: G and q̇, then g.
@@ -84,10 +85,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             }
         }
         if level >= Level::Acceleration {
-            // g_d = K_d⁻¹ (k − K_before g_before)
             let scratch = &mut *local.scratch;
             local_rates(cluster, bodies, local.qd, &scratch.pose, &mut scratch.rate);
-            constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
             for block in &self.blocks {
                 block.bias(&cluster.cuts, bodies, local);
             }
@@ -99,18 +98,24 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 impl<C: Scalar> Numerical<C> {
     /// Position level from the closed pose `local.start`, then the levels below.
     pub(crate) fn close(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>, level: Level) -> Outcome {
-        for &j in &cluster.dependent {
-            local.q[j] = local.start[j];
+        for &j in &cluster.independent {
+            local.scratch.goal[j] = local.q[j];
         }
-        let (good, iterations) = self.newton(cluster, bodies, local, TRUST, STEPS);
+        local.q.copy_from_slice(local.start);
+        self.remember(cluster, bodies, local);
+        for &j in &cluster.independent {
+            local.q[j] = local.scratch.goal[j];
+        }
+        let (good, iterations) = self.newton(cluster, bodies, local);
         let outcome =
             if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
         if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
     }
 
-    /// A fixed number of Newton steps from a closed form's answer.
+    /// Newton steps from a closed form's answer, on its branch.
     pub(crate) fn polish(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>) -> Outcome {
-        let (good, iterations) = self.newton(cluster, bodies, local, TRUST, STEPS);
+        self.remember(cluster, bodies, local);
+        let (good, iterations) = self.newton(cluster, bodies, local);
         Outcome { status: if good { Status::Ok } else { Status::NotConverged }, iterations }
     }
 
