@@ -1,5 +1,12 @@
 //! What the tests share: reference data, comparison by size, running plans, random robots.
+// the symbols of the equations
+#![allow(non_snake_case)]
 
+pub mod cases;
 pub mod compare;
+pub mod random;
 pub mod reference;
+pub mod rigid;
 pub mod run;
+pub mod seed;
+pub mod small;
