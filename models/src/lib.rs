@@ -12,18 +12,26 @@
 //! read by urdf-rs and serde, and [`load`] compiles them. Faults that only the compiler sees come back with their places too.
 //!
 //! # What is read beyond plain URDF
-//! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path` (not opened), `jointnames`,
+//! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path`, `jointnames`,
 //!   `jointnames_spanningtree`, `jointnames_independent`, `jointnames_active`, `loop_constraints`.
+//!   `file_path` is opened for a `TRANSMISSION` only, and only when the robot's URDF couples none of its joints: as with HyRoDyn
+//!   the couplings may stand in the URDF of that submechanism alone.
 //! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead of the frame of `cut_joint`.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier offset/></joint>`, as couplings.
 //! - A SMURF file in place of the URDF.
 //!
 //! Without a submechanism file every moving joint is independent and active in the order of the URDF; floating joints are not
 //! active, joints with `<mimic>` follow.
+//!
+//! # Limits
+//! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and 1024 on all loops. A file beyond them is
+//! faulty, and so is one with anchors, aliases, tags or a document type: reading costs time in proportion to the size of a file. A report
+//! lists the first thousand errors and the first thousand warnings that were found, and the number of the others.
 #![forbid(unsafe_code)]
 
 mod build;
 mod bundled;
+mod check;
 mod inertia;
 mod load;
 mod nearest;
@@ -35,5 +43,6 @@ mod text;
 mod urdf;
 
 pub use bundled::{bundled, bundled_text};
+pub use check::{CheckReport, ClosureReport};
 pub use load::{LoadError, Loaded, Options, Source, load};
 pub use report::{Finding, Report};

@@ -43,7 +43,11 @@ impl Slot {
 pub struct Layout {
     slots: Vec<Slot>,
     len: usize,
+    /// Place of each field among the slots, by field number; [`ABSENT`] where it is not there.
+    place: [u8; Field::ALL.len()],
 }
+
+const ABSENT: u8 = u8::MAX;
 
 impl Layout {
     /// The layout of what a request gives.
@@ -62,8 +66,9 @@ impl Layout {
     }
 
     /// The slot of one field, if it is there.
+    #[inline]
     pub fn slot(&self, field: Field) -> Option<&Slot> {
-        self.slots.iter().find(|slot| slot.field == field)
+        self.slots.get(self.place[field as usize] as usize)
     }
 
     /// How many numbers the array holds.
@@ -77,16 +82,18 @@ impl Layout {
     }
 
     fn pack(set: FieldSet, wanted: &Wanted, sizes: &Sizes) -> Layout {
-        let mut len = 0;
+        let (mut len, mut place) = (0, [ABSENT; Field::ALL.len()]);
         let slots = set
             .iter()
-            .map(|field| {
+            .enumerate()
+            .map(|(k, field)| {
+                place[field as usize] = k as u8;
                 let (rows, columns) = field.shape(sizes, wanted.n_frames as usize, wanted.n_wrenches as usize);
                 let slot = Slot { field, offset: len, rows, columns };
                 len += rows * columns;
                 slot
             })
             .collect();
-        Layout { slots, len }
+        Layout { slots, len, place }
     }
 }

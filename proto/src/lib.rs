@@ -3,14 +3,33 @@
 //! Without the feature `transport` this crate is the vocabulary that the mathematics and the wire share and depends on
 //! nothing: what can be asked ([`Request`], [`Field`], [`Wanted`]), how numbers are packed ([`Layout`]) and how an
 //! answer ends ([`Status`], [`Warnings`]). With it, it also holds the services over shared memory.
-#![forbid(unsafe_code)]
 
 mod field;
 mod layout;
 mod status;
 mod wanted;
 
+#[cfg(feature = "transport")]
+pub mod board;
+#[cfg(feature = "transport")]
+mod domain;
+#[cfg(feature = "transport")]
+mod info;
+#[cfg(feature = "transport")]
+pub mod lane;
+#[cfg(feature = "transport")]
+pub mod message;
+#[cfg(feature = "transport")]
+pub mod service;
+
 pub use field::{Field, FieldSet};
 pub use layout::{Layout, Sizes, Slot};
 pub use status::{Status, Warnings};
 pub use wanted::{MAX_FRAMES, MAX_WRENCHES, Request, Wanted, WantedError};
+
+#[cfg(feature = "transport")]
+pub use domain::{Domain, DomainError, LaneId, MAX_NAME, ServerName};
+#[cfg(feature = "transport")]
+pub use info::{Closure, JointLimits, ModelInfo, ModelSizes};
+#[cfg(feature = "transport")]
+pub use message::PROTOCOL_VERSION;

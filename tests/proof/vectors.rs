@@ -43,9 +43,7 @@ fn check_case<T: Scalar>(robot: &mut Robot<T>, case: &Value, what: &str, toleran
     check(Lambda, "lambda_id", 0.0, &inverse);
 
     let tau = of("tau_fd");
-    let forward = robot
-        .ask(Request::ForwardDynamics, &[(Y, y.as_slice()), (Yd, &yd), (TauU, &tau)], &[Ydd, Qdd, Lambda, MY, CY])
-        .ok();
+    let forward = robot.ask(Request::ForwardDynamics, &[(Y, y.as_slice()), (Yd, &yd), (TauU, &tau)], &[Ydd, Qdd, Lambda, MY, CY]).ok();
     check(Ydd, "ydd_fd", 0.0, &forward);
     check(Qdd, "qdd_fd", 0.0, &forward);
     check(Lambda, "lambda_fd", 0.0, &forward);

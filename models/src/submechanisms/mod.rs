@@ -17,6 +17,9 @@ use crate::text::Text;
 use crate::urdf::Urdf;
 use kind::{KNOWN, Letters, letters};
 
+/// Most rows of all loops together: their matrices are dense.
+const MOST_ROWS: usize = 1024;
+
 /// A submechanism file as it stands, checked against the robot.
 pub(crate) struct Submechanisms {
     pub(crate) place: Place,
@@ -44,6 +47,11 @@ pub(crate) fn check(place: Place, entries: Vec<Entry>, urdf: Option<&Urdf>, find
             let found = format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
             findings.error(joint.place, found, "every moving joint in one", "add it to a jointnames_spanningtree or make it fixed");
         }
+    }
+    let rows: usize = entries.iter().flat_map(|entry| &entry.loops).map(|each| each.rows.len()).sum();
+    if rows > MOST_ROWS {
+        let found = format!("the loops have {rows} constraint_axes");
+        findings.error(place, found, format!("at most {MOST_ROWS}"), "split the robot into robots of their own");
     }
     Submechanisms { place, entries }
 }

@@ -139,6 +139,10 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
     if axes.is_empty() && !matches!(node.get("constraint_axes").map(|axes| &axes.value), Some(Value::Scalar { .. } | Value::Map(_))) {
         findings.error(node.place, "the loop constraint has no `constraint_axes`", "at least one", "list the constrained directions");
     }
+    if let Some(seventh) = axes.get(6) {
+        let found = format!("the loop constraint has {} constraint_axes", axes.len());
+        findings.error(seventh.place, found, "at most six", "remove those that the others imply");
+    }
     let mut names: HashSet<String> = HashSet::new();
     for axis in axes {
         row(axis, &mut names, findings);

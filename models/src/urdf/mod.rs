@@ -28,6 +28,10 @@ const ROBOT: Shape = Shape {
     ignored: &["material", "gazebo", "ros2_control", "sensor", "loop_joint", "group", "self_collision_checking"],
 };
 
+/// Largest robot: its matrices are dense.
+const MOST_LINKS: usize = 4096;
+const MOST_JOINTS: usize = 1024;
+
 /// A URDF file as it stands, with places; the numbers follow in [`Values`].
 pub(crate) struct Urdf {
     pub(crate) name: String,
@@ -100,9 +104,16 @@ impl Urdf {
         }
         urdf.index_names(reader.findings);
         urdf.couple(dependences, reader.findings);
-        let roots = topology::check(&urdf, reader.findings);
-        for (i, link) in urdf.links.iter().enumerate() {
-            link::check(&mut reader, link, roots.contains(&i));
+        let moving = (0..urdf.joints.len()).filter(|joint| urdf.moves(*joint)).count();
+        for (count, most, what) in [(urdf.links.len(), MOST_LINKS, "links"), (moving, MOST_JOINTS, "moving joints")] {
+            if count > most {
+                let help = "split it into robots of their own, or leave out what does not move";
+                reader.findings.error(place, format!("the robot has {count} {what}"), format!("at most {most}"), help);
+            }
+        }
+        let is_root = topology::check(&urdf, reader.findings);
+        for (link, is_root) in urdf.links.iter().zip(is_root) {
+            link::check(&mut reader, link, is_root);
         }
         urdf.unread = reader.unread;
         Some(urdf)

@@ -3,8 +3,8 @@
 use super::Urdf;
 use crate::report::{Findings, quoted};
 
-/// Checks the tree and returns the links that no joint has as its child.
-pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<usize> {
+/// Checks the tree and returns for each link whether no joint has it as its child.
+pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
     if urdf.links.is_empty() {
         findings.error(urdf.place, "the robot has no link", "at least one", "add links");
     }
@@ -72,5 +72,5 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<usize> {
         }
         walk.into_iter().for_each(|i| state[i] = 2);
     }
-    roots
+    above.iter().map(Option::is_none).collect()
 }

@@ -189,4 +189,16 @@ faults! { yaml:
   jointnames_active: []
 ",
         "submechanisms.yml:3:9: `TRANSMISSION` of 2 dependent joints, of which URDF couples 0, expected a coupling for each, add <mimic> or <transmission> with <depends_on> to it, or to the file of `file_path`";
+    a_loop_of_seven_rows_is_an_error:
+        "{name: y, axis: [0, 0, 0, 0, 1, 0]}" => "{name: a, axis: [1, 0, 0, 0, 0, 0]}\n    - {name: b, axis: [0, 1, 0, 0, 0, 0]}\n    - {name: c, axis: [0, 0, 1, 0, 0, 0]}\n    - {name: d, axis: [0, 0, 0, 1, 0, 0]}\n    - {name: e, axis: [0, 0, 0, 0, 1, 0]}\n    - {name: f, axis: [0, 0, 0, 0, 1, 1]}",
+        "submechanisms.yml:21:7: the loop constraint has 7 constraint_axes, expected at most six, remove those that the others imply";
+    a_mobility_that_differs_from_the_independents_is_an_error:
+        "[elbow]\n" => "[elbow, swing]\n",
+        "submechanisms.yml:4:20: mobility 1 (3 joints less rank 2 of 2 rows), expected mobility 2 as declared by jointnames_independent, change jointnames_independent or loop_constraints";
+    redundant_rows_are_told_and_idle_joints_named:
+        "    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n" => "    - {name: x, axis: [0, 0, 0, 1, 0, 0]}\n",
+        "submechanisms.yml:4:20: mobility 2 (3 joints less rank 1 of 2 rows); redundant rows: slide/x; joints that the independents do not determine: swing, slide, expected mobility 1 as declared by jointnames_independent, change jointnames_independent or loop_constraints";
+    placements_that_leave_a_loop_open_are_an_error:
+        "    successor_body: rod\n" => "    successor_body: rod\n    predecessor_placement: {xyz: [0, 0, 0]}\n    successor_placement: {xyz: [0, 0, 0]}\n",
+        "submechanisms.yml:4:20: a loop that is open by 3.563e-1 m (or rad) at the zero pose, expected placements that coincide at zero, correct predecessor_placement, successor_placement or the joints' origins";
 }

@@ -1,11 +1,13 @@
 //! One block of a numerical closure: Newton's method, its inverse, G and g.
 
-use super::rows::{CutState, refresh};
-use super::{Cut, Local};
+use nalgebra::Vector3;
+
+use super::rows::{CutState, cos_sin, place, row_along};
+use super::{Cut, Local, Scratch};
 use crate::linear::solve_unpivoted;
 use crate::model::{Body, Cluster, Motion};
 use crate::scalar::{Mask, Real};
-use crate::spatial::{Pose, dot};
+use crate::spatial::{Pose, dot, zero};
 
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
@@ -21,11 +23,9 @@ pub(crate) struct Block {
     pub(crate) unknowns: Vec<usize>,
     /// The cuts whose rows it holds.
     pub(crate) cuts: Vec<BlockCut>,
-    /// Place of each local joint among the unknowns, or `usize::MAX` (n).
-    pub(crate) place: Vec<usize>,
     /// Bodies that move with the unknowns and matter to the block, in tree order.
     pub(crate) bodies: Vec<usize>,
-    /// Those, and the bodies that earlier blocks moved.
+    /// Bodies on the way that earlier blocks moved.
     pub(crate) stale: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
@@ -34,13 +34,32 @@ pub(crate) struct Block {
 /// The rows of one cut that a block holds.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockCut {
-    /// Index of the cut and of its first row among the cluster's rows.
+    /// Index of the cut.
     pub(crate) cut: usize,
-    pub(crate) first_row: usize,
     /// (row of the cut, row of the block).
     pub(crate) rows: Vec<(usize, usize)>,
-    /// True when a joint of an earlier block lies on the cut's path.
-    pub(crate) follows: bool,
+    /// True when the rows are a whole ball joint: then the axes do not matter and those of the cluster's parent body are taken.
+    pub(crate) ball: bool,
+    /// Joints of the cut's path that the block determines: joint, side (true = successor's), column.
+    pub(crate) solve: Vec<(usize, bool, usize)>,
+    /// Joints of the path that are known before, and those among them that an earlier block determined.
+    pub(crate) known: Vec<(usize, bool)>,
+    pub(crate) earlier: Vec<(usize, bool)>,
+}
+
+/// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the block.
+const ANY: usize = 0;
+
+/// Calls a method with the block's width as a constant.
+macro_rules! by_width {
+    ($self:ident . $method:ident ( $($argument:expr),* )) => {
+        match $self.unknowns.len() {
+            1 => $self.$method::<T, 1>($($argument),*),
+            2 => $self.$method::<T, 2>($($argument),*),
+            3 => $self.$method::<T, 3>($($argument),*),
+            _ => $self.$method::<T, ANY>($($argument),*),
+        }
+    };
 }
 
 impl Block {
@@ -54,9 +73,45 @@ impl Block {
         trust: f64,
         steps: u32,
     ) -> (T::Mask, u32) {
-        let m = self.unknowns.len();
+        by_width!(self.newton_of_width(cluster, bodies, local, trust, steps))
+    }
+
+    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
+    #[inline]
+    pub(super) fn jacobian<T: Real>(
+        &self,
+        n_vy: usize,
+        cuts: &[Cut<T::Const>],
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+    ) -> T::Mask {
+        by_width!(self.jacobian_of_width(n_vy, cuts, bodies, local))
+    }
+
+    /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
+    #[inline]
+    pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
+        by_width!(self.bias_of_width(cuts, bodies, local));
+    }
+
+    #[inline(always)]
+    fn width<const M: usize>(&self) -> usize {
+        if M == ANY { self.unknowns.len() } else { M }
+    }
+
+    fn newton_of_width<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+        trust: f64,
+        steps: u32,
+    ) -> (T::Mask, u32) {
+        let m = self.width::<M>();
+        let unknowns = &self.unknowns[..m];
         let converged = T::from_f64(0.1 * T::EPSILON.sqrt());
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
+        let unit = T::from_f64(1.0 / cluster.length);
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
         let mut previous = T::from_f64(trust / CONTRACTION);
         let mut first_det = T::ZERO;
@@ -64,24 +119,29 @@ impl Block {
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
             let fresh = k == 0 || !previous.lt(T::from_f64(CHORD)).all();
-            let residual = self.evaluate(&cluster.cuts, bodies, local, fresh);
+            let residual = self.evaluate::<T, M>(&cluster.cuts, bodies, local, fresh);
             if fresh {
-                let (fine, det) = self.invert(local);
-                let same_branch = T::ZERO.lt(det * T::select(T::Mask::splat(k == 0), det, first_det));
+                let (fine, det) = self.invert::<T, M>(local.scratch);
+                let same_branch = T::ZERO.lt(det * if k == 0 { det } else { first_det });
                 first_det = det;
                 good = good & (done | (fine & same_branch));
             }
             // step, in radians or cluster lengths
             let mut size = T::ZERO;
-            let inverse = &local.scratch.inverse[self.offset..self.offset + m * m];
-            for (i, &j) in self.unknowns.iter().enumerate() {
+            let scratch = &mut *local.scratch;
+            let (phi, steps) = (&scratch.phi[..m], &mut scratch.step[..m]);
+            let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+            for i in 0..m {
                 let mut step = T::ZERO;
                 for r in 0..m {
-                    step = inverse[i * m + r].mul_add(local.scratch.phi[r], step);
+                    step = inverse[i * m + r].mul_add(phi[r], step);
                 }
-                local.q[j] -= T::select(done, T::ZERO, step);
-                let scale = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
-                let scaled = step.abs() * T::from_f64(scale);
+                steps[i] = T::select(done, T::ZERO, step);
+            }
+            for (i, &j) in unknowns.iter().enumerate() {
+                local.q[j] -= steps[i];
+                let scaled = steps[i].abs();
+                let scaled = if bodies[j].motion == Motion::Prismatic { scaled * unit } else { scaled };
                 size = T::select(size.lt(scaled), scaled, size);
             }
             taken += 1;
@@ -89,8 +149,17 @@ impl Block {
             good = good & (done | at_floor | size.lt(previous * T::from_f64(CONTRACTION)));
             done = done | at_floor;
             previous = size;
+            // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
+            let tiny = size.lt(converged).all();
+            for (i, &j) in unknowns.iter().enumerate() {
+                if bodies[j].motion == Motion::Revolute {
+                    let (c, s) = local.turn[j];
+                    let step = steps[i];
+                    local.turn[j] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[j]) };
+                }
+            }
             for &j in &self.bodies {
-                refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+                place(cluster, bodies, j, local.q, local.turn, &mut scratch.pose);
             }
             if done.all() {
                 break;
@@ -100,67 +169,46 @@ impl Block {
     }
 
     /// φ into the scratch and, if wanted, K of the unknowns; returns the largest |φ|.
-    #[inline]
-    fn evaluate<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>, jacobian: bool) -> T {
-        let m = self.unknowns.len();
+    #[inline(always)]
+    fn evaluate<T: Real, const M: usize>(
+        &self,
+        cuts: &[Cut<T::Const>],
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+        jacobian: bool,
+    ) -> T {
+        let m = self.width::<M>();
         let scratch = &mut *local.scratch;
+        let (phi, A) = (&mut scratch.phi[..m], &mut scratch.A[..m * m]);
         let mut largest = T::ZERO;
-        if jacobian {
-            scratch.A[..m * m].fill(T::ZERO);
+        if jacobian && self.cuts.len() > 1 {
+            A.fill(T::ZERO);
         }
         for of in &self.cuts {
             let cut = &cuts[of.cut];
-            let state = CutState::new(cut, &scratch.pose);
-            for &(r, i) in &of.rows {
-                let value = state.value(&cut.rows[r], local.q);
-                scratch.phi[i] = value;
+            let state = CutState::new(cut, &scratch.pose, of.ball);
+            for (k, &(r, i)) in of.rows.iter().enumerate() {
+                let value = if of.ball { state.d[k] } else { state.value(&cut.rows[r], local.q) };
+                phi[i] = value;
                 largest = T::select(largest.lt(value.abs()), value.abs(), largest);
             }
             if jacobian {
-                self.columns(cut, of, &state, bodies, &scratch.pose, |i, j, value| {
-                    if self.place[j] != usize::MAX {
-                        scratch.A[i * m + self.place[j]] = value;
-                    }
-                });
+                let directions = of.directions(cut, &state);
+                for &(j, side, column) in &of.solve {
+                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| A[i * m + column] = x);
+                }
             }
         }
         largest
     }
 
-    /// Calls `each(row of the block, joint, entry of K)` for every entry of the block's rows.
-    #[inline(always)]
-    fn columns<T: Real>(
-        &self,
-        cut: &Cut<T::Const>,
-        of: &BlockCut,
-        state: &CutState<T>,
-        bodies: &[Body<T::Const>],
-        pose: &[Pose<T>],
-        mut each: impl FnMut(usize, usize, T),
-    ) {
-        for &(r, i) in &of.rows {
-            let row = &cut.rows[r];
-            if row.terms.is_empty() {
-                let (linear, angular) = state.directions(cut, row);
-                for &(j, on_successor) in &cut.path {
-                    let (w, v) = state.twist(&bodies[j], &pose[j + 1], on_successor);
-                    let entry = dot(&linear, &v);
-                    each(i, j, if cut.angular { entry + dot(&angular, &w) } else { entry });
-                }
-            }
-            for (j, c) in &row.terms {
-                each(i, *j, T::lift(*c));
-            }
-        }
-    }
-
     /// Inverse of A into the scratch: closed form up to 3×3, elimination in the order fixed at load beyond. Returns where it is sound,
     /// and the determinant.
-    #[inline]
-    fn invert<T: Real>(&self, local: &mut Local<'_, T>) -> (T::Mask, T) {
-        let m = self.unknowns.len();
-        let A = &mut local.scratch.A;
-        let inverse = &mut local.scratch.inverse[self.offset..self.offset + m * m];
+    #[inline(always)]
+    fn invert<T: Real, const M: usize>(&self, scratch: &mut Scratch<T>) -> (T::Mask, T) {
+        let m = self.width::<M>();
+        let A = &mut scratch.A[..m * m];
+        let inverse = &mut scratch.inverse[self.offset..self.offset + m * m];
         match m {
             1 => {
                 inverse[0] = T::ONE / A[0];
@@ -202,34 +250,35 @@ impl Block {
         }
     }
 
-    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
-    #[inline]
-    pub(super) fn jacobian<T: Real>(
+    fn jacobian_of_width<T: Real, const M: usize>(
         &self,
         n_vy: usize,
         cuts: &[Cut<T::Const>],
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
     ) -> T::Mask {
-        let m = self.unknowns.len();
-        local.scratch.A[..m * m].fill(T::ZERO);
-        local.scratch.B[..m * n_vy].fill(T::ZERO);
+        let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let G = &mut *local.G;
+        scratch.A[..m * m].fill(T::ZERO);
+        scratch.B[..m * n_vy].fill(T::ZERO);
         for of in &self.cuts {
             let cut = &cuts[of.cut];
-            let state = CutState::new(cut, &scratch.pose);
-            self.columns(cut, of, &state, bodies, &scratch.pose, |i, j, value| {
-                if self.place[j] != usize::MAX {
-                    scratch.A[i * m + self.place[j]] = value;
-                } else {
-                    for k in 0..n_vy {
-                        scratch.B[i * n_vy + k] = value.mul_add(G[j * n_vy + k], scratch.B[i * n_vy + k]);
+            let state = CutState::new(cut, &scratch.pose, of.ball);
+            let directions = of.directions(cut, &state);
+            for &(j, side, column) in &of.solve {
+                of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| scratch.A[i * m + column] = x);
+            }
+            for &(j, side) in &of.known {
+                let of_joint = &G[j * n_vy..(j + 1) * n_vy];
+                of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| {
+                    for (b, g) in scratch.B[i * n_vy..(i + 1) * n_vy].iter_mut().zip(of_joint) {
+                        *b = x.mul_add(*g, *b);
                     }
-                }
-            });
+                });
+            }
         }
-        let (good, _) = self.invert(local);
+        let (good, _) = self.invert::<T, M>(local.scratch);
         for (i, &j) in self.unknowns.iter().enumerate() {
             for k in 0..n_vy {
                 let mut x = T::ZERO;
@@ -242,25 +291,24 @@ impl Block {
         good
     }
 
-    /// The block's rows of g from k in `scratch.phi` and the inverse that [`Block::jacobian`] left.
-    #[inline]
-    pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
-        let m = self.unknowns.len();
+    fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
+        let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let g = &mut *local.g;
         for of in &self.cuts {
             let cut = &cuts[of.cut];
-            for &(r, i) in &of.rows {
-                scratch.B[i] = scratch.phi[of.first_row + r];
+            let state = CutState::new(cut, &scratch.pose, of.ball);
+            let (x, theta) = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
+            for (k, &(r, i)) in of.rows.iter().enumerate() {
+                scratch.B[i] = if of.ball { -x[k] } else { -row_along(&cut.rows[r], &x, &theta) };
             }
-            // joints of earlier blocks accelerate by their own g
-            if of.follows {
-                let state = CutState::new(cut, &scratch.pose);
-                self.columns(cut, of, &state, bodies, &scratch.pose, |i, j, value| {
-                    if self.place[j] == usize::MAX {
-                        scratch.B[i] = (-value).mul_add(g[j], scratch.B[i]);
-                    }
-                });
+            if !of.earlier.is_empty() {
+                let directions = of.directions(cut, &state);
+                for &(j, side) in &of.earlier {
+                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| {
+                        scratch.B[i] = (-x).mul_add(g[j], scratch.B[i]);
+                    });
+                }
             }
         }
         for (i, &j) in self.unknowns.iter().enumerate() {
@@ -269,6 +317,57 @@ impl Block {
                 x = scratch.inverse[self.offset + i * m + r].mul_add(scratch.B[r], x);
             }
             g[j] = x;
+        }
+    }
+}
+
+/// Linear and angular directions of the rows of a cut.
+struct Directions<T> {
+    linear: [Vector3<T>; 6],
+    angular: [Vector3<T>; 6],
+}
+
+impl BlockCut {
+    /// Directions of the rows, in their order here.
+    #[inline(always)]
+    fn directions<T: Real>(&self, cut: &Cut<T::Const>, state: &CutState<T>) -> Directions<T> {
+        let mut directions = Directions { linear: [zero(); 6], angular: [zero(); 6] };
+        if !self.ball {
+            for (k, &(r, _)) in self.rows.iter().enumerate() {
+                (directions.linear[k], directions.angular[k]) = state.directions(cut, &cut.rows[r]);
+            }
+        }
+        directions
+    }
+
+    /// Calls `each(row of the block, entry of K)` for one joint.
+    #[inline(always)]
+    fn column<T: Real>(
+        &self,
+        cut: &Cut<T::Const>,
+        state: &CutState<T>,
+        directions: &Directions<T>,
+        body: &Body<T::Const>,
+        pose: &Pose<T>,
+        j: usize,
+        side: bool,
+        mut each: impl FnMut(usize, T),
+    ) {
+        let (w, v) = state.twist(body, pose, side);
+        if self.ball {
+            for (k, &(_, i)) in self.rows.iter().enumerate() {
+                each(i, v[k]);
+            }
+            return;
+        }
+        for (k, &(r, i)) in self.rows.iter().enumerate() {
+            let terms = &cut.rows[r].terms;
+            if terms.is_empty() {
+                let entry = dot(&directions.linear[k], &v);
+                each(i, if cut.angular { entry + dot(&directions.angular[k], &w) } else { entry });
+            } else {
+                each(i, terms.iter().find(|(joint, _)| *joint == j).map_or(T::ZERO, |(_, c)| T::lift(*c)));
+            }
         }
     }
 }

@@ -14,7 +14,7 @@ const BUDGET: u32 = 1200;
 const FIRST: f64 = 0.25;
 const SHORTEST: f64 = 1.0 / 65536.0;
 /// Trust in one substep, in radians or cluster lengths.
-const TRUST: f64 = 0.1;
+const TRUST: f64 = 0.5;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 60;
 /// Relative singular value below which a matrix has lost rank.
@@ -75,10 +75,10 @@ pub(super) fn follow<T: Scalar>(
 /// Why the goal in `local.q` was not reached: some other closed pose has its y, none has, or the budget ran out.
 fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, iterations: u32) -> Status {
     match search(cluster, bodies, local) {
-        Some(true) => Status::BranchChanged,
         Some(false) => Status::Unreachable,
-        None if iterations > BUDGET => Status::NotConverged,
-        None => Status::Unreachable,
+        _ if iterations > BUDGET => Status::NotConverged,
+        Some(true) => Status::BranchChanged,
+        None => Status::NotConverged,
     }
 }
 

@@ -62,6 +62,8 @@ pub(crate) struct Cut<C> {
 pub(crate) struct CutRow<C> {
     pub(crate) angular: Vector3<C>,
     pub(crate) linear: Vector3<C>,
+    /// The linear part {predecessor body}.
+    pub(crate) linear_p: Vector3<C>,
     /// φ = Σ coefficient · q + offset over local joints.
     pub(crate) terms: Vec<(usize, C)>,
     pub(crate) offset: C,
@@ -108,6 +110,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) A: Vec<T>,
     pub(crate) B: Vec<T>,
     pub(crate) inverse: Vec<T>,
+    /// Newton's last step.
+    pub(crate) step: Vec<T>,
     /// The last closed pose on a path, and the goal (n each).
     pub(crate) last: Vec<T>,
     pub(crate) goal: Vec<T>,
@@ -223,6 +227,7 @@ impl<C: nalgebra::Scalar + Copy> Cut<C> {
         let row = |row: &CutRow<C>| CutRow {
             angular: row.angular.map(f),
             linear: row.linear.map(f),
+            linear_p: row.linear_p.map(f),
             terms: row.terms.iter().map(|(j, c)| (*j, f(*c))).collect(),
             offset: f(row.offset),
         };

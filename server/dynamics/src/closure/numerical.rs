@@ -9,14 +9,14 @@ use sarrus_proto::Status;
 
 use super::block::Block;
 use super::rows::{local_poses, local_rates, refresh};
-use super::{Level, Local, Outcome, careful, constraint_bias};
+use super::{Level, Local, Outcome, careful};
 use crate::model::{Body, Cluster};
 use crate::scalar::{Mask, Real, Scalar};
 
 /// Newton steps that one straight attempt may take.
 pub(super) const STEPS: u32 = 10;
 /// Largest first step that is trusted without following the path, in radians or cluster lengths.
-pub(super) const TRUST: f64 = 0.35;
+pub(super) const TRUST: f64 = 0.5;
 
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
@@ -84,10 +84,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             }
         }
         if level >= Level::Acceleration {
-            // g_d = K_d⁻¹ (k − K_before g_before)
             let scratch = &mut *local.scratch;
             local_rates(cluster, bodies, local.qd, &scratch.pose, &mut scratch.rate);
-            constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
             for block in &self.blocks {
                 block.bias(&cluster.cuts, bodies, local);
             }

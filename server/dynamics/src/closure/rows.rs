@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{Cut, CutRow, Rate, joint_pose};
 use crate::model::{Body, Cluster, Motion};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
+use crate::spatial::{Pose, column, cross, cross_add, dot, identity, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
 
 /// Sines, cosines and pose of one local body from its coordinate.
 #[inline]
@@ -23,10 +23,16 @@ pub(super) fn refresh<T: Real>(
     pose: &mut [Pose<T>],
 ) {
     if bodies[j].motion == Motion::Revolute {
-        let (s, c) = q[j].sin_cos();
-        turn[j] = (c, s);
+        turn[j] = cos_sin(q[j]);
     }
     place(cluster, bodies, j, q, turn, pose);
+}
+
+/// (cos x, sin x).
+#[inline(always)]
+pub(super) fn cos_sin<T: Real>(x: T) -> (T, T) {
+    let (s, c) = x.sin_cos();
+    (c, s)
 }
 
 /// Pose of one local body from its coordinate and turn.
@@ -46,29 +52,35 @@ pub(super) fn place<T: Real>(
 
 /// One cut at one pose: what all of its rows share.
 pub(super) struct CutState<T> {
-    /// Orientation of P, origin of S, p_S − p_P {cluster's parent body}.
+    /// Orientation of the predecessor, of P where a row is angular, origin of S, p_S − p_P {cluster's parent body}.
+    R_p: Matrix3<T>,
     R: Matrix3<T>,
     point: Vector3<T>,
-    d: Vector3<T>,
+    pub(super) d: Vector3<T>,
     /// θ and the matrix of θ̇ = A ω.
     theta: Vector3<T>,
     A: Matrix3<T>,
 }
 
 impl<T: Real> CutState<T> {
+    /// The state of a cut; a ball joint needs no axes, so that R, θ and A stay the identity and zero.
     #[inline]
-    pub(super) fn new(cut: &Cut<T::Const>, pose: &[Pose<T>]) -> CutState<T> {
-        let P = pose[cut.predecessor].then(&lift_pose(&cut.x_p_cut));
-        let point = pose[cut.successor].point(&lift(&cut.x_s_cut.p));
-        let (theta, A) = if cut.angular {
-            let R_S = mul_mat(&pose[cut.successor].R, &lift_mat(&cut.x_s_cut.R));
-            let theta = log(&mul_mat(&P.R.transpose(), &R_S));
-            let (c, _) = log_factors(&theta);
-            (theta, rate_matrix(&theta, c))
-        } else {
-            (zero(), crate::spatial::identity())
-        };
-        CutState { R: P.R, point, d: point - P.p, theta, A }
+    pub(super) fn new(cut: &Cut<T::Const>, pose: &[Pose<T>], ball: bool) -> CutState<T> {
+        let (p, s) = (&pose[cut.predecessor], &pose[cut.successor]);
+        let point = s.point(&lift(&cut.x_s_cut.p));
+        let d = point - p.point(&lift(&cut.x_p_cut.p));
+        if ball {
+            return CutState { R_p: identity(), R: identity(), point, d, theta: zero(), A: identity() };
+        }
+        if !cut.angular {
+            return CutState { R_p: p.R, R: p.R, point, d, theta: zero(), A: identity() };
+        }
+        let R = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
+        let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
+        let theta = log(&mul_mat(&R.transpose(), &R_S));
+        let (c, _) = log_factors(&theta);
+        let A = rate_matrix(&theta, c);
+        CutState { R_p: p.R, R, point, d, theta, A }
     }
 
     /// φ of a row.
@@ -77,14 +89,14 @@ impl<T: Real> CutState<T> {
         if !row.terms.is_empty() {
             return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[*j], sum));
         }
-        dot(&lift(&row.linear), &t_mul(&self.R, &self.d)) + dot(&lift(&row.angular), &self.theta)
+        row_along(row, &t_mul(&self.R_p, &self.d), &self.theta)
     }
 
     /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the motion of S against P.
     #[inline]
     pub(super) fn directions(&self, cut: &Cut<T::Const>, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
         let angular = if cut.angular { mul(&self.R, &t_mul(&self.A, &lift(&row.angular))) } else { zero() };
-        (mul(&self.R, &lift(&row.linear)), angular)
+        (mul(&self.R_p, &lift(&row.linear_p)), angular)
     }
 
     /// Twist of S (at its origin) against P for a unit rate of joint j: (ω, v).
@@ -98,16 +110,21 @@ impl<T: Real> CutState<T> {
         }
     }
 
-    /// φ̈ of every row at q̈ = 0, from the rates of the two bodies.
-    fn acceleration(&self, cut: &Cut<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>]) -> (Vector3<T>, Vector3<T>) {
+    /// ẍ (in the predecessor's axes) and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball joint p̈_S − p̈_P, in the axes of the cluster's parent body.
+    #[inline]
+    pub(super) fn acceleration(&self, cut: &Cut<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>], ball: bool) -> (Vector3<T>, Vector3<T>) {
         let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
+        if ball {
+            let at = |x: &Rate<T>, r: Vector3<T>| cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a));
+            return (at(s, self.point - pose[cut.successor].p) - at(p, self.point - pose[cut.predecessor].p), zero());
+        }
         let at =
             |x: &Rate<T>, r: Vector3<T>| (cross_add(&x.w, &r, &x.v), cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)));
         let (v_s, a_s) = at(s, self.point - pose[cut.successor].p);
         let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
         // v_p, a_p: of the predecessor's point that coincides with S
         let relative = a_s - a_p - cross(&p.w, &(v_s - v_p)) * T::from_f64(2.0);
-        let x = t_mul(&self.R, &relative);
+        let x = t_mul(&self.R_p, &relative);
         if !cut.angular {
             return (x, zero());
         }
@@ -125,11 +142,17 @@ impl<T: Real> CutState<T> {
     }
 }
 
+/// linear · x + angular · θ of a row, x in the predecessor's axes.
+#[inline(always)]
+pub(super) fn row_along<T: Real>(row: &CutRow<T::Const>, x: &Vector3<T>, theta: &Vector3<T>) -> T {
+    dot(&lift(&row.linear_p), x) + dot(&lift(&row.angular), theta)
+}
+
 /// φ of every row of a cluster.
 pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], q: &[T], phi: &mut [T]) {
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose);
+        let state = CutState::new(cut, pose, false);
         for row in &cut.rows {
             phi[r] = state.value(row, q);
             r += 1;
@@ -142,7 +165,7 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, bodies: 
     let n = cluster.n;
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose);
+        let state = CutState::new(cut, pose, false);
         for row in &cut.rows {
             let of_row = &mut K[r * n..(r + 1) * n];
             of_row.fill(T::ZERO);
@@ -165,10 +188,10 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, bodies: 
 pub(crate) fn constraint_bias<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>], k: &mut [T]) {
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose);
-        let (x, theta) = state.acceleration(cut, pose, rate);
+        let state = CutState::new(cut, pose, false);
+        let (x, theta) = state.acceleration(cut, pose, rate, false);
         for row in &cut.rows {
-            k[r] = -(dot(&lift(&row.linear), &x) + dot(&lift(&row.angular), &theta));
+            k[r] = -row_along(row, &x, &theta);
             r += 1;
         }
     }
@@ -217,11 +240,6 @@ pub(crate) fn local_poses<T: Real>(
     for j in 0..cluster.n {
         refresh(cluster, bodies, j, q, turn, pose);
     }
-}
-
-#[inline]
-fn lift_pose<T: Real>(pose: &Pose<T::Const>) -> Pose<T> {
-    Pose { R: lift_mat(&pose.R), p: lift(&pose.p) }
 }
 
 /// Rotation vector of a rotation matrix, |θ| ≤ π.

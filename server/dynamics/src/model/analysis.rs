@@ -3,7 +3,9 @@
 use faer::Mat;
 
 use super::{Body, Cluster, Model, Motion};
-use crate::closure::{Block, BlockCut, Closure, Level, Local, Numerical, Scratch, constraint_jacobian, constraint_residual, local_poses};
+use crate::closure::{
+    Block, BlockCut, Closure, Cut, Level, Local, Numerical, Scratch, constraint_jacobian, constraint_residual, local_poses,
+};
 use crate::description::Description;
 use crate::fault::{Fault, Site};
 use crate::linear::factorise_ltdl;
@@ -322,7 +324,7 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
     let mut r = 0;
     for (c, cut) in cluster.cuts.iter().enumerate() {
         for k in 0..cut.rows.len() {
-            home.push((c, k, r));
+            home.push((c, k));
             if let Some(i) = used.iter().position(|u| *u == r) {
                 for (a, j) in cluster.dependent.iter().enumerate() {
                     sees[i][a] = cut.path.iter().any(|(on, _)| on == j);
@@ -343,19 +345,27 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
     for set in sets {
         let (set_rows, set_columns) = elimination_order(&set, &row_of, |i, a| K[used[i] * n + cluster.dependent[a]]);
         let unknowns: Vec<usize> = set_columns.iter().map(|a| cluster.dependent[*a]).collect();
-        let mut place = vec![usize::MAX; n];
-        unknowns.iter().enumerate().for_each(|(i, j)| place[*j] = i);
         let mut cuts: Vec<BlockCut> = Vec::new();
         for (i, row) in set_rows.iter().enumerate() {
-            let (c, k, r) = home[used[*row]];
-            let first_row = r - k;
+            let (c, k) = home[used[*row]];
             match cuts.iter_mut().find(|cut| cut.cut == c) {
                 Some(cut) => cut.rows.push((k, i)),
-                None => cuts.push(BlockCut { cut: c, first_row, rows: vec![(k, i)], follows: false }),
+                None => {
+                    let path = &cluster.cuts[c].path;
+                    let column = |j: &usize| unknowns.iter().position(|u| u == j);
+                    cuts.push(BlockCut {
+                        cut: c,
+                        rows: vec![(k, i)],
+                        ball: false,
+                        solve: path.iter().filter_map(|(j, side)| column(j).map(|a| (*j, *side, a))).collect(),
+                        known: path.iter().filter(|(j, _)| known[*j] || cluster.independent.contains(j)).copied().collect(),
+                        earlier: path.iter().filter(|(j, _)| known[*j]).copied().collect(),
+                    });
+                }
             }
         }
         for cut in &mut cuts {
-            cut.follows = cluster.cuts[cut.cut].path.iter().any(|(j, _)| known[*j]);
+            cut.ball = is_ball(&cluster.cuts[cut.cut], &cut.rows);
         }
         // bodies on the way to the block's cuts that its unknowns, or those before it, move
         let mut on_way = vec![false; n];
@@ -367,7 +377,6 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
                 }
             }
         }
-        unknowns.iter().for_each(|j| known[*j] = true);
         let moves = |known: &dyn Fn(usize) -> bool, j: usize| {
             let mut at = j + 1;
             while at != 0 {
@@ -380,11 +389,21 @@ fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
         };
         let bodies = (0..n).filter(|j| unknowns.contains(j) || on_way[*j] && moves(&|x| unknowns.contains(&x), *j)).collect();
         let stale = (0..n).filter(|j| on_way[*j] && moves(&|x| known[x], *j)).collect();
+        unknowns.iter().for_each(|j| known[*j] = true);
         let size = unknowns.len();
-        blocks.push(Block { unknowns, cuts, place, bodies, stale, offset });
+        blocks.push(Block { unknowns, cuts, bodies, stale, offset });
         offset += size * size;
     }
     blocks
+}
+
+/// True when the block's rows of a cut, one after the other, tie all three directions of a point.
+fn is_ball(cut: &Cut<f64>, rows: &[(usize, usize)]) -> bool {
+    let &[(a, i), (b, j), (c, k)] = rows else { return false };
+    let of = |r: usize| &cut.rows[r];
+    let linear = [a, b, c].iter().all(|r| of(*r).terms.is_empty() && of(*r).angular.norm() == 0.0);
+    let (x, y, z) = (of(a).linear, of(b).linear, of(c).linear);
+    linear && (j, k) == (i + 1, i + 2) && x.dot(&y.cross(&z)).abs() > 1e-3 * x.norm() * y.norm() * z.norm()
 }
 
 /// One joint for each row, by augmenting paths that try large entries first (Kuhn 1955).

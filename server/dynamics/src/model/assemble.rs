@@ -12,7 +12,7 @@ use crate::closure::{Closure, Coupling, Cut, CutRow};
 use crate::description::{self as written, Description, JointKind, Loop, SubmechanismKind};
 use crate::fault::{Fault, Site};
 use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{Pose, zero};
+use crate::spatial::{Pose, mul, zero};
 
 /// A model before its closures are chosen, and who owns what.
 pub(super) struct Assembly {
@@ -370,7 +370,7 @@ impl<'a> Builder<'a> {
                     for (master, multiplier) in &coupling.terms {
                         terms.push((local(*master), -Dd::from_f64(*multiplier)));
                     }
-                    let row = CutRow { angular: zero(), linear: zero(), terms, offset: -Dd::from_f64(coupling.offset) };
+                    let row = CutRow { angular: zero(), linear: zero(), linear_p: zero(), terms, offset: -Dd::from_f64(coupling.offset) };
                     let identity = Pose::identity();
                     let cluster = &mut self.model.clusters[c];
                     let path = row.terms.iter().map(|(j, _)| (*j, true)).collect();
@@ -414,15 +414,17 @@ impl<'a> Builder<'a> {
                 (in_root(of.predecessor).then(&pose(predecessor)), in_root(of.successor).then(&pose(successor)))
             }
         };
+        let x_p_cut = world[global(p)].inverse().then(&P);
         let rows = of.rows.iter().map(|row| {
             let [wx, wy, wz, vx, vy, vz] = row.axis;
-            CutRow { angular: vector([wx, wy, wz]), linear: vector([vx, vy, vz]), terms: Vec::new(), offset: Dd::ZERO }
+            let linear = vector([vx, vy, vz]);
+            CutRow { angular: vector([wx, wy, wz]), linear, linear_p: mul(&x_p_cut.R, &linear), terms: Vec::new(), offset: Dd::ZERO }
         });
         let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true)));
         Cut {
             predecessor: p,
             successor: s,
-            x_p_cut: world[global(p)].inverse().then(&P),
+            x_p_cut,
             x_s_cut: world[global(s)].inverse().then(&S),
             rows: rows.collect(),
             path: path.map(|(m, side)| (self.body_of[*m] - cluster.body, side)).collect(),

@@ -22,7 +22,6 @@ pub(super) fn loops(description: &Description, s: usize, errors: &mut Vec<Fault>
         SubmechanismKind::Rrpr => lambda(description, submechanism),
         SubmechanismKind::Spu2U1 => legs(description, submechanism, 2, 2),
         SubmechanismKind::Ups6 => legs(description, submechanism, 6, 6),
-        SubmechanismKind::Sprr2U1 if submechanism.spanning_tree.len() == 10 => ankle(description, submechanism),
         _ => None,
     };
     of_type.unwrap_or_else(|| {
@@ -65,13 +64,6 @@ fn legs(description: &Description, submechanism: &Submechanism, chain: usize, le
     }
     let platform = description.joints[*submechanism.independent.last()?].child;
     Some(joints[chain..].chunks_exact(3).map(|leg| spherical(description, leg[2], platform)).collect())
-}
-
-/// 2SPRR+1U with ten joints: two of the universal joint, one foot-side revolute for each leg, then three joints a leg.
-fn ankle(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
-    let (ends, legs) = submechanism.spanning_tree.get(2..)?.split_at_checked(2)?;
-    let loops = legs.chunks_exact(3).zip(ends).map(|(leg, end)| spherical(description, leg[2], description.joints[*end].child));
-    Some(loops.collect())
 }
 
 /// A ball joint between a slider's body and another link, at the slider's origin.

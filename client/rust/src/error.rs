@@ -1,0 +1,176 @@
+use std::time::Duration;
+
+use sarrus_proto::message::Refusal;
+use sarrus_proto::service::ServiceError;
+use sarrus_proto::{DomainError, PROTOCOL_VERSION, WantedError};
+
+/// Why a client cannot attach to a server.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConnectError {
+    /// No server has this name.
+    #[error("no server named `{name}` runs; start one with `sarrus serve --name {name}`")]
+    NoServer {
+        /// The name.
+        name: String,
+    },
+    /// A server has this name but does not answer.
+    #[error("the server `{name}` gave no answer within {} s; see whether its process is stopped or has crashed", timeout.as_secs_f64())]
+    NoAnswer {
+        /// The name.
+        name: String,
+        /// How long was waited.
+        timeout: Duration,
+    },
+    /// The server speaks another version of the protocol.
+    #[error("the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and server of one version")]
+    WrongVersion {
+        /// The server's version; zero where its payloads are so different that it cannot be asked.
+        found: u32,
+    },
+    /// The server holds another model than the one expected.
+    #[error("the server holds the model {found:016x}, expected {expected:016x}; connect anew to use the new model")]
+    WrongModel {
+        /// Fingerprint of the server's model.
+        found: u64,
+        /// Fingerprint that was expected.
+        expected: u64,
+    },
+    /// Every place at this door is taken.
+    #[error("all {limit} {door} are taken; {help}")]
+    FullHouse {
+        /// What there are too few of.
+        door: &'static str,
+        /// How many there are.
+        limit: usize,
+        /// What to do.
+        help: &'static str,
+    },
+    /// The server is stopping.
+    #[error("the server is stopping; connect again when it is back")]
+    ShuttingDown,
+    /// The server's answer makes no sense.
+    #[error("the server's answer {what} makes no sense to this client; use client and server of one version")]
+    BadAnswer {
+        /// What was asked.
+        what: &'static str,
+    },
+    /// The server could not do its part.
+    #[error("the server could not make a lane: {reason}")]
+    Failed {
+        /// What the server says.
+        reason: String,
+    },
+    /// The shared memory cannot be entered.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A service cannot be opened.
+    #[error(transparent)]
+    Service(ServiceError),
+}
+
+/// Why a robot cannot answer at all; an answer that failed is an [`crate::Answer`] with its status.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The server is gone and did not come back in time. The next request looks for it again.
+    #[error("the server `{name}` is gone, waited {} s for it; start it again, the next request finds it", timeout.as_secs_f64())]
+    ServerGone {
+        /// The server's name.
+        name: String,
+        /// How long was waited.
+        timeout: Duration,
+    },
+    /// The server lives but did not answer in time.
+    #[error("the server `{name}` lives but gave no answer within {} s; allow more time in `ConnectOptions::timeout`", timeout.as_secs_f64())]
+    NoAnswer {
+        /// The server's name.
+        name: String,
+        /// How long was waited.
+        timeout: Duration,
+    },
+    /// Attaching failed, at first or again after the server was restarted.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// What is wanted cannot be planned.
+    #[error("{0}")]
+    Wanted(WantedError),
+    /// The server finds something in the wanted set that it cannot plan.
+    #[error("the server cannot plan this: {reason}")]
+    NotPlanned {
+        /// What the server says.
+        reason: String,
+    },
+    /// A name stands for no field or link.
+    #[error("`{name}` is no {what}; {help}")]
+    UnknownName {
+        /// What the name should be of.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// What to do.
+        help: String,
+    },
+    /// The plan moves more numbers than a request carries.
+    #[error(
+        "the plan takes {n_in} numbers and gives {n_out}, expected at most {max_in} and {max_out}; ask for fewer fields or frames at a time"
+    )]
+    TooLarge {
+        /// Numbers in.
+        n_in: usize,
+        /// Numbers out.
+        n_out: usize,
+        /// The most that go in.
+        max_in: usize,
+        /// The most that come out.
+        max_out: usize,
+    },
+    /// The server's table of plans is full.
+    #[error("the server holds {limit} plans and takes no more; use wanted sets that are registered, or restart it")]
+    TooManyPlans {
+        /// Size of the table.
+        limit: usize,
+    },
+    /// The plan is another robot's.
+    #[error("plan {index} was not prepared by this robot; prepare it with the robot that is asked")]
+    UnknownPlan {
+        /// Its number.
+        index: usize,
+    },
+}
+
+impl ConnectError {
+    pub(crate) fn of_service(name: &str, error: ServiceError) -> ConnectError {
+        match error {
+            ServiceError::Absent { .. } => ConnectError::NoServer { name: name.to_owned() },
+            ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
+            ServiceError::Full { limit, .. } => {
+                ConnectError::FullHouse { door: "ports of the server", limit, help: "close other clients of this server" }
+            }
+            other => ConnectError::Service(other),
+        }
+    }
+
+    /// True when the server may just be on its way down or up.
+    pub(crate) fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            ConnectError::NoServer { .. } | ConnectError::NoAnswer { .. } | ConnectError::ShuttingDown | ConnectError::Service(_)
+        )
+    }
+
+    pub(crate) fn of_refusal(refusal: Option<Refusal>, response: &sarrus_proto::message::ControlResponse, expected: u64) -> ConnectError {
+        match refusal {
+            Some(Refusal::WrongVersion) => ConnectError::WrongVersion { found: response.version },
+            Some(Refusal::WrongModel) => ConnectError::WrongModel { found: response.fingerprint, expected },
+            Some(Refusal::NoLane) => ConnectError::FullHouse {
+                door: "lanes of the server",
+                limit: response.numbers[0] as usize,
+                help: "close a client, serve with more --lanes, or connect through Door::Requests",
+            },
+            Some(Refusal::Stopping) => ConnectError::ShuttingDown,
+            Some(Refusal::Failed) => ConnectError::Failed { reason: String::from_utf8_lossy(response.text()).into_owned() },
+            _ => ConnectError::BadAnswer { what: "to an attach" },
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Waiting for an answer: polling first, and asking rarely what time it is.
+
+use std::time::{Duration, Instant};
+
+use crate::Patience;
+
+/// Polls between two looks at the clock.
+const POLLS_BETWEEN_LOOKS: u32 = 256;
+/// A polite client polls for this long before it lets others run.
+const POLITE: Duration = Duration::from_micros(20);
+/// After this long nobody waits for microseconds any more.
+const LONG: Duration = Duration::from_millis(5);
+/// Between two looks at the server's sign of life.
+const LIFE: Duration = Duration::from_millis(10);
+
+/// One wait, from its beginning.
+pub(crate) struct Waiter {
+    patience: Patience,
+    polls: u32,
+    start: Option<Instant>,
+    yielding: bool,
+    next_look: Duration,
+}
+
+impl Waiter {
+    pub(crate) fn new(patience: Patience) -> Waiter {
+        Waiter { patience, polls: 0, start: None, yielding: false, next_look: LIFE }
+    }
+
+    /// Pauses between two polls; now and then tells that it is time to look for the server's sign of life.
+    #[inline]
+    pub(crate) fn pause(&mut self) -> Option<Duration> {
+        std::hint::spin_loop();
+        self.polls += 1;
+        if !self.yielding && self.polls < POLLS_BETWEEN_LOOKS {
+            return None;
+        }
+        self.polls = 0;
+        self.look()
+    }
+
+    #[cold]
+    fn look(&mut self) -> Option<Duration> {
+        let waited = self.start.get_or_insert_with(Instant::now).elapsed();
+        if waited > LONG {
+            std::thread::sleep(Duration::from_micros(50));
+        } else if self.patience == Patience::Polite && waited > POLITE {
+            self.yielding = true;
+            std::thread::yield_now();
+        }
+        if waited < self.next_look {
+            return None;
+        }
+        self.next_look = waited + LIFE;
+        Some(waited)
+    }
+}

@@ -1,0 +1,85 @@
+use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Request, Wanted, WantedError};
+
+use crate::{Error, PlanId, Robot};
+
+/// A wanted set in the making, by the names that scripts see.
+pub struct Wish<'a> {
+    robot: &'a mut Robot,
+    wanted: Wanted,
+}
+
+impl<'a> Wish<'a> {
+    pub(crate) fn new(robot: &'a mut Robot, request: Request) -> Wish<'a> {
+        Wish { robot, wanted: Wanted::new(request, FieldSet::EMPTY, request.default_want()) }
+    }
+
+    /// The fields that each request gives, such as `y`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`].
+    pub fn given(mut self, names: &[&str]) -> Result<Wish<'a>, Error> {
+        self.wanted.given = FieldSet(self.wanted.given.0 | fields(names)?.0);
+        Ok(self)
+    }
+
+    /// The fields that each answer holds, such as `tau_u`; without it, the request's usual ones.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`].
+    pub fn want(mut self, names: &[&str]) -> Result<Wish<'a>, Error> {
+        self.wanted.want = fields(names)?;
+        Ok(self)
+    }
+
+    /// The links whose frames are asked; which fields of frames is said in [`Wish::want`].
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], [`Error::Wanted`] when there are too many.
+    pub fn frames(mut self, links: &[&str]) -> Result<Wish<'a>, Error> {
+        self.wanted = self.wanted.with_frames(&self.links(links, "frames", MAX_FRAMES)?);
+        Ok(self)
+    }
+
+    /// The links that wrenches act on; adds `wrenches` to what is given.
+    ///
+    /// # Errors
+    /// As [`Wish::frames`].
+    pub fn wrenches(mut self, links: &[&str]) -> Result<Wish<'a>, Error> {
+        self.wanted = self.wanted.with_wrenches(&self.links(links, "wrenches", MAX_WRENCHES)?);
+        Ok(self)
+    }
+
+    /// The set as it stands.
+    pub fn wanted(&self) -> &Wanted {
+        &self.wanted
+    }
+
+    /// Prepares a plan for the set.
+    ///
+    /// # Errors
+    /// As [`Robot::prepare`].
+    pub fn prepare(self) -> Result<PlanId, Error> {
+        self.robot.prepare(&self.wanted)
+    }
+
+    fn links(&self, names: &[&str], what: &'static str, limit: usize) -> Result<Vec<u16>, Error> {
+        if names.len() > limit {
+            return Err(Error::Wanted(WantedError::TooMany { what, limit }));
+        }
+        let info = self.robot.model();
+        let unknown = |name: &str| Error::UnknownName {
+            what: "link of this robot",
+            name: name.to_owned(),
+            help: format!("its {} links are named in `ModelInfo::links`", info.links.len()),
+        };
+        names.iter().map(|name| info.link(name).ok_or_else(|| unknown(name))).collect()
+    }
+}
+
+fn fields(names: &[&str]) -> Result<FieldSet, Error> {
+    let unknown = |name: &str| {
+        let known: Vec<&str> = Field::ALL.iter().map(|field| field.name()).collect();
+        Error::UnknownName { what: "field", name: name.to_owned(), help: format!("fields are {}", known.join(", ")) }
+    };
+    names.iter().try_fold(FieldSet::EMPTY, |set, name| Ok(set.with(Field::from_name(name).ok_or_else(|| unknown(name))?)))
+}

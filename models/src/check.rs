@@ -1,0 +1,97 @@
+//! What `check` prints about a robot.
+
+use serde::Serialize;
+
+use crate::load::{LoadError, Loaded};
+use crate::report::{Finding, Report};
+
+/// One robot as `check --format json` prints it. Of a faulty robot only the name, as far as it was read, and the findings are there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct CheckReport {
+    /// Name of the robot.
+    pub robot: Option<String>,
+    /// Fingerprint of the model, 16 hexadecimal digits.
+    pub fingerprint: Option<String>,
+    /// Names in the order of q̇.
+    pub tree: Vec<String>,
+    /// Names in the order of q; a quaternion joint has one more.
+    pub tree_q: Vec<String>,
+    /// Names in the order of ẏ.
+    pub independent: Vec<String>,
+    /// Names in the order of u.
+    pub active: Vec<String>,
+    /// Names of the rows of K.
+    pub loops: Vec<String>,
+    /// How each submechanism is closed.
+    pub closures: Vec<ClosureReport>,
+    /// What may stay.
+    pub warnings: Vec<Finding>,
+    /// What must be mended.
+    pub errors: Vec<Finding>,
+}
+
+/// How a submechanism is closed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ClosureReport {
+    /// Contextual name.
+    pub name: String,
+    /// The type as it was written.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// `analytic`, `numerical` or `serial`.
+    pub kind: &'static str,
+    /// Constraint rows.
+    pub rows: usize,
+    /// How many of them are independent.
+    pub rank: usize,
+    /// How far the geometry is from the closed form's assumptions, relative to the mechanism's size.
+    pub misfit: f64,
+}
+
+impl CheckReport {
+    /// The report of a robot that loaded, or of one whose files are faulty.
+    ///
+    /// # Errors
+    /// Sources that cannot be read at all have no report.
+    pub fn new(loaded: &Result<Loaded, LoadError>) -> Result<CheckReport, LoadError> {
+        match loaded {
+            Ok(loaded) => Ok(CheckReport::of_model(loaded)),
+            Err(LoadError::Faults(report)) => Ok(CheckReport::of_findings(report)),
+            Err(other) => Err(other.clone()),
+        }
+    }
+
+    fn of_findings(report: &Report) -> CheckReport {
+        CheckReport {
+            robot: report.robot.clone(),
+            warnings: report.warnings.clone(),
+            errors: report.errors.clone(),
+            ..CheckReport::default()
+        }
+    }
+
+    fn of_model(loaded: &Loaded) -> CheckReport {
+        let model = &loaded.compiled.model;
+        let closures = model.closures().iter().map(|info| ClosureReport {
+            name: info.name.clone(),
+            type_name: info.type_name.clone(),
+            kind: info.kind.name(),
+            rows: info.rows,
+            rank: info.rank,
+            misfit: info.misfit,
+        });
+        CheckReport {
+            robot: Some(model.name().to_owned()),
+            fingerprint: Some(format!("{:016x}", model.fingerprint())),
+            tree: model.tree_names().to_vec(),
+            tree_q: model.tree_q_names().to_vec(),
+            independent: model.independent_names().to_vec(),
+            active: model.active_names().to_vec(),
+            loops: model.loop_names().to_vec(),
+            closures: closures.collect(),
+            ..CheckReport::of_findings(&loaded.report)
+        }
+    }
+}

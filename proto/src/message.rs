@@ -1,0 +1,303 @@
+//! What travels: fixed-size, plain numbers, no pointer and no length that anybody trusts.
+
+use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use crate::{LaneId, Status, Wanted, Warnings};
+
+/// Version of everything on the wire; a change of any payload raises it, together with the type names in `lane.rs`.
+pub const PROTOCOL_VERSION: u32 = 1;
+/// Plans that one server holds.
+pub const MAX_PLANS: usize = 1024;
+/// Numbers that one request can carry through the requests door.
+pub const MAX_NUMBERS_IN: usize = 2048;
+/// Numbers that one answer can carry.
+pub const MAX_NUMBERS_OUT: usize = 16384;
+/// Clients that the requests door takes at one time.
+pub const MAX_REQUEST_CLIENTS: usize = 32;
+/// Bytes of text in one control answer.
+pub const PAGE: usize = 4096;
+
+/// What every request begins with, through either door.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct RequestHead {
+    /// [`PROTOCOL_VERSION`] of the client.
+    pub version: u32,
+    /// Number of the plan, as the server gave it.
+    pub plan: u32,
+    /// Fingerprint of the model that the client was made for.
+    pub fingerprint: u64,
+    /// Counts the client's requests from 1; the answer repeats it. A lane's entry with 0 is no request.
+    pub sequence: u64,
+}
+
+/// What every answer begins with, through either door.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct ResponseHead {
+    /// Number of the [`Status`].
+    pub status: u32,
+    /// Bits of the [`Warnings`].
+    pub warnings: u32,
+    /// The request's sequence.
+    pub sequence: u64,
+}
+
+impl ResponseHead {
+    /// The head of an answer.
+    pub const fn new(status: Status, warnings: Warnings, sequence: u64) -> ResponseHead {
+        ResponseHead { status: status as u32, warnings: warnings.0, sequence }
+    }
+}
+
+/// One lane entry: a head and room for `N` numbers, of which the plan's count is used.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Entry<H, const N: usize> {
+    /// The head.
+    pub head: H,
+    /// The numbers.
+    pub numbers: [f64; N],
+}
+
+/// A client's entry of a lane.
+pub type LaneRequest<const N: usize> = Entry<RequestHead, N>;
+/// The server's entry of a lane.
+pub type LaneResponse<const N: usize> = Entry<ResponseHead, N>;
+
+/// A request through the requests door. The client may change it while the server reads, so its words are atomic and the
+/// server reads each of them once.
+#[derive(Debug)]
+#[repr(C)]
+pub struct ComputeRequest {
+    version_plan: AtomicU64,
+    fingerprint: AtomicU64,
+    sequence: AtomicU64,
+    numbers: [AtomicU64; MAX_NUMBERS_IN],
+}
+
+impl ComputeRequest {
+    /// Writes the head and the numbers; what does not fit is left out, the server refuses plans that need more.
+    pub fn write(&self, head: &RequestHead, numbers: &[f64]) {
+        self.version_plan.store(u64::from(head.version) | u64::from(head.plan) << 32, Relaxed);
+        self.fingerprint.store(head.fingerprint, Relaxed);
+        self.sequence.store(head.sequence, Relaxed);
+        self.numbers.iter().zip(numbers).for_each(|(word, number)| word.store(number.to_bits(), Relaxed));
+    }
+
+    /// Reads the head.
+    pub fn head(&self) -> RequestHead {
+        let version_plan = self.version_plan.load(Relaxed);
+        RequestHead {
+            version: version_plan as u32,
+            plan: (version_plan >> 32) as u32,
+            fingerprint: self.fingerprint.load(Relaxed),
+            sequence: self.sequence.load(Relaxed),
+        }
+    }
+
+    /// Reads as many numbers as `numbers` holds.
+    pub fn read(&self, numbers: &mut [f64]) {
+        numbers.iter_mut().zip(&self.numbers).for_each(|(number, word)| *number = f64::from_bits(word.load(Relaxed)));
+    }
+}
+
+/// An answer through the requests door.
+pub type ComputeResponse = Entry<ResponseHead, MAX_NUMBERS_OUT>;
+
+/// What a client asks of the control service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Call {
+    /// Who is there? Answers [`ControlResponse::instance`], `fingerprint` and, in `numbers[0]`, the bytes of the model information.
+    Hello = 1,
+    /// A page of the model information as JSON; `arguments[0]` is the page's number.
+    Model = 2,
+    /// Register `wanted`; answers plan number, numbers in, numbers out.
+    Plan = 3,
+    /// A lane for plans of up to `arguments[0]` numbers in and `arguments[1]` out; answers a [`LaneId`] and both classes.
+    Lane = 4,
+}
+
+impl Call {
+    /// The call of a number on the wire.
+    pub const fn from_code(code: u32) -> Option<Call> {
+        match code {
+            1 => Some(Call::Hello),
+            2 => Some(Call::Model),
+            3 => Some(Call::Plan),
+            4 => Some(Call::Lane),
+            _ => None,
+        }
+    }
+}
+
+/// Why the control service refuses a call. The numbers are part of the wire contract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The client speaks another version of the protocol; the answer's `version` is the server's.
+    WrongVersion = 1,
+    /// The call's number is unknown.
+    UnknownCall = 2,
+    /// The client was made for a model with another fingerprint.
+    WrongModel = 3,
+    /// The wanted set cannot be planned; the text says why.
+    BadWanted = 4,
+    /// The plan takes or gives more numbers than the door carries; `numbers` are its counts.
+    TooLarge = 5,
+    /// The table of plans is full.
+    TooManyPlans = 6,
+    /// Every lane is taken.
+    NoLane = 7,
+    /// The server is stopping.
+    Stopping = 8,
+    /// The model information has no such page.
+    NoSuchPage = 9,
+    /// The server could not make the lane; the text says why.
+    Failed = 10,
+}
+
+impl Refusal {
+    /// The refusal of a number on the wire; `None` when the call was granted or the number is unknown.
+    pub const fn from_code(code: u32) -> Option<Refusal> {
+        match code {
+            1 => Some(Refusal::WrongVersion),
+            2 => Some(Refusal::UnknownCall),
+            3 => Some(Refusal::WrongModel),
+            4 => Some(Refusal::BadWanted),
+            5 => Some(Refusal::TooLarge),
+            6 => Some(Refusal::TooManyPlans),
+            7 => Some(Refusal::NoLane),
+            8 => Some(Refusal::Stopping),
+            9 => Some(Refusal::NoSuchPage),
+            10 => Some(Refusal::Failed),
+            _ => None,
+        }
+    }
+}
+
+/// A call of the control service.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct ControlRequest {
+    /// [`PROTOCOL_VERSION`] of the client.
+    pub version: u32,
+    /// Number of the [`Call`].
+    pub call: u32,
+    /// Fingerprint of the model that the client expects; zero for any.
+    pub fingerprint: u64,
+    /// What the call needs.
+    pub arguments: [u64; 2],
+    /// The wanted set of [`Call::Plan`].
+    pub wanted: Wanted,
+}
+
+/// An answer of the control service.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct ControlResponse {
+    /// [`PROTOCOL_VERSION`] of the server.
+    pub version: u32,
+    /// Zero, or the number of the [`Refusal`].
+    pub refusal: u32,
+    /// Fingerprint of the model.
+    pub fingerprint: u64,
+    /// Tells the runs of a server apart.
+    pub instance: u64,
+    /// What the call answers.
+    pub numbers: [u64; 4],
+    /// How many of `text` count.
+    pub n_text: u64,
+    /// A page of JSON, or the words of a refusal.
+    pub text: [u8; PAGE],
+}
+
+impl ControlResponse {
+    /// The lane that [`Call::Lane`] answers, and its classes in and out.
+    pub fn lane(&self) -> (LaneId, usize, usize) {
+        let [slot, generation, class_in, class_out] = self.numbers;
+        (LaneId { slot: slot as u32, generation: generation as u32 }, class_in as usize, class_out as usize)
+    }
+
+    /// The bytes of text that count.
+    pub fn text(&self) -> &[u8] {
+        &self.text[..(self.n_text as usize).min(PAGE)]
+    }
+}
+
+/// Whether a run of the server is alive: written by the thread that answers, by itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct Heartbeat {
+    /// Grows while the server answers.
+    pub beats: u64,
+    /// 1 when this run has ended in order and answers no more.
+    pub stopped: u64,
+}
+
+/// The state of a run of the server, written a few times each second beside the thread that answers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct Statistics {
+    /// Seconds since the server was ready.
+    pub uptime: f64,
+    /// Requests answered through lanes.
+    pub lane_requests: u64,
+    /// Requests answered through the requests door.
+    pub door_requests: u64,
+    /// Answers by number of the [`Status`].
+    pub statuses: [u64; 32],
+    /// Time from finding a request to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the largest, to about 6 %.
+    pub latency_ns: [u64; 5],
+    /// Lanes that clients hold or are about to.
+    pub lanes_taken: u64,
+    /// Lanes that the server can give.
+    pub lanes: u64,
+    /// Lanes made since the start.
+    pub lanes_made: u64,
+    /// Plans registered.
+    pub plans: u64,
+    /// Calls of the system's allocator by the thread that answers, after start-up.
+    pub system_allocations: u64,
+    /// Blocks that thread took from its own pool.
+    pub pool_allocations: u64,
+    /// Process number of the server.
+    pub process: u64,
+}
+
+impl Statistics {
+    /// How many answers had a status.
+    pub fn answered(&self, status: Status) -> u64 {
+        self.statuses[status as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn payloads_keep_the_sizes_of_version_1() {
+        assert_eq!(PROTOCOL_VERSION, 1);
+        assert_eq!(size_of::<RequestHead>(), 24);
+        assert_eq!(size_of::<ResponseHead>(), 16);
+        assert_eq!(size_of::<LaneRequest<16>>(), 24 + 8 * 16);
+        assert_eq!(size_of::<ComputeRequest>(), 24 + 8 * MAX_NUMBERS_IN);
+        assert_eq!(size_of::<ComputeResponse>(), 16 + 8 * MAX_NUMBERS_OUT);
+        assert_eq!(size_of::<ControlRequest>(), 32 + size_of::<Wanted>());
+        assert_eq!(size_of::<ControlResponse>(), 64 + PAGE);
+    }
+
+    #[test]
+    fn numbers_of_calls_and_refusals_are_the_wire_contract() {
+        for code in 0..16 {
+            assert_eq!(Call::from_code(code).map_or(code, |call| call as u32), code);
+            assert_eq!(Refusal::from_code(code).map_or(code, |refusal| refusal as u32), code);
+        }
+        assert_eq!((Call::from_code(0), Refusal::from_code(0)), (None, None));
+        assert!(Status::ALL.len() <= Statistics::default().statuses.len());
+    }
+}

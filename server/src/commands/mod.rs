@@ -1,0 +1,5 @@
+//! One file for each command.
+
+pub(crate) mod processor;
+pub(crate) mod robot;
+pub(crate) mod serve;

@@ -1,0 +1,21 @@
+//! Whether this processor can run what was built.
+
+/// The first feature of the stated baseline that is missing.
+#[cfg(target_arch = "x86_64")]
+pub(crate) fn check() -> Result<(), &'static str> {
+    // the processor itself is asked: std's macro answers at compile time where the build assumes a feature
+    let processor = raw_cpuid::CpuId::new();
+    if !processor.get_feature_info().is_some_and(|features| features.has_fma()) {
+        return Err("FMA");
+    }
+    if !processor.get_extended_feature_info().is_some_and(|features| features.has_avx2()) {
+        return Err("AVX2");
+    }
+    Ok(())
+}
+
+/// Other processors run sarrus as it is built.
+#[cfg(not(target_arch = "x86_64"))]
+pub(crate) fn check() -> Result<(), &'static str> {
+    Ok(())
+}

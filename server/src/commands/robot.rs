@@ -1,0 +1,56 @@
+//! The flags that choose a robot.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use sarrus_client::{LoadError, Options, Source};
+use sarrus_models::{Loaded, load};
+
+/// Which robot, and how its files are read.
+#[derive(Args)]
+pub(crate) struct RobotFlags {
+    #[command(flatten)]
+    source: SourceFlags,
+    /// Submechanism file that goes with --urdf; without it every joint is independent and active.
+    #[arg(long, value_name = "FILE", requires = "urdf")]
+    submechanisms: Option<PathBuf>,
+    /// Gravity in root axes, m/s².
+    #[arg(long, value_name = "X,Y,Z", value_parser = gravity, default_value = "0,0,-9.81", allow_hyphen_values = true)]
+    gravity: Gravity,
+    /// Faults of mass and inertia are warnings.
+    #[arg(long)]
+    lenient: bool,
+}
+
+#[derive(Args)]
+#[group(required = true, multiple = false)]
+struct SourceFlags {
+    /// A bundled robot.
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// A URDF file, or a SMURF file that names one.
+    #[arg(long, value_name = "FILE")]
+    urdf: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy)]
+struct Gravity([f64; 3]);
+
+fn gravity(text: &str) -> Result<Gravity, String> {
+    let numbers: Vec<f64> = text.split(',').map(|part| part.trim().parse().unwrap_or(f64::NAN)).collect();
+    match numbers.as_slice().try_into() {
+        Ok(gravity) if numbers.iter().all(|number| number.is_finite()) => Ok(Gravity(gravity)),
+        _ => Err("expected three numbers such as 0,0,-9.81".to_owned()),
+    }
+}
+
+impl RobotFlags {
+    /// Reads and compiles the robot.
+    pub(crate) fn load(&self) -> Result<Loaded, LoadError> {
+        let source = match (&self.source.robot, &self.source.urdf) {
+            (Some(name), _) => Source::Bundled(name.clone()),
+            (None, urdf) => Source::Files { urdf: urdf.clone().unwrap_or_default(), submechanisms: self.submechanisms.clone() },
+        };
+        load(&source, &Options { gravity: self.gravity.0, lenient: self.lenient })
+    }
+}

@@ -1,0 +1,150 @@
+//! What the answering thread counts, and how it becomes statistics beside it.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use hdrhistogram::Histogram;
+use quanta::Clock;
+use sarrus_proto::Status;
+
+/// Buckets of latency: sixteen for each doubling of the counter's ticks.
+const N_BUCKETS: usize = 640;
+
+/// Which way a request came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Door {
+    /// A lane.
+    Lane,
+    /// The requests door.
+    Requests,
+}
+
+/// Counters with one writer, the answering thread, and any number of readers.
+pub(crate) struct Counters {
+    lane_requests: AtomicU64,
+    door_requests: AtomicU64,
+    statuses: [AtomicU64; 32],
+    buckets: [AtomicU64; N_BUCKETS],
+}
+
+impl Counters {
+    pub(crate) fn new() -> Counters {
+        Counters {
+            lane_requests: AtomicU64::new(0),
+            door_requests: AtomicU64::new(0),
+            statuses: [const { AtomicU64::new(0) }; 32],
+            buckets: [const { AtomicU64::new(0) }; N_BUCKETS],
+        }
+    }
+
+    /// Counts one answer; `ticks` of the processor's counter from finding the request to publishing the answer.
+    #[inline]
+    pub(crate) fn record(&self, door: Door, status: u32, ticks: u64) {
+        match door {
+            Door::Lane => add_one(&self.lane_requests),
+            Door::Requests => add_one(&self.door_requests),
+        }
+        add_one(&self.statuses[(status as usize).min(self.statuses.len() - 1)]);
+        add_one(&self.buckets[bucket_of(ticks)]);
+    }
+
+    pub(crate) fn lane_requests(&self) -> u64 {
+        self.lane_requests.load(Relaxed)
+    }
+
+    pub(crate) fn door_requests(&self) -> u64 {
+        self.door_requests.load(Relaxed)
+    }
+
+    pub(crate) fn statuses(&self) -> [u64; 32] {
+        std::array::from_fn(|code| self.statuses[code].load(Relaxed))
+    }
+}
+
+// one writer: a load and a store, no locked instruction
+#[inline]
+fn add_one(counter: &AtomicU64) {
+    counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
+}
+
+#[inline]
+fn bucket_of(ticks: u64) -> usize {
+    if ticks < 16 {
+        return ticks as usize;
+    }
+    let exponent = ticks.ilog2() as usize;
+    ((exponent - 3) * 16 + (ticks >> (exponent - 4) & 15) as usize).min(N_BUCKETS - 1)
+}
+
+/// The middle of a bucket in ticks.
+fn middle_of(bucket: usize) -> u64 {
+    if bucket < 16 {
+        return bucket as u64;
+    }
+    let (exponent, part) = (bucket / 16 + 3, (bucket % 16) as u64);
+    ((16 + part) << (exponent - 4)) + (1_u64 << (exponent - 4)) / 2
+}
+
+/// Folds the answering thread's buckets into a histogram of nanoseconds.
+pub(crate) struct Latency {
+    clock: Clock,
+    histogram: Histogram<u64>,
+    seen: [u64; N_BUCKETS],
+}
+
+impl Latency {
+    /// `None` when the histogram's bounds are refused, which its constants rule out.
+    pub(crate) fn new(clock: Clock) -> Option<Latency> {
+        let histogram = Histogram::new_with_bounds(1, 60_000_000_000, 3).ok()?;
+        Some(Latency { clock, histogram, seen: [0; N_BUCKETS] })
+    }
+
+    /// Takes in what was counted since the last call.
+    pub(crate) fn fold(&mut self, counters: &Counters) {
+        for (bucket, seen) in self.seen.iter_mut().enumerate() {
+            let now = counters.buckets[bucket].load(Relaxed);
+            if now != *seen {
+                let ns = self.clock.delta_as_nanos(0, middle_of(bucket));
+                // a value beyond the bounds counts as the bound
+                self.histogram.saturating_record_n(ns, now.wrapping_sub(*seen));
+                *seen = now;
+            }
+        }
+    }
+
+    /// p50, p90, p99, p99.9 and the largest `[ns]`.
+    pub(crate) fn percentiles(&self) -> [u64; 5] {
+        let at = |quantile| self.histogram.value_at_quantile(quantile);
+        [at(0.5), at(0.9), at(0.99), at(0.999), self.histogram.max()]
+    }
+}
+
+// every status has a counter of its own
+const _: () = assert!(Status::ALL.len() < 32);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn buckets_tell_ticks_to_a_sixteenth() {
+        for exponent in 0..42 {
+            for ticks in [1_u64 << exponent, (1 << exponent) + (1 << exponent) / 3, (2 << exponent) - 1] {
+                let middle = middle_of(bucket_of(ticks)) as f64;
+                assert!((middle - ticks as f64).abs() <= ticks as f64 / 16.0, "{ticks} became {middle}");
+            }
+        }
+        assert_eq!(bucket_of(u64::MAX), N_BUCKETS - 1);
+    }
+
+    #[test]
+    fn percentiles_come_from_what_was_counted() {
+        let (counters, mut latency) = (Counters::new(), Latency::new(Clock::new()).unwrap());
+        (0..1000).for_each(|k| counters.record(if k % 2 == 0 { Door::Lane } else { Door::Requests }, k % 2, 1 << 20));
+        latency.fold(&counters);
+        latency.fold(&counters);
+        assert_eq!((counters.lane_requests(), counters.door_requests(), counters.statuses()[1]), (500, 500, 500));
+        assert_eq!(latency.histogram.len(), 1000);
+        let [p50, .., max] = latency.percentiles();
+        assert!(p50 > 0 && max >= p50 && max < 2 * p50);
+    }
+}

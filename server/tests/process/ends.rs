@@ -1,0 +1,153 @@
+//! How clients and servers end, in order or not.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use sarrus_client::{ConnectError, Door, Error, Status};
+
+use crate::support::{Asker, Place};
+
+const NOTHING: Vec<PathBuf> = Vec::new();
+
+#[test]
+fn a_clean_stop_leaves_nothing() {
+    for signal in ["-TERM", "-INT"] {
+        let place = Place::new();
+        let server = place.serve("tidy", &[]);
+        let mut askers = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("tidy", door).unwrap()));
+        askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
+        drop(askers);
+        assert_eq!(server.stop(signal).code(), Some(0));
+        assert_eq!(place.leftovers(), NOTHING);
+    }
+}
+
+#[test]
+fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
+    let place = Place::new();
+    let server = place.serve("under", &[]);
+    let mut askers = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("under", door).unwrap()));
+    askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
+    assert!(server.stop("-TERM").success());
+    for asker in &mut askers {
+        let start = Instant::now();
+        let error = asker.ask().unwrap_err();
+        assert!(matches!(error, Error::ServerGone { .. }), "{error}");
+        assert!(start.elapsed() < Duration::from_millis(2500));
+        assert!(asker.output.iter().all(|number| number.is_nan()));
+    }
+    drop(askers);
+    assert_eq!(place.leftovers(), NOTHING);
+}
+
+#[test]
+fn requests_during_a_stop_are_refused_not_lost() {
+    let place = Place::new();
+    let server = place.serve("closing", &[]);
+    let [mut lane, mut requests] = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("closing", door).unwrap()));
+    let stop = std::thread::spawn(move || server.stop("-TERM"));
+    let mut last = [Status::Ok; 2];
+    let start = Instant::now();
+    while last.contains(&Status::Ok) && start.elapsed() < Duration::from_secs(5) {
+        for (asker, last) in [&mut lane, &mut requests].into_iter().zip(&mut last) {
+            match *last {
+                Status::Ok => *last = asker.ask().unwrap().status,
+                _ => continue,
+            }
+        }
+    }
+    assert_eq!(last, [Status::ShuttingDown; 2]);
+    assert!(lane.output.iter().chain(&requests.output).all(|number| number.is_nan()));
+    assert!(stop.join().unwrap().success());
+}
+
+#[test]
+fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
+    let place = Place::new();
+    let server = place.serve("widow", &["--lanes", "1"]);
+    for _ in 0..3 {
+        let client = place.client("widow", Door::Lane);
+        assert!(matches!(place.connect("widow", Door::Lane), Err(ConnectError::FullHouse { .. })));
+        client.kill();
+        let start = Instant::now();
+        let robot = loop {
+            match place.connect("widow", Door::Lane) {
+                Ok(robot) => break robot,
+                Err(ConnectError::FullHouse { .. }) if start.elapsed() < Duration::from_secs(1) => {}
+                Err(error) => panic!("after {:?}: {error}", start.elapsed()),
+            }
+        };
+        let mut asker = Asker::new(robot);
+        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+    }
+    // and through the other door
+    place.client("widow", Door::Requests).kill();
+    assert_eq!(Asker::new(place.connect("widow", Door::Requests).unwrap()).ask().unwrap().status, Status::Ok);
+    assert!(server.stop("-TERM").success());
+    assert_eq!(place.leftovers(), NOTHING);
+}
+
+#[test]
+fn a_killed_server_is_told_and_a_new_one_is_found() {
+    for door in [Door::Lane, Door::Requests] {
+        let place = Place::new();
+        let server = place.serve("phoenix", &[]);
+        let mut asker = Asker::new(place.connect("phoenix", door).unwrap());
+        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        let bits = asker.bits();
+        server.kill();
+
+        // nobody there: told in the stated time
+        let start = Instant::now();
+        let error = asker.ask().unwrap_err();
+        assert!(matches!(error, Error::ServerGone { .. }), "{door:?}: {error}");
+        assert!(start.elapsed() < Duration::from_millis(2500), "{door:?}: {:?}", start.elapsed());
+
+        // a new one: the next request finds it
+        let server = place.serve("phoenix", &[]);
+        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        assert_eq!(asker.bits(), bits);
+
+        // a new one while the request is under way
+        server.kill();
+        let server = std::thread::scope(|scope| {
+            let restart = scope.spawn(|| place.serve("phoenix", &[]));
+            assert_eq!(asker.ask().unwrap().status, Status::Ok, "{door:?}");
+            restart.join().unwrap()
+        });
+        assert_eq!(asker.bits(), bits);
+        drop(asker);
+        assert!(server.stop("-TERM").success());
+        assert_eq!(place.leftovers(), NOTHING, "{door:?}");
+    }
+}
+
+#[test]
+fn a_server_that_comes_back_with_another_model_is_refused() {
+    let place = Place::new();
+    let server = place.serve("changeling", &[]);
+    let mut asker = Asker::new(place.connect("changeling", Door::Lane).unwrap());
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    server.kill();
+    let _other = place.serve_robot("lambda", "changeling", &[]);
+    let error = asker.ask().unwrap_err();
+    assert!(matches!(error, Error::Connect(ConnectError::WrongModel { .. })), "{error}");
+    assert!(asker.output.iter().all(|number| number.is_nan()));
+    // nor with other gravity, which is part of the model
+    drop(_other);
+    let _other = place.serve("changeling", &["--gravity", "0,0,-1.62"]);
+    assert!(matches!(asker.ask(), Err(Error::Connect(ConnectError::WrongModel { .. }))));
+}
+
+#[test]
+fn a_new_start_clears_what_a_crash_left() {
+    let place = Place::new();
+    let server = place.serve("crash", &[]);
+    let clients = [Door::Lane, Door::Requests].map(|door| place.client("crash", door));
+    server.kill();
+    let _ = clients.map(|client| client.kill());
+    assert_ne!(place.leftovers(), NOTHING, "a crash leaves something, or this test tests nothing");
+    assert!(place.serve("crash", &[]).stop("-TERM").success());
+    assert_eq!(place.leftovers(), NOTHING);
+}

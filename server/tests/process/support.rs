@@ -1,0 +1,193 @@
+//! Servers and clients as processes of their own, each in a domain of its own.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+use sarrus_client::{ConnectError, ConnectOptions, Door, Field, FieldSet, Patience, PlanId, Request, Robot, Wanted};
+use sarrus_proto::Domain;
+
+/// What every test asks: all of the robot's state.
+pub(crate) const STATE: Wanted = Wanted::new(
+    Request::Kinematics,
+    FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
+    FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U]),
+);
+
+/// The robot that every test serves.
+pub(crate) const ROBOT: &str = "rh5v2_upper_body";
+
+static ALONE: Mutex<()> = Mutex::new(());
+static DOMAINS: AtomicU32 = AtomicU32::new(0);
+
+/// A domain of one test; tests run one at a time as long as they hold it.
+pub(crate) struct Place {
+    pub(crate) domain: Domain,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Place {
+    pub(crate) fn new() -> Place {
+        let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let number = DOMAINS.fetch_add(1, Relaxed);
+        let domain = Domain::at(&std::env::temp_dir().join(format!("sarrus-test-{}-{number}", std::process::id()))).unwrap();
+        Place { domain, _alone: alone }
+    }
+
+    /// What is there under the root and in shared memory.
+    pub(crate) fn leftovers(&self) -> Vec<PathBuf> {
+        fn walk(directory: PathBuf, found: &mut Vec<PathBuf>) {
+            for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
+                found.push(entry.path());
+                walk(entry.path(), found);
+            }
+        }
+        let mut found = Vec::new();
+        if self.domain.root().exists() {
+            found.push(self.domain.root().to_owned());
+        }
+        walk(self.domain.root().to_owned(), &mut found);
+        let prefix = self.domain.prefix();
+        let shared = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
+        found.extend(shared.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(&prefix)));
+        found
+    }
+
+    pub(crate) fn serve(&self, name: &str, flags: &[&str]) -> Server {
+        self.serve_robot(ROBOT, name, flags)
+    }
+
+    pub(crate) fn serve_robot(&self, robot: &str, name: &str, flags: &[&str]) -> Server {
+        let mut child = self.command(robot, name, flags).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        if line.is_empty() {
+            panic!("the server did not start: {:?}", child.wait_with_output());
+        }
+        Server { child, ready: line }
+    }
+
+    pub(crate) fn command(&self, robot: &str, name: &str, flags: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+        command.args(["serve", "--robot", robot, "--name", name]).args(flags).env("SARRUS_ROOT", self.domain.root());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
+        command
+    }
+
+    pub(crate) fn connect(&self, name: &str, door: Door) -> Result<Robot, ConnectError> {
+        self.connect_with(name, ConnectOptions { door, ..options() })
+    }
+
+    pub(crate) fn connect_with(&self, name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
+        Robot::connect_in(self.domain.clone(), name, options)
+    }
+
+    /// Another process that connects, prepares and asks until it is killed; returns once it was answered.
+    pub(crate) fn client(&self, name: &str, door: Door) -> Client {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["the_other_process", "--exact", "--nocapture"]).stdout(Stdio::piped()).stderr(Stdio::null());
+        command.env("SARRUS_ROOT", self.domain.root()).env("SARRUS_TEST_SERVER", name).env("SARRUS_TEST_DOOR", format!("{door:?}"));
+        let mut child = command.spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert!(lines.any(|line| line.is_ok_and(|line| line.contains("answered"))), "the other client was not answered");
+        Client { child }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        // a test that failed or killed leaves things: they are this test's alone
+        for path in self.leftovers().into_iter().rev() {
+            let _ = if path.is_dir() { fs::remove_dir(&path) } else { fs::remove_file(&path) };
+        }
+    }
+}
+
+pub(crate) fn options() -> ConnectOptions {
+    ConnectOptions { patience: Patience::Polite, ..ConnectOptions::default() }
+}
+
+/// A served robot in another process; killed when dropped.
+pub(crate) struct Server {
+    child: Child,
+    pub(crate) ready: String,
+}
+
+impl Server {
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    pub(crate) fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    pub(crate) fn stop(mut self, signal: &str) -> ExitStatus {
+        assert!(Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success());
+        let start = Instant::now();
+        while start.elapsed() < Duration::from_secs(10) {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("the server does not stop");
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A client in another process; killed when dropped.
+pub(crate) struct Client {
+    child: Child,
+}
+
+impl Client {
+    pub(crate) fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A robot with the state's plan and arrays that fit.
+pub(crate) struct Asker {
+    pub(crate) robot: Robot,
+    pub(crate) plan: PlanId,
+    pub(crate) input: Vec<f64>,
+    pub(crate) output: Vec<f64>,
+}
+
+impl Asker {
+    pub(crate) fn new(mut robot: Robot) -> Asker {
+        let plan = robot.prepare(&STATE).unwrap();
+        let prepared = robot.plan(plan).unwrap();
+        let input = (0..prepared.given().len()).map(|k| 1e-3 * (k % 7) as f64).collect();
+        let output = vec![0.0; prepared.want().len()];
+        Asker { robot, plan, input, output }
+    }
+
+    pub(crate) fn ask(&mut self) -> Result<sarrus_client::Answer, sarrus_client::Error> {
+        self.robot.ask(self.plan, &self.input, &mut self.output)
+    }
+
+    pub(crate) fn bits(&self) -> Vec<u64> {
+        self.output.iter().map(|number| number.to_bits()).collect()
+    }
+}
