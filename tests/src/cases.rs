@@ -8,6 +8,7 @@ use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_models::{Options, Source, load};
 
+use crate::compare::error_by_size;
 use crate::random::{Text, random_robot};
 use crate::reference::ROBOTS;
 use crate::seed::Seeded;
@@ -113,11 +114,23 @@ pub fn robots() -> &'static [Case] {
     })
 }
 
-/// The errors of one law over all robots.
+/// The errors of the laws over all robots.
 #[derive(Debug, Default)]
 pub struct Ledger {
-    worst: Vec<(&'static str, f64, f64, String)>,
-    failures: Vec<String>,
+    laws: Vec<Entry>,
+}
+
+/// What became of one law, or of one way to panic.
+#[derive(Debug)]
+struct Entry {
+    what: String,
+    /// Largest error, as a share of what is allowed and as it is, and where.
+    ratio: f64,
+    error: f64,
+    worst: String,
+    /// Failures, and the first robots that fail.
+    failures: usize,
+    failing: Vec<String>,
 }
 
 impl Ledger {
@@ -127,32 +140,48 @@ impl Ledger {
         for case in cases {
             if let Err(cause) = catch_unwind(AssertUnwindSafe(|| check(case, &mut ledger))) {
                 let cause = cause.downcast_ref::<String>().cloned().or(cause.downcast_ref::<&str>().map(|x| (*x).to_owned()));
-                ledger.failures.push(format!("{}: {}", case.name, cause.unwrap_or_default()));
+                ledger.note(&cause.unwrap_or_default().replace('\n', " "), case, f64::INFINITY, 1.0);
             }
         }
         ledger.finish();
     }
 
     /// Notes an error; a failure where it is larger than allowed, or not a number.
-    pub fn note(&mut self, what: &'static str, case: &Case, error: f64, allowed: f64) {
-        let ratio = error / allowed;
+    pub fn note(&mut self, what: &str, case: &Case, error: f64, allowed: f64) {
+        let ratio = if error == 0.0 { 0.0 } else { error / allowed };
         let ratio = if ratio.is_nan() { f64::INFINITY } else { ratio };
+        let at = self.laws.iter().position(|law| law.what == what).unwrap_or_else(|| {
+            let (what, worst) = (what.to_owned(), String::new());
+            self.laws.push(Entry { what, ratio: -1.0, error: 0.0, worst, failures: 0, failing: Vec::new() });
+            self.laws.len() - 1
+        });
+        let law = &mut self.laws[at];
+        if ratio > law.ratio {
+            (law.ratio, law.error, law.worst) = (ratio, error, case.name.clone());
+        }
         if ratio > 1.0 {
-            self.failures.push(format!("{what}: error {error:.3e}, allowed {allowed:.1e}; {}", case.name));
+            law.failures += 1;
+            if law.failing.len() < 4 && !law.failing.contains(&case.name) {
+                law.failing.push(case.name.clone());
+            }
         }
-        match self.worst.iter_mut().find(|x| x.0 == what) {
-            Some(worst) if worst.1 < ratio => *worst = (what, ratio, error, case.name.clone()),
-            Some(_) => {}
-            None => self.worst.push((what, ratio, error, case.name.clone())),
-        }
+    }
+
+    /// Notes how far two arrays are apart by size.
+    pub fn compare<T: Scalar>(&mut self, what: &str, case: &Case, a: &[T], b: &[T], least: f64, allowed: f64) {
+        self.note(what, case, error_by_size(a, b, least), allowed);
     }
 
     /// Prints the worst of each law and fails where one does not hold.
     pub fn finish(self) {
-        for (what, ratio, error, name) in &self.worst {
-            println!("{what:<44} worst {error:.2e} ({ratio:.1e} of what is allowed) on {name}");
+        let mut broken = String::new();
+        for law in &self.laws {
+            let Entry { what, ratio, error, worst, failures, failing } = law;
+            println!("{what:<50} worst {error:.2e}, {ratio:.1e} of what is allowed, on {worst}");
+            if *failures > 0 {
+                broken += &format!("\n{what}: {failures} failures, worst {error:.2e} ({ratio:.1e}) on {worst}; first {}", failing.join(" | "));
+            }
         }
-        let n = self.failures.len();
-        assert!(n == 0, "{n} failures\n{}", self.failures.iter().take(25).map(String::as_str).collect::<Vec<_>>().join("\n"));
+        assert!(broken.is_empty(), "{broken}");
     }
 }
