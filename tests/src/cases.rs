@@ -31,6 +31,8 @@ pub struct Case {
     pub reach: Vec<f64>,
     /// Each mechanism has as many actuators as independent joints.
     pub square: bool,
+    /// Its placements are rounded to six decimals.
+    pub rounded: bool,
     /// A length that is typical of it `[m]`.
     pub scale: f64,
 }
@@ -55,7 +57,7 @@ impl Case {
         let reach = compiled.model.independent_names().iter();
         let reach = reach.map(|joint| if kind(joint) == Some(JointKind::Prismatic) { 0.04 } else { 0.25 }).collect();
         let seed = name.bytes().fold(1000, |sum, byte| 31 * sum + u64::from(byte));
-        Case { name: name.into(), seed, description: loaded.description, compiled, reach, square: true, scale: 0.3 }
+        Case { name: name.into(), seed, description: loaded.description, compiled, reach, square: true, rounded: false, scale: 0.3 }
     }
 
     /// A robot of text.
@@ -64,8 +66,21 @@ impl Case {
         let compiled = loaded.compiled;
         let of = |name: &String| text.reach.iter().find(|x| x.0 == *name).map_or(0.0, |x| x.1);
         let reach = compiled.model.independent_names().iter().map(of).collect();
-        let (square, scale) = (text.square, text.scale);
-        Ok(Case { name: text.holds.clone(), seed, description: loaded.description, compiled, reach, square, scale })
+        let (square, rounded, scale) = (text.square, text.rounded, text.scale);
+        Ok(Case { name: text.holds.clone(), seed, description: loaded.description, compiled, reach, square, rounded, scale })
+    }
+
+    /// How far the rows of the loops contradict each other or the closed forms, which no precision mends: the misfit of a closed form
+    /// that counts as rounding, and the redundant rows of placements that are rounded.
+    pub fn contradiction(&self) -> f64 {
+        let closures = self.compiled.model.closures();
+        let misfit = closures.iter().fold(0.0, |worst: f64, x| worst.max(if x.misfit <= 1e-13 { x.misfit } else { 0.0 }));
+        let redundant = closures.iter().any(|x| x.rank < x.rows);
+        match (redundant, self.rounded) {
+            (true, true) => 1e-4,
+            (true, false) => 1e-10,
+            _ => 30.0 * misfit,
+        }
     }
 
     /// True where a joint of six freedoms carries the robot; its actuators cannot tell where it is.

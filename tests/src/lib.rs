@@ -4,6 +4,7 @@
 
 pub mod cases;
 pub mod compare;
+pub mod plans;
 pub mod random;
 pub mod reference;
 pub mod rigid;

@@ -29,7 +29,7 @@ impl Writer {
             4..8 => self.lambda(on, at),
             8..11 => self.two_legs(on, at),
             11..13 => self.four_bar(on, at),
-            13 if !self.rounded => self.welded_four_bar(on, at),
+            13 => self.welded_four_bar(on, at),
             14..16 => self.rusr(on, at),
             16 => self.seven_revolutes(on, at),
             17 if !self.rounded => self.bricard(on, at),
@@ -216,8 +216,7 @@ impl Writer {
         let (follower, follower_link) = self.joint(Kind::Turn, on, at.point(f), axis);
         let turned = self.seeded.within(-3.0, 3.0);
         let cut = self.mark(follower_link, at.then(&Pose::from_rpy([0.0, 0.0, turned], b)));
-        // rounded numbers make redundant rows contradict each other
-        let five = self.seeded.chance(0.4) && !self.rounded;
+        let five = self.seeded.chance(0.4);
         let of = if five { rows(&[0, 1, 3, 4, 5]) } else { rows(&[3, 4]) };
         let loops = vec![Loop { cut, predecessor: follower_link, successor: coupler_link, rows: of }];
         let (what, active) = match self.seeded.below(6) {
@@ -359,7 +358,7 @@ impl Writer {
         }
         // the actuator of the first independent may sit on a joint that follows it
         let mut active: Vec<String> = independent.iter().map(|x| x.0.clone()).collect();
-        if let (Some(last), [only]) = (last, active.as_mut_slice())
+        if let (Some(last), [only], None) = (last, active.as_mut_slice(), &far)
             && self.seeded.chance(0.5)
         {
             *only = last;
