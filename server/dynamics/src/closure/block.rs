@@ -15,8 +15,6 @@ const TRUST: f64 = 0.5;
 const CAUTION: f64 = 0.5;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
-/// After a step below this size the next one uses the same inverse.
-const CHORD: f64 = 1e-5;
 /// Least pivot of a block, or determinant against the product of its row norms.
 const SINGULAR: f64 = 1e-13;
 
@@ -125,13 +123,15 @@ impl Block {
         let converged = T::from_f64(0.1 * T::EPSILON.sqrt());
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
         let unit = T::from_f64(1.0 / cluster.length);
+        // after a step below this size the next one uses the same inverse: what is left then is its cube
+        let chord = T::from_f64(T::EPSILON.cbrt());
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
         let mut previous = T::from_f64(TRUST / CONTRACTION);
         let (mut last_det, mut reach) = (T::ZERO, T::from_f64(TRUST));
         let mut taken = 0;
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
-            let fresh = k == 0 || !previous.lt(T::from_f64(CHORD)).all();
+            let fresh = k == 0 || !previous.lt(chord).all();
             let residual = self.evaluate::<T, M>(&cluster.cuts, bodies, local, fresh);
             if fresh {
                 let squares = if k == 0 && self.remember { row_squares(&local.scratch.A[..m * m], m) } else { T::ONE };

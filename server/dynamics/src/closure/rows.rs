@@ -161,6 +161,15 @@ pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[
     }
 }
 
+/// The largest of the residuals φ, in lengths of the cluster.
+pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) -> T {
+    let unit = T::from_f64(1.0 / cluster.length);
+    phi[..cluster.rows.len()].iter().fold(T::ZERO, |largest, phi| {
+        let size = phi.abs() * unit;
+        T::select(size.lt(largest), largest, size)
+    })
+}
+
 /// K of a cluster (rows × n, row-major).
 pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], pose: &[Pose<T>], K: &mut [T]) {
     let n = cluster.n;

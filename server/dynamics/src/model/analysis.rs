@@ -17,6 +17,8 @@ const RANK_GAP: f64 = 1e-4;
 /// Poses at which rank is judged, and how far from zero they lie, in radians or cluster lengths.
 const POSES: usize = 3;
 const REACH: f64 = 0.2;
+/// Steps in which the offsets of couplings are reached from the zero pose.
+const OFFSET_STEPS: usize = 64;
 /// Largest gap of a loop at zero, in cluster lengths.
 const OPEN: f64 = 1e-6;
 
@@ -69,27 +71,53 @@ pub(super) fn analyse(
     Some(Analysis { used, blocks })
 }
 
-/// Closes the zero pose to the last digit; a fault where the loops are open there.
-pub(super) fn close_zero(cluster: &mut Cluster<Dd>, bodies: &[Body<Dd>], numerical: &mut Numerical<Dd>, site: Site) -> Option<Fault> {
+/// Finds the closed pose at y = 0 to the last digit: the zero pose of the joints, unless couplings have offsets. A fault where the loops are
+/// open there.
+pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: &mut Numerical<Dd>, site: Site) -> Option<Fault> {
+    if matches!(cluster.closure, Closure::Coupling(_)) {
+        return None;
+    }
     let mut scratch = Scratch::new(cluster.n, cluster.rows.len());
     let mut state = State::new(cluster.n, cluster.n_vy, &numerical.zero);
     local_poses(cluster, bodies, &state.q, &mut state.turn, &mut scratch.pose);
     constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
-    let gap = scratch.phi[..cluster.rows.len()].iter().fold(0.0, |gap: f64, phi| gap.max(phi.to_f64().abs()));
-    if gap > OPEN * cluster.length {
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    let gap = |of_coupling: bool| {
+        let of_kind = rows.clone().zip(&scratch.phi).filter(|(row, _)| row.terms.is_empty() != of_coupling);
+        of_kind.fold(0.0, |gap: f64, (_, phi)| gap.max(phi.to_f64().abs()))
+    };
+    let (open, offset) = (gap(false), gap(true));
+    if open > OPEN * cluster.length {
         return Some(Fault {
             site,
-            found: format!("a loop that is open by {gap:.3e} m (or rad) at the zero pose"),
+            found: format!("a loop that is open by {open:.3e} m (or rad) at the zero pose"),
             expected: "placements that coincide at zero".into(),
             help: "correct predecessor_placement, successor_placement or the joints' origins".into(),
         });
     }
-    if gap > 1e-28 * cluster.length && !matches!(cluster.closure, Closure::Coupling(_)) {
-        let outcome = numerical.close(cluster, bodies, &mut state.local(&mut scratch), Level::Position);
-        if outcome.status == Status::Ok {
-            numerical.zero.copy_from_slice(&state.q);
-        }
+    if open <= 1e-28 * cluster.length && offset == 0.0 {
+        return None;
     }
+    // the offsets come in little by little
+    let steps = if offset == 0.0 { 1 } else { OFFSET_STEPS };
+    let mut part = cluster.clone();
+    for k in 1..=steps {
+        let share = Dd::from(k as f64) / Dd::from(steps as f64);
+        for (row, whole) in part.cuts.iter_mut().flat_map(|cut| &mut cut.rows).zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)) {
+            row.offset = whole.offset * share;
+        }
+        let outcome = numerical.close(&part, bodies, &mut state.local(&mut scratch), Level::Position);
+        if outcome.status != Status::Ok {
+            return Some(Fault {
+                site,
+                found: format!("loops that do not close at y = 0 ({})", outcome.status),
+                expected: "a closed pose where the independents are zero and the couplings have their offsets".into(),
+                help: "correct the offsets of the couplings".into(),
+            });
+        }
+        state.start.copy_from_slice(&state.q);
+    }
+    numerical.zero.copy_from_slice(&state.q);
     None
 }
 
@@ -177,18 +205,12 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     let mut pose = vec![Pose::identity(); n + 1];
     let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
     let mut q = vec![0.0; n];
-    for cut in &cluster.cuts {
-        for row in cut.rows.iter().filter(|row| row.terms.len() == 2) {
-            q[row.terms[0].0] = -row.offset;
-        }
-    }
-    let home = q.clone();
-    let mut closed = home.clone();
+    let mut closed = q.clone();
     const SUBSTEPS: usize = 8;
     for step in 1..=SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
             let unit = if bodies[j].motion == Motion::Prismatic { cluster.length } else { 1.0 };
-            q[j] = home[j] + REACH * unit * noise(31 * k + i) * step as f64 / SUBSTEPS as f64;
+            q[j] = REACH * unit * noise(31 * k + i) * step as f64 / SUBSTEPS as f64;
         }
         let mut done = false;
         for _ in 0..30 {

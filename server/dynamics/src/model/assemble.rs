@@ -474,12 +474,6 @@ impl<'a> Builder<'a> {
                 }
                 cluster.closure = Closure::Coupling(coupling);
                 cluster.used = (0..cluster.rows.len()).collect();
-            } else {
-                for cut in &cluster.cuts {
-                    for row in cut.rows.iter().filter(|row| row.terms.len() == 2) {
-                        self.model.zero[cluster.q + row.terms[0].0] = -row.offset;
-                    }
-                }
             }
         }
         if !errors.is_empty() {
