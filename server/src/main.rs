@@ -20,6 +20,8 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// See it work: a server process, a controller that asks it, and the truth about every answer.
+    Demo(commands::demo::Demo),
     /// Read a robot's files: every fault of them, or what the robot is.
     Check(commands::check::Check),
     /// Answer requests: JSON lines in, JSON lines out.
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     }
     match Arguments::parse().command {
+        Command::Demo(command) => command.run(),
         Command::Check(command) => command.run(),
         Command::Ask(command) => command.run(),
         Command::Serve(command) => command.run(),

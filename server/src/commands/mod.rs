@@ -2,6 +2,7 @@
 
 pub(crate) mod ask;
 pub(crate) mod check;
+pub(crate) mod demo;
 pub(crate) mod output;
 pub(crate) mod processor;
 pub(crate) mod robot;

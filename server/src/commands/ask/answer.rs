@@ -1,6 +1,7 @@
 //! One line out.
 
 use sarrus_client::{Answer, Field, Layout, Status};
+use sarrus_proto::Slot;
 use serde::Serialize;
 
 use super::request::{Asked, Output};
@@ -26,21 +27,21 @@ pub(super) fn answer(out: &mut Vec<u8>, asked: &Asked, answer: Answer, layout: &
         let numbers = numbers.get(slot.range())?;
         // a failed answer has numbers only where they survived
         let there = answer.status == Status::Ok || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
-        there.then_some((slot.columns, numbers))
+        there.then_some((slot, numbers))
     };
     for output in &asked.outputs {
         key(out, output.name(), false);
         match output {
             Output::Field(field) => match of(*field) {
-                Some((columns, numbers)) => value(out, *field, columns, numbers),
+                Some((slot, numbers)) => value(out, slot, numbers),
                 None => null(out),
             },
             Output::Frames => {
                 let parts = [("p", Field::FramePose, 0..3), ("quat", Field::FramePose, 3..7)];
                 let parts = parts.into_iter().chain([("twist", Field::FrameTwist, 0..6), ("acc", Field::FrameAcc, 0..6)]);
                 let parts: Option<Vec<_>> = parts.map(|(name, field, range)| Some((name, of(field)?, range))).collect();
-                by_link(out, asked, parts.as_deref(), |out, k, (columns, numbers), range| {
-                    list(out, numbers.iter().skip(k * columns + range.start).take(range.len()), number);
+                by_link(out, asked, parts.as_deref(), |out, k, (slot, numbers), range| {
+                    list(out, numbers.iter().skip(k * slot.columns + range.start).take(range.len()), number);
                 });
             }
             Output::Jacobians => {
@@ -52,7 +53,7 @@ pub(super) fn answer(out: &mut Vec<u8>, asked: &Asked, answer: Answer, layout: &
                     parts
                 });
                 by_link(out, asked, parts.as_deref(), |out, k, jacobian, ()| match jacobian {
-                    Some((columns, numbers)) => rows(out, 6, columns, numbers.get(6 * k * columns..).unwrap_or_default()),
+                    Some((slot, numbers)) => rows(out, 6, slot.columns, numbers.get(6 * k * slot.columns..).unwrap_or_default()),
                     None => null(out),
                 });
             }
@@ -103,17 +104,14 @@ fn by_link<P: Copy, R: Clone>(
 }
 
 /// The numbers of a field: a plain number, a list, or a list of rows.
-fn value(out: &mut Vec<u8>, field: Field, columns: usize, numbers: &[f64]) {
-    match field {
+fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64]) {
+    match slot.field {
         Field::Residual | Field::CondKd | Field::CondGu | Field::CondMy | Field::SigmaMin => {
             numbers.iter().for_each(|x| number(out, x));
         }
         // a count: it is far below the largest whole number of a double
         Field::Iterations => numbers.iter().for_each(|x| write(out, &(*x as u64))),
-        Field::G | Field::GU | Field::K | Field::MY => {
-            let n_rows = if columns == 0 { 0 } else { numbers.len() / columns };
-            rows(out, n_rows, columns, numbers);
-        }
+        Field::G | Field::GU | Field::K | Field::MY => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
 }

@@ -101,15 +101,7 @@ impl Output {
 pub(super) fn read(request: Request, model: &ModelInfo, line: &str) -> Result<Asked, Problem> {
     let root = Value::parse(line)?;
     let members = root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
-    let mut reader = Reader {
-        model,
-        keys: Vec::new(),
-        want: None,
-        frames: None,
-        wrenches: Vec::new(),
-        given: Vec::new(),
-        doubt: None,
-    };
+    let mut reader = Reader { model, keys: Vec::new(), want: None, frames: None, wrenches: Vec::new(), given: Vec::new(), doubt: None };
     for (key, value) in members {
         reader.member(key, value)?;
     }
