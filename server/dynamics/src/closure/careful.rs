@@ -18,7 +18,7 @@ const SEARCH: u32 = 60;
 /// Relative singular value below which a matrix has lost rank.
 const LOST: f64 = 1e-9;
 
-/// Follows the straight path from `local.start` to the independents in `scratch.goal`, shortening a substep that is doubtful.
+/// Follows the straight path from `local.start` to the independents in `local.q`, shortening a substep that is doubtful.
 pub(super) fn follow<T: Scalar>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
@@ -27,9 +27,13 @@ pub(super) fn follow<T: Scalar>(
     mut iterations: u32,
 ) -> Outcome {
     let n = cluster.n;
+    for &j in &cluster.independent {
+        local.scratch.goal[j] = local.q[j];
+    }
     local.q.copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
-    let (closed, count) = numerical.newton(cluster, bodies, local);
+    numerical.remember(cluster, bodies, local);
+    let (closed, count) = numerical.newton(cluster, bodies, local, true);
     iterations += count;
     if !closed {
         return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
@@ -46,7 +50,7 @@ pub(super) fn follow<T: Scalar>(
         for &j in &cluster.dependent {
             local.q[j] = local.scratch.last[j];
         }
-        let (good, count) = numerical.newton(cluster, bodies, local);
+        let (good, count) = numerical.newton(cluster, bodies, local, true);
         iterations += count;
         if good {
             local.scratch.last[..n].copy_from_slice(local.q);

@@ -18,7 +18,7 @@ pub(crate) use block::{Block, BlockCut};
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Leg, Legs};
 pub(crate) use numerical::Numerical;
-pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates};
+pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
 
 use crate::Status;

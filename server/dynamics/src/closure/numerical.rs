@@ -31,8 +31,14 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     }
 
     /// Closes every block from the dependents in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes converged
-    /// without a doubtful step and without a change of sign of any block's determinant.
-    pub(super) fn newton<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>) -> (T::Mask, u32) {
+    /// without a doubtful step and without a change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`.
+    pub(super) fn newton<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+        remembered: bool,
+    ) -> (T::Mask, u32) {
         local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
         let mut good = T::Mask::splat(true);
         let mut taken = 0;
@@ -40,7 +46,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             for &j in &block.stale {
                 refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
-            let branch = local.scratch.branch[b];
+            let branch = remembered.then_some(local.scratch.branch[b]);
             let (fine, count) = block.newton(cluster, bodies, local, branch, STEPS);
             good = good & fine;
             taken += count;
@@ -98,15 +104,10 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 impl<C: Scalar> Numerical<C> {
     /// Position level from the closed pose `local.start`, then the levels below.
     pub(crate) fn close(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>, level: Level) -> Outcome {
-        for &j in &cluster.independent {
-            local.scratch.goal[j] = local.q[j];
+        for &j in &cluster.dependent {
+            local.q[j] = local.start[j];
         }
-        local.q.copy_from_slice(local.start);
-        self.remember(cluster, bodies, local);
-        for &j in &cluster.independent {
-            local.q[j] = local.scratch.goal[j];
-        }
-        let (good, iterations) = self.newton(cluster, bodies, local);
+        let (good, iterations) = self.newton(cluster, bodies, local, false);
         let outcome =
             if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
         if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
@@ -115,7 +116,7 @@ impl<C: Scalar> Numerical<C> {
     /// Newton steps from a closed form's answer, on its branch.
     pub(crate) fn polish(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>) -> Outcome {
         self.remember(cluster, bodies, local);
-        let (good, iterations) = self.newton(cluster, bodies, local);
+        let (good, iterations) = self.newton(cluster, bodies, local, true);
         Outcome { status: if good { Status::Ok } else { Status::NotConverged }, iterations }
     }
 

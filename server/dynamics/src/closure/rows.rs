@@ -55,10 +55,8 @@ pub(super) struct CutState<T> {
     /// Orientation of the predecessor, of P where a row is angular, p_S − p_P {cluster's parent body}.
     R_p: Matrix3<T>,
     R: Matrix3<T>,
-    /// The points whose velocities count on the successor's side, the origin of S, and on the predecessor's: the same point where the
-    /// rows turn with P, the origin of P where they do not.
+    /// Origin of S, the point whose velocities count on both sides.
     point: Vector3<T>,
-    point_p: Vector3<T>,
     pub(super) d: Vector3<T>,
     /// θ and the matrix of θ̇ = A ω.
     theta: Vector3<T>,
@@ -71,20 +69,19 @@ impl<T: Real> CutState<T> {
     pub(super) fn new(cut: &Cut<T::Const>, pose: &[Pose<T>], ball: bool) -> CutState<T> {
         let (p, s) = (&pose[cut.predecessor], &pose[cut.successor]);
         let point = s.point(&lift(&cut.x_s_cut.p));
-        let origin_p = p.point(&lift(&cut.x_p_cut.p));
-        let d = point - origin_p;
+        let d = point - p.point(&lift(&cut.x_p_cut.p));
         if ball {
-            return CutState { R_p: identity(), R: identity(), point, point_p: origin_p, d, theta: zero(), A: identity() };
+            return CutState { R_p: identity(), R: identity(), point, d, theta: zero(), A: identity() };
         }
         if !cut.angular {
-            return CutState { R_p: p.R, R: p.R, point, point_p: point, d, theta: zero(), A: identity() };
+            return CutState { R_p: p.R, R: p.R, point, d, theta: zero(), A: identity() };
         }
         let R = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
         let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
         let theta = log(&mul_mat(&R.transpose(), &R_S));
         let (c, _) = log_factors(&theta);
         let A = rate_matrix(&theta, c);
-        CutState { R_p: p.R, R, point, point_p: point, d, theta, A }
+        CutState { R_p: p.R, R, point, d, theta, A }
     }
 
     /// φ of a row.
@@ -107,10 +104,10 @@ impl<T: Real> CutState<T> {
     #[inline]
     pub(super) fn twist(&self, body: &Body<T::Const>, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
         let z = column(&pose.R, 2);
-        let (z, point) = if on_successor { (z, &self.point) } else { (-z, &self.point_p) };
+        let z = if on_successor { z } else { -z };
         match body.motion {
             Motion::Prismatic => (zero(), z),
-            _ => (z, cross(&z, &(point - pose.p))),
+            _ => (z, cross(&z, &(self.point - pose.p))),
         }
     }
 
@@ -162,6 +159,15 @@ pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[
             r += 1;
         }
     }
+}
+
+/// The largest of the residuals φ, in lengths of the cluster.
+pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) -> T {
+    let unit = T::from_f64(1.0 / cluster.length);
+    phi[..cluster.rows.len()].iter().fold(T::ZERO, |largest, phi| {
+        let size = phi.abs() * unit;
+        T::select(size.lt(largest), largest, size)
+    })
 }
 
 /// K of a cluster (rows × n, row-major).
