@@ -46,7 +46,7 @@ impl Report {
         let raw = samples.iter().chain(trips.iter().map(|trip| &trip.samples));
         Report {
             command: format!("cargo run --release -p sarrus-benches{command}"),
-            machine: machine(),
+            machine: machine(cores),
             tables,
             cases: rows.map(|((case, errors), samples)| case_value(case, errors, samples)).collect(),
             trips: trips.iter().map(Trip::value).collect(),
@@ -185,11 +185,10 @@ fn case_value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
 }
 
 /// Processor, how many, and how busy they are with other things.
-fn machine() -> String {
+fn machine(cores: &Cores) -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let info = read("/proc/cpuinfo");
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ")).map_or("unknown processor", |pair| pair.1);
-    let count = std::thread::available_parallelism().map_or(1, usize::from);
     let load = read("/proc/loadavg");
-    format!("{model}, {count} of it; load at the end {}", load.split(' ').next().unwrap_or("unknown"))
+    format!("{model}, {} processors; load at the end {}", cores.count, load.split(' ').next().unwrap_or("unknown"))
 }

@@ -23,7 +23,7 @@ pub(crate) struct Effort {
 
 impl Effort {
     pub(crate) const QUICK: Effort = Effort { states: 256, rounds: Duration::from_secs(20), segments: 3, trips: 40_000 };
-    pub(crate) const FULL: Effort = Effort { states: 2048, rounds: Duration::from_secs(150), segments: 10, trips: 100_000 };
+    pub(crate) const FULL: Effort = Effort { states: 1024, rounds: Duration::from_secs(120), segments: 10, trips: 100_000 };
 }
 
 /// States that a batch goes through.

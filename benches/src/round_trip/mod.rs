@@ -131,11 +131,10 @@ pub(crate) fn measure(robots: &[Robot], cores: &Cores, effort: &Effort, only: &s
             for asked in asked.iter_mut().filter(|asked| chosen(way, asked)) {
                 let plan = client.prepare(&asked.wanted)?;
                 served(asked, way, effort.trips, &mut client, plan)?;
+                asked.compute(robot)?;
             }
         }
         server.stop()?;
-        // the server's processor is free: the same clock, the same caches as the client's
-        asked.iter_mut().try_for_each(|asked| asked.compute(robot))?;
     }
     domain.tidy();
     Ok(asked.iter().flat_map(Asked::trips).filter(|trip| !trip.samples.all().is_empty()).collect())
@@ -183,7 +182,7 @@ impl Asked {
         Ok(asked)
     }
 
-    /// Times the plan in process, in batches, and keeps its answers.
+    /// Times the plan in process, in batches, and keeps its answers; done after each run of round trips, under the same conditions.
     fn compute(&mut self, robot: &Robot) -> Outcome {
         let model = &robot.variants[0].compiled.model;
         let plan = Plan::new(model, &self.wanted)?;
