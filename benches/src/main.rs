@@ -58,7 +58,7 @@ struct Flags {
     /// Print the names of the cases and end.
     #[arg(long)]
     list: bool,
-    /// Run one case this many times and end; for counting instructions.
+    /// Go this many times through 16 states of one case and end; for counting instructions.
     #[arg(long, num_args = 2, value_names = ["CASE", "REPEATS"])]
     count: Option<Vec<String>>,
     #[arg(long, hide = true)]
