@@ -201,7 +201,8 @@ impl Law for Inverses {
 
         // ID ∘ FD from the actuators, with λ on both sides
         let tau_u: Vec<T> = Seeded::new(7).numbers(sizes.n_u, largest(id.get(TauY))).into_iter().map(T::from_f64).collect();
-        let fd = robot.ask(Request::ForwardDynamics, &[place[0], place[1], (TauU, &tau_u)], &[Ydd, Qdd, TauY, Lambda, G, GU, K, GBias]).ok();
+        let fd =
+            robot.ask(Request::ForwardDynamics, &[place[0], place[1], (TauU, &tau_u)], &[Ydd, Qdd, TauY, Lambda, G, GU, K, GBias]).ok();
         let qdd = plus(&product(fd.get(G), fd.get(Ydd)), fd.get(GBias));
         note.close("q̈ of FD", &qdd, fd.get(Qdd), 0.0, unit(cond));
         let ydd = fd.get(Ydd).to_vec();

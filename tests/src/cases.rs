@@ -17,7 +17,7 @@ use crate::seed::Seeded;
 pub const SEEDS: u64 = 240;
 
 /// One robot to check.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Case {
     /// Its name, or its seed and what it holds.
     pub name: String,
@@ -194,7 +194,8 @@ impl Ledger {
             let Entry { what, ratio, error, worst, failures, failing } = law;
             println!("{what:<50} worst {error:.2e}, {ratio:.1e} of what is allowed, on {worst}");
             if *failures > 0 {
-                broken += &format!("\n{what}: {failures} failures, worst {error:.2e} ({ratio:.1e}) on {worst}; first {}", failing.join(" | "));
+                broken +=
+                    &format!("\n{what}: {failures} failures, worst {error:.2e} ({ratio:.1e}) on {worst}; first {}", failing.join(" | "));
             }
         }
         assert!(broken.is_empty(), "{broken}");

@@ -44,9 +44,9 @@ pub fn is_positive_definite<T: Scalar>(A: &[T], n: usize) -> bool {
     for k in 0..n {
         for j in 0..k {
             let x = L[k * n + j];
-            L[k * n + k] = L[k * n + k] - x * x;
+            L[k * n + k] -= x * x;
         }
-        if !(L[k * n + k] > T::ZERO) {
+        if !T::ZERO.lt(L[k * n + k]) {
             return false;
         }
         let root = L[k * n + k].sqrt();

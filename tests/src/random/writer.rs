@@ -104,7 +104,12 @@ impl Writer {
             let _ = write!(
                 inertial,
                 "<inertial><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/><mass value=\"{mass:?}\"/><inertia ixx=\"{:?}\" ixy=\"{:?}\" ixz=\"{:?}\" iyy=\"{:?}\" iyz=\"{:?}\" izz=\"{:?}\"/></inertial>",
-                entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)
+                entry(0, 0),
+                entry(0, 1),
+                entry(0, 2),
+                entry(1, 1),
+                entry(1, 2),
+                entry(2, 2)
             );
         }
         let _ = writeln!(self.urdf, "  <link name=\"{name}\">{inertial}</link>");
@@ -197,11 +202,8 @@ impl Writer {
         }
         for of in entry.loops {
             let (p, s) = (&self.links[of.predecessor].0, &self.links[of.successor].0);
-            let _ = writeln!(
-                self.yaml,
-                "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    constraint_axes:",
-                of.cut
-            );
+            let _ =
+                writeln!(self.yaml, "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    constraint_axes:", of.cut);
             for (k, axis) in of.rows.iter().enumerate() {
                 let axis = axis.map(|x| format!("{x:?}")).join(", ");
                 let _ = writeln!(self.yaml, "    - {{name: row{k}, axis: [{axis}]}}");
