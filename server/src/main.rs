@@ -20,8 +20,16 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// See it work: a server process, a controller that asks it, and the truth about every answer.
+    Demo(commands::demo::Demo),
+    /// Read a robot's files: every fault of them, or what the robot is.
+    Check(commands::check::Check),
+    /// Answer requests: JSON lines in, JSON lines out.
+    Ask(commands::ask::Ask),
     /// Hold a robot and answer requests over shared memory.
     Serve(commands::serve::Serve),
+    /// List the bundled robots.
+    Robots(commands::robots::Robots),
 }
 
 fn main() -> ExitCode {
@@ -31,6 +39,10 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     }
     match Arguments::parse().command {
+        Command::Demo(command) => command.run(),
+        Command::Check(command) => command.run(),
+        Command::Ask(command) => command.run(),
         Command::Serve(command) => command.run(),
+        Command::Robots(command) => command.run(),
     }
 }

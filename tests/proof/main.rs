@@ -7,6 +7,7 @@ mod agreement;
 mod allocation;
 mod derivatives;
 mod determinism;
+mod documents;
 mod energy;
 mod failures;
 mod hyrodyn;

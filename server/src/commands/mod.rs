@@ -1,5 +1,10 @@
-//! One file for each command.
+//! One file or folder for each command.
 
+pub(crate) mod ask;
+pub(crate) mod check;
+pub(crate) mod demo;
+pub(crate) mod output;
 pub(crate) mod processor;
 pub(crate) mod robot;
+pub(crate) mod robots;
 pub(crate) mod serve;

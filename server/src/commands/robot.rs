@@ -1,10 +1,11 @@
 //! The flags that choose a robot.
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{Loaded, load};
+use sarrus_models::{Finding, Loaded, load};
 
 /// Which robot, and how its files are read.
 #[derive(Args)]
@@ -53,4 +54,27 @@ impl RobotFlags {
         };
         load(&source, &Options { gravity: self.gravity.0, lenient: self.lenient })
     }
+}
+
+/// Says on stderr why a robot cannot be loaded: the report of `check` for faulty files; the exit code that goes with it.
+pub(crate) fn refuse(command: &str, error: &LoadError) -> ExitCode {
+    match error {
+        LoadError::Faults(report) => {
+            eprint!("{}", findings(&report.errors, &report.warnings));
+            ExitCode::from(1)
+        }
+        other => {
+            eprintln!("sarrus {command}: {other}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// One finding a line, its place first.
+pub(crate) fn findings(errors: &[Finding], warnings: &[Finding]) -> String {
+    let warning = |finding: &Finding| {
+        let Finding { file, line, column, found, expected, help, .. } = finding;
+        format!("{file}:{line}:{column}: warning: {found}, expected {expected}, {help}\n")
+    };
+    errors.iter().map(|error| format!("{error}\n")).chain(warnings.iter().map(warning)).collect()
 }

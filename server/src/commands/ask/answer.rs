@@ -1,0 +1,155 @@
+//! One line out.
+
+use sarrus_client::{Answer, Field, Layout, Status};
+use sarrus_proto::Slot;
+use serde::Serialize;
+
+use super::request::{Asked, Output};
+
+/// Why there are no numbers, in words, and at which column if one is to blame.
+pub(super) struct Remark {
+    pub(super) column: Option<usize>,
+    pub(super) words: String,
+}
+
+/// The answer to a line that is no request.
+pub(super) fn bad_request(out: &mut Vec<u8>, remark: &Remark) {
+    head(out, Status::BadRequest, &[]);
+    foot(out, Some(remark));
+}
+
+/// The answer to a request: `numbers` are packed as `layout` says, wanted fields that are not in it are null.
+pub(super) fn answer(out: &mut Vec<u8>, asked: &Asked, answer: Answer, layout: &Layout, numbers: &[f64], remark: Option<&Remark>) {
+    let names: Vec<&str> = answer.warnings.names().collect();
+    head(out, answer.status, &names);
+    let of = |field| {
+        let slot = layout.slot(field)?;
+        let numbers = numbers.get(slot.range())?;
+        // a failed answer has numbers only where they survived
+        let there = answer.status == Status::Ok || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
+        there.then_some((slot, numbers))
+    };
+    for output in &asked.outputs {
+        key(out, output.name(), false);
+        match output {
+            Output::Field(field) => match of(*field) {
+                Some((slot, numbers)) => value(out, slot, numbers),
+                None => null(out),
+            },
+            Output::Frames => {
+                let parts = [("p", Field::FramePose, 0..3), ("quat", Field::FramePose, 3..7)];
+                let parts = parts.into_iter().chain([("twist", Field::FrameTwist, 0..6), ("acc", Field::FrameAcc, 0..6)]);
+                let parts: Option<Vec<_>> = parts.map(|(name, field, range)| Some((name, of(field)?, range))).collect();
+                by_link(out, asked, parts.as_deref(), |out, k, (slot, numbers), range| {
+                    list(out, numbers.iter().skip(k * slot.columns + range.start).take(range.len()), number);
+                });
+            }
+            Output::Jacobians => {
+                let parts = [("tree", Field::JacobianTree), ("independent", Field::JacobianIndependent)];
+                let parts: Option<Vec<_>> = parts.into_iter().map(|(name, field)| Some((name, Some(of(field)?), ()))).collect();
+                // the actuators may not determine the motion although everything else does
+                let parts = parts.map(|mut parts| {
+                    parts.push(("actuator", of(Field::JacobianActuator), ()));
+                    parts
+                });
+                by_link(out, asked, parts.as_deref(), |out, k, jacobian, ()| match jacobian {
+                    Some((slot, numbers)) => rows(out, 6, slot.columns, numbers.get(6 * k * slot.columns..).unwrap_or_default()),
+                    None => null(out),
+                });
+            }
+        }
+    }
+    foot(out, remark);
+}
+
+fn head(out: &mut Vec<u8>, status: Status, warnings: &[&str]) {
+    out.push(b'{');
+    key(out, "status", true);
+    write(out, status.name());
+    key(out, "warnings", false);
+    write(out, warnings);
+}
+
+fn foot(out: &mut Vec<u8>, remark: Option<&Remark>) {
+    if let Some(remark) = remark {
+        if let Some(column) = remark.column {
+            key(out, "column", false);
+            write(out, &column);
+        }
+        key(out, "error", false);
+        write(out, &remark.words);
+    }
+    out.extend_from_slice(b"}\n");
+}
+
+/// An object with one object for each asked link; null without parts.
+fn by_link<P: Copy, R: Clone>(
+    out: &mut Vec<u8>,
+    asked: &Asked,
+    parts: Option<&[(&str, P, R)]>,
+    mut write_part: impl FnMut(&mut Vec<u8>, usize, P, R),
+) {
+    let Some(parts) = parts else { return null(out) };
+    out.push(b'{');
+    for (k, link) in asked.frames.iter().enumerate() {
+        key(out, link, k == 0);
+        out.push(b'{');
+        for (i, (name, part, rest)) in parts.iter().enumerate() {
+            key(out, name, i == 0);
+            write_part(out, k, *part, rest.clone());
+        }
+        out.push(b'}');
+    }
+    out.push(b'}');
+}
+
+/// The numbers of a field: a plain number, a list, or a list of rows.
+fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64]) {
+    match slot.field {
+        Field::Residual | Field::CondKd | Field::CondGu | Field::CondMy | Field::SigmaMin => {
+            numbers.iter().for_each(|x| number(out, x));
+        }
+        // a count: it is far below the largest whole number of a double
+        Field::Iterations => numbers.iter().for_each(|x| write(out, &(*x as u64))),
+        Field::G | Field::GU | Field::K | Field::MY => rows(out, slot.rows, slot.columns, numbers),
+        _ => list(out, numbers.iter(), number),
+    }
+}
+
+fn rows(out: &mut Vec<u8>, n_rows: usize, columns: usize, numbers: &[f64]) {
+    let row = |k: usize| numbers.get(k * columns..(k + 1) * columns).unwrap_or_default();
+    list(out, 0..n_rows, |out, k| list(out, row(k).iter(), number));
+}
+
+fn list<I: IntoIterator>(out: &mut Vec<u8>, items: I, mut write_item: impl FnMut(&mut Vec<u8>, I::Item)) {
+    out.push(b'[');
+    for (k, item) in items.into_iter().enumerate() {
+        if k > 0 {
+            out.push(b',');
+        }
+        write_item(out, item);
+    }
+    out.push(b']');
+}
+
+fn key(out: &mut Vec<u8>, name: &str, first: bool) {
+    if !first {
+        out.push(b',');
+    }
+    write(out, name);
+    out.push(b':');
+}
+
+/// The shortest digits that give the same number again; null for what JSON has no word for.
+fn number(out: &mut Vec<u8>, number: &f64) {
+    write(out, number);
+}
+
+fn null(out: &mut Vec<u8>) {
+    out.extend_from_slice(b"null");
+}
+
+/// Text and numbers into memory: nothing that could fail.
+fn write<T: Serialize + ?Sized>(out: &mut Vec<u8>, value: &T) {
+    let _ = serde_json::to_writer(out, value);
+}

@@ -1,0 +1,125 @@
+//! Who answers: the model in this process, or a server.
+
+use std::time::{Duration, Instant};
+
+use sarrus_client::{Answer, ConnectError, ConnectOptions, Door, Error, Robot, Status, Wanted, Warnings};
+use sarrus_dynamics::{Model, Plan, Workspace};
+
+/// Plans that are kept in process: scripts use few, and one that uses a new one for each line must not fill the memory.
+const PLANS: usize = 64;
+/// How long a server that is gone is not looked for again.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// Who answers.
+pub(super) enum Engine {
+    Here(Box<Here>),
+    There(Box<There>),
+}
+
+/// What came of a request; with words where nobody computed anything.
+pub(super) struct Reply {
+    pub(super) answer: Answer,
+    pub(super) words: Option<String>,
+}
+
+impl Engine {
+    /// Asks for `output`, packed as `wanted` says, from `input`.
+    pub(super) fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
+        match self {
+            Engine::Here(here) => here.ask(wanted, input, output),
+            Engine::There(there) => there.ask(wanted, input, output),
+        }
+    }
+
+    /// True when the server was gone at some time.
+    pub(super) fn was_lost(&self) -> bool {
+        matches!(self, Engine::There(there) if there.was_lost)
+    }
+}
+
+/// The model in this process.
+pub(super) struct Here {
+    model: Model<f64>,
+    workspace: Workspace<f64>,
+    plans: Vec<Plan>,
+}
+
+impl Here {
+    pub(super) fn new(model: Model<f64>) -> Here {
+        Here { workspace: Workspace::new(&model), model, plans: Vec::new() }
+    }
+
+    fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
+        let known = self.plans.iter().position(|plan| plan.wanted() == wanted);
+        let index = match known.map_or_else(|| Plan::new(&self.model, wanted).map(Some), |_| Ok(None)) {
+            Err(error) => return Reply::failed(Status::BadRequest, error.to_string()),
+            Ok(Some(plan)) => {
+                if self.plans.len() == PLANS {
+                    self.plans.clear();
+                }
+                self.plans.push(plan);
+                self.plans.len() - 1
+            }
+            Ok(None) => known.unwrap_or(0),
+        };
+        let answer = self.plans.get(index).map(|plan| plan.run(&self.model, &mut self.workspace, input, output));
+        Reply { answer: answer.unwrap_or(Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }), words: None }
+    }
+}
+
+/// A server.
+pub(super) struct There {
+    pub(super) robot: Robot,
+    /// When and how the server was found to be gone.
+    lost: Option<(Instant, Status, String)>,
+    was_lost: bool,
+}
+
+impl There {
+    /// Connects through a lane, or through the requests door when all lanes are taken.
+    pub(super) fn connect(name: &str) -> Result<There, ConnectError> {
+        let robot = match Robot::connect(name) {
+            Err(ConnectError::FullHouse { .. }) => {
+                Robot::connect_with(name, ConnectOptions { door: Door::Requests, ..ConnectOptions::default() })
+            }
+            outcome => outcome,
+        };
+        Ok(There { robot: robot?, lost: None, was_lost: false })
+    }
+
+    fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
+        // each look for a lost server takes a second: the lines between two looks are answered at once
+        if let Some((since, status, words)) = &self.lost
+            && since.elapsed() < PAUSE
+        {
+            return Reply::failed(*status, words.clone());
+        }
+        let error = match self.robot.prepare(wanted).and_then(|plan| self.robot.ask(plan, input, output)) {
+            Ok(answer) => {
+                self.lost = None;
+                return Reply { answer, words: None };
+            }
+            Err(error) => error,
+        };
+        let words = error.to_string();
+        let status = match error {
+            Error::Wanted(_) | Error::TooLarge { .. } => return Reply::failed(Status::BadRequest, words),
+            Error::TooManyPlans { .. } => return Reply::failed(Status::Overloaded, words),
+            Error::NoAnswer { .. } => Status::Overloaded,
+            Error::Connect(ConnectError::WrongModel { .. }) => Status::WrongModel,
+            _ => Status::ShuttingDown,
+        };
+        if self.lost.is_none() {
+            eprintln!("sarrus ask: {words}");
+        }
+        self.was_lost = true;
+        self.lost = Some((Instant::now(), status, words.clone()));
+        Reply::failed(status, words)
+    }
+}
+
+impl Reply {
+    pub(super) fn failed(status: Status, words: String) -> Reply {
+        Reply { answer: Answer { status, warnings: Warnings::NONE }, words: Some(words) }
+    }
+}

@@ -1,0 +1,204 @@
+//! `sarrus ask`: JSON lines in, JSON lines out, one for one.
+//!
+//! A line that is no valid request gets `bad_request` with a column and a reason, and the command ends with 1. A list of the wrong
+//! length (`wrong_size`) or a number beyond the range of a double (`non_finite_input`) is a failed state of a request that is
+//! otherwise a good one: its wanted fields are null, column and reason follow them. When a server goes away, the lines that it
+//! leaves get `shutting_down` (`wrong_model` when another robot came back in its place) until it is back; the command ends with 2.
+
+mod answer;
+mod engine;
+mod json;
+mod lines;
+mod request;
+
+use std::io::{self, ErrorKind, Write};
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use sarrus_client::{Answer, Error, Field, FieldSet, Layout, ModelInfo, Request, Status, Warnings, describe};
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
+
+use super::robot::{RobotFlags, refuse};
+use answer::Remark;
+use engine::{Engine, Here, Reply, There};
+use lines::{LONGEST, Line, Lines};
+use request::{Asked, Problem};
+
+/// Flags of `ask`.
+#[derive(Args)]
+pub(crate) struct Ask {
+    /// What to compute.
+    #[arg(value_enum, value_name = "REQUEST")]
+    request: RequestFlag,
+    /// A running server; its model was chosen when it was started.
+    #[arg(long, value_name = "NAME", group = "SourceFlags", conflicts_with_all = ["submechanisms", "gravity", "lenient"])]
+    connect: Option<String>,
+    #[command(flatten)]
+    robot: RobotFlags,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum RequestFlag {
+    /// Positions, velocities, accelerations, closures, frames.
+    Kinematics,
+    /// Motion to forces.
+    InverseDynamics,
+    /// Forces to motion.
+    ForwardDynamics,
+    /// One space to another.
+    Map,
+}
+
+impl RequestFlag {
+    fn request(self) -> Request {
+        match self {
+            RequestFlag::Kinematics => Request::Kinematics,
+            RequestFlag::InverseDynamics => Request::InverseDynamics,
+            RequestFlag::ForwardDynamics => Request::ForwardDynamics,
+            RequestFlag::Map => Request::Map,
+        }
+    }
+}
+
+impl Ask {
+    pub(crate) fn run(self) -> ExitCode {
+        let request = self.request.request();
+        let session = match &self.connect {
+            Some(name) => match There::connect(name) {
+                Ok(there) => Session { request, model: there.robot.model().clone(), engine: Engine::There(Box::new(there)) },
+                Err(error) => {
+                    eprintln!("sarrus ask: {error}");
+                    return ExitCode::from(2);
+                }
+            },
+            None => match self.robot.load() {
+                Ok(loaded) => {
+                    let model = describe(&loaded);
+                    Session { request, model, engine: Engine::Here(Box::new(Here::new(loaded.compiled.model))) }
+                }
+                Err(error) => return refuse("ask", &error),
+            },
+        };
+        session.run()
+    }
+}
+
+/// A model that is asked line by line.
+struct Session {
+    request: Request,
+    model: ModelInfo,
+    engine: Engine,
+}
+
+impl Session {
+    fn run(mut self) -> ExitCode {
+        let mut lines = Lines::new(io::stdin().lock());
+        let (mut out, mut text) = (io::stdout().lock(), Vec::new());
+        let mut every_line_good = true;
+        loop {
+            text.clear();
+            let status = match lines.next() {
+                Ok(Line::End) => break,
+                Ok(Line::Text(line)) => self.answer(line, &mut text),
+                Ok(Line::TooLong) => {
+                    let words = format!("a line of more than {LONGEST} bytes, expected fewer");
+                    answer::bad_request(&mut text, &Remark { column: Some(LONGEST + 1), words });
+                    Status::BadRequest
+                }
+                Err(error) => {
+                    eprintln!("sarrus ask: stdin cannot be read: {error}");
+                    return ExitCode::from(2);
+                }
+            };
+            every_line_good &= status != Status::BadRequest;
+            match out.write_all(&text).and_then(|()| out.flush()) {
+                Ok(()) => {}
+                // nobody listens any more
+                Err(error) if error.kind() == ErrorKind::BrokenPipe => break,
+                Err(error) => {
+                    eprintln!("sarrus ask: the answers cannot be written: {error}");
+                    return ExitCode::from(2);
+                }
+            }
+        }
+        match (self.engine.was_lost(), every_line_good) {
+            (true, _) => ExitCode::from(2),
+            (false, false) => ExitCode::from(1),
+            (false, true) => ExitCode::SUCCESS,
+        }
+    }
+
+    /// Writes the answer to a line and says how it ended.
+    fn answer(&mut self, line: &[u8], out: &mut Vec<u8>) -> Status {
+        let valid = std::str::from_utf8(line);
+        let text = match valid {
+            Ok(text) => text,
+            Err(error) => std::str::from_utf8(line.get(..error.valid_up_to()).unwrap_or_default()).unwrap_or_default(),
+        };
+        let remark = |Problem { offset, words, .. }: Problem| Remark { column: Some(column(text, offset)), words };
+        let asked = match valid {
+            Ok(text) => request::read(self.request, &self.model, text),
+            Err(_) => Err(Problem { status: Status::BadRequest, offset: line.len(), words: "a byte that is no UTF-8".to_owned() }),
+        };
+        let mut asked = match asked {
+            Ok(asked) => asked,
+            Err(problem) => {
+                answer::bad_request(out, &remark(problem));
+                return Status::BadRequest;
+            }
+        };
+
+        // a state that fails before anybody computes
+        if let Some(problem) = asked.doubt.take() {
+            let failed = Answer { status: problem.status, warnings: Warnings::NONE };
+            let nothing = Layout::of_want(&sarrus_client::Wanted::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY), &self.model.sizes());
+            answer::answer(out, &asked, failed, &nothing, &[], Some(&remark(problem)));
+            return failed.status;
+        }
+
+        let (reply, layout, numbers) = self.ask(&mut asked);
+        if reply.answer.status == Status::BadRequest {
+            // numbers that are no state: the place is that of the positions
+            let positions = [Field::Y, Field::Q, Field::QGuess];
+            let place = asked.given.iter().find(|given| positions.contains(&given.field)).map_or(0, |given| given.offset);
+            let words = reply.words.unwrap_or_else(|| "a quaternion is not of unit length, expected one within 1e-6 of it".to_owned());
+            answer::bad_request(out, &remark(Problem { status: Status::BadRequest, offset: place, words }));
+        } else {
+            let remark = reply.words.map(|words| Remark { column: None, words });
+            answer::answer(out, &asked, reply.answer, &layout, &numbers, remark.as_ref());
+        }
+        reply.answer.status
+    }
+
+    /// Packs, asks, and asks again without the one output that may fail alone.
+    fn ask(&mut self, asked: &mut Asked) -> (Reply, Layout, Vec<f64>) {
+        let sizes = self.model.sizes();
+        let given = Layout::of_given(&asked.wanted, &sizes);
+        let mut input = vec![0.0; given.len()];
+        for field in &asked.given {
+            let room = given.slot(field.field).and_then(|slot| input.get_mut(slot.range()));
+            room.into_iter().flatten().zip(&field.numbers).for_each(|(to, number)| *to = *number);
+        }
+        loop {
+            let want = Layout::of_want(&asked.wanted, &sizes);
+            let (n_in, n_out) = (given.len(), want.len());
+            if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
+                // in process it could be answered; the same line gets the same answer everywhere
+                let error = Error::TooLarge { n_in, n_out, max_in: MAX_NUMBERS_IN, max_out: MAX_NUMBERS_OUT };
+                return (Reply::failed(Status::BadRequest, error.to_string()), want, Vec::new());
+            }
+            let mut numbers = vec![f64::NAN; n_out];
+            let reply = self.engine.ask(&asked.wanted, &input, &mut numbers);
+            if reply.answer.status == Status::SingularActuation && asked.wanted.want.has(Field::JacobianActuator) {
+                asked.wanted.want = FieldSet(asked.wanted.want.0 & !FieldSet::of(&[Field::JacobianActuator]).0);
+                continue;
+            }
+            return (reply, want, numbers);
+        }
+    }
+}
+
+/// The column of a byte, in characters from 1.
+fn column(text: &str, offset: usize) -> usize {
+    text.char_indices().take_while(|(at, _)| *at < offset).count() + 1
+}

@@ -1,0 +1,159 @@
+//! `sarrus demo`: a server process, a controller, and the truth about every answer.
+
+mod process;
+mod progress;
+mod report;
+mod trajectory;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use hdrhistogram::Histogram;
+use sarrus_client::{Answer, ConnectError, ConnectOptions, Door, Error, LoadError, Options, Robot, Source, Status, describe};
+use sarrus_dynamics::{Plan, Workspace};
+use sarrus_models::{bundled, load};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use super::output::{Format, FormatFlag, finish, json_line};
+use process::ServerProcess;
+use progress::Progress;
+use report::{Report, Way};
+use trajectory::{SAMPLES, Trajectory, Truth, WANTED, counts};
+
+const ROBOT: &str = "rh5v2_upper_body";
+/// How long each way is asked, at least one whole movement.
+const LONG: Duration = Duration::from_millis(1200);
+/// The server beside the controller is what the demo is about.
+const SHORT: Duration = Duration::from_millis(400);
+
+/// Flags of `demo`.
+#[derive(Args)]
+pub(crate) struct Demo {
+    #[command(flatten)]
+    format: FormatFlag,
+}
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+enum DemoError {
+    #[error("stopped")]
+    Stopped,
+    #[error("signal {signal} cannot be caught: {source}")]
+    Signal { signal: i32, source: std::io::Error },
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    #[error("the server does not start: {0}")]
+    Server(std::io::Error),
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    #[error(transparent)]
+    Ask(#[from] Error),
+    #[error("times of an hour cannot be counted")]
+    Histogram,
+}
+
+impl Demo {
+    pub(crate) fn run(self) -> ExitCode {
+        let stop = Arc::new(AtomicBool::new(false));
+        let report = match demo(&stop) {
+            _ if stop.load(Relaxed) => {
+                eprintln!("sarrus demo: {}", DemoError::Stopped);
+                // as a shell says it of an interrupt
+                return ExitCode::from(130);
+            }
+            Ok(report) => report,
+            Err(error) => {
+                eprintln!("sarrus demo: {error}");
+                return ExitCode::from(2);
+            }
+        };
+        let results = match self.format.format {
+            Format::Json => json_line(&report),
+            Format::Text => report.in_words(bundled().find(|(name, _)| *name == ROBOT).map_or("", |(_, about)| about)),
+        };
+        finish("demo", &results, if report.good { 0 } else { 1 })
+    }
+}
+
+fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, stop.clone()).map_err(|source| DemoError::Signal { signal, source })?;
+    }
+    let mut progress = Progress::new();
+    let mut go_on = |what: &str, done: f64| {
+        progress.show(what, done);
+        !stop.load(Relaxed)
+    };
+
+    // the truth, before anybody is timed
+    let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())?;
+    let info = describe(&loaded);
+    let trajectory = Trajectory::new(&info);
+    let truth = Truth::compute(&loaded.compiled.exact, &trajectory, |done| go_on("in double-double", 0.2 * done));
+    let truth = truth.ok_or(DemoError::Stopped)?;
+    let course = Course { trajectory, truth, counts: counts(&info) };
+
+    // the mathematics alone
+    let model = loaded.compiled.model;
+    let plan = Plan::new(&model, &WANTED).map_err(Error::Wanted)?;
+    let mut workspace = Workspace::new(&model);
+    let in_process = |input: &[f64], output: &mut [f64]| Ok(plan.run(&model, &mut workspace, input, output));
+    let alone = course.ask("in process, no server", SHORT, in_process, |done| go_on("in process", 0.2 + 0.1 * done))?;
+
+    // the server, through both doors
+    let name = format!("demo-{}", std::process::id());
+    let _server = ServerProcess::start(ROBOT, &name).map_err(DemoError::Server)?;
+    let mut ways = Vec::new();
+    for (k, (door, way)) in [(Door::Lane, "lane"), (Door::Requests, "requests door")].into_iter().enumerate() {
+        let options = ConnectOptions { door, fingerprint: Some(info.fingerprint), ..ConnectOptions::default() };
+        let mut robot = Robot::connect_with(&name, options)?;
+        let plan = robot.prepare(&WANTED)?;
+        let through = |input: &[f64], output: &mut [f64]| robot.ask(plan, input, output);
+        ways.push(course.ask(way, LONG, through, |done| go_on(way, 0.3 + 0.35 * (k as f64 + done)))?);
+    }
+    ways.push(alone);
+    Ok(Report::new(&info, course.counts, course.truth.failed == 0, ways))
+}
+
+/// What is followed, over and over.
+struct Course {
+    trajectory: Trajectory,
+    truth: Truth,
+    counts: (usize, usize),
+}
+
+impl Course {
+    /// Follows it one way for some time, and checks every answer.
+    fn ask(
+        &self,
+        way: &'static str,
+        time: Duration,
+        mut ask: impl FnMut(&[f64], &mut [f64]) -> Result<Answer, Error>,
+        mut go_on: impl FnMut(f64) -> bool,
+    ) -> Result<Way, DemoError> {
+        let (mut input, mut output) = (vec![0.0; self.counts.0], vec![0.0; self.counts.1]);
+        // up to an hour, to a thousandth
+        let mut times = Histogram::<u64>::new_with_bounds(1, 3_600_000_000_000, 3).map_err(|_| DemoError::Histogram)?;
+        let (mut failed, mut worst) = (0, 0.0_f64);
+        let begin = Instant::now();
+        let mut passes = 0;
+        while passes == 0 || begin.elapsed() < time {
+            for k in 0..SAMPLES {
+                self.trajectory.sample(k, &mut input);
+                let start = Instant::now();
+                let answer = ask(&input, &mut output)?;
+                times.saturating_record(start.elapsed().as_nanos() as u64);
+                failed += u64::from(answer.status != Status::Ok);
+                worst = worst.max(self.truth.error(k, &output));
+                if k % 64 == 0 && !go_on((begin.elapsed().as_secs_f64() / time.as_secs_f64()).min(1.0)) {
+                    return Err(DemoError::Stopped);
+                }
+            }
+            passes += 1;
+        }
+        Ok(Way::new(way, &times, failed, worst))
+    }
+}

@@ -1,0 +1,56 @@
+//! The demo's server: a process of its own that does not outlive the demo.
+
+use std::io::{self, BufRead, BufReader};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use iceoryx2::prelude::ipc;
+use rustix::process::{Pid, Signal, kill_process};
+use sarrus_client::Domain;
+
+/// How long a server has for a clean stop.
+const STOP: Duration = Duration::from_secs(3);
+
+/// A running server; stopped when dropped.
+pub(super) struct ServerProcess {
+    child: Child,
+    /// Open, so that the server's one line finds a reader.
+    _stdout: BufReader<ChildStdout>,
+}
+
+impl ServerProcess {
+    /// Starts this executable as a server and waits until it is ready.
+    pub(super) fn start(robot: &str, name: &str) -> io::Result<ServerProcess> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(["serve", "--robot", robot, "--name", name]).stdin(Stdio::null()).stdout(Stdio::piped());
+        // Ctrl-C goes to the demo alone, which stops the server in order
+        command.process_group(0);
+        let mut child = command.spawn()?;
+        let Some(stdout) = child.stdout.take() else { return Err(io::Error::other("its output cannot be read")) };
+        let mut server = ServerProcess { child, _stdout: BufReader::new(stdout) };
+        let mut ready = String::new();
+        server._stdout.read_line(&mut ready)?;
+        if ready.starts_with("ready ") { Ok(server) } else { Err(io::Error::other("it ended before it was ready")) }
+    }
+}
+
+impl Drop for ServerProcess {
+    fn drop(&mut self) {
+        let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+        let start = Instant::now();
+        while start.elapsed() < STOP {
+            if !matches!(self.child.try_wait(), Ok(None)) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        // what a killed server leaves is cleared by the next node
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        if let Ok(domain) = Domain::of_user() {
+            drop(domain.node::<ipc::Service>().map(|node| node.blocking_cleanup_dead_nodes(STOP)));
+            domain.tidy();
+        }
+    }
+}

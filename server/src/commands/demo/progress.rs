@@ -1,0 +1,42 @@
+//! A bar on stderr for people who wait.
+
+use std::io::{self, IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+/// Shorter waits need no bar.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Between two pictures.
+const PAUSE: Duration = Duration::from_millis(50);
+const WIDTH: usize = 30;
+
+/// Drawn over itself, erased when dropped; only where somebody can see it.
+pub(super) struct Progress {
+    terminal: bool,
+    start: Instant,
+    drawn: Option<Instant>,
+}
+
+impl Progress {
+    pub(super) fn new() -> Progress {
+        Progress { terminal: io::stderr().is_terminal(), start: Instant::now(), drawn: None }
+    }
+
+    /// Shows what is being done and how much of everything is done.
+    pub(super) fn show(&mut self, what: &str, done: f64) {
+        let due = self.drawn.map_or(self.start.elapsed() > PATIENCE, |drawn| drawn.elapsed() > PAUSE);
+        if self.terminal && due {
+            let full = ((done * WIDTH as f64) as usize).min(WIDTH);
+            eprint!("\r\x1b[K[{}{}] {:3.0} %  {what}", "#".repeat(full), " ".repeat(WIDTH - full), 100.0 * done.min(1.0));
+            let _ = io::stderr().flush();
+            self.drawn = Some(Instant::now());
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if self.drawn.is_some() {
+            eprint!("\r\x1b[K");
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! What the demo's controller follows, and the truth about it.
+
+use sarrus_client::{Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted};
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Model, Plan, Workspace};
+
+/// Length of the movement `[s]`.
+pub(super) const DURATION: f64 = 5.0;
+/// Requests that a controller of 1 kHz makes in that time.
+pub(super) const SAMPLES: usize = 5001;
+
+/// Motion in, actuator forces out.
+pub(super) const WANTED: Wanted =
+    Wanted::new(Request::InverseDynamics, FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]), FieldSet::of(&[Field::TauU]));
+
+/// Every independent joint from its lower to its upper limit along a cycloid, all at the same time.
+pub(super) struct Trajectory {
+    lower: Vec<f64>,
+    range: Vec<f64>,
+}
+
+impl Trajectory {
+    /// The movement of a model; a joint without limits moves from −1 to 1.
+    pub(super) fn new(model: &ModelInfo) -> Trajectory {
+        let ends: Vec<[f64; 2]> = model
+            .independent
+            .iter()
+            .map(|name| {
+                let limits = model.tree.iter().position(|of_tree| of_tree == name).and_then(|index| model.limits.get(index)?.as_ref());
+                limits.and_then(|limits| Some([limits.lower?, limits.upper?])).unwrap_or([-1.0, 1.0])
+            })
+            .collect();
+        Trajectory {
+            lower: ends.iter().map(|[lower, _]| *lower).collect(),
+            range: ends.iter().map(|[lower, upper]| upper - lower).collect(),
+        }
+    }
+
+    /// y, ẏ and ÿ of one sample, packed one after the other (thesis of the base document, 6.1 to 6.3).
+    pub(super) fn sample(&self, k: usize, input: &mut [f64]) {
+        let rate = 2.0 * std::f64::consts::PI / DURATION;
+        let t = k as f64 * DURATION / (SAMPLES - 1) as f64;
+        let (sin, cos) = (rate * t).sin_cos();
+        let (y, rest) = input.split_at_mut(self.lower.len().min(input.len()));
+        let (yd, ydd) = rest.split_at_mut(self.lower.len().min(rest.len()));
+        for (i, (lower, range)) in self.lower.iter().zip(&self.range).enumerate() {
+            let mean = range / DURATION;
+            if let (Some(y), Some(yd), Some(ydd)) = (y.get_mut(i), yd.get_mut(i), ydd.get_mut(i)) {
+                *y = lower + mean * (t - sin / rate);
+                *yd = mean * (1.0 - cos);
+                *ydd = mean * rate * sin;
+            }
+        }
+    }
+}
+
+/// The forces of every sample in double-double arithmetic, 32 digits.
+pub(super) struct Truth {
+    n: usize,
+    forces: Vec<Dd>,
+    /// Samples without an answer even there.
+    pub(super) failed: usize,
+}
+
+impl Truth {
+    /// Computes it; `go_on` learns how far it is and says whether to go on.
+    pub(super) fn compute(exact: &Model<Dd>, trajectory: &Trajectory, mut go_on: impl FnMut(f64) -> bool) -> Option<Truth> {
+        let plan = Plan::new(exact, &WANTED).ok()?;
+        let mut workspace = Workspace::new(exact);
+        let mut sample = vec![0.0; plan.given().len()];
+        let mut input = vec![Dd::from(0.0); sample.len()];
+        let n = plan.want().len();
+        let mut truth = Truth { n, forces: vec![Dd::from(f64::NAN); n * SAMPLES], failed: 0 };
+        for (k, forces) in truth.forces.chunks_exact_mut(n.max(1)).enumerate() {
+            trajectory.sample(k, &mut sample);
+            input.iter_mut().zip(&sample).for_each(|(exact, number)| *exact = Dd::from(*number));
+            truth.failed += usize::from(plan.run(exact, &mut workspace, &input, forces).status != Status::Ok);
+            if !go_on(k as f64 / SAMPLES as f64) {
+                return None;
+            }
+        }
+        Some(truth)
+    }
+
+    /// The largest difference of an answer from the truth, relative to the largest force of the sample.
+    pub(super) fn error(&self, k: usize, answer: &[f64]) -> f64 {
+        let truth = self.forces.get(k * self.n..(k + 1) * self.n).unwrap_or_default();
+        let size = truth.iter().fold(0.0_f64, |size, force| size.max(force.hi().abs()));
+        let difference = |(answer, truth): (&f64, &Dd)| (Dd::from(*answer) - *truth).hi().abs();
+        let worst =
+            answer.iter().zip(truth).map(difference).fold(0.0, |worst: f64, x| if x.is_nan() { f64::INFINITY } else { worst.max(x) });
+        if truth.len() != answer.len() || size.is_nan() { f64::INFINITY } else { worst / size.max(f64::MIN_POSITIVE) }
+    }
+}
+
+/// How many numbers go in and come out.
+pub(super) fn counts(model: &ModelInfo) -> (usize, usize) {
+    let sizes = model.sizes();
+    (Layout::of_given(&WANTED, &sizes).len(), Layout::of_want(&WANTED, &sizes).len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cycloid_starts_and_ends_at_rest_at_the_limits_and_its_rates_are_its_derivatives() {
+        let trajectory = Trajectory { lower: vec![-0.5, 1.0], range: vec![2.0, 0.5] };
+        let at = |k| {
+            let mut input = [f64::NAN; 6];
+            trajectory.sample(k, &mut input);
+            input
+        };
+        let (first, last) = (at(0), at(SAMPLES - 1));
+        assert_eq!(first, [-0.5, 1.0, 0.0, 0.0, 0.0, 0.0]);
+        for (found, expected) in last.iter().zip([1.5, 1.5, 0.0, 0.0, 0.0, 0.0]) {
+            assert!((found - expected).abs() < 1e-14);
+        }
+        let (before, now, after) = (at(1700), at(1701), at(1702));
+        let step = 2.0 * DURATION / (SAMPLES - 1) as f64;
+        for i in 0..4 {
+            assert!(((after[i] - before[i]) / step - now[i + 2]).abs() < 1e-6);
+        }
+    }
+}
