@@ -1,96 +1,131 @@
-//! Times of the mathematics in process.
-#![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a benchmark that fails stops")]
-use sarrus_dynamics::{Field, FieldSet, Plan, Request, Wanted, Workspace};
-use sarrus_models::{Options, Source, load};
-use std::time::Instant;
-fn noise(k: u64) -> f64 {
-    let x = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ x >> 31).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+//! Every number that is published: time beside error, of one run, on the same models and states.
+//!
+//! ```text
+//! cargo run --release -p sarrus-benches                       # everything, up to 5 minutes
+//! cargo run --release -p sarrus-benches -- --quick            # the same with fewer repetitions, up to 1 minute
+//! cargo run --release -p sarrus-benches -- --only upper_body/analytic --format markdown
+//! cargo run --release -p sarrus-benches -- --list             # the names of the cases
+//! benches/count.sh --check                                    # instructions per call against benches/instructions.tsv
+//! ```
+//!
+//! - In process (`cases.rs`, `states.rs`, `timing.rs`, `error.rs`): nanoseconds per call of [`sarrus_dynamics::Plan::run`], in short
+//!   batches that take turns through all cases, so that ratios hold on a machine that others use too; each time beside the error of the
+//!   same answers against double-double.
+//! - Round trip (`round_trip/`): both doors of a server process, between two runs of plain shared memory that carries the same bytes.
+//!
+//! To add a robot or a way to close its loops: one line in `cases.rs`.
+
+mod cases;
+mod count;
+mod error;
+mod progress;
+mod report;
+mod round_trip;
+mod states;
+mod table;
+mod timing;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, ValueEnum};
+
+use crate::progress::Progress;
+use crate::report::Report;
+
+/// The requests door needs it: see `sarrus_server::pool`. Nothing else here notices.
+#[global_allocator]
+static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
+
+/// A benchmark that fails stops and says why.
+type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+
+/// Times of sarrus beside their errors.
+#[derive(Parser)]
+struct Flags {
+    /// Fewer repetitions: at most a minute instead of five.
+    #[arg(long)]
+    quick: bool,
+    /// Only the cases whose name has this in it, such as `torso`, `warm/FD`, `round_trip/lane`.
+    #[arg(long, value_name = "SUBSTRING", default_value = "")]
+    only: String,
+    /// How the tables are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+    /// Where the raw data goes: every batch of every case, as JSON.
+    #[arg(long, default_value = "target/benches/last.json")]
+    out: PathBuf,
+    /// Print the names of the cases and end.
+    #[arg(long)]
+    list: bool,
+    /// Run one case this many times and end; for counting instructions.
+    #[arg(long, num_args = 2, value_names = ["CASE", "REPEATS"])]
+    count: Option<Vec<String>>,
+    #[arg(long, hide = true)]
+    child: Option<round_trip::Role>,
 }
-fn main() {
-    let only = std::env::args().nth(1);
-    let reps: usize = std::env::args().nth(2).map_or(200, |x| x.parse().unwrap());
-    use Field::*;
-    for name in ["lambda", "torso", "rh5v2_upper_body", "rh5v2_full", "stewart", "wrist"] {
-        for numerical in [false, true] {
-            let loaded = if numerical {
-                let (urdf, yml) = sarrus_models::bundled_text(name).unwrap();
-                let yml = yml
-                    .replace("type: RRPR", "type: NUMERICAL")
-                    .replace("type: 2SPU+1U", "type: NUMERICAL")
-                    .replace("type: 6UPS", "type: NUMERICAL");
-                load(&Source::Text { urdf: urdf.into(), submechanisms: Some(yml.into()) }, &Options::default())
-            } else {
-                load(&Source::Bundled(name.into()), &Options::default())
-            };
-            let model = loaded.unwrap_or_else(|e| panic!("{e}")).compiled.model;
-            let s = model.sizes();
-            let mut ws = Workspace::new(&model);
-            const N: usize = 64;
-            for (label, request, given, want) in [
-                ("state", Request::Kinematics, vec![Y, Yd, Ydd], vec![Q, Qd, Qdd, U, Ud, Udd]),
-                ("warm", Request::Kinematics, vec![Y, Yd, Ydd, QGuess], vec![Q, Qd, Qdd, U, Ud, Udd]),
-                ("ID", Request::InverseDynamics, vec![Y, Yd, Ydd], vec![TauU]),
-                ("FD", Request::ForwardDynamics, vec![Y, Yd, TauU], vec![Ydd]),
-                ("FDwarm", Request::ForwardDynamics, vec![Y, Yd, TauU, QGuess], vec![Ydd]),
-            ] {
-                if only.as_deref().is_some_and(|o| o != format!("{name}/{label}") && o != format!("{name}/{label}/num")) {
-                    continue;
-                }
-                if only.as_deref().is_some_and(|o| o.ends_with("/num") != numerical) {
-                    continue;
-                }
-                let plan = Plan::new(&model, &Wanted::new(request, FieldSet::of(&given), FieldSet::of(&want))).unwrap();
-                let qplan = Plan::new(&model, &Wanted::new(Request::Kinematics, FieldSet::of(&[Y]), FieldSet::of(&[Q]))).unwrap();
-                let mut inputs = vec![];
-                for k in 0..N {
-                    let mut x = vec![0.0; plan.given().len()];
-                    for slot in plan.given().slots() {
-                        for i in slot.range() {
-                            let scale = match slot.field {
-                                Y => {
-                                    if name == "stewart" && i < 3 {
-                                        0.03
-                                    } else {
-                                        0.25
-                                    }
-                                }
-                                Yd => 1.0,
-                                Ydd => 5.0,
-                                _ => 10.0,
-                            };
-                            x[i] = scale * noise((k * 1000 + i) as u64);
-                        }
-                    }
-                    if let Some(slot) = plan.given().slot(QGuess) {
-                        let y: Vec<f64> = (0..s.n_vy).map(|i| x[i] - 1e-3 * x[s.n_vy + i]).collect();
-                        let mut q = vec![0.0; s.n_q];
-                        let a = qplan.run(&model, &mut ws, &y, &mut q);
-                        assert_eq!(a.status as u32, 0, "{name} {}", a.status);
-                        x[slot.range()].copy_from_slice(&q);
-                    }
-                    inputs.push(x);
-                }
-                let mut out = vec![0.0; plan.want().len()];
-                let mut times = vec![];
-                for _ in 0..reps {
-                    let t = Instant::now();
-                    for x in &inputs {
-                        let a = plan.run(&model, &mut ws, std::hint::black_box(x), &mut out);
-                        assert!(a.status as u32 == 0, "{}", a.status);
-                        std::hint::black_box(&out);
-                    }
-                    times.push(t.elapsed().as_nanos() as f64 / N as f64);
-                }
-                times.sort_by(f64::total_cmp);
-                println!(
-                    "{name:20} {:10} {label:8} median {:8.0} ns  min {:8.0} ns",
-                    if numerical { "numerical" } else { "analytic" },
-                    times[times.len() / 2],
-                    times[0]
-                );
-            }
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Text,
+    Markdown,
+    Json,
+}
+
+fn main() -> ExitCode {
+    let outcome = match Flags::parse() {
+        Flags { child: Some(role), .. } => round_trip::child(role),
+        Flags { count: Some(count), .. } => count::run(&count),
+        flags => run(&flags),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("sarrus-benches: {error}");
+            ExitCode::FAILURE
         }
     }
+}
+
+fn run(flags: &Flags) -> Outcome {
+    let effort = if flags.quick { timing::Effort::QUICK } else { timing::Effort::FULL };
+    let progress = Progress::new();
+    let cores = round_trip::Cores::choose()?;
+    cores.pin_client();
+
+    // the same states for every way to close a robot's loops
+    let mut robots = Vec::new();
+    for robot in cases::ROBOTS {
+        progress.show(robot, 0.0);
+        robots.push(states::Robot::load(robot, effort.states)?);
+    }
+    let mut cases = Vec::new();
+    for robot in &robots {
+        cases.extend(cases::of_robot(robot)?.into_iter().filter(|case| case.name().contains(&flags.only)));
+    }
+    let trips = round_trip::names().filter(|name| name.contains(&flags.only)).count() > 0;
+    if flags.list {
+        cases.iter().map(cases::Case::name).chain(round_trip::names()).for_each(|name| println!("{name}"));
+        return Ok(());
+    }
+
+    // errors first: a case that does not answer is not timed
+    let mut errors = Vec::new();
+    for (k, case) in cases.iter_mut().enumerate() {
+        progress.show(&case.name(), k as f64 / case.robot.states.len() as f64);
+        errors.push(error::measure(case)?);
+    }
+    let samples = timing::interleaved(&mut cases, &effort, &progress)?;
+    let trips = if trips { round_trip::measure(&robots, &cores, &effort, &flags.only, &progress)? } else { Vec::new() };
+    progress.clear();
+
+    let report = Report::new(&robots, &cases, &errors, &samples, &trips, &cores);
+    report.save(&flags.out)?;
+    match flags.format {
+        Format::Text => print!("{}", report.text()),
+        Format::Markdown => print!("{}", report.markdown()),
+        Format::Json => println!("{:#}", report.summary()),
+    }
+    eprintln!("raw data: {}", flags.out.display());
+    Ok(())
 }

@@ -1,5 +1,14 @@
 //! What the tests share: reference data, comparison by size, running plans, random robots.
+// the symbols of the equations
+#![allow(non_snake_case)]
+#![allow(clippy::panic, reason = "a test that fails panics")]
 
+pub mod cases;
 pub mod compare;
+pub mod plans;
+pub mod random;
 pub mod reference;
+pub mod rigid;
 pub mod run;
+pub mod seed;
+pub mod small;

@@ -57,7 +57,7 @@ impl<T: Scalar> Fields<T> {
 
     /// The same answer, which must be complete.
     pub fn ok(self) -> Fields<T> {
-        assert_eq!(self.answer.status, Status::Ok);
+        assert!(self.answer.status == Status::Ok, "{} instead of ok", self.answer.status);
         self
     }
 }

@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn quaternion_and_matrix_are_inverse_to_each_other() {
         for [x, y, z, w] in [[0.5, 0.5, 0.5, 0.5], [0.1, -0.7, 0.7, 0.1], [0.99498743710662, 0.0, 0.0, 0.1], [0.0, 0.0, 0.6, 0.8]] {
-            let n = (x * x + y * y + z * z + w * w as f64).sqrt();
+            let n = f64::sqrt(x * x + y * y + z * z + w * w);
             let q = [x / n, y / n, z / n, w / n];
             let back = to_quaternion(&from_quaternion(q[0], q[1], q[2], q[3]));
             for i in 0..4 {

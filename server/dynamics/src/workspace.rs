@@ -154,6 +154,7 @@ impl<T: Real> Scratch<T> {
             A: of(side * side),
             B: of(side * side),
             inverse: of(side * side),
+            branch: of(n),
             step: of(side),
             last: of(n),
             goal: of(n),

@@ -9,10 +9,12 @@ use crate::model::{Body, Cluster, Motion};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
 
+/// Largest first step, in radians or cluster lengths.
+const TRUST: f64 = 0.5;
+/// Part of a block's distance to singularity (its determinant against its row norms) that a first step may go without knowing the old sign.
+const CAUTION: f64 = 0.5;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
-/// After a step below this size the next one uses the same inverse.
-const CHORD: f64 = 1e-5;
 /// Least pivot of a block, or determinant against the product of its row norms.
 const SINGULAR: f64 = 1e-13;
 
@@ -29,6 +31,8 @@ pub(crate) struct Block {
     pub(crate) stale: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
+    /// True when the determinant at the old unknowns changes with the new y, so that the first step does not show its old sign.
+    pub(crate) remember: bool,
 }
 
 /// The rows of one cut that a block holds.
@@ -63,17 +67,24 @@ macro_rules! by_width {
 }
 
 impl Block {
-    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after.
+    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after. `branch` is the
+    /// determinant at the old pose; without it a block that would need it takes only steps too short to pass a singularity.
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
         cluster: &Cluster<T::Const>,
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
-        trust: f64,
+        branch: Option<T>,
         steps: u32,
     ) -> (T::Mask, u32) {
-        by_width!(self.newton_of_width(cluster, bodies, local, trust, steps))
+        by_width!(self.newton_of_width(cluster, bodies, local, branch, steps))
+    }
+
+    /// The determinant at the closed pose in `local`, whose poses are fresh.
+    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(&cluster.cuts, bodies, local, true);
+        self.invert::<T, ANY>(local.scratch).1
     }
 
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
@@ -104,7 +115,7 @@ impl Block {
         cluster: &Cluster<T::Const>,
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
-        trust: f64,
+        branch: Option<T>,
         steps: u32,
     ) -> (T::Mask, u32) {
         let m = self.width::<M>();
@@ -112,18 +123,29 @@ impl Block {
         let converged = T::from_f64(0.1 * T::EPSILON.sqrt());
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
         let unit = T::from_f64(1.0 / cluster.length);
+        // after a step below this size the next one uses the same inverse: what is left then is its cube
+        let chord = T::from_f64(T::EPSILON.cbrt());
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
-        let mut previous = T::from_f64(trust / CONTRACTION);
-        let mut first_det = T::ZERO;
+        let mut previous = T::from_f64(TRUST / CONTRACTION);
+        let (mut last_det, mut reach) = (T::ZERO, T::from_f64(TRUST));
         let mut taken = 0;
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
-            let fresh = k == 0 || !previous.lt(T::from_f64(CHORD)).all();
+            let fresh = k == 0 || !previous.lt(chord).all();
             let residual = self.evaluate::<T, M>(&cluster.cuts, bodies, local, fresh);
             if fresh {
+                let squares = if k == 0 && self.remember { row_squares(&local.scratch.A[..m * m], m) } else { T::ONE };
                 let (fine, det) = self.invert::<T, M>(local.scratch);
-                let same_branch = T::ZERO.lt(det * if k == 0 { det } else { first_det });
-                first_det = det;
+                if k == 0 {
+                    last_det = det;
+                    match branch {
+                        Some(branch) if self.remember => last_det = branch,
+                        None if self.remember => reach = T::from_f64(CAUTION) * (det * det / squares).sqrt(),
+                        _ => {}
+                    }
+                }
+                let same_branch = T::ZERO.lt(det * last_det);
+                last_det = det;
                 good = good & (done | (fine & same_branch));
             }
             // step, in radians or cluster lengths
@@ -145,6 +167,9 @@ impl Block {
                 size = T::select(size.lt(scaled), scaled, size);
             }
             taken += 1;
+            if k == 0 {
+                good = good & size.lt(reach);
+            }
             let at_floor = size.lt(converged) | residual.lt(floor);
             good = good & (done | at_floor | size.lt(previous * T::from_f64(CONTRACTION)));
             done = done | at_floor;
@@ -372,12 +397,14 @@ impl BlockCut {
     }
 }
 
+/// Product of the squared row norms of a square matrix.
+#[inline]
+fn row_squares<T: Real>(A: &[T], m: usize) -> T {
+    A.chunks_exact(m).fold(T::ONE, |product, row| product * row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)))
+}
+
 /// |det| against the product of the row norms.
 #[inline]
 fn sound<T: Real>(A: &[T], m: usize, det: T) -> T::Mask {
-    let mut squares = T::ONE;
-    for row in A[..m * m].chunks_exact(m) {
-        squares *= row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum));
-    }
-    (squares * T::from_f64(SINGULAR * SINGULAR)).lt(det * det)
+    (row_squares(&A[..m * m], m) * T::from_f64(SINGULAR * SINGULAR)).lt(det * det)
 }

@@ -2,7 +2,7 @@
 
 use sarrus_proto::Status;
 
-use super::numerical::{Numerical, STEPS};
+use super::numerical::Numerical;
 use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster, Motion};
@@ -13,8 +13,6 @@ const BUDGET: u32 = 1200;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 0.25;
 const SHORTEST: f64 = 1.0 / 65536.0;
-/// Trust in one substep, in radians or cluster lengths.
-const TRUST: f64 = 0.5;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 60;
 /// Relative singular value below which a matrix has lost rank.
@@ -34,12 +32,14 @@ pub(super) fn follow<T: Scalar>(
     }
     local.q.copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
-    let (closed, count) = numerical.newton(cluster, bodies, local, super::numerical::TRUST, STEPS);
+    numerical.remember(cluster, bodies, local);
+    let (closed, count) = numerical.newton(cluster, bodies, local, true);
     iterations += count;
     if !closed {
         return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
+    numerical.remember(cluster, bodies, local);
     let (mut at, mut step) = (0.0, FIRST);
     while at < 1.0 {
         let next = f64::min(1.0, at + step);
@@ -50,10 +50,11 @@ pub(super) fn follow<T: Scalar>(
         for &j in &cluster.dependent {
             local.q[j] = local.scratch.last[j];
         }
-        let (good, count) = numerical.newton(cluster, bodies, local, TRUST, STEPS);
+        let (good, count) = numerical.newton(cluster, bodies, local, true);
         iterations += count;
         if good {
             local.scratch.last[..n].copy_from_slice(local.q);
+            numerical.remember(cluster, bodies, local);
             at = next;
             step *= 2.0;
         } else {

@@ -18,7 +18,7 @@ pub(crate) use block::{Block, BlockCut};
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Leg, Legs};
 pub(crate) use numerical::Numerical;
-pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates};
+pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
 
 use crate::Status;
@@ -110,6 +110,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) A: Vec<T>,
     pub(crate) B: Vec<T>,
     pub(crate) inverse: Vec<T>,
+    /// Determinant of each block at the pose that Newton's method leaves.
+    pub(crate) branch: Vec<T>,
     /// Newton's last step.
     pub(crate) step: Vec<T>,
     /// The last closed pose on a path, and the goal (n each).

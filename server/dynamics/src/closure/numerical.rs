@@ -14,9 +14,7 @@ use crate::model::{Body, Cluster};
 use crate::scalar::{Mask, Real, Scalar};
 
 /// Newton steps that one straight attempt may take.
-pub(super) const STEPS: u32 = 10;
-/// Largest first step that is trusted without following the path, in radians or cluster lengths.
-pub(super) const TRUST: f64 = 0.5;
+const STEPS: u32 = 10;
 
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
@@ -32,30 +30,39 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         Numerical { blocks: self.blocks.clone(), zero: self.zero.iter().map(|x| f(*x)).collect() }
     }
 
-    /// Closes every block from the guess in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes
-    /// converged without a doubtful step and without a change of sign of any block's determinant.
+    /// Closes every block from the dependents in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes converged
+    /// without a doubtful step and without a change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`.
     pub(super) fn newton<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
-        trust: f64,
-        steps: u32,
+        remembered: bool,
     ) -> (T::Mask, u32) {
         local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
         let mut good = T::Mask::splat(true);
         let mut taken = 0;
         for (b, block) in self.blocks.iter().enumerate() {
-            if b > 0 {
-                for &j in &block.stale {
-                    refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
-                }
+            for &j in &block.stale {
+                refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
-            let (fine, count) = block.newton(cluster, bodies, local, trust, steps);
+            let branch = remembered.then_some(local.scratch.branch[b]);
+            let (fine, count) = block.newton(cluster, bodies, local, branch, STEPS);
             good = good & fine;
             taken += count;
         }
         (good, taken)
+    }
+
+    /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not show it.
+    pub(super) fn remember<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>) {
+        if !self.blocks.iter().any(|block| block.remember) {
+            return;
+        }
+        local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
+        for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.remember) {
+            local.scratch.branch[b] = block.determinant(cluster, bodies, local);
+        }
     }
 
     /// Velocity and acceleration level at the closed pose: G and q̇, then g.
@@ -100,15 +107,16 @@ impl<C: Scalar> Numerical<C> {
         for &j in &cluster.dependent {
             local.q[j] = local.start[j];
         }
-        let (good, iterations) = self.newton(cluster, bodies, local, TRUST, STEPS);
+        let (good, iterations) = self.newton(cluster, bodies, local, false);
         let outcome =
             if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
         if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
     }
 
-    /// A fixed number of Newton steps from a closed form's answer.
+    /// Newton steps from a closed form's answer, on its branch.
     pub(crate) fn polish(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>) -> Outcome {
-        let (good, iterations) = self.newton(cluster, bodies, local, TRUST, STEPS);
+        self.remember(cluster, bodies, local);
+        let (good, iterations) = self.newton(cluster, bodies, local, true);
         Outcome { status: if good { Status::Ok } else { Status::NotConverged }, iterations }
     }
 

@@ -52,9 +52,10 @@ pub(super) fn place<T: Real>(
 
 /// One cut at one pose: what all of its rows share.
 pub(super) struct CutState<T> {
-    /// Orientation of the predecessor, of P where a row is angular, origin of S, p_S − p_P {cluster's parent body}.
+    /// Orientation of the predecessor, of P where a row is angular, p_S − p_P {cluster's parent body}.
     R_p: Matrix3<T>,
     R: Matrix3<T>,
+    /// Origin of S, the point whose velocities count on both sides.
     point: Vector3<T>,
     pub(super) d: Vector3<T>,
     /// θ and the matrix of θ̇ = A ω.
@@ -99,7 +100,7 @@ impl<T: Real> CutState<T> {
         (mul(&self.R_p, &lift(&row.linear_p)), angular)
     }
 
-    /// Twist of S (at its origin) against P for a unit rate of joint j: (ω, v).
+    /// Twist of S against P for a unit rate of joint j: (ω, v).
     #[inline]
     pub(super) fn twist(&self, body: &Body<T::Const>, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
         let z = column(&pose.R, 2);
@@ -158,6 +159,15 @@ pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[
             r += 1;
         }
     }
+}
+
+/// The largest of the residuals φ, in lengths of the cluster.
+pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) -> T {
+    let unit = T::from_f64(1.0 / cluster.length);
+    phi[..cluster.rows.len()].iter().fold(T::ZERO, |largest, phi| {
+        let size = phi.abs() * unit;
+        T::select(size.lt(largest), largest, size)
+    })
 }
 
 /// K of a cluster (rows × n, row-major).

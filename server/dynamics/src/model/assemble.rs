@@ -2,16 +2,18 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use sarrus_proto::Sizes;
 
+use super::couplings::{characteristic_length, couplings};
 use super::geometry::{inertia, onto_z, pose, unit, vector};
+use super::orders::Names;
 use super::tree::{Partition, Skeleton};
-use super::{Body, Cluster, Frame, Limit, Meta, Model, Motion, Order};
-use crate::closure::{Closure, Coupling, Cut, CutRow};
+use super::{Body, Cluster, Frame, Meta, Model, Motion, Order};
+use crate::closure::{Closure, Cut, CutRow};
 use crate::description::{self as written, Description, JointKind, Loop, SubmechanismKind};
 use crate::fault::{Fault, Site};
-use crate::scalar::{Dd, Real, Scalar};
+use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, mul, zero};
 
 /// A model before its closures are chosen, and who owns what.
@@ -143,27 +145,18 @@ fn owners(description: &Description, errors: &mut Vec<Fault>) -> Option<Vec<usiz
     errors.is_empty().then_some(owner)
 }
 
-struct Builder<'a> {
-    description: &'a Description,
+/// A model under construction.
+pub(super) struct Builder<'a> {
+    pub(super) description: &'a Description,
     skeleton: &'a Skeleton,
     partition: &'a Partition,
     submechanism_of: &'a [usize],
-    model: Model<Dd>,
+    pub(super) model: Model<Dd>,
     /// Body of each moving joint.
-    body_of: Vec<usize>,
+    pub(super) body_of: Vec<usize>,
     /// Turn from each body's frame to its child link's frame.
     turn: Vec<Matrix3<Dd>>,
-    names: Names,
-}
-
-#[derive(Default)]
-struct Names {
-    tree: Vec<String>,
-    tree_q: Vec<String>,
-    independent: Vec<String>,
-    independent_q: Vec<String>,
-    active: Vec<String>,
-    limits: Vec<Option<written::Limits>>,
+    pub(super) names: Names,
 }
 
 impl<'a> Builder<'a> {
@@ -432,74 +425,6 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// External orders, names and limits.
-    fn orders(&mut self, moving_of: &[usize]) {
-        const FREEDOMS: [&str; 6] = ["rx", "ry", "rz", "tx", "ty", "tz"];
-        const PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
-        let order = &mut self.model.order;
-        for submechanism in &self.description.submechanisms {
-            for &j in &submechanism.spanning_tree {
-                let joint = &self.description.joints[j];
-                let body = &self.model.bodies[self.body_of[moving_of[j]]];
-                if body.motion == Motion::Floating {
-                    order.q.extend(body.q..body.q + 7);
-                    order.v.extend(body.v..body.v + 6);
-                    self.names.tree.extend(FREEDOMS.map(|part| format!("{}/{part}", joint.name)));
-                    self.names.tree_q.extend(PARTS.map(|part| format!("{}/{part}", joint.name)));
-                    self.names.limits.extend([None; 6]);
-                    continue;
-                }
-                order.q.push(body.q);
-                order.v.push(body.v);
-                self.names.tree.push(joint.name.clone());
-                self.names.tree_q.push(joint.name.clone());
-                self.names.limits.push(joint.limits);
-                if let Some(limits) = joint.limits {
-                    let written::Limits { lower, upper, velocity, .. } = limits;
-                    let (lower, upper) =
-                        if joint.kind == JointKind::Continuous { (f64::NEG_INFINITY, f64::INFINITY) } else { (lower, upper) };
-                    self.model.limits.push(Limit { q: body.q, v: body.v, lower, upper, velocity });
-                }
-            }
-        }
-        let order = &mut self.model.order;
-        for submechanism in &self.description.submechanisms {
-            for &j in &submechanism.independent {
-                let name = &self.description.joints[j].name;
-                let i = self.body_of[moving_of[j]];
-                let body = &self.model.bodies[i];
-                let cluster = &self.model.clusters[self.model.cluster_of[i]];
-                if body.motion == Motion::Floating {
-                    order.qy_q.extend(body.q..body.q + 7);
-                    order.vy_v.extend(body.v..body.v + 6);
-                    order.vy.extend(cluster.vy..cluster.vy + 6);
-                    self.names.independent.extend(FREEDOMS.map(|part| format!("{name}/{part}")));
-                    self.names.independent_q.extend(PARTS.map(|part| format!("{name}/{part}")));
-                    continue;
-                }
-                order.qy_q.push(body.q);
-                order.vy_v.push(body.v);
-                let k = cluster.independent.iter().position(|local| *local == i - cluster.body).unwrap_or(0);
-                order.vy.push(cluster.vy + k);
-                self.names.independent.push(name.clone());
-                self.names.independent_q.push(name.clone());
-            }
-            for &j in &submechanism.active {
-                let joint = &self.description.joints[j];
-                let body = &self.model.bodies[self.body_of[moving_of[j]]];
-                order.u_q.push(body.q);
-                order.u_v.push(body.v);
-                self.names.active.push(joint.name.clone());
-                self.model.effort.push(joint.limits.map_or(f64::INFINITY, |limits| limits.effort));
-            }
-        }
-        order.v_external = vec![0; order.v.len()];
-        order.v.iter().enumerate().for_each(|(e, v)| order.v_external[*v] = e);
-        order.vy_external = vec![0; order.vy.len()];
-        order.vy.iter().enumerate().for_each(|(e, k)| order.vy_external[*k] = e);
-        order.vy_internal = (0..order.vy.len()).collect();
-    }
-
     /// Closures that need no analysis, lengths, zero pose; sizes and names.
     fn finish(
         mut self,
@@ -549,12 +474,6 @@ impl<'a> Builder<'a> {
                 }
                 cluster.closure = Closure::Coupling(coupling);
                 cluster.used = (0..cluster.rows.len()).collect();
-            } else {
-                for cut in &cluster.cuts {
-                    for row in cut.rows.iter().filter(|row| row.terms.len() == 2) {
-                        self.model.zero[cluster.q + row.terms[0].0] = -row.offset;
-                    }
-                }
             }
         }
         if !errors.is_empty() {
@@ -601,67 +520,6 @@ impl<'a> Builder<'a> {
         };
         Some((self.model, meta))
     }
-}
-
-/// Mean distance of a cluster's joint origins and cuts from its parent body's nearest point: the size of the mechanism.
-fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> f64 {
-    let mut pose = vec![Pose::identity()];
-    for j in 0..cluster.n {
-        let body = &bodies[cluster.body + j];
-        let next = pose[cluster.local_parent[j]].then(&Pose { R: body.E, p: body.r });
-        pose.push(next);
-    }
-    let mut points: Vec<Vector3<Dd>> = pose[1..].iter().map(|x| x.p).collect();
-    for cut in cluster.cuts.iter().filter(|cut| cut.rows.iter().all(|row| row.terms.is_empty())) {
-        points.push(pose[cut.predecessor].point(&cut.x_p_cut.p));
-    }
-    // half the largest extent
-    let mut largest: f64 = 0.0;
-    for a in &points {
-        for b in &points {
-            let d = a - b;
-            largest = largest.max(crate::spatial::dot(&d, &d).sqrt().to_f64());
-        }
-    }
-    if largest > 0.0 { 0.5 * largest } else { 1.0 }
-}
-
-/// M and b of a cluster whose every row is a coupling of dependents to independents; `None` otherwise.
-fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
-    let (n, m) = (cluster.n, cluster.n_vy);
-    if cluster.cuts.iter().flat_map(|cut| &cut.rows).any(|row| row.terms.is_empty()) || cluster.rows.len() != cluster.dependent.len() {
-        return None;
-    }
-    let mut coupling = Coupling { M: vec![Dd::ZERO; n * m], b: vec![Dd::ZERO; n] };
-    let mut known = vec![false; n];
-    for (k, &j) in cluster.independent.iter().enumerate() {
-        coupling.M[j * m + k] = Dd::ONE;
-        known[j] = true;
-    }
-    // chains of couplings resolve from the independents outwards, in either direction of a row
-    for _ in 0..n {
-        for row in cluster.cuts.iter().flat_map(|cut| &cut.rows) {
-            let mut unknown = row.terms.iter().filter(|(j, _)| !known[*j]);
-            let (Some(&(j, own)), None) = (unknown.next(), unknown.next()) else { continue };
-            if own == Dd::ZERO {
-                return None;
-            }
-            let mut b = row.offset;
-            for &(i, c) in row.terms.iter().filter(|(i, _)| *i != j) {
-                b += c * coupling.b[i];
-                for k in 0..m {
-                    let x = c * coupling.M[i * m + k];
-                    coupling.M[j * m + k] -= x;
-                }
-            }
-            for k in 0..m {
-                coupling.M[j * m + k] = coupling.M[j * m + k] / own;
-            }
-            coupling.b[j] = -b / own;
-            known[j] = true;
-        }
-    }
-    known.iter().all(|known| *known).then_some(coupling)
 }
 
 /// FNV-1a over everything that was written.

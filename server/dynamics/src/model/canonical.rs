@@ -62,7 +62,9 @@ fn legs(description: &Description, submechanism: &Submechanism, chain: usize, le
     if joints.len() != chain + 3 * legs {
         return None;
     }
-    let platform = description.joints[*submechanism.independent.last()?].child;
+    // the independent joint that carries no other one carries the platform
+    let carries = |j: &usize| submechanism.independent.iter().any(|other| other != j && is_above(description, *j, *other));
+    let platform = description.joints[*submechanism.independent.iter().find(|j| !carries(j))?].child;
     Some(joints[chain..].chunks_exact(3).map(|leg| spherical(description, leg[2], platform)).collect())
 }
 
@@ -76,6 +78,19 @@ fn spherical(description: &Description, slider: usize, successor: usize) -> Loop
         cut: Cut::AtJoint(slider),
         rows: vec![row("x", 0), row("y", 1), row("z", 2)],
     }
+}
+
+/// True when a joint lies on the way from the root to another.
+fn is_above(description: &Description, j: usize, other: usize) -> bool {
+    let mut link = description.joints[other].parent;
+    for _ in 0..=description.joints.len() {
+        let Some(at) = description.joints.iter().position(|joint| joint.child == link) else { return false };
+        if at == j {
+            return true;
+        }
+        link = description.joints[at].parent;
+    }
+    false
 }
 
 /// Pose of a link at zero {root}.

@@ -63,7 +63,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
         let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n].to_vec() };
         exact.clusters[c].used = used;
-        if let Some(fault) = analysis::close_zero(&mut exact.clusters[c], &exact_bodies, &mut numerical, site) {
+        if let Some(fault) = analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site) {
             errors.push(fault);
             continue;
         }

@@ -5,10 +5,13 @@
 
 mod analysis;
 mod assemble;
+mod blocks;
 mod canonical;
 mod closed_forms;
 mod compile;
+mod couplings;
 mod geometry;
+mod orders;
 mod tree;
 
 use std::sync::Arc;

@@ -3,7 +3,7 @@
 use sarrus_proto::{Field, Status};
 
 use super::Plan;
-use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates};
+use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Cluster, Model, Motion};
 use crate::scalar::Scalar;
@@ -39,10 +39,8 @@ impl Plan {
             local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + n], &mut scratch.pose);
 
             constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
-            for phi in &scratch.phi[..cluster.rows.len()] {
-                let size = phi.abs() * T::from_f64(1.0 / cluster.length);
-                residual = T::select(residual.lt(size), size, residual);
-            }
+            let of_cluster = largest_residual(cluster, &scratch.phi);
+            residual = T::select(residual.lt(of_cluster), of_cluster, residual);
             constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
             if let Some(range) = &K {
                 let K = &mut output[range.clone()];

@@ -46,6 +46,9 @@ impl Plan {
         for k in 0..n {
             ws.ydd[k] = ws.tau_y[k] - ws.C_y[k];
         }
+        if self.wants(Field::CY) && self.wanted.given.has(Field::Wrenches) {
+            self.bias_force(model, ws, input, false);
+        }
         let positive = if self.steps.articulated {
             tree::articulated_solve(model, &ws.motion, &mut ws.articulated, &mut ws.ydd)
         } else {

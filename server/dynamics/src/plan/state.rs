@@ -4,7 +4,7 @@ use sarrus_proto::{Field, Slot, Status};
 
 use super::run::Findings;
 use super::{Plan, Space};
-use crate::closure::{Closure, Level, Local, Outcome, close};
+use crate::closure::{Closure, Level, Local, Outcome, close, constraint_residual, largest_residual, local_poses};
 use crate::linear::solve_pivoted;
 use crate::model::{Cluster, Model, Motion};
 use crate::scalar::Scalar;
@@ -70,7 +70,7 @@ impl Plan {
 
         for &c in &model.tied {
             let cluster = &model.clusters[c];
-            self.close_cluster(model, cluster, ws, found)?;
+            self.close_cluster(model, cluster, ws, input, found)?;
             if self.steps.tree_acceleration && self.steps.level >= Level::Velocity {
                 tree_accelerations(cluster, ws);
             }
@@ -98,8 +98,10 @@ impl Plan {
         model: &Model<T>,
         cluster: &Cluster<T>,
         ws: &mut Workspace<T>,
+        input: &[T],
         found: &mut Findings<T>,
     ) -> Result<(), Status> {
+        let given = |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
         let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
         let actuated = self.steps.position == Space::Actuation;
         let mut outcome = if actuated {
@@ -110,12 +112,15 @@ impl Plan {
         };
         found.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
+            if self.wants(Field::Residual) {
+                found.residual = residual(cluster, bodies, ws);
+            }
             return Err(outcome.status);
         }
         if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
             if self.steps.velocity == Some(Space::Actuation) {
-                self.independent_rates(cluster, ws, false)?;
+                self.independent_rates(cluster, ws, given(Field::Ud), false)?;
             }
             if self.steps.level > Level::Position {
                 outcome = self.close_again(cluster, bodies, ws);
@@ -124,7 +129,7 @@ impl Plan {
                 }
             }
             if self.steps.acceleration == Some(Space::Actuation) {
-                self.independent_rates(cluster, ws, true)?;
+                self.independent_rates(cluster, ws, given(Field::Udd), true)?;
             }
         }
         Ok(())
@@ -138,18 +143,24 @@ impl Plan {
     }
 
     /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents.
-    fn independent_rates<T: Scalar>(&self, cluster: &Cluster<T>, ws: &mut Workspace<T>, accelerations: bool) -> Result<(), Status> {
+    fn independent_rates<T: Scalar>(
+        &self,
+        cluster: &Cluster<T>,
+        ws: &mut Workspace<T>,
+        given: &[T],
+        accelerations: bool,
+    ) -> Result<(), Status> {
         let m = cluster.n_vy;
         if cluster.active.len() != m {
             return Err(Status::SingularActuation);
         }
         let bias = accelerations && self.steps.level >= Level::Acceleration;
-        for (r, &(_, j)) in cluster.active.iter().enumerate() {
+        for (r, &(u, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
                 ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
             }
-            let given = if accelerations { ws.qdd[cluster.v + j] } else { ws.qd[cluster.v + j] };
-            ws.dense_rhs[r] = if bias { given - ws.g[cluster.v + j] } else { given };
+            // the closure has overwritten what stood at dependent actuators
+            ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
         solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
         for (k, &j) in cluster.independent.iter().enumerate() {
@@ -158,6 +169,15 @@ impl Plan {
         }
         Ok(())
     }
+}
+
+/// Largest scaled residual of one cluster at whatever pose stands in q; an unreachable target leaves the nearest one found there.
+fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], ws: &mut Workspace<T>) -> T {
+    let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
+    let turn = &mut ws.turn[cluster.body..cluster.body + cluster.n];
+    local_poses(cluster, bodies, q, turn, &mut ws.scratch.pose);
+    constraint_residual(cluster, &ws.scratch.pose, q, &mut ws.scratch.phi);
+    largest_residual(cluster, &ws.scratch.phi)
 }
 
 /// The workspace's numbers of one cluster.

@@ -1,0 +1,29 @@
+//! One case a fixed number of times, for counting its instructions from outside (`benches/count.sh`).
+
+use std::hint::black_box;
+
+use crate::Outcome;
+use crate::cases::{self, ROBOTS};
+use crate::states::Robot;
+
+/// States that the calls go through in turn.
+const STATES: usize = 16;
+
+/// Runs `CASE REPEATS`: that many passes through the states. Everything else a run does does not depend on the count.
+pub(crate) fn run(count: &[String]) -> Outcome {
+    let [name, repeats] = count else { return Err("--count takes a case and a number".into()) };
+    let repeats: usize = repeats.parse()?;
+    let unknown = || format!("no case `{name}`; `--list` names them all");
+    let mut parts = name.split('/');
+    let (robot, closures) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+    let robot = ROBOTS.into_iter().find(|known| *known == robot).ok_or_else(unknown)?;
+
+    let robot = Robot::load_some(robot, STATES, |variant| variant == closures)?;
+    let mut case = cases::of_robot(&robot)?.into_iter().find(|case| case.name() == *name).ok_or_else(unknown)?;
+    for _ in 0..repeats {
+        for state in 0..STATES {
+            black_box(case.answer(state)?);
+        }
+    }
+    Ok(())
+}

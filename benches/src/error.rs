@@ -1,0 +1,154 @@
+//! Errors against double-double: the same model, the same inputs, the same code over another scalar.
+
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{Field, FieldSet, Plan, Request, Status, Wanted, Workspace};
+
+use crate::Outcome;
+use crate::cases::{Case, Question, Start};
+
+/// The error of a case over all its states.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Errors {
+    /// Largest and median error by size.
+    pub(crate) worst: f64,
+    pub(crate) median: f64,
+    /// Forward dynamics: the largest ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖), M_y and C_y in double-double.
+    pub(crate) backward: Option<f64>,
+    /// Newton steps of all blocks together: mean and largest.
+    pub(crate) newton: Option<(f64, f64)>,
+}
+
+/// Measures a case on every state; a state without an answer is an error.
+pub(crate) fn measure(case: &mut Case<'_>) -> Outcome<Errors> {
+    let mut truth = Truth::new(case)?;
+    let mut sizes = Vec::new();
+    let mut backward: Option<f64> = None;
+    for state in 0..case.inputs.len() {
+        let exact = truth.answer(case, state)?;
+        let answer = case.answer(state)?;
+        let error = exact.fields.iter().fold(0.0, |worst: f64, field| worst.max(field.error(answer)));
+        sizes.push(error);
+        if case.question == Question::ForwardDynamics {
+            let error = exact.backward_error(&case.output);
+            backward = Some(backward.map_or(error, |worst| worst.max(error)));
+        }
+    }
+    sizes.sort_unstable_by(f64::total_cmp);
+    let worst = sizes.last().copied().unwrap_or(f64::NAN);
+    let newton = if case.start == Start::None { None } else { Some(newton_steps(case)?) };
+    Ok(Errors { worst, median: sizes[sizes.len() / 2], backward, newton })
+}
+
+/// The same question in double-double.
+struct Truth {
+    plan: Plan,
+    workspace: Workspace<Dd>,
+    output: Vec<Dd>,
+    /// Place of the case's variant among those of its robot.
+    variant: usize,
+}
+
+/// The exact answer on one state.
+struct Exact<'a> {
+    fields: Vec<ExactField<'a>>,
+    m_y: &'a [Dd],
+    c_y: &'a [Dd],
+    tau_y: &'a [Dd],
+}
+
+/// A field of the answer: where it lies in the case's output, its exact numbers, and what counts as its size at least.
+struct ExactField<'a> {
+    range: std::ops::Range<usize>,
+    numbers: &'a [Dd],
+    least: f64,
+}
+
+impl Truth {
+    fn new(case: &Case<'_>) -> Outcome<Truth> {
+        let mut wanted = case.question.wanted();
+        // the warm start leads to the pose that a cold one has to find
+        if case.start != Start::None {
+            wanted.given = wanted.given.with(Field::QGuess);
+        }
+        if case.question == Question::ForwardDynamics {
+            wanted.want = [Field::MY, Field::CY, Field::TauY].into_iter().fold(wanted.want, FieldSet::with);
+        }
+        let model = &case.variant.compiled.exact;
+        let plan = Plan::new(model, &wanted)?;
+        let output = vec![Dd::from(0.0); plan.want().len()];
+        let variant = case.robot.variants.iter().position(|variant| std::ptr::eq(variant, case.variant)).unwrap_or(0);
+        Ok(Truth { workspace: Workspace::new(model), plan, output, variant })
+    }
+
+    fn answer(&mut self, case: &Case<'_>, state: usize) -> Outcome<Exact<'_>> {
+        let input = crate::cases::packed(&self.plan, &case.robot.states[state], self.variant);
+        let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
+        let status = self.plan.run(&case.variant.compiled.exact, &mut self.workspace, &input, &mut self.output).status;
+        if status != Status::Ok {
+            return Err(format!("{}, state {state}: {status} in double-double", case.name()).into());
+        }
+        let numbers = |field| self.plan.want().slot(field).map_or(&[][..], |slot| &self.output[slot.range()]);
+        let speed = largest(numbers(Field::Qd));
+        let fields = case.plan.want().slots().iter().map(|slot| {
+            let least = match slot.field {
+                Field::Q | Field::U => 1.0,
+                Field::Qdd | Field::Udd => speed * speed,
+                _ => 0.0,
+            };
+            ExactField { range: slot.range(), numbers: numbers(slot.field), least }
+        });
+        Ok(Exact { fields: fields.collect(), m_y: numbers(Field::MY), c_y: numbers(Field::CY), tau_y: numbers(Field::TauY) })
+    }
+}
+
+impl ExactField<'_> {
+    /// ‖a − b‖∞ / max(‖b‖∞, least).
+    fn error(&self, answer: &[f64]) -> f64 {
+        let pairs = answer[self.range.clone()].iter().zip(self.numbers);
+        let worst = pairs.fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs()));
+        if worst == 0.0 { 0.0 } else { worst / largest(self.numbers).max(self.least) }
+    }
+}
+
+impl Exact<'_> {
+    /// How much the forces would have to change for ÿ to be exact, relative to what enters.
+    fn backward_error(&self, ydd: &[f64]) -> f64 {
+        let n = ydd.len();
+        let (mut residual, mut norm_m): (f64, f64) = (0.0, 0.0);
+        for i in 0..n {
+            let row = &self.m_y[i * n..(i + 1) * n];
+            let product = row.iter().zip(ydd).fold(Dd::from(0.0), |sum, (m, x)| sum + *m * *x);
+            residual = residual.max((product + self.c_y[i] - self.tau_y[i]).to_f64().abs());
+            norm_m = norm_m.max(row.iter().map(|m| m.to_f64().abs()).sum());
+        }
+        let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        residual / (norm_m * size + largest(self.c_y) + largest(self.tau_y))
+    }
+}
+
+/// ‖x‖∞.
+fn largest(x: &[Dd]) -> f64 {
+    x.iter().fold(0.0, |size, x| size.max(x.to_f64().abs()))
+}
+
+/// Mean and largest count of Newton steps of one call.
+fn newton_steps(case: &Case<'_>) -> Outcome<(f64, f64)> {
+    let model = &case.variant.compiled.model;
+    let given = case.plan.wanted().given.0 & FieldSet::of(&[Field::Y, Field::QGuess]).0;
+    let plan = Plan::new(model, &Wanted::new(Request::Kinematics, FieldSet(given), FieldSet::of(&[Field::Iterations])))?;
+    let mut workspace = Workspace::new(model);
+    let (mut sum, mut most) = (0.0, 0.0);
+    for input in &case.inputs {
+        let mut packed = vec![0.0; plan.given().len()];
+        for slot in plan.given().slots() {
+            if let Some(from) = case.plan.given().slot(slot.field) {
+                packed[slot.range()].copy_from_slice(&input[from.range()]);
+            }
+        }
+        let mut steps = [0.0];
+        plan.run(model, &mut workspace, &packed, &mut steps);
+        sum += steps[0];
+        most = f64::max(most, steps[0]);
+    }
+    Ok((sum / case.inputs.len() as f64, most))
+}

@@ -1,0 +1,195 @@
+//! What a run found, as tables and as JSON.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::Outcome;
+use crate::cases::{Case, Question, Start};
+use crate::error::Errors;
+use crate::round_trip::{Cores, Trip};
+use crate::states::Robot;
+use crate::table::{Table, error, ns};
+use crate::timing::{Samples, clock};
+
+/// Everything that is printed or kept.
+pub(crate) struct Report {
+    command: String,
+    machine: String,
+    tables: Vec<Table>,
+    cases: Vec<Value>,
+    trips: Vec<Value>,
+    /// Every batch and every round trip, in the order of `cases` and `trips`.
+    samples: Vec<Value>,
+}
+
+impl Report {
+    pub(crate) fn new(
+        robots: &[Robot],
+        cases: &[Case<'_>],
+        errors: &[Errors],
+        samples: &[Samples],
+        trips: &[Trip],
+        cores: &Cores,
+    ) -> Report {
+        let flags: Vec<String> = std::env::args().skip(1).collect();
+        let command = if flags.is_empty() { String::new() } else { format!(" -- {}", flags.join(" ")) };
+        let mut tables = Vec::new();
+        if !cases.is_empty() {
+            tables.push(overview(cases, errors, samples));
+            tables.push(in_process(robots, cases, errors, samples));
+        }
+        if !trips.is_empty() {
+            tables.push(round_trips(trips, cores));
+        }
+        let rows = cases.iter().zip(errors).zip(samples);
+        let raw = samples.iter().chain(trips.iter().map(|trip| &trip.samples));
+        Report {
+            command: format!("cargo run --release -p sarrus-benches{command}"),
+            machine: machine(),
+            tables,
+            cases: rows.map(|((case, errors), samples)| case_value(case, errors, samples)).collect(),
+            trips: trips.iter().map(Trip::value).collect(),
+            samples: raw.map(|samples| json!(samples.all())).collect(),
+        }
+    }
+
+    pub(crate) fn text(&self) -> String {
+        let head = format!("{}\n{}\n\n", self.command, self.machine);
+        self.tables.iter().fold(head, |text, table| text + &table.text())
+    }
+
+    pub(crate) fn markdown(&self) -> String {
+        let head = format!("`{}` on {}\n\n", self.command, self.machine);
+        self.tables.iter().fold(head, |text, table| text + &table.markdown())
+    }
+
+    /// The tables' numbers.
+    pub(crate) fn summary(&self) -> Value {
+        json!({ "command": self.command, "machine": self.machine, "in_process": self.cases, "round_trip": self.trips })
+    }
+
+    /// The same with every sample.
+    pub(crate) fn save(&self, path: &Path) -> Outcome {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        }
+        let mut whole = self.summary();
+        whole["samples_ns"] = json!(self.samples);
+        std::fs::write(path, whole.to_string()).map_err(|error| format!("{}: {error}", path.display()).into())
+    }
+}
+
+/// One line for each way to close a robot's loops: the median times, the worst error, the Newton steps.
+fn overview(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table {
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for ((case, errors), samples) in cases.iter().zip(errors).zip(samples) {
+        let key = [case.robot.name.to_owned(), case.variant.closures.to_owned(), start(case).to_owned()];
+        if rows.last().is_none_or(|row| row[..3] != key) {
+            rows.push(key.into_iter().chain((0..4).map(|_| String::new())).collect());
+        }
+        if let Some(row) = rows.last_mut() {
+            row[3 + case.question as usize] = format!("{} ({})", ns(samples.median()), error(errors.worst));
+            row[6] = newton(errors);
+        }
+    }
+    Table {
+        title: "In process: median ns per call (largest error by size)".to_owned(),
+        columns: vec!["robot", "closures", "start", "state", "ID", "FD", "Newton"],
+        n_text: 3,
+        rows,
+        notes: Vec::new(),
+    }
+}
+
+fn in_process(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table {
+    let row = |((case, errors), samples): ((&Case<'_>, &Errors), &Samples)| {
+        let backward = errors.backward.map_or("-".to_owned(), error);
+        let mut row: Vec<String> = [case.robot.name, case.variant.closures, start(case), case.question.name()].map(str::to_owned).into();
+        row.extend([samples.median(), samples.at(0.0), samples.at(0.99)].map(ns));
+        row.extend([error(errors.worst), error(errors.median), backward, newton(errors)]);
+        row
+    };
+    let batches = samples.iter().map(|samples| samples.all().len()).min().unwrap_or(0);
+    let states = cases.first().map_or(0, |case| case.inputs.len());
+    let mut notes = vec![
+        format!(
+            "ns per call over {batches} batches that took turns; error against double-double of the same model on {states} random states"
+        ),
+        "by size, |a − b| / max(‖b‖, s) with s = 1 for q and u, ‖q̇‖² for q̈ and ü; backward: ‖M_y ÿ + C_y − τ_y‖ relative to its terms;"
+            .to_owned(),
+        "Newton: steps of all blocks of a call, mean (largest); warm: the guess is the closed pose 1 ms earlier; cold: no guess;"
+            .to_owned(),
+        "hybrid-torso: torso numerical, elbows closed form; hybrid-elbows the other way round; hybrid: as the robot is bundled.".to_owned(),
+        "state: q q̇ q̈ u u̇ ü from y ẏ ÿ; ID: τ_u from y ẏ ÿ; FD: ÿ from y ẏ τ_u.".to_owned(),
+    ];
+    for robot in robots.iter().filter(|robot| robot.left_out > 0) {
+        notes.push(format!("{}: {} random states left out, some way to close the loops has no answer there.", robot.name, robot.left_out));
+    }
+    Table {
+        title: "In process, in full".to_owned(),
+        columns: vec!["robot", "closures", "start", "asked", "median", "min", "p99", "error", "median error", "backward", "Newton"],
+        n_text: 4,
+        rows: cases.iter().zip(errors).zip(samples).map(row).collect(),
+        notes,
+    }
+}
+
+fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
+    let row = |trip: &Trip| {
+        let mut row = vec![trip.what.name.to_owned(), format!("{} in, {} out", trip.n_in, trip.n_out), trip.way.name().to_owned()];
+        row.extend([0.5, 0.9, 0.99, 0.999].map(|quantile| ns(trip.samples.at(quantile))));
+        let served = trip.computation > 0.0;
+        let optional = |x: f64| if served { ns(x) } else { "-".to_owned() };
+        row.extend([optional(trip.computation), ns(trip.samples.median() - trip.computation), optional(trip.over_floor())]);
+        row
+    };
+    let count = trips.iter().map(|trip| trip.samples.all().len()).min().unwrap_or(0);
+    Table {
+        title: "Round trip, upper body, server and client two processes that poll".to_owned(),
+        columns: vec!["asked", "numbers", "way", "p50", "p90", "p99", "p99.9", "computation", "p50 without it", "over the floor"],
+        n_text: 3,
+        rows: trips.iter().map(row).collect(),
+        notes: vec![
+            format!("ns; {count} round trips each in turns; the clock's own {} ns are included; {cores}", ns(clock())),
+            "floor: the same bytes there and back through shared atomics, nothing computed; computation: the same plan in process, median."
+                .to_owned(),
+        ],
+    }
+}
+
+fn start(case: &Case<'_>) -> &'static str {
+    match case.start {
+        Start::None => "-",
+        Start::Warm => "warm",
+        Start::Cold => "cold",
+    }
+}
+
+fn newton(errors: &Errors) -> String {
+    errors.newton.map_or("-".to_owned(), |(mean, most)| format!("{mean:.1} ({most:.0})"))
+}
+
+fn case_value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
+    let mut value = json!({
+        "case": case.name(), "median_ns": samples.median(), "min_ns": samples.at(0.0), "p99_ns": samples.at(0.99),
+        "batches": samples.all().len(), "states": case.inputs.len(), "error": errors.worst, "median_error": errors.median,
+    });
+    if case.question == Question::ForwardDynamics {
+        value["backward_error"] = json!(errors.backward);
+    }
+    if let Some((mean, most)) = errors.newton {
+        value["newton_steps"] = json!({ "mean": mean, "most": most });
+    }
+    value
+}
+
+/// Processor, how many, and how busy they are with other things.
+fn machine() -> String {
+    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+    let info = read("/proc/cpuinfo");
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ")).map_or("unknown processor", |pair| pair.1);
+    let count = std::thread::available_parallelism().map_or(1, usize::from);
+    let load = read("/proc/loadavg");
+    format!("{model}, {count} of it; load at the end {}", load.split(' ').next().unwrap_or("unknown"))
+}

@@ -1,0 +1,154 @@
+//! The floor: the same bytes there and back through shared memory, with nothing but atomic words between two processes that poll.
+//!
+//! Each process writes into a request of its own that the other one holds: mapped once, then neither the transport nor the system
+//! takes part. A sequence number says that the numbers before it are complete.
+
+use std::hint::spin_loop;
+use std::sync::atomic::{AtomicBool, Ordering::*, fence};
+use std::time::{Duration, Instant};
+
+use iceoryx2::node::Node;
+use iceoryx2::prelude::ipc::Service;
+use sarrus_proto::lane::{ComputeActive, ComputeClient, ComputePending, send_request};
+use sarrus_proto::message::{ComputeRequest, RequestHead};
+use sarrus_proto::service::{ComputeServer, open_compute, serve_compute};
+use sarrus_proto::{Domain, ServerName};
+
+use super::child::Child;
+use super::{Cores, Role};
+use crate::Outcome;
+
+/// How long the two processes wait for each other.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How often the near end looks before it gives the other one up: some seconds.
+const SPINS: u64 = 1 << 27;
+/// Numbers that one message can carry.
+const MOST: usize = 64;
+
+/// One end: what this process writes, what it reads, and what keeps both mapped.
+struct End {
+    mine: ComputePending<Service>,
+    theirs: ComputeActive<Service>,
+    _ports: (ComputeServer<Service>, ComputeClient<Service>, Node<Service>),
+}
+
+impl End {
+    /// Meets the other end; `opened` is called once it can come.
+    fn meet(domain: &Domain, mine: &str, theirs: &str, opened: impl FnOnce() -> Outcome) -> Outcome<End> {
+        let node = domain.node::<Service>()?;
+        let server = serve_compute(&node, &ServerName::new(mine)?, 1)?;
+        opened()?;
+        let start = Instant::now();
+        let late = || start.elapsed() > PATIENCE;
+        let client = loop {
+            match open_compute(&node, &ServerName::new(theirs)?, 1) {
+                Ok(client) => break client,
+                Err(error) if late() => return Err(error.into()),
+                Err(_) => std::thread::sleep(Duration::from_millis(1)),
+            }
+        };
+        let (mut sent, mut received) = (None, None);
+        loop {
+            if sent.is_none() {
+                sent = send_request(&client, &RequestHead::default(), &[]);
+            }
+            if received.is_none() {
+                received = server.receive().map_err(|error| format!("{error:?}"))?;
+            }
+            match (sent, received) {
+                (Some(mine), Some(theirs)) => return Ok(End { mine, theirs, _ports: (server, client, node) }),
+                _ if late() => return Err("the other end of the floor does not come".into()),
+                (s, r) => (sent, received) = (s, r),
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Gives numbers to the other end and says how many there are and how many are to come back.
+    #[inline]
+    fn post(&self, sequence: u64, numbers: &[f64], n_back: usize) {
+        let words: &ComputeRequest = self.mine.payload();
+        let head = RequestHead { version: numbers.len() as u32, plan: n_back as u32, sequence: sequence - 1, ..RequestHead::default() };
+        words.write(&head, numbers);
+        // SYNC POINT: floor (the other end is `take`)
+        fence(Release);
+        words.write(&RequestHead { sequence, ..head }, &[]);
+    }
+
+    /// The other end's numbers once they are there: how many, and how many are to go back.
+    #[inline]
+    fn take(&self, sequence: u64, numbers: &mut [f64; MOST]) -> Option<(usize, usize)> {
+        let words: &ComputeRequest = self.theirs.payload();
+        let head = words.head();
+        if head.sequence != sequence {
+            return None;
+        }
+        // SYNC POINT: floor (the other end is `post`)
+        fence(Acquire);
+        let count = (head.version as usize).min(MOST);
+        words.read(&mut numbers[..count]);
+        Some((count, (head.plan as usize).min(MOST)))
+    }
+}
+
+/// The end that measures.
+pub(super) struct Near {
+    end: End,
+    child: Child,
+    sequence: u64,
+    back: [f64; MOST],
+}
+
+impl Near {
+    /// Starts the other process.
+    pub(super) fn start(domain: &Domain, cores: &Cores) -> Outcome<Near> {
+        cores.pin_client();
+        let mut child = None;
+        let end = End::meet(domain, "floor-near", "floor-far", || {
+            child = Some(Child::start(Role::Floor, domain)?);
+            Ok(())
+        })?;
+        let child = child.ok_or("the floor's other process is not there")?;
+        Ok(Near { end, child, sequence: 0, back: [0.0; MOST] })
+    }
+
+    /// One round trip: `input` there, the first `n_out` of its numbers back.
+    #[inline]
+    pub(super) fn trip(&mut self, input: &[f64], n_out: usize) -> Outcome {
+        self.sequence += 1;
+        self.end.post(self.sequence, input, n_out);
+        let mut spins = 0_u64;
+        loop {
+            match self.end.take(self.sequence, &mut self.back) {
+                Some((count, _)) if self.back[..count] == input[..n_out] => return Ok(()),
+                Some(_) => return Err("the floor sends back other numbers".into()),
+                None if spins > SPINS => return Err("the other end of the floor is gone".into()),
+                None => spins += 1,
+            }
+            spin_loop();
+        }
+    }
+
+    pub(super) fn stop(self) -> Outcome {
+        self.child.stop()
+    }
+}
+
+/// The other end, until told to stop.
+pub(super) fn far(stop: &AtomicBool) -> Outcome {
+    let domain = Domain::of_user()?;
+    let end = End::meet(&domain, "floor-far", "floor-near", || {
+        println!("ready");
+        Ok(())
+    })?;
+    let mut numbers = [0.0; MOST];
+    let mut sequence = 1;
+    while !stop.load(Relaxed) {
+        if let Some((_, n_back)) = end.take(sequence, &mut numbers) {
+            end.post(sequence, &numbers[..n_back], 0);
+            sequence += 1;
+        }
+        spin_loop();
+    }
+    Ok(())
+}

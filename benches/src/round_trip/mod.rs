@@ -1,0 +1,214 @@
+//! Round trips: both doors of a server process, beside plain shared memory that carries the same bytes.
+//!
+//! Server and floor take turns, each alone with the client: on two processors a third process that polls would be measured too.
+
+mod child;
+mod cores;
+mod floor;
+
+use std::time::Instant;
+
+use sarrus_client::{ConnectOptions, Door, Patience, PlanId, Robot as Client};
+use sarrus_dynamics::{Field, FieldSet, Plan, Request, Status, Wanted, Workspace};
+use sarrus_proto::Domain;
+use serde_json::{Value, json};
+
+pub(crate) use self::child::{Role, child};
+pub(crate) use self::cores::Cores;
+
+use self::child::Child;
+use crate::Outcome;
+use crate::cases::{Question, packed};
+use crate::progress::Progress;
+use crate::states::Robot;
+use crate::timing::{Effort, Samples};
+
+const ROBOT: &str = "rh5v2_upper_body";
+/// States that the requests go through in turn.
+const STATES: usize = 64;
+
+/// What is asked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct What {
+    pub(crate) name: &'static str,
+    wanted: fn() -> Wanted,
+}
+
+const WHATS: [What; 3] = [
+    What { name: "y_to_u", wanted: || Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U])) },
+    What { name: "ID", wanted: || Question::InverseDynamics.wanted() },
+    What { name: "FD", wanted: || Question::ForwardDynamics.wanted() },
+];
+
+/// How it gets there and back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Way {
+    Floor,
+    Lane,
+    Requests,
+}
+
+impl Way {
+    const ALL: [Way; 3] = [Way::Floor, Way::Lane, Way::Requests];
+
+    pub(crate) fn name(self) -> &'static str {
+        ["floor", "lane", "requests"][self as usize]
+    }
+}
+
+/// The names that `--only` sees.
+pub(crate) fn names() -> impl Iterator<Item = String> {
+    WHATS.into_iter().flat_map(|what| Way::ALL.map(|way| name(way, what)))
+}
+
+fn name(way: Way, what: What) -> String {
+    format!("round_trip/{}/{}", way.name(), what.name)
+}
+
+/// One row of the table.
+pub(crate) struct Trip {
+    pub(crate) what: What,
+    pub(crate) way: Way,
+    pub(crate) n_in: usize,
+    pub(crate) n_out: usize,
+    pub(crate) samples: Samples,
+    /// Median of the same plan in process; 0 for the floor.
+    pub(crate) computation: f64,
+    /// Median of the floor for the same bytes.
+    floor: f64,
+}
+
+impl Trip {
+    /// What the door adds to shared memory and computation.
+    pub(crate) fn over_floor(&self) -> f64 {
+        self.samples.median() - self.computation - self.floor
+    }
+
+    pub(crate) fn value(&self) -> Value {
+        let at = |quantile| self.samples.at(quantile);
+        json!({
+            "case": name(self.way, self.what), "n_in": self.n_in, "n_out": self.n_out, "count": self.samples.all().len(),
+            "p50_ns": at(0.5), "p90_ns": at(0.9), "p99_ns": at(0.99), "p99_9_ns": at(0.999),
+            "computation_ns": self.computation, "floor_ns": self.floor,
+        })
+    }
+}
+
+/// A plan, its inputs, its answers in process, and what every way took so far.
+struct Asked {
+    what: What,
+    wanted: Wanted,
+    inputs: Vec<Vec<f64>>,
+    answers: Vec<Vec<f64>>,
+    computation: Vec<f64>,
+    ns: [Vec<f64>; 3],
+}
+
+/// Measures all round trips whose name has `only` in it; nothing where server and client would share a processor.
+pub(crate) fn measure(robots: &[Robot], cores: &Cores, effort: &Effort, only: &str, progress: &Progress) -> Outcome<Vec<Trip>> {
+    if cores.is_one() {
+        eprintln!("round trips not run: server and client poll, each needs a processor of its own");
+        return Ok(Vec::new());
+    }
+    let robot = robots.iter().find(|robot| robot.name == ROBOT).ok_or("the robot to serve is not loaded")?;
+    let mut asked = WHATS.into_iter().map(|what| Asked::new(what, robot)).collect::<Outcome<Vec<_>>>()?;
+    let chosen = |way, asked: &Asked| name(way, asked.what).contains(only) || way == Way::Floor;
+    let domain = Domain::at(&std::env::temp_dir().join(format!("sarrus-benches-{}", std::process::id())))?;
+
+    for segment in 0..effort.segments {
+        progress.show("round trips", segment as f64 / effort.segments as f64);
+        let mut floor = floor::Near::start(&domain, cores)?;
+        for asked in &mut asked {
+            let n_out = asked.answers[0].len();
+            timed(asked, Way::Floor, effort.trips, |_, input| floor.trip(input, n_out))?;
+        }
+        floor.stop()?;
+
+        let server = Child::start(Role::Server, &domain)?;
+        for (way, door) in [(Way::Lane, Door::Lane), (Way::Requests, Door::Requests)] {
+            let options = ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
+            let mut client = Client::connect_in(domain.clone(), ROBOT, options)?;
+            for asked in asked.iter_mut().filter(|asked| chosen(way, asked)) {
+                let plan = client.prepare(&asked.wanted)?;
+                served(asked, way, effort.trips, &mut client, plan)?;
+            }
+        }
+        server.stop()?;
+        // the server's processor is free: the same clock, the same caches as the client's
+        asked.iter_mut().try_for_each(|asked| asked.compute(robot))?;
+    }
+    domain.tidy();
+    Ok(asked.iter().flat_map(Asked::trips).filter(|trip| !trip.samples.all().is_empty()).collect())
+}
+
+/// Round trips through a door; every answer's status is looked at, and the bits of a first pass through the states.
+fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: PlanId) -> Outcome {
+    let mut output = vec![0.0; asked.answers[0].len()];
+    for (input, answer) in asked.inputs.iter().zip(&asked.answers) {
+        client.ask(plan, input, &mut output)?;
+        if output.iter().zip(answer).any(|(a, b)| a.to_bits() != b.to_bits()) {
+            return Err(format!("{}: the answer has other bits than in process", name(way, asked.what)).into());
+        }
+    }
+    timed(asked, way, count, |_, input| match client.ask(plan, input, &mut output)?.status {
+        Status::Ok => Ok(()),
+        status => Err(format!("a request ends with {status}").into()),
+    })
+}
+
+/// Times `count` calls after a tenth of them untimed.
+fn timed(asked: &mut Asked, way: Way, count: usize, mut trip: impl FnMut(usize, &[f64]) -> Outcome) -> Outcome {
+    for k in 0..count / 10 {
+        trip(k, &asked.inputs[k % STATES])?;
+    }
+    let ns = &mut asked.ns[way as usize];
+    ns.reserve(count);
+    for k in 0..count {
+        let start = Instant::now();
+        trip(k, &asked.inputs[k % STATES])?;
+        ns.push(start.elapsed().as_nanos() as f64);
+    }
+    Ok(())
+}
+
+impl Asked {
+    fn new(what: What, robot: &Robot) -> Outcome<Asked> {
+        let wanted = (what.wanted)();
+        let plan = Plan::new(&robot.variants[0].compiled.model, &wanted)?;
+        let inputs = robot.states.iter().take(STATES).map(|state| packed(&plan, state, 0)).collect();
+        let answers = vec![vec![0.0; plan.want().len()]; STATES];
+        let mut asked = Asked { what, wanted, inputs, answers, computation: Vec::new(), ns: Default::default() };
+        asked.compute(robot)?;
+        asked.computation.clear();
+        Ok(asked)
+    }
+
+    /// Times the plan in process, in batches, and keeps its answers.
+    fn compute(&mut self, robot: &Robot) -> Outcome {
+        let model = &robot.variants[0].compiled.model;
+        let plan = Plan::new(model, &self.wanted)?;
+        let mut workspace = Workspace::new(model);
+        for _ in 0..200 {
+            let start = Instant::now();
+            for (input, answer) in self.inputs.iter().zip(&mut self.answers) {
+                std::hint::black_box(plan.run(model, &mut workspace, std::hint::black_box(input), answer));
+            }
+            self.computation.push(start.elapsed().as_nanos() as f64 / STATES as f64);
+        }
+        Ok(())
+    }
+
+    fn trips(&self) -> impl Iterator<Item = Trip> {
+        let computation = Samples::new(self.computation.clone()).median();
+        let floor = Samples::new(self.ns[Way::Floor as usize].clone()).median();
+        Way::ALL.into_iter().map(move |way| Trip {
+            what: self.what,
+            way,
+            n_in: self.inputs[0].len(),
+            n_out: self.answers[0].len(),
+            samples: Samples::new(self.ns[way as usize].clone()),
+            computation: if way == Way::Floor { 0.0 } else { computation },
+            floor,
+        })
+    }
+}

@@ -1,0 +1,104 @@
+//! Nanoseconds per call, in batches that take turns.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use sarrus_dynamics::Status;
+
+use crate::Outcome;
+use crate::cases::Case;
+use crate::progress::Progress;
+
+/// How much a run repeats.
+pub(crate) struct Effort {
+    /// States whose error is measured.
+    pub(crate) states: usize,
+    /// How long the rounds through all cases go on.
+    pub(crate) rounds: Duration,
+    /// Starts of the server, and of the floor beside it.
+    pub(crate) segments: usize,
+    /// Round trips of each kind in one segment.
+    pub(crate) trips: usize,
+}
+
+impl Effort {
+    pub(crate) const QUICK: Effort = Effort { states: 256, rounds: Duration::from_secs(20), segments: 3, trips: 40_000 };
+    pub(crate) const FULL: Effort = Effort { states: 2048, rounds: Duration::from_secs(150), segments: 10, trips: 100_000 };
+}
+
+/// States that a batch goes through.
+const STATES: usize = 64;
+/// A batch takes at least this long: the clock's own time is then below a percent.
+const BATCH: Duration = Duration::from_micros(15);
+/// Untimed calls before each batch: the other cases had the caches.
+const WARM_UP: usize = 8;
+
+/// What all batches or round trips of a case took, in ascending order.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Samples(Vec<f64>);
+
+impl Samples {
+    pub(crate) fn new(mut ns: Vec<f64>) -> Samples {
+        ns.sort_unstable_by(f64::total_cmp);
+        Samples(ns)
+    }
+
+    /// The least value that this share of the samples does not exceed; 0 for the least, NaN without samples.
+    pub(crate) fn at(&self, quantile: f64) -> f64 {
+        let last = self.0.len().saturating_sub(1);
+        self.0.get(((quantile * self.0.len() as f64) as usize).min(last)).copied().unwrap_or(f64::NAN)
+    }
+
+    pub(crate) fn median(&self) -> f64 {
+        self.at(0.5)
+    }
+
+    pub(crate) fn all(&self) -> &[f64] {
+        &self.0
+    }
+}
+
+/// Runs a batch of every case in turn, again and again; gives the nanoseconds per call of each batch.
+pub(crate) fn interleaved(cases: &mut [Case<'_>], effort: &Effort, progress: &Progress) -> Outcome<Vec<Samples>> {
+    let mut passes = Vec::new();
+    for case in cases.iter_mut() {
+        let once = batch(case, 1)?;
+        passes.push((BATCH.as_nanos() as f64 / (once * STATES as f64)).ceil().max(1.0) as usize);
+    }
+    let mut ns = vec![Vec::new(); cases.len()];
+    let start = Instant::now();
+    while !cases.is_empty() && start.elapsed() < effort.rounds {
+        progress.show("in process", start.elapsed().as_secs_f64() / effort.rounds.as_secs_f64());
+        for (k, case) in cases.iter_mut().enumerate() {
+            ns[k].push(batch(case, passes[k])?);
+        }
+    }
+    Ok(ns.into_iter().map(Samples::new).collect())
+}
+
+/// Nanoseconds per call of some passes through the first states.
+pub(crate) fn batch(case: &mut Case<'_>, passes: usize) -> Outcome<f64> {
+    let states = case.inputs.len().min(STATES);
+    let mut failed = false;
+    for state in states - WARM_UP.min(states)..states {
+        failed |= case.run(state).status != Status::Ok;
+    }
+    let start = Instant::now();
+    for _ in 0..passes {
+        for state in 0..states {
+            failed |= case.run(state).status != Status::Ok;
+            black_box(&case.output);
+        }
+    }
+    let elapsed = start.elapsed();
+    if failed { Err(format!("{} fails", case.name()).into()) } else { Ok(elapsed.as_nanos() as f64 / (passes * states) as f64) }
+}
+
+/// What reading the clock twice takes, in nanoseconds: a part of every round trip that is shown.
+pub(crate) fn clock() -> f64 {
+    let pair = |_| {
+        let start = Instant::now();
+        start.elapsed().as_nanos() as f64
+    };
+    Samples::new((0..10_001).map(pair).collect()).median()
+}

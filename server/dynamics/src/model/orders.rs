@@ -1,0 +1,87 @@
+//! The orders that users see: names, limits and the way from each external index to the internal one.
+
+use super::Limit;
+use super::Motion;
+use super::assemble::Builder;
+use crate::description::{self as written, JointKind};
+
+/// Names and limits in external order.
+#[derive(Default)]
+pub(super) struct Names {
+    pub(super) tree: Vec<String>,
+    pub(super) tree_q: Vec<String>,
+    pub(super) independent: Vec<String>,
+    pub(super) independent_q: Vec<String>,
+    pub(super) active: Vec<String>,
+    pub(super) limits: Vec<Option<written::Limits>>,
+}
+
+impl Builder<'_> {
+    /// External orders, names and limits.
+    pub(super) fn orders(&mut self, moving_of: &[usize]) {
+        const FREEDOMS: [&str; 6] = ["rx", "ry", "rz", "tx", "ty", "tz"];
+        const PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
+        let order = &mut self.model.order;
+        for submechanism in &self.description.submechanisms {
+            for &j in &submechanism.spanning_tree {
+                let joint = &self.description.joints[j];
+                let body = &self.model.bodies[self.body_of[moving_of[j]]];
+                if body.motion == Motion::Floating {
+                    order.q.extend(body.q..body.q + 7);
+                    order.v.extend(body.v..body.v + 6);
+                    self.names.tree.extend(FREEDOMS.map(|part| format!("{}/{part}", joint.name)));
+                    self.names.tree_q.extend(PARTS.map(|part| format!("{}/{part}", joint.name)));
+                    self.names.limits.extend([None; 6]);
+                    continue;
+                }
+                order.q.push(body.q);
+                order.v.push(body.v);
+                self.names.tree.push(joint.name.clone());
+                self.names.tree_q.push(joint.name.clone());
+                self.names.limits.push(joint.limits);
+                if let Some(limits) = joint.limits {
+                    let written::Limits { lower, upper, velocity, .. } = limits;
+                    let (lower, upper) =
+                        if joint.kind == JointKind::Continuous { (f64::NEG_INFINITY, f64::INFINITY) } else { (lower, upper) };
+                    self.model.limits.push(Limit { q: body.q, v: body.v, lower, upper, velocity });
+                }
+            }
+        }
+        let order = &mut self.model.order;
+        for submechanism in &self.description.submechanisms {
+            for &j in &submechanism.independent {
+                let name = &self.description.joints[j].name;
+                let i = self.body_of[moving_of[j]];
+                let body = &self.model.bodies[i];
+                let cluster = &self.model.clusters[self.model.cluster_of[i]];
+                if body.motion == Motion::Floating {
+                    order.qy_q.extend(body.q..body.q + 7);
+                    order.vy_v.extend(body.v..body.v + 6);
+                    order.vy.extend(cluster.vy..cluster.vy + 6);
+                    self.names.independent.extend(FREEDOMS.map(|part| format!("{name}/{part}")));
+                    self.names.independent_q.extend(PARTS.map(|part| format!("{name}/{part}")));
+                    continue;
+                }
+                order.qy_q.push(body.q);
+                order.vy_v.push(body.v);
+                let k = cluster.independent.iter().position(|local| *local == i - cluster.body).unwrap_or(0);
+                order.vy.push(cluster.vy + k);
+                self.names.independent.push(name.clone());
+                self.names.independent_q.push(name.clone());
+            }
+            for &j in &submechanism.active {
+                let joint = &self.description.joints[j];
+                let body = &self.model.bodies[self.body_of[moving_of[j]]];
+                order.u_q.push(body.q);
+                order.u_v.push(body.v);
+                self.names.active.push(joint.name.clone());
+                self.model.effort.push(joint.limits.map_or(f64::INFINITY, |limits| limits.effort));
+            }
+        }
+        order.v_external = vec![0; order.v.len()];
+        order.v.iter().enumerate().for_each(|(e, v)| order.v_external[*v] = e);
+        order.vy_external = vec![0; order.vy.len()];
+        order.vy.iter().enumerate().for_each(|(e, k)| order.vy_external[*k] = e);
+        order.vy_internal = (0..order.vy.len()).collect();
+    }
+}

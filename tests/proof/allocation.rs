@@ -1,0 +1,100 @@
+//! Nothing allocates after set-up: counted by the allocator itself, for each thread.
+#![allow(unsafe_code, reason = "a global allocator is unsafe by its trait")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{Compiled, Field, Model, Status, Workspace};
+use sarrus_tests::cases::{Case, robots};
+use sarrus_tests::plans::{every_plan, input};
+use sarrus_tests::run::Robot;
+use sarrus_tests::seed::Seeded;
+
+thread_local! {
+    // without a destructor and with a constant start it needs no allocation itself
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Counts the calls of the thread that makes them.
+struct Counting;
+
+// SAFETY: every call goes to the system's allocator unchanged; the counter is a plain number of the calling thread.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.with(|calls| calls.set(calls.get() + 1));
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        CALLS.with(|calls| calls.set(calls.get() + 1));
+        // SAFETY: the block came from `System.alloc` with this layout.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn calls() -> u64 {
+    CALLS.with(Cell::get)
+}
+
+#[test]
+fn the_counter_counts() {
+    let before = calls();
+    drop(std::hint::black_box(vec![1.0; 10]));
+    assert_eq!(calls() - before, 2);
+}
+
+fn run_all<T: Scalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
+    let mut seeded = Seeded::new(case.seed);
+    let mut robot = Robot::new(model.clone());
+    let mut workspace = Workspace::new(model);
+    let state = case.state::<T>(0);
+    let mut far = state.clone();
+    far.y.iter_mut().zip(model.independent_q_names()).filter(|(_, name)| !name.contains('/')).for_each(|(y, _)| *y = T::from_f64(2.7));
+    let mut seen = Vec::new();
+    for plan in every_plan(model, &mut seeded) {
+        let good = input(case, &mut robot, &plan, &state, &mut seeded);
+        let mut inputs = vec![good.clone(), good.iter().map(|x| *x * T::from_f64(40.0)).collect(), vec![]];
+        if plan.given().slot(Field::Y).is_some() {
+            let mut beyond = good.clone();
+            beyond[plan.given().slot(Field::Y).unwrap().range()].copy_from_slice(&far.y);
+            inputs.push(beyond);
+        }
+        if let Some(first) = good.first() {
+            let mut broken = good.clone();
+            broken[0] = *first + T::from_f64(f64::NAN);
+            inputs.push(broken);
+        }
+        let mut output = vec![T::ZERO; plan.want().len()];
+        for input in &inputs {
+            let before = calls();
+            let answer = plan.run(model, &mut workspace, input, &mut output);
+            let after = calls();
+            assert_eq!(after, before, "{} in {:?}: {:?}", answer.status, case.name, plan.wanted());
+            seen.push(answer.status);
+        }
+    }
+    seen
+}
+
+#[test]
+fn no_request_allocates_whatever_it_asks_and_however_it_ends() {
+    let mut seen = Vec::new();
+    for case in robots().iter().take(9).chain(robots().iter().skip(9).step_by(8)) {
+        let Compiled { model, exact, .. } = &case.compiled;
+        seen.extend(run_all(case, model));
+        if case.seed % 3 == 0 {
+            seen.extend(run_all::<Dd>(case, exact));
+        }
+    }
+    for status in Status::ALL {
+        println!("{status}: {}", seen.iter().filter(|x| *x == status).count());
+    }
+    for status in [Status::Ok, Status::NonFiniteInput, Status::WrongSize, Status::BadRequest] {
+        assert!(seen.contains(&status), "no request ended with {status}");
+    }
+}

@@ -1,0 +1,155 @@
+//! The wire contract, number by number: what a client of another build or language counts on.
+
+use std::mem::{align_of, offset_of, size_of};
+
+use sarrus_dynamics::{Field, FieldSet, Layout, Request, Sizes, Status, Wanted};
+
+#[test]
+fn a_wish_is_120_bytes_with_its_fields_at_fixed_places() {
+    assert_eq!((size_of::<Wanted>(), align_of::<Wanted>()), (120, 8));
+    let offsets = [
+        offset_of!(Wanted, request),
+        offset_of!(Wanted, n_frames),
+        offset_of!(Wanted, n_wrenches),
+        offset_of!(Wanted, given),
+        offset_of!(Wanted, want),
+        offset_of!(Wanted, frames),
+        offset_of!(Wanted, wrench_links),
+    ];
+    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 88]);
+    assert_eq!((size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()), (8, 4, 4, 1));
+}
+
+#[test]
+fn fields_keep_their_numbers_and_names() {
+    const NAMES: [&str; 38] = [
+        "y",
+        "yd",
+        "ydd",
+        "q",
+        "qd",
+        "qdd",
+        "u",
+        "ud",
+        "udd",
+        "q_guess",
+        "qd_guess",
+        "tau_q",
+        "tau_y",
+        "tau_u",
+        "wrenches",
+        "tau_unactuated",
+        "G",
+        "g_bias",
+        "G_u",
+        "g_u",
+        "K",
+        "k_bias",
+        "lambda",
+        "M_y",
+        "C_y",
+        "residual",
+        "iterations",
+        "cond_Kd",
+        "cond_Gu",
+        "sigma_min",
+        "nearest_y",
+        "frame_pose",
+        "frame_twist",
+        "frame_acc",
+        "jacobian_tree",
+        "jacobian_independent",
+        "jacobian_actuator",
+        "cond_My",
+    ];
+    assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
+    for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
+        assert_eq!((*field as usize, field.name()), (number, name));
+        assert_eq!(Field::from_name(name), Some(*field));
+        assert_eq!(FieldSet::of(&[*field]).0, 1 << number);
+    }
+}
+
+#[test]
+fn statuses_and_requests_keep_their_numbers_and_names() {
+    const NAMES: [&str; 15] = [
+        "ok",
+        "bad_request",
+        "non_finite_input",
+        "wrong_size",
+        "wrong_model",
+        "unknown_request",
+        "not_converged",
+        "branch_changed",
+        "unreachable",
+        "singular_closure",
+        "singular_independents",
+        "singular_actuation",
+        "mass_not_positive",
+        "overloaded",
+        "shutting_down",
+    ];
+    for (code, name) in NAMES.into_iter().enumerate() {
+        assert_eq!(Status::from_code(code as u32).map(Status::name), Some(name));
+    }
+    let requests = ["kinematics", "inverse-dynamics", "forward-dynamics", "map"];
+    for (code, name) in (1..).zip(requests) {
+        assert_eq!(Request::from_code(code).map(Request::name), Some(name));
+    }
+    assert_eq!((Request::from_code(0), Request::from_code(5)), (None, None));
+}
+
+#[test]
+fn fields_are_packed_in_the_order_of_their_numbers() {
+    let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2 };
+    let given = FieldSet::of(&[Field::TauU, Field::Yd, Field::Y]);
+    let wanted = Wanted::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..38])).with_frames(&[1, 0]).with_wrenches(&[1]);
+    let slots = |layout: Layout| layout.slots().iter().map(|slot| (slot.offset, slot.rows, slot.columns)).collect::<Vec<_>>();
+    assert_eq!(slots(Layout::of_given(&wanted, &sizes)), [(0, 8, 1), (8, 7, 1), (15, 3, 1), (18, 1, 6)]);
+    let shapes = [
+        (8, 1),
+        (7, 1),
+        (7, 1),
+        (10, 1),
+        (9, 1),
+        (9, 1),
+        (3, 1),
+        (3, 1),
+        (3, 1),
+        (10, 1),
+        (9, 1),
+        (9, 1),
+        (7, 1),
+        (3, 1),
+        (1, 6),
+        (7, 1),
+        (9, 7),
+        (9, 1),
+        (3, 7),
+        (3, 1),
+        (2, 9),
+        (2, 1),
+        (2, 1),
+        (7, 7),
+        (7, 1),
+        (1, 1),
+        (1, 1),
+        (1, 1),
+        (1, 1),
+        (1, 1),
+        (8, 1),
+        (2, 7),
+        (2, 6),
+        (2, 6),
+        (12, 9),
+        (12, 7),
+        (12, 3),
+        (1, 1),
+    ];
+    let mut offset = 0;
+    for (slot, (rows, columns)) in slots(Layout::of_want(&wanted, &sizes)).into_iter().zip(shapes) {
+        assert_eq!(slot, (offset, rows, columns));
+        offset += rows * columns;
+    }
+    assert_eq!(Layout::of_want(&wanted, &sizes).len(), offset);
+}

@@ -1,0 +1,231 @@
+//! Links, joints and submechanisms as text; every pose is kept in root axes at zero.
+
+use std::fmt::Write as _;
+
+use super::Text;
+use crate::rigid::{Pose, Vector, add, norm};
+use crate::seed::Seeded;
+
+/// A link by its place in the robot.
+pub(super) type Link = usize;
+
+/// What a joint allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Turn,
+    Slide,
+}
+
+/// A robot under way.
+pub(super) struct Writer {
+    pub(super) seeded: Seeded,
+    pub(super) scale: f64,
+    pub(super) rounded: bool,
+    /// Closed forms are declared NUMERICAL.
+    pub(super) numerical: bool,
+    pub(super) square: bool,
+    pub(super) floats: bool,
+    pub(super) links: Vec<(String, Pose)>,
+    /// Names of independent joints so far, for couplings.
+    pub(super) masters: Vec<String>,
+    urdf: String,
+    yaml: String,
+    holds: Vec<String>,
+    reach: Vec<(String, f64)>,
+    count: usize,
+}
+
+/// A submechanism for the YAML.
+pub(super) struct Entry<'a> {
+    pub(super) type_name: &'a str,
+    pub(super) tree: Vec<String>,
+    pub(super) independent: Vec<(String, f64)>,
+    pub(super) active: Vec<String>,
+    pub(super) loops: Vec<Loop>,
+}
+
+/// A loop for the YAML.
+pub(super) struct Loop {
+    pub(super) cut: String,
+    pub(super) predecessor: Link,
+    pub(super) successor: Link,
+    pub(super) rows: Vec<[f64; 6]>,
+}
+
+impl Writer {
+    pub(super) fn new(seeded: Seeded, scale: f64, rounded: bool, numerical: bool) -> Writer {
+        let mut writer = Writer {
+            seeded,
+            scale,
+            rounded,
+            numerical,
+            square: true,
+            floats: false,
+            links: Vec::new(),
+            masters: Vec::new(),
+            urdf: String::new(),
+            yaml: String::new(),
+            holds: Vec::new(),
+            reach: Vec::new(),
+            count: 0,
+        };
+        writer.link(Pose::IDENTITY, false);
+        writer
+    }
+
+    /// A number of the file's precision; `unit` is what 1 means there.
+    fn number(&self, x: f64, unit: f64) -> String {
+        if self.rounded { format!("{:?}", (x / unit * 1e6).round() * 1e-6 * unit) } else { format!("{x:?}") }
+    }
+
+    fn vector(&self, v: Vector, unit: f64) -> String {
+        v.map(|x| self.number(x, unit)).join(" ")
+    }
+
+    fn name(&mut self, what: &str) -> String {
+        self.count += 1;
+        format!("{what}{}", self.count)
+    }
+
+    /// A link at a pose in the root; with inertia unless it is to be massless.
+    fn link(&mut self, at: Pose, with_inertia: bool) -> Link {
+        let name = self.name("link");
+        let size = self.scale;
+        let mut inertial = String::new();
+        if with_inertia {
+            let mass = 20.0 * size.powi(3) * self.seeded.within(0.2, 2.0);
+            // principal moments of a body with these square radii
+            let [a, b, c] = [(); 3].map(|()| mass * (size * self.seeded.within(0.05, 0.3)).powi(2));
+            let [x, y, z] = [b + c, a + c, a + b];
+            let R = self.seeded.pose(0.0).R;
+            let entry = |i: usize, j: usize| R[i][0] * x * R[j][0] + R[i][1] * y * R[j][1] + R[i][2] * z * R[j][2];
+            let origin = self.seeded.pose(0.3 * size);
+            let (xyz, rpy) = (self.vector(origin.p, size), self.vector(origin.rpy(), 1.0));
+            let _ = write!(
+                inertial,
+                "<inertial><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/><mass value=\"{mass:?}\"/><inertia ixx=\"{:?}\" ixy=\"{:?}\" ixz=\"{:?}\" iyy=\"{:?}\" iyz=\"{:?}\" izz=\"{:?}\"/></inertial>",
+                entry(0, 0),
+                entry(0, 1),
+                entry(0, 2),
+                entry(1, 1),
+                entry(1, 2),
+                entry(2, 2)
+            );
+        }
+        let _ = writeln!(self.urdf, "  <link name=\"{name}\">{inertial}</link>");
+        self.links.push((name, at));
+        self.links.len() - 1
+    }
+
+    /// A joint of any type with its child link at a pose in the root.
+    fn place(&mut self, type_name: &str, parent: Link, at: Pose, axis: Option<Vector>, with_inertia: bool) -> (String, Link) {
+        let child = self.link(at, with_inertia);
+        let name = self.name("joint");
+        let origin = self.links[parent].1.inverse().then(&at);
+        let (xyz, rpy) = (self.vector(origin.p, self.scale), self.vector(origin.rpy(), 1.0));
+        let axis = axis.map_or(String::new(), |axis| format!("<axis xyz=\"{}\"/>", self.vector(axis, 1.0)));
+        let limit = if matches!(type_name, "revolute" | "prismatic") {
+            "<limit lower=\"-1e4\" upper=\"1e4\" effort=\"1e12\" velocity=\"1e4\"/>"
+        } else {
+            ""
+        };
+        let (parent, child_name) = (&self.links[parent].0, &self.links[child].0);
+        let _ = writeln!(
+            self.urdf,
+            "  <joint name=\"{name}\" type=\"{type_name}\"><parent link=\"{parent}\"/><child link=\"{child_name}\"/><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{axis}{limit}</joint>"
+        );
+        (name, child)
+    }
+
+    /// A joint through a point along an axis, both in the root; its frame lies anyhow. Sometimes a fixed joint comes before it.
+    pub(super) fn joint(&mut self, kind: Kind, parent: Link, origin: Vector, axis: Vector) -> (String, Link) {
+        self.joint_with(kind, parent, origin, axis, true)
+    }
+
+    /// The same, with or without mass.
+    pub(super) fn joint_with(&mut self, kind: Kind, parent: Link, origin: Vector, axis: Vector, mass: bool) -> (String, Link) {
+        let mut parent = parent;
+        if self.seeded.chance(0.15) {
+            let at = self.links[parent].1.then(&self.seeded.pose(0.2 * self.scale));
+            let heavy = self.seeded.chance(0.5);
+            parent = self.place("fixed", parent, at, None, heavy).1;
+        }
+        let at = Pose { p: origin, ..self.seeded.pose(0.0) };
+        let length = if self.seeded.chance(0.5) { 1.0 } else { self.seeded.within(0.5, 3.0) };
+        let axis = add([0.0; 3], length / norm(axis), at.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(axis));
+        let type_name = match kind {
+            Kind::Slide => "prismatic",
+            Kind::Turn if self.seeded.chance(0.3) => "continuous",
+            Kind::Turn => "revolute",
+        };
+        self.place(type_name, parent, at, Some(axis), mass)
+    }
+
+    /// A fixed joint whose frame marks a cut.
+    pub(super) fn mark(&mut self, on: Link, at: Pose) -> String {
+        self.place("fixed", on, at, None, false).0
+    }
+
+    /// A quaternion joint between the root and the rest.
+    pub(super) fn floating_base(&mut self) {
+        let at = self.seeded.pose(self.scale);
+        let (name, _) = self.place("floating", 0, at, None, true);
+        self.floats = true;
+        self.holds.push("floating base".into());
+        let _ = writeln!(
+            self.yaml,
+            "- type: SERIAL\n  contextual_name: base\n  jointnames_spanningtree: [{name}]\n  jointnames_independent: [{name}]\n  jointnames_active: []"
+        );
+    }
+
+    /// Follows another joint; must come right after the joint.
+    pub(super) fn mimic(&mut self, master: &str, multiplier: f64, offset: f64) {
+        let end = self.urdf.rfind("</joint>").unwrap_or(0);
+        self.urdf.insert_str(end, &format!("<mimic joint=\"{master}\" multiplier=\"{multiplier:?}\" offset=\"{offset:?}\"/>"));
+    }
+
+    /// A submechanism.
+    pub(super) fn submechanism(&mut self, what: &str, entry: Entry<'_>) {
+        let list = |names: &[String]| names.join(", ");
+        let name = self.name("part");
+        let independent: Vec<String> = entry.independent.iter().map(|x| x.0.clone()).collect();
+        let _ = writeln!(
+            self.yaml,
+            "- type: {}\n  contextual_name: {name}\n  jointnames_spanningtree: [{}]\n  jointnames_independent: [{}]\n  jointnames_active: [{}]",
+            entry.type_name,
+            list(&entry.tree),
+            list(&independent),
+            list(&entry.active)
+        );
+        if !entry.loops.is_empty() {
+            self.yaml.push_str("  loop_constraints:\n");
+        }
+        for of in entry.loops {
+            let (p, s) = (&self.links[of.predecessor].0, &self.links[of.successor].0);
+            let _ =
+                writeln!(self.yaml, "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    constraint_axes:", of.cut);
+            for (k, axis) in of.rows.iter().enumerate() {
+                let axis = axis.map(|x| format!("{x:?}")).join(", ");
+                let _ = writeln!(self.yaml, "    - {{name: row{k}, axis: [{axis}]}}");
+            }
+        }
+        self.square &= entry.active.len() == entry.independent.len();
+        self.masters.extend(independent);
+        self.holds.push(what.into());
+        self.reach.extend(entry.independent);
+    }
+
+    /// Both files.
+    pub(super) fn finish(self, seed: u64) -> Text {
+        let rounded = if self.rounded { ", rounded" } else { "" };
+        Text {
+            urdf: format!("<robot name=\"seed{seed}\">\n{}</robot>\n", self.urdf),
+            yaml: format!("submechanisms:\n{}", self.yaml),
+            holds: format!("seed {seed}: {}; scale {:.3e}{rounded}", self.holds.join(", "), self.scale),
+            reach: self.reach,
+            square: self.square,
+            rounded: self.rounded,
+            scale: self.scale,
+        }
+    }
+}
