@@ -5,7 +5,7 @@ use sarrus_client::ModelInfo;
 use sarrus_proto::ModelSizes;
 use serde::Serialize;
 
-use super::trajectory::{DURATION, SAMPLES};
+use super::trajectory::{DURATION, REACH, SAMPLES};
 use crate::commands::output::table;
 
 /// Errors by size from here on are a failure.
@@ -84,10 +84,15 @@ impl Report {
         let mut text = format!(
             "{}: {about}\n  {n_v} joints in the spanning tree, {n_vy} of them independent; {n_u} actuators; {n_c} loop-closure equations\n  \
              loops of {} submechanisms in closed form, of {} by Newton's method\n\n\
-             A server process holds the robot. A controller in this process moves all {n_vy} joints from their lower to their upper\n\
-             limits along cycloids ({DURATION} s at 1 kHz, over and over) and asks for the {n_u} actuator forces of each sample:\n\
+             A server process holds the robot. A controller in this process moves all {n_vy} joints through the middle {:.0} % of their\n\
+             range along cycloids ({DURATION} s at 1 kHz, over and over) and asks for the {n_u} actuator forces of each sample:\n\
              inverse dynamics, {} numbers in, {} out. Every answer is compared with double-double arithmetic (32 digits).\n\n",
-            self.robot, self.analytic, self.numerical, self.numbers_in, self.numbers_out
+            self.robot,
+            self.analytic,
+            self.numerical,
+            100.0 * REACH,
+            self.numbers_in,
+            self.numbers_out
         );
         let row = |way: &Way| {
             let mut row = vec![way.way.to_owned(), way.requests.to_string()];

@@ -9,18 +9,21 @@ pub(super) const DURATION: f64 = 5.0;
 /// Requests that a controller of 1 kHz makes in that time.
 pub(super) const SAMPLES: usize = 5001;
 
+/// How much of its range a joint moves through, around the middle: farther out the linear actuators reach their ends.
+pub(super) const REACH: f64 = 0.3;
+
 /// Motion in, actuator forces out.
 pub(super) const WANTED: Wanted =
     Wanted::new(Request::InverseDynamics, FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]), FieldSet::of(&[Field::TauU]));
 
-/// Every independent joint from its lower to its upper limit along a cycloid, all at the same time.
+/// Every independent joint through the middle of its range along a cycloid, all at the same time.
 pub(super) struct Trajectory {
     lower: Vec<f64>,
     range: Vec<f64>,
 }
 
 impl Trajectory {
-    /// The movement of a model; a joint without limits moves from −1 to 1.
+    /// The movement of a model; a joint without limits counts as one from −1 to 1.
     pub(super) fn new(model: &ModelInfo) -> Trajectory {
         let ends: Vec<[f64; 2]> = model
             .independent
@@ -31,8 +34,8 @@ impl Trajectory {
             })
             .collect();
         Trajectory {
-            lower: ends.iter().map(|[lower, _]| *lower).collect(),
-            range: ends.iter().map(|[lower, upper]| upper - lower).collect(),
+            lower: ends.iter().map(|[lower, upper]| 0.5 * (lower + upper - REACH * (upper - lower))).collect(),
+            range: ends.iter().map(|[lower, upper]| REACH * (upper - lower)).collect(),
         }
     }
 
