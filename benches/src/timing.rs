@@ -30,8 +30,8 @@ impl Effort {
 const STATES: usize = 64;
 /// A batch takes at least this long: the clock's own time is then below a percent.
 const BATCH: Duration = Duration::from_micros(15);
-/// Untimed calls before each batch: the other cases had the caches.
-const WARM_UP: usize = 8;
+/// Untimed calls before each batch take this long: the other cases had the caches and the branch predictor.
+const WARM_UP: Duration = Duration::from_micros(80);
 
 /// What all batches or round trips of a case took, in ascending order.
 #[derive(Clone, Debug, Default)]
@@ -66,28 +66,30 @@ impl Samples {
 
 /// Runs a batch of every case in turn, again and again; gives the nanoseconds per call of each batch.
 pub(crate) fn interleaved(cases: &mut [Case<'_>], effort: &Effort, progress: &Progress) -> Outcome<Vec<Samples>> {
+    // passes through the states that a warm-up and a batch take
     let mut passes = Vec::new();
     for case in cases.iter_mut() {
-        let once = batch(case, 1)?;
-        passes.push((BATCH.as_nanos() as f64 / (once * STATES as f64)).ceil().max(1.0) as usize);
+        let once = batch(case, 1, 1)? * STATES as f64;
+        passes.push([WARM_UP, BATCH].map(|time| (time.as_nanos() as f64 / once).ceil() as usize));
     }
     let mut ns = vec![Vec::new(); cases.len()];
     let start = Instant::now();
     while !cases.is_empty() && start.elapsed() < effort.rounds {
         progress.show("in process", start.elapsed().as_secs_f64() / effort.rounds.as_secs_f64());
         for (k, case) in cases.iter_mut().enumerate() {
-            ns[k].push(batch(case, passes[k])?);
+            let [warm_up, timed] = passes[k];
+            ns[k].push(batch(case, warm_up, timed)?);
         }
     }
     Ok(ns.into_iter().map(Samples::new).collect())
 }
 
-/// Nanoseconds per call of some passes through the first states.
-pub(crate) fn batch(case: &mut Case<'_>, passes: usize) -> Outcome<f64> {
+/// Nanoseconds per call of some passes through the first states, after some that are not timed.
+fn batch(case: &mut Case<'_>, warm_up: usize, passes: usize) -> Outcome<f64> {
     let states = case.inputs.len().min(STATES);
     let mut failed = false;
-    for state in states - WARM_UP.min(states)..states {
-        failed |= case.run(state).status != Status::Ok;
+    for k in 0..warm_up * states {
+        failed |= case.run(k % states).status != Status::Ok;
     }
     let start = Instant::now();
     for _ in 0..passes {
