@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, reason = "a test that fails panics")]
 
 mod allocation;
+mod commands;
 mod determinism;
 mod documents;
 mod laws;

@@ -29,6 +29,9 @@ const LONG: Duration = Duration::from_millis(1200);
 /// The server beside the controller is what the demo is about.
 const SHORT: Duration = Duration::from_millis(400);
 
+/// A busy computer may keep everybody waiting.
+const PATIENCE: Duration = Duration::from_secs(10);
+
 /// Flags of `demo`.
 #[derive(Args)]
 pub(crate) struct Demo {
@@ -108,7 +111,7 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
     let _server = ServerProcess::start(ROBOT, &name).map_err(DemoError::Server)?;
     let mut ways = Vec::new();
     for (k, (door, way)) in [(Door::Lane, "lane"), (Door::Requests, "requests door")].into_iter().enumerate() {
-        let options = ConnectOptions { door, fingerprint: Some(info.fingerprint), ..ConnectOptions::default() };
+        let options = ConnectOptions { door, timeout: PATIENCE, fingerprint: Some(info.fingerprint), ..ConnectOptions::default() };
         let mut robot = Robot::connect_with(&name, options)?;
         let plan = robot.prepare(&WANTED)?;
         let through = |input: &[f64], output: &mut [f64]| robot.ask(plan, input, output);
