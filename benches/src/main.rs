@@ -63,6 +63,9 @@ struct Flags {
     count: Option<Vec<String>>,
     #[arg(long, hide = true)]
     child: Option<round_trip::Role>,
+    /// Processors of the child: it inherits the one that its parent is tied to.
+    #[arg(long, hide = true, num_args = 2)]
+    processors: Vec<usize>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -74,7 +77,7 @@ enum Format {
 
 fn main() -> ExitCode {
     let outcome = match Flags::parse() {
-        Flags { child: Some(role), .. } => round_trip::child(role),
+        Flags { child: Some(role), processors, .. } => round_trip::child(role, &processors),
         Flags { count: Some(count), .. } => count::run(&count),
         flags => run(&flags),
     };

@@ -20,7 +20,7 @@ fn check<T: Scalar>(case: &Case, model: &Model<T>, bits: impl Fn(T) -> Bits) {
             let mut numbers = input(case, &mut robot, &plans[p], &case.state(k), &mut seeded);
             // some go astray
             match seeded.below(8) {
-                0 => numbers.iter_mut().for_each(|x| *x = *x * T::from_f64(7.0)),
+                0 => numbers.iter_mut().for_each(|x| *x *= T::from_f64(7.0)),
                 1 if !numbers.is_empty() => numbers[0] = T::from_f64(f64::INFINITY),
                 _ => {}
             }

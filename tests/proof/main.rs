@@ -3,10 +3,15 @@
 #![allow(non_snake_case)]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, reason = "a test that fails panics")]
 
+mod agreement;
 mod allocation;
 mod commands;
+mod derivatives;
 mod determinism;
 mod documents;
+mod energy;
+mod failures;
+mod hyrodyn;
 mod laws;
 mod vectors;
 mod wire;

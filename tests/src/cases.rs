@@ -17,7 +17,7 @@ use crate::seed::Seeded;
 pub const SEEDS: u64 = 240;
 
 /// One robot to check.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Case {
     /// Its name, or its seed and what it holds.
     pub name: String,

@@ -55,6 +55,11 @@ impl<T: Scalar> Fields<T> {
         &self.numbers[slot.range()]
     }
 
+    /// The same answer in another scalar.
+    pub fn map<D>(self, f: impl Fn(T) -> D) -> Fields<D> {
+        Fields { answer: self.answer, plan: self.plan, numbers: self.numbers.into_iter().map(f).collect() }
+    }
+
     /// The same answer, which must be complete.
     pub fn ok(self) -> Fields<T> {
         assert!(self.answer.status == Status::Ok, "{} instead of ok", self.answer.status);

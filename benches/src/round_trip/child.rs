@@ -11,6 +11,7 @@ use sarrus_models::{Options, Source, load};
 use sarrus_proto::Domain;
 use sarrus_server::{ServeOptions, Wait, serve};
 
+use super::cores::pin;
 use super::{Cores, ROBOT, floor};
 use crate::Outcome;
 
@@ -28,9 +29,10 @@ pub(super) struct Child(std::process::Child);
 
 impl Child {
     /// Starts it and waits until it is ready.
-    pub(super) fn start(role: Role, domain: &Domain) -> Outcome<Child> {
+    pub(super) fn start(role: Role, domain: &Domain, cores: &Cores) -> Outcome<Child> {
         let mut command = Command::new(std::env::current_exe()?);
         command.args(["--child", role.to_possible_value().as_ref().map_or("", |value| value.get_name())]);
+        command.arg("--processors").args(cores.of_server().map(|cpu| cpu.to_string()));
         command.env("SARRUS_ROOT", domain.root()).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = Child(command.spawn()?);
         let mut line = String::new();
@@ -57,9 +59,9 @@ impl Drop for Child {
 }
 
 /// Is the other process.
-pub(crate) fn child(role: Role) -> Outcome {
-    let cores = Cores::choose()?;
-    cores.pin_server();
+pub(crate) fn child(role: Role, processors: &[usize]) -> Outcome {
+    let &[server, upkeep] = processors else { return Err("--child needs --processors".into()) };
+    pin(server);
     let stop = Arc::new(AtomicBool::new(false));
     let told = stop.clone();
     std::thread::spawn(move || {
@@ -75,7 +77,7 @@ pub(crate) fn child(role: Role) -> Outcome {
             let options = ServeOptions { name: ROBOT.to_owned(), wait: Wait::Busy, lanes: 4 };
             // the answering thread was started on the server's processor and stays there
             let ready = || {
-                cores.pin_upkeep();
+                pin(upkeep);
                 println!("ready");
             };
             Ok(serve(Arc::new(loaded.compiled.model), &info, &options, &stop, ready)?)

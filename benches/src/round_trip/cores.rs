@@ -39,12 +39,9 @@ impl Cores {
         pin(self.client);
     }
 
-    pub(crate) fn pin_server(&self) {
-        pin(self.server);
-    }
-
-    pub(crate) fn pin_upkeep(&self) {
-        pin(self.upkeep);
+    /// The server's and that of its upkeep.
+    pub(super) fn of_server(&self) -> [usize; 2] {
+        [self.server, self.upkeep]
     }
 }
 
@@ -56,7 +53,7 @@ impl fmt::Display for Cores {
 }
 
 /// Moves this thread, and what it starts, to one processor. A system that forbids it measures without.
-fn pin(cpu: usize) {
+pub(super) fn pin(cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);
     let _ = sched_setaffinity(None, &set);

@@ -102,10 +102,9 @@ pub(super) struct Near {
 impl Near {
     /// Starts the other process.
     pub(super) fn start(domain: &Domain, cores: &Cores) -> Outcome<Near> {
-        cores.pin_client();
         let mut child = None;
         let end = End::meet(domain, "floor-near", "floor-far", || {
-            child = Some(Child::start(Role::Floor, domain)?);
+            child = Some(Child::start(Role::Floor, domain, cores)?);
             Ok(())
         })?;
         let child = child.ok_or("the floor's other process is not there")?;

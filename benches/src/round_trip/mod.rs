@@ -124,7 +124,7 @@ pub(crate) fn measure(robots: &[Robot], cores: &Cores, effort: &Effort, only: &s
         }
         floor.stop()?;
 
-        let server = Child::start(Role::Server, &domain)?;
+        let server = Child::start(Role::Server, &domain, cores)?;
         for (way, door) in [(Way::Lane, Door::Lane), (Way::Requests, Door::Requests)] {
             let options = ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
             let mut client = Client::connect_in(domain.clone(), ROBOT, options)?;

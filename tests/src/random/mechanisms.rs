@@ -273,7 +273,7 @@ impl Writer {
         let cut = self.mark(coupler, frame);
         let loops = vec![Loop { cut, predecessor: coupler, successor: rocker_link, rows: rows(&[3, 4, 5]) }];
         let tree = vec![crank.clone(), first, second, rocker];
-        let (independent, active) = (vec![(crank.clone(), 0.3)], vec![crank]);
+        let (independent, active) = (vec![(crank.clone(), 0.15)], vec![crank]);
         self.submechanism("RUSR", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
     }
 

@@ -28,6 +28,12 @@ pub struct Text {
 }
 
 impl Text {
+    /// Files that someone wrote.
+    pub fn of(urdf: &str, yaml: &str) -> Text {
+        let (urdf, yaml, holds) = (urdf.to_owned(), yaml.to_owned(), "files".to_owned());
+        Text { urdf, yaml, holds, reach: Vec::new(), square: true, rounded: false, scale: 0.3 }
+    }
+
     /// Reads and compiles it.
     pub fn load(&self, options: &Options) -> Result<Loaded, LoadError> {
         let (urdf, submechanisms) = (self.urdf.clone().into_bytes(), Some(self.yaml.clone().into_bytes()));

@@ -1,0 +1,73 @@
+#!/bin/sh
+# Instructions per call, the regression gate: unlike times they do not depend on what else the machine does.
+#   benches/count.sh            print the table
+#   benches/count.sh --check    compare with benches/instructions.tsv; fails where a case needs 5 % more
+#   benches/count.sh --update   write benches/instructions.tsv
+# Each case runs 2 and 6 times through 16 states under cachegrind; the difference is free of loading the robot.
+set -eu
+cd "$(dirname "$0")/.."
+baseline=benches/instructions.tsv
+cases="
+lambda/analytic/state
+lambda/numerical/warm/state
+torso/analytic/state
+torso/numerical/warm/state
+stewart/analytic/ID
+stewart/numerical/warm/state
+wrist/numerical/warm/state
+rh5v2_upper_body/analytic/state
+rh5v2_upper_body/analytic/ID
+rh5v2_upper_body/analytic/FD
+rh5v2_upper_body/numerical/warm/state
+rh5v2_upper_body/numerical/cold/state
+rh5v2_full/hybrid/warm/state
+rh5v2_full/hybrid/warm/ID
+rh5v2_full/hybrid/warm/FD
+"
+
+mode=${1:---print}
+case $mode in
+--print | --check | --update) ;;
+*) sed -n '2,6s/^# \{0,1\}//p' "$0" >&2 && exit 2 ;;
+esac
+if ! command -v valgrind >/dev/null; then
+    echo "not run: valgrind is missing (apt install valgrind)"
+    exit 0
+fi
+cargo build --quiet --locked --release -p sarrus-benches
+program=${CARGO_TARGET_DIR:-target}/release/sarrus-benches
+
+# instructions of a whole run of $1 that goes through the states $2 times
+instructions() {
+    valgrind --tool=cachegrind --cache-sim=no --cachegrind-out-file=/dev/null "$program" --count "$1" "$2" 2>&1 |
+        awk '/I +refs:/ { gsub(",", "", $NF); print $NF; found = 1 } { last = $0 }
+             END { if (!found) { print last > "/dev/stderr"; exit 1 } }'
+}
+
+counts=$(
+    for name in $cases; do
+        few=$(instructions "$name" 2)
+        many=$(instructions "$name" 6)
+        printf '%s\t%d\n' "$name" $(((many - few) / 64))
+    done
+)
+case $mode in
+--print)
+    printf 'case\tinstructions per call\n%s\n' "$counts" | column -t -s "$(printf '\t')"
+    ;;
+--update)
+    printf '# instructions per call, written by benches/count.sh --update with %s\n%s\n' "$(rustc --version)" "$counts" >$baseline
+    ;;
+--check)
+    printf '%s\n' "$counts" | awk -F '\t' -v baseline=$baseline '
+        BEGIN { while ((getline line < baseline) > 0) { split(line, part, "\t"); expected[part[1]] = part[2] } }
+        !($1 in expected) { printf "%-40s %8d, not in the baseline\n", $1, $2; failed = 1; next }
+        {
+            change = 100 * ($2 / expected[$1] - 1)
+            verdict = change > 5 ? "MORE" : change < -5 ? "less: run benches/count.sh --update" : "ok"
+            printf "%-40s %8d, baseline %8d, %+6.1f %%  %s\n", $1, $2, expected[$1], change, verdict
+            if (change > 5) failed = 1
+        }
+        END { exit failed }'
+    ;;
+esac

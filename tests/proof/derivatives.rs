@@ -1,0 +1,190 @@
+//! Derivatives against differences: central ones in double-double with a step of 1e-8 are good to sixteen digits.
+
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{Field, FieldSet, Request, Wanted};
+use sarrus_tests::cases::{Case, Ledger, State, robots};
+use sarrus_tests::compare::largest;
+use sarrus_tests::rigid::Pose;
+use sarrus_tests::run::{Fields, Robot};
+use sarrus_tests::small::{inner, plus, product, times};
+
+use Field::*;
+
+const STEP: f64 = 1e-8;
+/// What third derivatives at that step and the rounding of second differences leave, at condition 1.
+const ALLOWED: f64 = 1e-12;
+
+/// The state a time t later with ÿ constant, to second order in t; a quaternion to first, whose even error differences do not see.
+pub(crate) fn later<T: Scalar>(case: &Case, state: &State<T>, t: T) -> State<T> {
+    let yd = plus(&state.yd, &times(t, &state.ydd));
+    let half = T::from_f64(0.5);
+    let mean = plus(&state.yd, &times(half * t, &state.ydd));
+    let y = moved(case, &state.y, &mean, t);
+    State { y, yd, ydd: state.ydd.clone() }
+}
+
+/// y + t ẏ; at a floating joint p + t R v and q + t/2 q ω.
+pub(crate) fn moved<T: Scalar>(case: &Case, y: &[T], yd: &[T], t: T) -> Vec<T> {
+    let (mut y, mut v) = (y.to_vec(), 0);
+    let names = case.compiled.model.independent_q_names();
+    let mut i = 0;
+    while i < y.len() {
+        if !names[i].ends_with("/x") {
+            y[i] += t * yd[v];
+            (i, v) = (i + 1, v + 1);
+            continue;
+        }
+        let rate = quaternion_rate(&y[i + 3..i + 7], &yd[v..v + 3]);
+        let linear = turned(&y[i + 3..i + 7], &yd[v + 3..v + 6]);
+        (0..3).for_each(|k| y[i + k] += t * linear[k]);
+        (0..4).for_each(|k| y[i + 3 + k] += t * rate[k]);
+        let length = inner(&y[i + 3..i + 7], &y[i + 3..i + 7]).sqrt();
+        (3..7).for_each(|k| y[i + k] = y[i + k] / length);
+        (i, v) = (i + 7, v + 6);
+    }
+    y
+}
+
+/// ½ q ω with ω in the body.
+fn quaternion_rate<T: Scalar>(q: &[T], w: &[T]) -> [T; 4] {
+    let half = T::from_f64(0.5);
+    [
+        half * (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]),
+        half * (q[3] * w[1] + q[2] * w[0] - q[0] * w[2]),
+        half * (q[3] * w[2] + q[0] * w[1] - q[1] * w[0]),
+        -half * (q[0] * w[0] + q[1] * w[1] + q[2] * w[2]),
+    ]
+}
+
+/// R(q) v.
+fn turned<T: Scalar>(q: &[T], v: &[T]) -> [T; 3] {
+    let cross = |a: [T; 3], b: [T; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let (axis, v) = ([q[0], q[1], q[2]], [v[0], v[1], v[2]]);
+    let inner = cross(axis, v);
+    let twice = cross(axis, [inner[0] + q[3] * v[0], inner[1] + q[3] * v[1], inner[2] + q[3] * v[2]]);
+    std::array::from_fn(|k| v[k] + twice[k] + twice[k])
+}
+
+/// Kinetic and potential energy from masses, poses and twists of the links, without any mass matrix.
+pub(crate) fn energy<T: Scalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) {
+    let (mut kinetic, mut potential) = (T::ZERO, T::ZERO);
+    let links = case.description.links.iter().zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6));
+    for ((link, pose), twist) in links {
+        let Some(inertial) = &link.inertial else { continue };
+        let mass = T::from_f64(inertial.mass);
+        let arm = turned(&pose[3..], &inertial.origin.xyz.map(T::from_f64));
+        let (w, v) = (&twist[..3], &twist[3..]);
+        let at: [T; 3] = std::array::from_fn(|k| {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            v[k] + w[i] * arm[j] - w[j] * arm[i]
+        });
+        // ω in the axes of the inertia
+        let back = [-pose[3], -pose[4], -pose[5], pose[6]];
+        let in_link = turned(&back, w);
+        let R = Pose::from_rpy(inertial.origin.rpy, [0.0; 3]).R;
+        let w: [T; 3] = std::array::from_fn(|k| (0..3).fold(T::ZERO, |sum, i| sum + T::from_f64(R[i][k]) * in_link[i]));
+        let [xx, xy, xz, yy, yz, zz] = inertial.inertia.map(T::from_f64);
+        let turning = w[0] * (xx * w[0] + xy * w[1] + xz * w[2])
+            + w[1] * (xy * w[0] + yy * w[1] + yz * w[2])
+            + w[2] * (xz * w[0] + yz * w[1] + zz * w[2]);
+        kinetic += T::from_f64(0.5) * (mass * inner(&at, &at) + turning);
+        for k in 0..3 {
+            potential += -mass * T::from_f64(case.description.gravity[k]) * (pose[k] + arm[k]);
+        }
+    }
+    (kinetic, potential)
+}
+
+/// Poses and twists of all links.
+pub(crate) fn frames<T: Scalar>(robot: &mut Robot<T>, state: &State<T>) -> (Vec<T>, Vec<T>) {
+    let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
+    let (mut pose, mut twist) = (Vec::new(), Vec::new());
+    for some in links.chunks(32) {
+        let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose, FrameTwist])).with_frames(some);
+        let x = robot.ask_for(wanted, &[(Y, &state.y), (Yd, &state.yd)]).ok();
+        pose.extend_from_slice(x.get(FramePose));
+        twist.extend_from_slice(x.get(FrameTwist));
+    }
+    (pose, twist)
+}
+
+/// (b − a) / 2h.
+fn slope(a: &[Dd], b: &[Dd]) -> Vec<Dd> {
+    a.iter().zip(b).map(|(a, b)| (*b - *a) / Dd::from(2.0 * STEP)).collect()
+}
+
+#[test]
+fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
+    Ledger::over(robots(), |case, ledger| {
+        let mut robot = Robot::new(case.compiled.exact.clone());
+        let n_vy = robot.model.sizes().n_vy;
+        let links: Vec<u16> = (0..robot.model.link_names().len().min(32) as u16).collect();
+        let now = case.state::<Dd>(0);
+        let want = FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd, G, GBias, K, KBias, CondKd, FramePose, FrameTwist, FrameAcc]);
+        let mut at = |t: f64| -> Fields<Dd> {
+            let state = later(case, &now, Dd::from(t));
+            let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, want).with_frames(&links);
+            robot.ask_for(wanted, &[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]).ok()
+        };
+        let [before, x, after] = [-STEP, 0.0, STEP].map(&mut at);
+        let cond = x.get(CondKd)[0].to_f64();
+        let allowed = ALLOWED * cond + case.contradiction().min(1e-3);
+        let speed = largest(x.get(Qd)).max(1.0);
+        let change = |field: Field| slope(before.get(field), after.get(field));
+        let mut check = |what: &str, a: &[Dd], b: &[Dd], size: f64| ledger.compare(what, case, a, b, size, allowed);
+
+        // joints of one freedom stand at the same names in q and q̇
+        let (q_names, v_names) = (case.compiled.model.tree_q_names(), case.compiled.model.tree_names());
+        let rate = change(Q);
+        for (k, name) in q_names.iter().enumerate() {
+            if let Some(v) = v_names.iter().position(|x| x == name) {
+                check("q̇", &[rate[k]], &[x.get(Qd)[v]], speed);
+            }
+        }
+        check("q̈", &change(Qd), x.get(Qdd), speed.powi(2));
+        check("u̇", &change(U), x.get(Ud), speed);
+        check("ü", &change(Ud), x.get(Udd), speed.powi(2));
+        check("g = Ġ ẏ", &product(&change(G), &now.yd), x.get(GBias), speed.powi(2));
+        assert_eq!(x.get(G).len() % n_vy.max(1), 0);
+        let k_bias: Vec<Dd> = product(&change(K), x.get(Qd)).into_iter().map(|x| -x).collect();
+        check("k = −K̇ q̇", &k_bias, x.get(KBias), largest(x.get(K)).max(1.0) * speed.powi(2));
+
+        // frames: positions, quaternions (½ ω q, ω in world axes), twists
+        let (poses, twists) = (change(FramePose), x.get(FrameTwist));
+        let size = largest(twists).max(speed);
+        for ((rate, pose), twist) in poses.chunks_exact(7).zip(x.get(FramePose).chunks_exact(7)).zip(twists.chunks_exact(6)) {
+            check("frame velocity", &rate[..3], &twist[3..], size);
+            let back = [-pose[3], -pose[4], -pose[5], pose[6]];
+            let in_body = turned(&back, &twist[..3]);
+            check("quaternion rate", &rate[3..], &quaternion_rate(&pose[3..], &in_body), size);
+        }
+        check("frame acceleration", &change(FrameTwist), x.get(FrameAcc), size.powi(2).max(largest(x.get(FrameAcc))));
+    });
+}
+
+#[test]
+fn power_is_the_rate_of_energy() {
+    Ledger::over(robots(), |case, ledger| {
+        let mut robot = Robot::new(case.compiled.exact.clone());
+        let now = case.state::<Dd>(1);
+        let want = [TauY, MY, CondKd];
+        let x = robot.ask(Request::InverseDynamics, &[(Y, &now.y), (Yd, &now.yd), (Ydd, &now.ydd)], &want).ok();
+        let mut energy_at = |t: f64| {
+            let state = later(case, &now, Dd::from(t));
+            let (pose, twist) = frames(&mut robot, &state);
+            energy(case, &pose, &twist)
+        };
+        let (kinetic, _) = energy_at(0.0);
+        let half = Dd::from(0.5) * inner(&now.yd, &product(x.get(MY), &now.yd));
+        let cond = x.get(CondKd)[0].to_f64();
+        // the inertia's frame is turned in double
+        ledger.note("½ ẏᵀ M_y ẏ", case, ((half - kinetic) / kinetic).to_f64().abs(), 1e-14 * cond + case.contradiction());
+        let (before, after) = (energy_at(-STEP), energy_at(STEP));
+        let sum = |x: (Dd, Dd)| x.0 + x.1;
+        let rate = (sum(after) - sum(before)) / Dd::from(2.0 * STEP);
+        let power = inner(x.get(TauY), &now.yd);
+        let terms = x.get(TauY).iter().zip(&now.yd).fold(0.0, |sum, (a, b)| sum + (*a * *b).to_f64().abs());
+        let size = terms.max(kinetic.to_f64());
+        ledger.note("Ė = τ_y · ẏ", case, (rate - power).to_f64().abs() / size, 1e-11 * cond + case.contradiction());
+    });
+}
