@@ -3,7 +3,7 @@
 #   benches/count.sh            print the table
 #   benches/count.sh --check    compare with benches/instructions.tsv; fails where a case needs 5 % more
 #   benches/count.sh --update   write benches/instructions.tsv
-# Each case runs 2 and 6 times through 16 states under cachegrind; the difference is free of loading the robot.
+# Each case goes four times through 16 states under callgrind, which collects nothing while the robot is loaded.
 set -eu
 cd "$(dirname "$0")/.."
 baseline=benches/instructions.tsv
@@ -37,18 +37,11 @@ fi
 cargo build --quiet --locked --release -p sarrus-benches
 program=${CARGO_TARGET_DIR:-target}/release/sarrus-benches
 
-# instructions of a whole run of $1 that goes through the states $2 times
-instructions() {
-    valgrind --tool=cachegrind --cache-sim=no --cachegrind-out-file=/dev/null "$program" --count "$1" "$2" 2>&1 |
-        awk '/I +refs:/ { gsub(",", "", $NF); print $NF; found = 1 } { last = $0 }
-             END { if (!found) { print last > "/dev/stderr"; exit 1 } }'
-}
-
 counts=$(
     for name in $cases; do
-        few=$(instructions "$name" 2)
-        many=$(instructions "$name" 6)
-        printf '%s\t%d\n' "$name" $(((many - few) / 64))
+        valgrind --tool=callgrind --callgrind-out-file=/dev/null --toggle-collect='*count::passes*' "$program" --count "$name" 4 2>&1 |
+            awk -v name="$name" '/Collected :/ && $NF > 0 { printf "%s\t%.0f\n", name, $NF / 64; found = 1 } { last = $0 }
+                END { if (!found) { print name ": " last > "/dev/stderr"; exit 1 } }'
     done
 )
 case $mode in

@@ -58,7 +58,7 @@ struct Flags {
     /// Print the names of the cases and end.
     #[arg(long)]
     list: bool,
-    /// Run one case this many times and end; for counting instructions.
+    /// Go this many times through 16 states of one case and end; for counting instructions.
     #[arg(long, num_args = 2, value_names = ["CASE", "REPEATS"])]
     count: Option<Vec<String>>,
     #[arg(long, hide = true)]
@@ -98,8 +98,8 @@ fn run(flags: &Flags) -> Outcome {
 
     // the same states for every way to close a robot's loops
     let mut robots = Vec::new();
-    for robot in cases::ROBOTS {
-        progress.show(robot, 0.0);
+    for (k, robot) in cases::ROBOTS.into_iter().enumerate() {
+        progress.show(robot, k as f64 / cases::ROBOTS.len() as f64);
         robots.push(states::Robot::load(robot, effort.states)?);
     }
     let mut cases = Vec::new();
@@ -114,8 +114,9 @@ fn run(flags: &Flags) -> Outcome {
 
     // errors first: a case that does not answer is not timed
     let mut errors = Vec::new();
+    let n_cases = cases.len();
     for (k, case) in cases.iter_mut().enumerate() {
-        progress.show(&case.name(), k as f64 / case.robot.states.len() as f64);
+        progress.show("errors", k as f64 / n_cases as f64);
         errors.push(error::measure(case)?);
     }
     let samples = timing::interleaved(&mut cases, &effort, &progress)?;

@@ -46,11 +46,11 @@ impl Report {
         let raw = samples.iter().chain(trips.iter().map(|trip| &trip.samples));
         Report {
             command: format!("cargo run --release -p sarrus-benches{command}"),
-            machine: machine(),
+            machine: machine(cores),
             tables,
             cases: rows.map(|((case, errors), samples)| case_value(case, errors, samples)).collect(),
             trips: trips.iter().map(Trip::value).collect(),
-            samples: raw.map(|samples| json!(samples.all())).collect(),
+            samples: raw.map(|samples| json!(samples.counted())).collect(),
         }
     }
 
@@ -75,7 +75,7 @@ impl Report {
             std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         }
         let mut whole = self.summary();
-        whole["samples_ns"] = json!(self.samples);
+        whole["samples_tenths_of_ns_and_count"] = json!(self.samples);
         std::fs::write(path, whole.to_string()).map_err(|error| format!("{}: {error}", path.display()).into())
     }
 }
@@ -110,7 +110,7 @@ fn in_process(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: 
         row.extend([error(errors.worst), error(errors.median), backward, newton(errors)]);
         row
     };
-    let batches = samples.iter().map(|samples| samples.all().len()).min().unwrap_or(0);
+    let batches = samples.iter().map(|samples| samples.count()).min().unwrap_or(0);
     let states = cases.first().map_or(0, |case| case.inputs.len());
     let mut notes = vec![
         format!(
@@ -139,18 +139,33 @@ fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
     let row = |trip: &Trip| {
         let mut row = vec![trip.what.name.to_owned(), format!("{} in, {} out", trip.n_in, trip.n_out), trip.way.name().to_owned()];
         row.extend([0.5, 0.9, 0.99, 0.999].map(|quantile| ns(trip.samples.at(quantile))));
+        row.push(format!("{} to {}", ns(trip.starts.0), ns(trip.starts.1)));
         let served = trip.computation > 0.0;
         let optional = |x: f64| if served { ns(x) } else { "-".to_owned() };
         row.extend([optional(trip.computation), ns(trip.samples.median() - trip.computation), optional(trip.over_floor())]);
         row
     };
-    let count = trips.iter().map(|trip| trip.samples.all().len()).min().unwrap_or(0);
+    let count = trips.iter().map(|trip| trip.samples.count()).min().unwrap_or(0);
     Table {
         title: "Round trip, upper body, server and client two processes that poll".to_owned(),
-        columns: vec!["asked", "numbers", "way", "p50", "p90", "p99", "p99.9", "computation", "p50 without it", "over the floor"],
+        columns: vec![
+            "asked",
+            "numbers",
+            "way",
+            "p50",
+            "p90",
+            "p99",
+            "p99.9",
+            "p50 of starts",
+            "computation",
+            "p50 without it",
+            "over the floor",
+        ],
         n_text: 3,
         rows: trips.iter().map(row).collect(),
         notes: vec![
+            "p50 of starts: the least and the largest p50 of one start of the processes; where they differ much, the machine does."
+                .to_owned(),
             format!("ns; {count} round trips each in turns; the clock's own {} ns are included; {cores}", ns(clock())),
             "floor: the same bytes there and back through shared atomics, nothing computed; computation: the same plan in process, median."
                 .to_owned(),
@@ -173,7 +188,7 @@ fn newton(errors: &Errors) -> String {
 fn case_value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
     let mut value = json!({
         "case": case.name(), "median_ns": samples.median(), "min_ns": samples.at(0.0), "p99_ns": samples.at(0.99),
-        "batches": samples.all().len(), "states": case.inputs.len(), "error": errors.worst, "median_error": errors.median,
+        "batches": samples.count(), "states": case.inputs.len(), "error": errors.worst, "median_error": errors.median,
     });
     if case.question == Question::ForwardDynamics {
         value["backward_error"] = json!(errors.backward);
@@ -185,11 +200,10 @@ fn case_value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
 }
 
 /// Processor, how many, and how busy they are with other things.
-fn machine() -> String {
+fn machine(cores: &Cores) -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let info = read("/proc/cpuinfo");
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ")).map_or("unknown processor", |pair| pair.1);
-    let count = std::thread::available_parallelism().map_or(1, usize::from);
     let load = read("/proc/loadavg");
-    format!("{model}, {count} of it; load at the end {}", load.split(' ').next().unwrap_or("unknown"))
+    format!("{model}, {} processors; load at the end {}", cores.count, load.split(' ').next().unwrap_or("unknown"))
 }

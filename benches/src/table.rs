@@ -44,7 +44,7 @@ impl Table {
     }
 }
 
-/// Nanoseconds; above 10 µs nobody reads the last digit, but a table reads best with one unit.
+/// Whole nanoseconds: a table reads best with one unit.
 pub(crate) fn ns(x: f64) -> String {
     format!("{x:.0}")
 }

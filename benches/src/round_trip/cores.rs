@@ -13,6 +13,8 @@ pub(crate) struct Cores {
     client: usize,
     server: usize,
     upkeep: usize,
+    /// How many there are.
+    pub(crate) count: usize,
     /// True when client and server are two threads of one core.
     siblings: bool,
 }
@@ -27,7 +29,7 @@ impl Cores {
         let mut others = allowed[1..].iter().copied().filter(apart).chain(allowed[1..].iter().copied());
         let client = others.next().unwrap_or(server);
         let upkeep = others.find(|cpu| *cpu != client).unwrap_or(server);
-        Ok(Cores { client, server, upkeep, siblings: client != server && !apart(&client) })
+        Ok(Cores { client, server, upkeep, count: allowed.len(), siblings: client != server && !apart(&client) })
     }
 
     /// True when there is only one.

@@ -76,6 +76,8 @@ pub(crate) struct Trip {
     pub(crate) computation: f64,
     /// Median of the floor for the same bytes.
     floor: f64,
+    /// The least and the largest median of one start of the processes: a virtual machine moves its processors now and then.
+    pub(crate) starts: (f64, f64),
 }
 
 impl Trip {
@@ -87,9 +89,9 @@ impl Trip {
     pub(crate) fn value(&self) -> Value {
         let at = |quantile| self.samples.at(quantile);
         json!({
-            "case": name(self.way, self.what), "n_in": self.n_in, "n_out": self.n_out, "count": self.samples.all().len(),
+            "case": name(self.way, self.what), "n_in": self.n_in, "n_out": self.n_out, "count": self.samples.count(),
             "p50_ns": at(0.5), "p90_ns": at(0.9), "p99_ns": at(0.99), "p99_9_ns": at(0.999),
-            "computation_ns": self.computation, "floor_ns": self.floor,
+            "computation_ns": self.computation, "floor_ns": self.floor, "medians_of_starts_ns": [self.starts.0, self.starts.1],
         })
     }
 }
@@ -102,6 +104,7 @@ struct Asked {
     answers: Vec<Vec<f64>>,
     computation: Vec<f64>,
     ns: [Vec<f64>; 3],
+    starts: [Vec<f64>; 3],
 }
 
 /// Measures all round trips whose name has `only` in it; nothing where server and client would share a processor.
@@ -131,14 +134,13 @@ pub(crate) fn measure(robots: &[Robot], cores: &Cores, effort: &Effort, only: &s
             for asked in asked.iter_mut().filter(|asked| chosen(way, asked)) {
                 let plan = client.prepare(&asked.wanted)?;
                 served(asked, way, effort.trips, &mut client, plan)?;
+                asked.compute(robot)?;
             }
         }
         server.stop()?;
-        // the server's processor is free: the same clock, the same caches as the client's
-        asked.iter_mut().try_for_each(|asked| asked.compute(robot))?;
     }
     domain.tidy();
-    Ok(asked.iter().flat_map(Asked::trips).filter(|trip| !trip.samples.all().is_empty()).collect())
+    Ok(asked.iter().flat_map(Asked::trips).filter(|trip| trip.samples.count() > 0).collect())
 }
 
 /// Round trips through a door; every answer's status is looked at, and the bits of a first pass through the states.
@@ -168,6 +170,8 @@ fn timed(asked: &mut Asked, way: Way, count: usize, mut trip: impl FnMut(usize, 
         trip(k, &asked.inputs[k % STATES])?;
         ns.push(start.elapsed().as_nanos() as f64);
     }
+    let median = Samples::new(ns[ns.len() - count..].to_vec()).median();
+    asked.starts[way as usize].push(median);
     Ok(())
 }
 
@@ -177,13 +181,14 @@ impl Asked {
         let plan = Plan::new(&robot.variants[0].compiled.model, &wanted)?;
         let inputs = robot.states.iter().take(STATES).map(|state| packed(&plan, state, 0)).collect();
         let answers = vec![vec![0.0; plan.want().len()]; STATES];
-        let mut asked = Asked { what, wanted, inputs, answers, computation: Vec::new(), ns: Default::default() };
+        let mut asked =
+            Asked { what, wanted, inputs, answers, computation: Vec::new(), ns: Default::default(), starts: Default::default() };
         asked.compute(robot)?;
         asked.computation.clear();
         Ok(asked)
     }
 
-    /// Times the plan in process, in batches, and keeps its answers.
+    /// Times the plan in process, in batches, and keeps its answers; done after each run of round trips, under the same conditions.
     fn compute(&mut self, robot: &Robot) -> Outcome {
         let model = &robot.variants[0].compiled.model;
         let plan = Plan::new(model, &self.wanted)?;
@@ -209,6 +214,10 @@ impl Asked {
             samples: Samples::new(self.ns[way as usize].clone()),
             computation: if way == Way::Floor { 0.0 } else { computation },
             floor,
+            starts: {
+                let medians = Samples::new(self.starts[way as usize].clone());
+                (medians.at(0.0), medians.at(1.0))
+            },
         })
     }
 }

@@ -14,7 +14,7 @@ const BUDGET: u32 = 1200;
 const FIRST: f64 = 0.25;
 const SHORTEST: f64 = 1.0 / 65536.0;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
-const SEARCH: u32 = 60;
+const SEARCH: u32 = 200;
 /// Relative singular value below which a matrix has lost rank.
 const LOST: f64 = 1e-9;
 
@@ -31,6 +31,7 @@ pub(super) fn follow<T: Scalar>(
         local.scratch.goal[j] = local.q[j];
     }
     local.q.copy_from_slice(local.start);
+    local.scratch.last[..n].copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
     numerical.remember(cluster, bodies, local);
     let (closed, count) = numerical.newton(cluster, bodies, local, true);
@@ -116,7 +117,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             scratch.B[a] = x;
             slope = x.mul_add(x, slope);
         }
-        if slope < T::from_f64(1e-16) * cost * length * length {
+        if slope < T::from_f64(1e-12) * cost * length * length {
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;

@@ -52,8 +52,11 @@ impl Plan {
     }
 
     /// NaN everywhere, but for what survives a failure.
-    pub(super) fn write_failure<T: Scalar>(&self, found: &Findings<T>, output: &mut [T]) {
+    pub(super) fn write_failure<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>, found: &Findings<T>, output: &mut [T]) {
         output.fill(T::from_f64(f64::NAN));
+        if let (Some(slot), true) = (self.want().slot(Field::NearestY), found.nearest) {
+            output[slot.range()].iter_mut().zip(&model.order.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
+        }
         self.write_figure(Field::Residual, found.residual, output);
         self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
     }

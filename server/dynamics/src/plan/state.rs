@@ -10,6 +10,8 @@ use crate::model::{Cluster, Model, Motion};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
+/// Halvings of the path to an unreachable target.
+const BISECTIONS: u32 = 50;
 /// Newton steps from actuator to independent coordinates.
 const STEPS: u32 = 60;
 /// Longest of these steps, in radians or cluster lengths.
@@ -88,7 +90,7 @@ impl Plan {
     /// Actuators can only tell the state of joints that they move; a free joint without one needs its coordinate otherwise.
     fn check_unactuated<T: Scalar>(&self, model: &Model<T>) -> Result<(), Status> {
         let guessed = self.given.slot(Field::QGuess).is_some();
-        let driven = |cluster: &Cluster<T>| !cluster.is_serial() || cluster.active.len() == cluster.n_vy;
+        let driven = |cluster: &Cluster<T>| cluster.active.len() == cluster.n_vy;
         if guessed || model.clusters.iter().all(driven) { Ok(()) } else { Err(Status::SingularActuation) }
     }
 
@@ -114,6 +116,10 @@ impl Plan {
         if outcome.status != Status::Ok {
             if self.wants(Field::Residual) {
                 found.residual = residual(cluster, bodies, ws);
+            }
+            if self.wants(Field::NearestY) && !actuated {
+                found.nearest = true;
+                nearest_independents(cluster, bodies, ws);
             }
             return Err(outcome.status);
         }
@@ -178,6 +184,37 @@ fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], w
     local_poses(cluster, bodies, q, turn, &mut ws.scratch.pose);
     constraint_residual(cluster, &ws.scratch.pose, q, &mut ws.scratch.phi);
     largest_residual(cluster, &ws.scratch.phi)
+}
+
+/// Puts into q the last independents of one cluster that the straight path to an unreachable target reaches: a numerical closure has just
+/// followed it, a closed form is bisected.
+fn nearest_independents<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], ws: &mut Workspace<T>) {
+    let q = cluster.q;
+    if !matches!(cluster.closure, Closure::Numerical(_)) {
+        let (mut low, mut high) = (0.0, 1.0);
+        for &j in &cluster.independent {
+            ws.scratch.goal[j] = ws.q[q + j];
+            ws.scratch.last[j] = ws.start[q + j];
+        }
+        for _ in 0..BISECTIONS {
+            let part = 0.5 * (low + high);
+            for &j in &cluster.independent {
+                let (from, to) = (ws.start[q + j], ws.scratch.goal[j]);
+                ws.q[q + j] = (to - from).mul_add(T::from_f64(part), from);
+            }
+            if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
+                low = part;
+                for &j in &cluster.independent {
+                    ws.scratch.last[j] = ws.q[q + j];
+                }
+            } else {
+                high = part;
+            }
+        }
+    }
+    for &j in &cluster.independent {
+        ws.q[q + j] = ws.scratch.last[j];
+    }
 }
 
 /// The workspace's numbers of one cluster.
