@@ -31,7 +31,7 @@ enum Command {
     Check(commands::check::Check),
     /// Answer requests: JSON lines in, JSON lines out.
     ///
-    /// A line such as {"y": [0.1], "yd": [1], "want": ["q", "tau_u"], "frames": ["hand"], "wrenches": {"hand": [0,0,0,0,0,-10]}} gives the
+    /// A line such as `{"y": [0.1], "yd": [1], "want": ["q", "tau_u"], "frames": ["hand"], "wrenches": {"hand": [0,0,0,0,0,-10]}}` gives the
     /// state from y, u or q (and their rates yd, ud, qd, ydd, udd, qdd; zero where they are missing), forces as tau_u, tau_y or tau_q,
     /// and for numerical loops a q_guess and qd_guess. `sarrus check` prints the order of each list. The answer is one line with
     /// status, warnings and each wanted field: numbers, lists, lists of rows, or null where the status forbids numbers.

@@ -48,7 +48,14 @@ impl Plan {
             }
         }
         self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
-        Status::Ok
+        self.check_overflow(output)
+    }
+
+    /// Numbers too large to be computed with are no answer; a condition may be infinite.
+    fn check_overflow<T: Scalar>(&self, output: &[T]) -> Status {
+        let may_be_infinite = |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
+        let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
+        if slots.all(|slot| output[slot.range()].iter().all(|x| x.is_finite())) { Status::Ok } else { Status::NonFiniteInput }
     }
 
     /// NaN everywhere, but for what survives a failure.

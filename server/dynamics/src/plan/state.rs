@@ -117,9 +117,14 @@ impl Plan {
             if self.wants(Field::Residual) {
                 found.residual = residual(cluster, bodies, ws);
             }
-            if self.wants(Field::NearestY) && !actuated {
+            if self.wants(Field::NearestY) {
                 found.nearest = true;
-                nearest_independents(cluster, bodies, ws);
+                if actuated {
+                    // the last pose that was good
+                    cluster.independent.iter().for_each(|j| ws.q[cluster.q + j] = ws.start[cluster.q + j]);
+                } else {
+                    nearest_independents(cluster, bodies, ws);
+                }
             }
             return Err(outcome.status);
         }
@@ -267,41 +272,43 @@ fn from_actuators<T: Scalar>(
         ws.q[cluster.q + j] = ws.start[cluster.q + j];
     }
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
-    let mut sign = T::ZERO;
+    let (mut sign, mut damping) = (T::ZERO, T::ONE);
     for k in 0..STEPS {
         let outcome = close(cluster, bodies, &mut local(cluster, ws), Level::Velocity);
-        found.iterations += outcome.iterations;
-        if outcome.status != Status::Ok {
-            return Ok(outcome);
-        }
-        let at = cluster.q..cluster.q + cluster.n_q;
-        ws.start[at.clone()].copy_from_slice(&ws.q[at]);
+        found.iterations += outcome.iterations + 1;
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
                 ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
             }
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + j];
         }
-        let det = solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
-        if k == 0 {
-            sign = det;
-        } else if !T::ZERO.lt(det * sign) {
-            return Err(Status::BranchChanged);
+        let det = if outcome.status == Status::Ok { solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
+        let at = cluster.q..cluster.q + cluster.n_q;
+        match det {
+            // another branch, or no pose at all: half the way from the last good one
+            None if k == 0 => return if outcome.status == Status::Ok { Err(Status::SingularActuation) } else { Ok(outcome) },
+            Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
+                (sign, damping) = (det, T::ONE);
+                ws.start[at.clone()].copy_from_slice(&ws.q[at]);
+                for (k, _) in cluster.independent.iter().enumerate() {
+                    ws.step_y[k] = ws.dense_rhs[k];
+                }
+            }
+            _ => damping *= T::from_f64(0.5),
         }
-        // one step, no longer than allowed
+        // one step from the last good pose, no longer than allowed
         let mut size = T::ZERO;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let unit = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
-            let step = ws.dense_rhs[k].abs() * T::from_f64(unit);
+            let step = ws.step_y[k].abs() * T::from_f64(unit);
             size = T::select(size.lt(step), step, size);
         }
         let longest = T::from_f64(LONGEST);
-        let damping = T::select(longest.lt(size), longest / size, T::ONE);
+        let part = damping * T::select(longest.lt(size), longest / size, T::ONE);
         for (k, &j) in cluster.independent.iter().enumerate() {
-            ws.q[cluster.q + j] += ws.dense_rhs[k] * damping;
+            ws.q[cluster.q + j] = ws.step_y[k].mul_add(part, ws.start[cluster.q + j]);
         }
-        found.iterations += 1;
-        if size < tolerance {
+        if size.lt(tolerance) {
             return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
         }
     }
