@@ -30,7 +30,7 @@ statuses! {
     Ok = 0, "ok";
     /// The request itself is malformed: a field missing, two that exclude each other, a quaternion not of unit length.
     BadRequest = 1, "bad_request";
-    /// An input number is NaN or infinite.
+    /// An input number is NaN or infinite, or so large that the answer would be.
     NonFiniteInput = 2, "non_finite_input";
     /// The number of input or output numbers does not fit the plan.
     WrongSize = 3, "wrong_size";

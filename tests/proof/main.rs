@@ -5,6 +5,7 @@
 
 mod agreement;
 mod allocation;
+mod commands;
 mod derivatives;
 mod determinism;
 mod documents;

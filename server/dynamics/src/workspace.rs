@@ -18,6 +18,8 @@ pub struct Workspace<T> {
     pub(crate) start: Vec<T>,
     /// The actuator coordinates that one cluster has to reach.
     pub(crate) goal_u: Vec<T>,
+    /// The step of the independents towards them.
+    pub(crate) step_y: Vec<T>,
     /// Independent accelerations.
     pub(crate) ydd: Vec<T>,
 
@@ -102,6 +104,7 @@ impl<T: Scalar> Workspace<T> {
             qdd: of(sizes.n_v),
             start: of(sizes.n_q),
             goal_u: of(sizes.n_u),
+            step_y: of(sizes.n_vy),
             ydd: of(sizes.n_vy),
             turn: vec![(T::ONE, T::ZERO); bodies],
             G: free_jacobians(model),

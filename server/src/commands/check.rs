@@ -52,7 +52,7 @@ fn in_words(report: &CheckReport) -> String {
             closure.kind.to_owned(),
             closure.rows.to_string(),
             closure.rank.to_string(),
-            format!("{:.1e}", closure.misfit),
+            if closure.misfit == 0.0 { "0".to_owned() } else { format!("{:.1e}", closure.misfit) },
         ]
     };
     if !report.closures.is_empty() {

@@ -13,7 +13,7 @@ pub(crate) struct RobotFlags {
     #[command(flatten)]
     source: SourceFlags,
     /// Submechanism file that goes with --urdf; without it every joint is independent and active.
-    #[arg(long, value_name = "FILE", requires = "urdf")]
+    #[arg(long, value_name = "FILE", requires = "urdf", conflicts_with = "robot")]
     submechanisms: Option<PathBuf>,
     /// Gravity in root axes, m/s².
     #[arg(long, value_name = "X,Y,Z", value_parser = gravity, default_value = "0,0,-9.81", allow_hyphen_values = true)]

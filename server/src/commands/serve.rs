@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
-use sarrus_client::{LoadError, describe};
+use sarrus_client::describe;
 use sarrus_server::{ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use super::robot::RobotFlags;
+use super::robot::{RobotFlags, refuse};
 
 /// Flags of `serve`.
 #[derive(Args)]
@@ -48,10 +48,7 @@ impl Serve {
 
         let loaded = match self.robot.load() {
             Ok(loaded) => loaded,
-            Err(error) => {
-                eprintln!("sarrus serve: {error}");
-                return ExitCode::from(if matches!(error, LoadError::Faults(_)) { 1 } else { 2 });
-            }
+            Err(error) => return refuse("serve", &error),
         };
         let info = describe(&loaded);
         info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));

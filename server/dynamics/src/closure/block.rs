@@ -11,12 +11,15 @@ use crate::spatial::{Pose, dot, zero};
 
 /// Largest first step, in radians or cluster lengths.
 const TRUST: f64 = 0.5;
-/// Part of a block's distance to singularity (its determinant against its row norms) that a first step may go without knowing the old sign.
+/// Part of a block's distance to singularity (its determinant against its column norms) that a first step may go without knowing the old sign.
 const CAUTION: f64 = 0.5;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
-/// Least pivot of a block, or determinant against the product of its row norms.
-const SINGULAR: f64 = 1e-13;
+/// Least pivot of a wide block against its row.
+const SINGULAR: f64 = 1e-12;
+/// Least determinant of a narrow block against the product of its column norms, in roots of the unit roundoff: a pose closer to
+/// singularity than that is known to no digit.
+const ROOTS: f64 = 10.0;
 
 /// A smallest set of rows that determines as many joints.
 #[derive(Clone, Debug)]
@@ -134,7 +137,7 @@ impl Block {
             let fresh = k == 0 || !previous.lt(chord).all();
             let residual = self.evaluate::<T, M>(&cluster.cuts, bodies, local, fresh);
             if fresh {
-                let squares = if k == 0 && self.remember { row_squares(&local.scratch.A[..m * m], m) } else { T::ONE };
+                let squares = if k == 0 && self.remember { column_squares(&local.scratch.A[..m * m], m) } else { T::ONE };
                 let (fine, det) = self.invert::<T, M>(local.scratch);
                 if k == 0 {
                     last_det = det;
@@ -397,14 +400,15 @@ impl BlockCut {
     }
 }
 
-/// Product of the squared row norms of a square matrix.
-#[inline]
-fn row_squares<T: Real>(A: &[T], m: usize) -> T {
-    A.chunks_exact(m).fold(T::ONE, |product, row| product * row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)))
+/// Product of the squared column norms of a square matrix: turning and sliding joints have columns of different units.
+#[inline(always)]
+fn column_squares<T: Real>(A: &[T], m: usize) -> T {
+    let square = |j: usize| (0..m).fold(T::ZERO, |sum, i| A[i * m + j].mul_add(A[i * m + j], sum));
+    (0..m).fold(T::ONE, |product, j| product * square(j))
 }
 
-/// |det| against the product of the row norms.
+/// |det| against the product of the column norms.
 #[inline]
 fn sound<T: Real>(A: &[T], m: usize, det: T) -> T::Mask {
-    (row_squares(&A[..m * m], m) * T::from_f64(SINGULAR * SINGULAR)).lt(det * det)
+    (column_squares(&A[..m * m], m) * T::from_f64(ROOTS * ROOTS * T::EPSILON)).lt(det * det)
 }

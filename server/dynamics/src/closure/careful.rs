@@ -14,9 +14,11 @@ const BUDGET: u32 = 1200;
 const FIRST: f64 = 0.25;
 const SHORTEST: f64 = 1.0 / 65536.0;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
-const SEARCH: u32 = 60;
-/// Relative singular value below which a matrix has lost rank.
-const LOST: f64 = 1e-9;
+const SEARCH: u32 = 200;
+/// Relative singular value below which K has lost rank where K_d could not be inverted.
+const LOST: f64 = 1e-3;
+/// The same for K_d at a pose that only the search could close: at a double root it is known to half the digits.
+const DOUBTFUL: f64 = 1e-4;
 
 /// Follows the straight path from `local.start` to the independents in `local.q`, shortening a substep that is doubtful.
 pub(super) fn follow<T: Scalar>(
@@ -31,6 +33,7 @@ pub(super) fn follow<T: Scalar>(
         local.scratch.goal[j] = local.q[j];
     }
     local.q.copy_from_slice(local.start);
+    local.scratch.last[..n].copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
     numerical.remember(cluster, bodies, local);
     let (closed, count) = numerical.newton(cluster, bodies, local, true);
@@ -78,6 +81,7 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
         _ if iterations > BUDGET => Status::NotConverged,
+        Some(true) if dependents_range(cluster, bodies, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }
@@ -116,7 +120,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             scratch.B[a] = x;
             slope = x.mul_add(x, slope);
         }
-        if slope < T::from_f64(1e-16) * cost * length * length {
+        if slope < T::from_f64(1e-12) * cost * length * length {
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
@@ -144,6 +148,22 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
 fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratch<T>, q: &[T]) -> T {
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
     scratch.phi[..cluster.rows.len()].iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum))
+}
+
+/// σ_min / σ_max of the scaled K_d at the pose in `local.q`.
+fn dependents_range<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> T {
+    let (n, m) = (cluster.n, cluster.dependent.len());
+    let scratch = &mut *local.scratch;
+    constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+    let length = T::from_f64(cluster.length);
+    for (i, &r) in cluster.used.iter().enumerate() {
+        for (a, &j) in cluster.dependent.iter().enumerate() {
+            let unit = if bodies[j].motion == Motion::Prismatic { length } else { T::ONE };
+            scratch.A[i * m + a] = scratch.K[r * n + j] * unit;
+        }
+    }
+    let (largest, least) = singular_range(&mut scratch.A, m, m);
+    least / largest
 }
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.

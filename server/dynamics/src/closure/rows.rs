@@ -164,8 +164,11 @@ pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[
 /// The largest of the residuals φ, in lengths of the cluster.
 pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) -> T {
     let unit = T::from_f64(1.0 / cluster.length);
-    phi[..cluster.rows.len()].iter().fold(T::ZERO, |largest, phi| {
-        let size = phi.abs() * unit;
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    phi.iter().zip(rows).fold(T::ZERO, |largest, (phi, row)| {
+        // angles and couplings are numbers already
+        let is_length = row.terms.is_empty() && row.linear.iter().any(|x| T::lift(*x) != T::ZERO);
+        let size = if is_length { phi.abs() * unit } else { phi.abs() };
         T::select(size.lt(largest), largest, size)
     })
 }

@@ -166,6 +166,9 @@ fn to_independent<T: Scalar>(model: &Model<T>, G: &[T], tau_q: &[T], tau_y: &mut
 /// more, and where there are fewer the best, with the remainder in `tau_rest`.
 fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
     ws.tau_rest.fill(T::ZERO);
+    if !ws.tau_y.iter().all(|tau| tau.is_finite()) {
+        return Err(Status::NonFiniteInput);
+    }
     for cluster in &model.clusters {
         let (m, n_u) = (cluster.n_vy, cluster.active.len());
         if cluster.is_serial() {

@@ -42,7 +42,7 @@ use crate::model::Model;
 /// let mut tau = [0.0];
 /// let answer = plan.run(&model, &mut workspace, &[std::f64::consts::FRAC_PI_2], &mut tau);
 /// assert_eq!(answer.status, Status::Ok);
-/// assert!((tau[0] + 9.81).abs() < 1e-12);
+/// assert!((tau[0] - 9.81).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]

@@ -48,12 +48,22 @@ impl Plan {
             }
         }
         self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
-        Status::Ok
+        self.check_overflow(output)
+    }
+
+    /// Numbers too large to be computed with are no answer; a condition may be infinite.
+    fn check_overflow<T: Scalar>(&self, output: &[T]) -> Status {
+        let may_be_infinite = |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
+        let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
+        if slots.all(|slot| output[slot.range()].iter().all(|x| x.is_finite())) { Status::Ok } else { Status::NonFiniteInput }
     }
 
     /// NaN everywhere, but for what survives a failure.
-    pub(super) fn write_failure<T: Scalar>(&self, found: &Findings<T>, output: &mut [T]) {
+    pub(super) fn write_failure<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>, found: &Findings<T>, output: &mut [T]) {
         output.fill(T::from_f64(f64::NAN));
+        if let (Some(slot), true) = (self.want().slot(Field::NearestY), found.nearest) {
+            output[slot.range()].iter_mut().zip(&model.order.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
+        }
         self.write_figure(Field::Residual, found.residual, output);
         self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
     }

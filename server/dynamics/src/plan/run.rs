@@ -13,6 +13,8 @@ pub(super) struct Findings<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
     pub(super) residual: T,
+    /// The independents in q are the nearest ones to an unreachable target.
+    pub(super) nearest: bool,
 }
 
 impl Plan {
@@ -29,13 +31,13 @@ impl Plan {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
-        let mut found = Findings { status: Status::Ok, iterations: 0, residual: T::from_f64(f64::NAN) };
+        let mut found = Findings { status: Status::Ok, iterations: 0, residual: T::from_f64(f64::NAN), nearest: false };
         found.status = match self.compute(model, workspace, input, &mut found) {
             Ok(()) => self.write(model, workspace, &found, output),
             Err(status) => status,
         };
         if found.status != Status::Ok {
-            self.write_failure(&found, output);
+            self.write_failure(model, workspace, &found, output);
             return Answer { status: found.status, warnings: Warnings::NONE };
         }
         Answer { status: Status::Ok, warnings: self.limits(model, workspace) }

@@ -10,6 +10,8 @@ use crate::model::{Cluster, Model, Motion};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
+/// Halvings of the path to an unreachable target.
+const BISECTIONS: u32 = 50;
 /// Newton steps from actuator to independent coordinates.
 const STEPS: u32 = 60;
 /// Longest of these steps, in radians or cluster lengths.
@@ -88,7 +90,7 @@ impl Plan {
     /// Actuators can only tell the state of joints that they move; a free joint without one needs its coordinate otherwise.
     fn check_unactuated<T: Scalar>(&self, model: &Model<T>) -> Result<(), Status> {
         let guessed = self.given.slot(Field::QGuess).is_some();
-        let driven = |cluster: &Cluster<T>| !cluster.is_serial() || cluster.active.len() == cluster.n_vy;
+        let driven = |cluster: &Cluster<T>| cluster.active.len() == cluster.n_vy;
         if guessed || model.clusters.iter().all(driven) { Ok(()) } else { Err(Status::SingularActuation) }
     }
 
@@ -114,6 +116,15 @@ impl Plan {
         if outcome.status != Status::Ok {
             if self.wants(Field::Residual) {
                 found.residual = residual(cluster, bodies, ws);
+            }
+            if self.wants(Field::NearestY) {
+                found.nearest = true;
+                if actuated {
+                    // the last pose that was good
+                    cluster.independent.iter().for_each(|j| ws.q[cluster.q + j] = ws.start[cluster.q + j]);
+                } else {
+                    nearest_independents(cluster, bodies, ws);
+                }
             }
             return Err(outcome.status);
         }
@@ -180,6 +191,37 @@ fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], w
     largest_residual(cluster, &ws.scratch.phi)
 }
 
+/// Puts into q the last independents of one cluster that the straight path to an unreachable target reaches: a numerical closure has just
+/// followed it, a closed form is bisected.
+fn nearest_independents<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], ws: &mut Workspace<T>) {
+    let q = cluster.q;
+    if !matches!(cluster.closure, Closure::Numerical(_)) {
+        let (mut low, mut high) = (0.0, 1.0);
+        for &j in &cluster.independent {
+            ws.scratch.goal[j] = ws.q[q + j];
+            ws.scratch.last[j] = ws.start[q + j];
+        }
+        for _ in 0..BISECTIONS {
+            let part = 0.5 * (low + high);
+            for &j in &cluster.independent {
+                let (from, to) = (ws.start[q + j], ws.scratch.goal[j]);
+                ws.q[q + j] = (to - from).mul_add(T::from_f64(part), from);
+            }
+            if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
+                low = part;
+                for &j in &cluster.independent {
+                    ws.scratch.last[j] = ws.q[q + j];
+                }
+            } else {
+                high = part;
+            }
+        }
+    }
+    for &j in &cluster.independent {
+        ws.q[q + j] = ws.scratch.last[j];
+    }
+}
+
 /// The workspace's numbers of one cluster.
 pub(crate) fn local<'a, T: Scalar>(cluster: &Cluster<T>, ws: &'a mut Workspace<T>) -> Local<'a, T> {
     let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
@@ -230,41 +272,43 @@ fn from_actuators<T: Scalar>(
         ws.q[cluster.q + j] = ws.start[cluster.q + j];
     }
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
-    let mut sign = T::ZERO;
+    let (mut sign, mut damping) = (T::ZERO, T::ONE);
     for k in 0..STEPS {
         let outcome = close(cluster, bodies, &mut local(cluster, ws), Level::Velocity);
-        found.iterations += outcome.iterations;
-        if outcome.status != Status::Ok {
-            return Ok(outcome);
-        }
-        let at = cluster.q..cluster.q + cluster.n_q;
-        ws.start[at.clone()].copy_from_slice(&ws.q[at]);
+        found.iterations += outcome.iterations + 1;
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
                 ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
             }
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + j];
         }
-        let det = solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
-        if k == 0 {
-            sign = det;
-        } else if !T::ZERO.lt(det * sign) {
-            return Err(Status::BranchChanged);
+        let det = if outcome.status == Status::Ok { solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
+        let at = cluster.q..cluster.q + cluster.n_q;
+        match det {
+            // another branch, or no pose at all: half the way from the last good one
+            None if k == 0 => return if outcome.status == Status::Ok { Err(Status::SingularActuation) } else { Ok(outcome) },
+            Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
+                (sign, damping) = (det, T::ONE);
+                ws.start[at.clone()].copy_from_slice(&ws.q[at]);
+                for (k, _) in cluster.independent.iter().enumerate() {
+                    ws.step_y[k] = ws.dense_rhs[k];
+                }
+            }
+            _ => damping *= T::from_f64(0.5),
         }
-        // one step, no longer than allowed
+        // one step from the last good pose, no longer than allowed
         let mut size = T::ZERO;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let unit = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
-            let step = ws.dense_rhs[k].abs() * T::from_f64(unit);
+            let step = ws.step_y[k].abs() * T::from_f64(unit);
             size = T::select(size.lt(step), step, size);
         }
         let longest = T::from_f64(LONGEST);
-        let damping = T::select(longest.lt(size), longest / size, T::ONE);
+        let part = damping * T::select(longest.lt(size), longest / size, T::ONE);
         for (k, &j) in cluster.independent.iter().enumerate() {
-            ws.q[cluster.q + j] += ws.dense_rhs[k] * damping;
+            ws.q[cluster.q + j] = ws.step_y[k].mul_add(part, ws.start[cluster.q + j]);
         }
-        found.iterations += 1;
-        if size < tolerance {
+        if size.lt(tolerance) {
             return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
         }
     }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use sarrus_client::{Answer, ConnectError, ConnectOptions, Door, Error, Robot, Status, Wanted, Warnings};
 use sarrus_dynamics::{Model, Plan, Workspace};
+use sarrus_proto::ServerName;
 
 /// Plans that are kept in process: scripts use few, and one that uses a new one for each line must not fill the memory.
 const PLANS: usize = 64;
@@ -78,6 +79,8 @@ pub(super) struct There {
 impl There {
     /// Connects through a lane, or through the requests door when all lanes are taken.
     pub(super) fn connect(name: &str) -> Result<There, ConnectError> {
+        // a bad name is told before anything is made
+        ServerName::new(name)?;
         let robot = match Robot::connect(name) {
             Err(ConnectError::FullHouse { .. }) => {
                 Robot::connect_with(name, ConnectOptions { door: Door::Requests, ..ConnectOptions::default() })

@@ -29,7 +29,7 @@ impl<'a> Value<'a> {
             Err(error) => {
                 let (words, column) = (error.to_string(), error.column());
                 let words = words.rsplit_once(" at line ").map_or(words.as_str(), |(words, _)| words);
-                Err(Fault { offset: column.saturating_sub(1), words: format!("no JSON: {words}") })
+                Err(Fault { offset: column.saturating_sub(1), words: format!("not JSON: {words}") })
             }
         }
     }
@@ -156,8 +156,8 @@ mod tests {
     #[test]
     fn faults_of_syntax_have_their_place() {
         let fault = |text| Value::parse(text).map(|value| value.offset).unwrap_err();
-        assert_eq!(fault(r#"{"y":[0.1 0.2]}"#), Fault { offset: 10, words: "no JSON: expected `,` or `]`".to_owned() });
-        assert_eq!(fault(r#"{"y":[0.1]"#).words, "no JSON: EOF while parsing an object");
+        assert_eq!(fault(r#"{"y":[0.1 0.2]}"#), Fault { offset: 10, words: "not JSON: expected `,` or `]`".to_owned() });
+        assert_eq!(fault(r#"{"y":[0.1]"#).words, "not JSON: EOF while parsing an object");
     }
 
     #[test]

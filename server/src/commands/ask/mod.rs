@@ -9,6 +9,7 @@ mod answer;
 mod engine;
 mod json;
 mod lines;
+mod read;
 mod request;
 
 use std::io::{self, ErrorKind, Write};
@@ -137,7 +138,7 @@ impl Session {
         };
         let remark = |Problem { offset, words, .. }: Problem| Remark { column: Some(column(text, offset)), words };
         let asked = match valid {
-            Ok(text) => request::read(self.request, &self.model, text),
+            Ok(text) => read::read(self.request, &self.model, text),
             Err(_) => Err(Problem { status: Status::BadRequest, offset: line.len(), words: "a byte that is no UTF-8".to_owned() }),
         };
         let mut asked = match asked {

@@ -1,8 +1,8 @@
-//! One line in: what it gives and what it wants, or why it is no request.
+//! What a line asks: the names that scripts use, and what they stand for.
 
-use sarrus_client::{Field, FieldSet, ModelInfo, Request, Status, Wanted, WantedError};
+use sarrus_client::{Field, FieldSet, Status, Wanted};
 
-use super::json::{Fault, Value};
+use super::json::Fault;
 
 /// What one line asks.
 #[derive(Debug)]
@@ -48,7 +48,7 @@ impl From<Fault> for Problem {
 }
 
 /// What a request can give, besides wrenches.
-const INPUTS: [Field; 14] = [
+pub(super) const INPUTS: [Field; 14] = [
     Field::Y,
     Field::Yd,
     Field::Ydd,
@@ -66,8 +66,6 @@ const INPUTS: [Field; 14] = [
 ];
 const FRAMES: [Field; 3] = [Field::FramePose, Field::FrameTwist, Field::FrameAcc];
 const JACOBIANS: [Field; 3] = [Field::JacobianTree, Field::JacobianIndependent, Field::JacobianActuator];
-/// There are not so many different keys, nor so many different things to want.
-const MOST: usize = 64;
 
 impl Output {
     /// The name that scripts see.
@@ -79,7 +77,8 @@ impl Output {
         }
     }
 
-    fn from_name(name: &str) -> Option<Output> {
+    /// The output of a name.
+    pub(super) fn from_name(name: &str) -> Option<Output> {
         match name {
             "frames" => Some(Output::Frames),
             "jacobians" => Some(Output::Jacobians),
@@ -88,232 +87,12 @@ impl Output {
         }
     }
 
-    fn fields(self) -> FieldSet {
+    /// What a plan computes for it.
+    pub(super) fn fields(self) -> FieldSet {
         match self {
             Output::Field(field) => FieldSet::of(&[field]),
             Output::Frames => FieldSet::of(&FRAMES),
             Output::Jacobians => FieldSet::of(&JACOBIANS),
         }
     }
-}
-
-/// Reads a line for one kind of request on one model.
-pub(super) fn read(request: Request, model: &ModelInfo, line: &str) -> Result<Asked, Problem> {
-    let root = Value::parse(line)?;
-    let members = root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
-    let mut reader = Reader { model, keys: Vec::new(), want: None, frames: None, wrenches: Vec::new(), given: Vec::new(), doubt: None };
-    for (key, value) in members {
-        reader.member(key, value)?;
-    }
-    reader.finish(request, root)
-}
-
-struct Reader<'a> {
-    model: &'a ModelInfo,
-    keys: Vec<(String, usize)>,
-    want: Option<Vec<(Output, usize)>>,
-    frames: Option<Vec<(String, u16)>>,
-    wrenches: Vec<(u16, Vec<f64>)>,
-    given: Vec<Given>,
-    doubt: Option<Problem>,
-}
-
-impl Reader<'_> {
-    fn member(&mut self, key: Value<'_>, value: Value<'_>) -> Result<(), Problem> {
-        let name = key.string().ok_or_else(|| key.fault("a key that is no text".to_owned()))?;
-        if self.keys.iter().any(|(known, _)| *known == name) {
-            return Err(key.fault(format!("`{name}` stands here twice")));
-        }
-        match name.as_str() {
-            "want" => self.want = Some(wants(value)?),
-            "frames" => self.frames = Some(self.links(value)?),
-            "wrenches" => self.wrenches = self.read_wrenches(value)?,
-            _ => match INPUTS.into_iter().find(|field| field.name() == name) {
-                Some(field) => {
-                    let n = field.shape(&self.model.sizes(), 0, 0).0;
-                    let numbers = self.numbers(&name, value, n)?;
-                    self.given.push(Given { field, numbers, offset: key.offset });
-                }
-                None => {
-                    let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
-                    let known = format!("{}, wrenches, frames, want", known.join(", "));
-                    return Err(key.fault(format!("{} is no key of a request, expected one of {known}", shown(&name))));
-                }
-            },
-        }
-        self.keys.push((name, key.offset));
-        Ok(())
-    }
-
-    /// A list of `n` finite numbers; another count or a number that is not finite is a doubt.
-    fn numbers(&mut self, what: &str, value: Value<'_>, n: usize) -> Result<Vec<f64>, Problem> {
-        let (mut numbers, mut count, mut other) = (Vec::new(), 0, None);
-        let is_list = value.items(|item| {
-            match item.number() {
-                Some(number) if count < n => {
-                    if !number.is_finite() {
-                        self.doubt(Status::NonFiniteInput, item.offset, || format!("{what} has a number beyond the range of a double"));
-                    }
-                    numbers.push(number);
-                }
-                Some(_) => {}
-                None => other = Some(item),
-            }
-            count += 1;
-            other.is_none()
-        });
-        match (is_list, other) {
-            (Some(()), None) => {}
-            (_, item) => return Err(item.unwrap_or(value).is_no(&format!("{what} as a list of {n} numbers"))),
-        }
-        if count != n {
-            self.doubt(Status::WrongSize, value.offset, || format!("{what} has {count} numbers, expected {n}"));
-        }
-        Ok(numbers)
-    }
-
-    /// Keeps the first doubt; a wrong size comes before a number that is not finite.
-    fn doubt(&mut self, status: Status, offset: usize, words: impl FnOnce() -> String) {
-        let weight = |status| if status == Status::WrongSize { 0 } else { 1 };
-        if self.doubt.as_ref().is_none_or(|doubt| weight(status) < weight(doubt.status)) {
-            self.doubt = Some(Problem { status, offset, words: words() });
-        }
-    }
-
-    fn links(&self, value: Value<'_>) -> Result<Vec<(String, u16)>, Problem> {
-        let mut links: Vec<(String, u16)> = Vec::new();
-        for (name, item) in names(value, self.model.links.len() + 1, "frames as a list of links")? {
-            let link = self.link(&name, item)?;
-            if links.iter().any(|(_, known)| *known == link) {
-                return Err(item.fault(format!("`{name}` stands here twice")));
-            }
-            links.push((name, link));
-        }
-        Ok(links)
-    }
-
-    fn read_wrenches(&mut self, value: Value<'_>) -> Result<Vec<(u16, Vec<f64>)>, Problem> {
-        let expected = "wrenches as an object such as {\"link\": [nx,ny,nz,fx,fy,fz]}";
-        let members = value.members(self.model.links.len() + 1).ok_or_else(|| value.is_no(expected))?;
-        let mut wrenches: Vec<(u16, Vec<f64>)> = Vec::new();
-        for (key, value) in members {
-            let name = key.string().ok_or_else(|| key.fault("a link that is no text".to_owned()))?;
-            let link = self.link(&name, key)?;
-            if wrenches.iter().any(|(known, _)| *known == link) {
-                return Err(key.fault(format!("`{name}` stands here twice")));
-            }
-            wrenches.push((link, self.numbers(&format!("the wrench on `{name}`"), value, 6)?));
-        }
-        // an object has no order: its links get one
-        wrenches.sort_by_key(|(link, _)| *link);
-        Ok(wrenches)
-    }
-
-    fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
-        let n = self.model.links.len();
-        self.model.link(name).ok_or_else(|| at.fault(format!("{} is none of the {n} links of {}", shown(name), self.model.robot)))
-    }
-
-    fn finish(self, request: Request, root: Value<'_>) -> Result<Asked, Problem> {
-        // what the answer holds
-        let mut outputs = match self.want {
-            Some(want) => want,
-            None => request.default_want().iter().map(|field| (Output::Field(field), root.offset)).collect(),
-        };
-        let of_frames = |(output, _): &&(Output, usize)| matches!(output, Output::Frames | Output::Jacobians);
-        match outputs.iter().find(of_frames) {
-            Some((output, offset)) if self.frames.is_none() => {
-                let words = format!("`{}` is wanted of no link, expected \"frames\": [\"link\"] beside it", output.name());
-                return Err(Fault { offset: *offset, words }.into());
-            }
-            _ if self.frames.is_some() && !outputs.iter().any(|(output, _)| *output == Output::Frames) => {
-                outputs.push((Output::Frames, root.offset));
-            }
-            _ => {}
-        }
-
-        // what the plan is made for
-        let given = self.given.iter().fold(FieldSet::EMPTY, |set, given| set.with(given.field));
-        let want = outputs.iter().fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
-        let mut wanted = Wanted::new(request, given, want);
-        let frames = self.frames.unwrap_or_default();
-        wanted = wanted.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
-        if !self.wrenches.is_empty() {
-            wanted = wanted.with_wrenches(&self.wrenches.iter().map(|(link, _)| *link).collect::<Vec<u16>>());
-        }
-        let key = |name: &str| self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset);
-        wanted.check(self.model.links.len()).map_err(|error| {
-            let place = match error {
-                WantedError::NotAnInput(field) => key(field.name()),
-                WantedError::Conflict(a, b) => key(a.name()).max(key(b.name())),
-                WantedError::NotAnOutput(field) => {
-                    outputs.iter().find(|(output, _)| *output == Output::Field(field)).map(|(_, offset)| *offset)
-                }
-                WantedError::TooMany { what, .. } => key(what),
-                _ => None,
-            };
-            Problem::from(Fault { offset: place.unwrap_or(root.offset), words: error.to_string() })
-        })?;
-
-        let mut given = self.given;
-        if !self.wrenches.is_empty() {
-            let numbers = self.wrenches.into_iter().flat_map(|(_, wrench)| wrench).collect();
-            given.push(Given { field: Field::Wrenches, numbers, offset: root.offset });
-        }
-        Ok(Asked {
-            wanted,
-            outputs: outputs.into_iter().map(|(output, _)| output).collect(),
-            frames: frames.into_iter().map(|(name, _)| name).collect(),
-            given,
-            doubt: self.doubt,
-        })
-    }
-}
-
-fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {
-    let mut wants: Vec<(Output, usize)> = Vec::new();
-    for (name, item) in names(value, MOST, "want as a list of names")? {
-        let output = Output::from_name(&name).ok_or_else(|| {
-            let known: Vec<&str> = Field::ALL.iter().map(|field| field.name()).filter(|name| Output::from_name(name).is_some()).collect();
-            item.fault(format!("{} cannot be wanted, expected some of {}, frames, jacobians", shown(&name), known.join(", ")))
-        })?;
-        if wants.iter().any(|(known, _)| *known == output) {
-            return Err(item.fault(format!("`{name}` stands here twice")));
-        }
-        wants.push((output, item.offset));
-    }
-    Ok(wants)
-}
-
-/// A list of strings and where each stands; up to `most`.
-fn names<'a>(value: Value<'a>, most: usize, expected: &str) -> Result<Vec<(String, Value<'a>)>, Problem> {
-    let (mut names, mut other) = (Vec::new(), None);
-    let is_list = value.items(|item| {
-        match item.string() {
-            Some(name) => names.push((name, item)),
-            None => other = Some(item),
-        }
-        other.is_none() && names.len() < most
-    });
-    match (is_list, other) {
-        (Some(()), None) => Ok(names),
-        (_, item) => Err(item.unwrap_or(value).is_no(expected)),
-    }
-}
-
-impl Value<'_> {
-    fn fault(&self, words: String) -> Problem {
-        Fault { offset: self.offset, words }.into()
-    }
-
-    fn is_no(&self, expected: &str) -> Problem {
-        self.fault(format!("{}, expected {expected}", self.kind()))
-    }
-}
-
-/// A name in backticks, shortened when long.
-fn shown(name: &str) -> String {
-    const LONGEST: usize = 60;
-    let short: String = name.chars().take(LONGEST).collect();
-    if short.len() < name.len() { format!("`{short}…`") } else { format!("`{short}`") }
 }

@@ -1,6 +1,7 @@
 //! `sarrus demo`: a server process, a controller, and the truth about every answer.
 
 mod process;
+mod processors;
 mod progress;
 mod report;
 mod trajectory;
@@ -12,13 +13,15 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use hdrhistogram::Histogram;
-use sarrus_client::{Answer, ConnectError, ConnectOptions, Door, Error, LoadError, Options, Robot, Source, Status, describe};
+use sarrus_client::{Answer, ConnectError, ConnectOptions, Door, Error, LoadError, Options, Patience, Robot, Source, Status, describe};
 use sarrus_dynamics::{Plan, Workspace};
 use sarrus_models::{bundled, load};
+use sarrus_server::Wait;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::output::{Format, FormatFlag, finish, json_line};
 use process::ServerProcess;
+use processors::Processors;
 use progress::Progress;
 use report::{Report, Way};
 use trajectory::{SAMPLES, Trajectory, Truth, WANTED, counts};
@@ -28,6 +31,9 @@ const ROBOT: &str = "rh5v2_upper_body";
 const LONG: Duration = Duration::from_millis(1200);
 /// The server beside the controller is what the demo is about.
 const SHORT: Duration = Duration::from_millis(400);
+
+/// A busy computer may keep everybody waiting.
+const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Flags of `demo`.
 #[derive(Args)]
@@ -105,10 +111,15 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
 
     // the server, through both doors
     let name = format!("demo-{}", std::process::id());
-    let _server = ServerProcess::start(ROBOT, &name).map_err(DemoError::Server)?;
+    // decided by all processors, not by the part that each of them gets
+    let (wait, patience) = (Wait::fitting(), Patience::fitting());
+    let processors = Processors::split();
+    processors.iter().try_for_each(Processors::take_servers).map_err(DemoError::Server)?;
+    let _server = ServerProcess::start(ROBOT, &name, wait).map_err(DemoError::Server)?;
+    processors.iter().try_for_each(Processors::take_controllers).map_err(DemoError::Server)?;
     let mut ways = Vec::new();
     for (k, (door, way)) in [(Door::Lane, "lane"), (Door::Requests, "requests door")].into_iter().enumerate() {
-        let options = ConnectOptions { door, fingerprint: Some(info.fingerprint), ..ConnectOptions::default() };
+        let options = ConnectOptions { door, timeout: TIMEOUT, patience, fingerprint: Some(info.fingerprint) };
         let mut robot = Robot::connect_with(&name, options)?;
         let plan = robot.prepare(&WANTED)?;
         let through = |input: &[f64], output: &mut [f64]| robot.ask(plan, input, output);

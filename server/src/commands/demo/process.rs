@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::ipc;
 use rustix::process::{Pid, Signal, kill_process};
 use sarrus_client::Domain;
+use sarrus_server::Wait;
 
 /// How long a server has for a clean stop.
 const STOP: Duration = Duration::from_secs(3);
@@ -21,9 +22,13 @@ pub(super) struct ServerProcess {
 
 impl ServerProcess {
     /// Starts this executable as a server and waits until it is ready.
-    pub(super) fn start(robot: &str, name: &str) -> io::Result<ServerProcess> {
+    pub(super) fn start(robot: &str, name: &str, wait: Wait) -> io::Result<ServerProcess> {
+        let wait = match wait {
+            Wait::Busy => "busy",
+            Wait::Sleep => "sleep",
+        };
         let mut command = Command::new(std::env::current_exe()?);
-        command.args(["serve", "--robot", robot, "--name", name]).stdin(Stdio::null()).stdout(Stdio::piped());
+        command.args(["serve", "--robot", robot, "--name", name, "--wait", wait]).stdin(Stdio::null()).stdout(Stdio::piped());
         // Ctrl-C goes to the demo alone, which stops the server in order
         command.process_group(0);
         let mut child = command.spawn()?;

@@ -1,0 +1,247 @@
+//! `ask --connect` and `demo`: other processes, and what they leave. One test at a time.
+
+use std::io::{BufRead, BufReader, Lines, Write};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+use sarrus_proto::Domain;
+use sarrus_tests::reference::vectors;
+
+use super::vectors::lines;
+use super::{Run, run, sarrus, subset};
+
+/// A domain of one test.
+struct Place {
+    root: PathBuf,
+    prefix: String,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Place {
+    fn new() -> Place {
+        static ALONE: Mutex<()> = Mutex::new(());
+        static PLACES: AtomicU32 = AtomicU32::new(0);
+        let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let root = std::env::temp_dir().join(format!("sarrus-ask-{}-{}", std::process::id(), PLACES.fetch_add(1, Relaxed)));
+        let prefix = Domain::at(&root).unwrap().prefix();
+        Place { root, prefix, _alone: alone }
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(sarrus());
+        command.args(arguments).env("SARRUS_ROOT", &self.root).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn serve(&self, robot: &str, name: &str) -> Process {
+        let mut server = Process::start(&mut self.command(&["serve", "--robot", robot, "--name", name]));
+        let ready = server.line();
+        assert!(ready.starts_with(&format!("ready {name} ")), "{ready}");
+        server
+    }
+
+    fn leftovers(&self) -> Vec<PathBuf> {
+        let shared = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|entry| entry.path());
+        let ours = shared.filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(&self.prefix));
+        ours.chain(self.root.exists().then(|| self.root.clone())).collect()
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        for path in self.leftovers() {
+            let _ = if path.is_dir() { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
+        }
+    }
+}
+
+/// A process that is spoken to; killed when dropped.
+struct Process {
+    child: Child,
+    stdin: Option<ChildStdin>,
+    lines: Lines<BufReader<ChildStdout>>,
+}
+
+impl Process {
+    fn start(command: &mut Command) -> Process {
+        let mut child = command.spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        Process { stdin: child.stdin.take(), child, lines }
+    }
+
+    fn line(&mut self) -> String {
+        self.lines.next().unwrap().unwrap()
+    }
+
+    fn ask(&mut self, line: &str) -> String {
+        writeln!(self.stdin.as_mut().unwrap(), "{line}").unwrap();
+        self.line()
+    }
+
+    fn signal(&self, signal: &str) {
+        assert!(Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success());
+    }
+
+    fn end(&mut self) -> ExitStatus {
+        drop(self.stdin.take());
+        let start = Instant::now();
+        while start.elapsed() < Duration::from_secs(20) {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("it does not end");
+    }
+
+    fn stop(mut self) {
+        self.signal("-TERM");
+        assert!(self.end().success());
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn through_a_server_the_text_is_the_same() {
+    let place = Place::new();
+    let odd = "bad\n{\"y\":[1]}\n{\"yy\":1}\n{\"y\":[1e999]}\n\n{\"u\":[9]}\n{\"want\":[\"q\"],\"u\":[1e9]}\n[]\n";
+    for robot in ["torso", "wrist", "rh5v2_upper_body"] {
+        let server = place.serve(robot, "same");
+        let file = vectors(robot);
+        let frames = format!("{{\"y\":{},\"frames\":[{:?}],\"want\":[\"jacobians\",\"G_u\"]}}\n", file["cases"][0]["y"], link(robot));
+        for request in ["kinematics", "inverse-dynamics", "forward-dynamics", "map"] {
+            let text = lines(&file, request) + odd + &frames;
+            let here = run(&["ask", request, "--robot", robot], text.as_bytes());
+            let there = Run::of(&mut place.command(&["ask", request, "--connect", "same"]), text.as_bytes());
+            assert_eq!(here.code, there.code);
+            assert_eq!(here.out, there.out, "{robot} {request}");
+            assert_eq!((here.err.as_str(), there.err.as_str()), ("", ""));
+        }
+        server.stop();
+    }
+    assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
+}
+
+/// Some moving link.
+fn link(robot: &str) -> &'static str {
+    let urdf = sarrus_models::bundled_text(robot).unwrap().0;
+    urdf.split("<child link=\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap()
+}
+
+#[test]
+fn without_a_server_there_is_nothing_to_ask() {
+    let place = Place::new();
+    let refused = Run::of(&mut place.command(&["ask", "kinematics", "--connect", "nobody"]), b"{\"y\":[0]}");
+    assert_eq!((refused.code, refused.out.as_str()), (Some(2), ""));
+    assert_eq!(refused.err, "sarrus ask: no server named `nobody` runs; start one with `sarrus serve --name nobody`\n");
+    let refused = Run::of(&mut place.command(&["ask", "kinematics", "--connect", "no/body"]), b"");
+    assert_eq!((refused.code, refused.out.as_str()), (Some(2), ""));
+    assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn lines_that_a_server_leaves_are_told_and_a_new_one_takes_over() {
+    let place = Place::new();
+    let server = place.serve("lambda", "gone");
+    let mut asking = Process::start(&mut place.command(&["ask", "kinematics", "--connect", "gone"]));
+    let line = r#"{"y":[0.1],"want":["y"]}"#;
+    let good = r#"{"status":"ok","warnings":[],"y":[0.1]}"#;
+    assert_eq!(asking.ask(line), good);
+    server.stop();
+    for _ in 0..3 {
+        assert!(asking.ask(line).starts_with(r#"{"status":"shutting_down","warnings":[],"y":null,"error":"the server `gone` is gone"#));
+    }
+    let until = |asking: &mut Process, start: &str| {
+        let begin = Instant::now();
+        while !asking.ask(line).starts_with(start) {
+            assert!(begin.elapsed() < Duration::from_secs(10), "no {start}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    let server = place.serve("lambda", "gone");
+    until(&mut asking, good);
+    server.stop();
+    let server = place.serve("parallelogram", "gone");
+    until(&mut asking, r#"{"status":"wrong_model","warnings":[],"y":null,"error":"#);
+    assert_eq!(asking.end().code(), Some(2));
+    server.stop();
+    assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn a_server_that_takes_no_more_plans_is_told() {
+    let place = Place::new();
+    let server = place.serve("lambda", "plans");
+    let text: String = (0..1026).chain([7]).map(|k| subset(k) + "\n").collect();
+    let answer = Run::of(&mut place.command(&["ask", "kinematics", "--connect", "plans"]), text.as_bytes());
+    assert_eq!((answer.code, answer.err.as_str()), (Some(0), ""));
+    let statuses = answer.statuses();
+    assert!(statuses[..1024].iter().all(|status| status == "ok"));
+    assert_eq!(statuses[1024..], ["overloaded", "overloaded", "ok"]);
+    server.stop();
+}
+
+#[test]
+fn more_askers_than_lanes_are_answered_through_the_requests_door() {
+    let place = Place::new();
+    let mut server = Process::start(&mut place.command(&["serve", "--robot", "lambda", "--name", "full", "--lanes", "1"]));
+    server.line();
+    let mut askers: Vec<Process> = (0..3).map(|_| Process::start(&mut place.command(&["ask", "map", "--connect", "full"]))).collect();
+    for asker in &mut askers {
+        assert_eq!(asker.ask(r#"{"y":[0.1],"want":["y"]}"#), r#"{"status":"ok","warnings":[],"y":[0.1]}"#);
+    }
+    for asker in &mut askers {
+        assert!(asker.end().success());
+    }
+    server.stop();
+}
+
+#[test]
+fn the_demo_is_good_and_leaves_nothing_behind() {
+    let place = Place::new();
+    let demo = Run::of(&mut place.command(&["demo", "--format", "json"]), b"");
+    assert_eq!((demo.code, demo.err.as_str()), (Some(0), ""), "{demo:?}");
+    let report = demo.json().remove(0);
+    assert_eq!((report["robot"].as_str(), report["good"].as_bool()), (Some("rh5v2_upper_body"), Some(true)));
+    assert!(report["worst_error"].as_f64().unwrap() < 1e-12);
+    let ways: Vec<&str> = report["ways"].as_array().unwrap().iter().map(|way| way["way"].as_str().unwrap()).collect();
+    assert_eq!(ways[..2], ["lane", "requests door"]);
+    assert!(report["ways"].as_array().unwrap().iter().all(|way| way["requests"].as_u64().unwrap() >= 5001 && way["failed"] == 0));
+    assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn an_interrupted_demo_leaves_nothing_behind() {
+    let place = Place::new();
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        let mut demo = Process::start(&mut place.command(&["demo"]));
+        // its server is there, or will be in a moment
+        let start = Instant::now();
+        while !processes().iter().any(|line| line.contains(&format!("demo-{}", demo.child.id()))) {
+            assert!(start.elapsed() < Duration::from_secs(30) && demo.child.try_wait().unwrap().is_none(), "no server comes");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        demo.signal(signal);
+        assert_eq!(demo.end().code(), Some(130), "{signal}");
+        assert!(!processes().iter().any(|line| line.contains(&format!("demo-{}", demo.child.id()))), "{signal}");
+        assert_eq!(place.leftovers(), Vec::<PathBuf>::new(), "{signal}");
+    }
+}
+
+/// The command lines of all processes.
+fn processes() -> Vec<String> {
+    let entries = std::fs::read_dir("/proc").unwrap().flatten();
+    entries
+        .filter_map(|entry| std::fs::read(entry.path().join("cmdline")).ok())
+        .map(|line| String::from_utf8_lossy(&line).into_owned())
+        .collect()
+}
