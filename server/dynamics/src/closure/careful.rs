@@ -11,7 +11,7 @@ use crate::scalar::Scalar;
 /// Newton steps that one request may cost.
 const BUDGET: u32 = 1200;
 /// First and shortest substep, as fractions of the whole path.
-const FIRST: f64 = 0.25;
+const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1.0 / 65536.0;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 200;

@@ -42,7 +42,7 @@ pub(crate) fn rates<T: Real>(model: &Model<T::Const>, bodies: &[usize], qd: &[T]
     (motion[0].w, motion[0].alpha, motion[0].a) = (zero(), zero(), zero());
     for &i in bodies {
         let body = &model.bodies[i];
-        let parent = motion[body.parent];
+        let parent = motion[body.parent].rates();
         accelerate(body, &parent, qd, qdd, &mut motion[i]);
     }
 }

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use crate::model::{Body, Model, Motion};
 use crate::scalar::Real;
 use crate::spatial::{column, cross, cross_add, from_quaternion, lift, lift_mat, mul, mul_add, mul_mat, scale_add, t_mul, turn_z, zero};
-use crate::workspace::BodyState;
+use crate::workspace::{BodyState, Rates};
 
 /// Pose of every body in its parent, from the coordinates and the turns.
 #[inline]
@@ -46,7 +46,7 @@ pub(crate) fn newton_euler<T: Real>(
     // motion, from the root outwards
     for i in 1..model.bodies.len() {
         let body = &model.bodies[i];
-        let parent = motion[body.parent];
+        let parent = motion[body.parent].rates();
         let state = &mut motion[i];
         accelerate(body, &parent, qd, qdd, state);
         (state.n, state.f) = inertial_force(body, &state.w, &state.alpha, &state.a);
@@ -81,7 +81,7 @@ pub(crate) fn newton_euler<T: Real>(
 
 /// ω, α, a of a body from those of its parent and the rates of its joint.
 #[inline(always)]
-pub(super) fn accelerate<T: Real>(body: &Body<T::Const>, p: &BodyState<T>, qd: &[T], qdd: &[T], state: &mut BodyState<T>) {
+pub(super) fn accelerate<T: Real>(body: &Body<T::Const>, p: &Rates<T>, qd: &[T], qdd: &[T], state: &mut BodyState<T>) {
     let w = t_mul(&state.R, &p.w);
     let alpha = t_mul(&state.R, &p.alpha);
     let a = t_mul(&state.R, &cross_add(&p.w, &cross(&p.w, &state.p), &cross_add(&p.alpha, &state.p, &p.a)));
