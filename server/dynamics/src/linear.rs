@@ -20,27 +20,9 @@ pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: us
         }
         good = good & (largest * T::from_f64(floor)).lt(pivot.abs());
         det *= pivot;
-        let inverse = T::ONE / pivot;
-        for i in k + 1..m {
-            let l = -(A[i * m + k] * inverse);
-            for j in k + 1..m {
-                A[i * m + j] = l.mul_add(A[k * m + j], A[i * m + j]);
-            }
-            for j in 0..n {
-                B[i * n + j] = l.mul_add(B[k * n + j], B[i * n + j]);
-            }
-        }
-        A[k * m + k] = inverse;
+        eliminate(A, B, m, n, k);
     }
-    for k in (0..m).rev() {
-        for j in 0..n {
-            let mut x = B[k * n + j];
-            for i in k + 1..m {
-                x = (-A[k * m + i]).mul_add(B[i * n + j], x);
-            }
-            B[k * n + j] = x * A[k * m + k];
-        }
-    }
+    substitute_back(A, B, m, n);
     (good, det)
 }
 
@@ -71,28 +53,40 @@ pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: us
             return None;
         }
         det *= pivot;
-        let inverse = T::ONE / pivot;
-        for i in k + 1..m {
-            let l = -(A[i * m + k] * inverse);
-            for j in k + 1..m {
-                A[i * m + j] = l.mul_add(A[k * m + j], A[i * m + j]);
-            }
-            for j in 0..n {
-                B[i * n + j] = l.mul_add(B[k * n + j], B[i * n + j]);
-            }
+        eliminate(A, B, m, n, k);
+    }
+    substitute_back(A, B, m, n);
+    Some(det)
+}
+
+/// Clears column k below its pivot, which becomes its inverse.
+#[inline(always)]
+fn eliminate<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) {
+    let inverse = T::ONE / A[k * m + k];
+    for i in k + 1..m {
+        let l = -(A[i * m + k] * inverse);
+        for j in k + 1..m {
+            A[i * m + j] = l.mul_add(A[k * m + j], A[i * m + j]);
+        }
+        for j in 0..n {
+            B[i * n + j] = l.mul_add(B[k * n + j], B[i * n + j]);
         }
     }
+    A[k * m + k] = inverse;
+}
+
+/// Solves the upper triangle that [`eliminate`] left.
+#[inline(always)]
+fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize) {
     for k in (0..m).rev() {
-        let inverse = T::ONE / A[k * m + k];
         for j in 0..n {
             let mut x = B[k * n + j];
             for i in k + 1..m {
                 x = (-A[k * m + i]).mul_add(B[i * n + j], x);
             }
-            B[k * n + j] = x * inverse;
+            B[k * n + j] = x * A[k * m + k];
         }
     }
-    Some(det)
 }
 
 /// Factorises a symmetric matrix whose row i is zero left of the diagonal except at the ancestors of i: H = Lᵀ D L in place,

@@ -70,15 +70,12 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         let (q, n) = (cluster.q, cluster.n);
         exact.zero[q..q + n].copy_from_slice(&numerical.zero);
 
-        // the closed form stands, starts Newton's method, or does not fit
+        // couplings are closed as they are; another closed form stands, starts Newton's method, or does not fit
+        if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
+            continue;
+        }
         let kind = assembly.kind(description, c);
-        let form = if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
-            None
-        } else {
-            closed_forms::build(kind, &exact.clusters[c], &exact_bodies, &assembly.local_order(description, c))
-        };
-        let closure = match form {
-            None if matches!(exact.clusters[c].closure, Closure::Coupling(_)) => continue,
+        let closure = match closed_forms::build(kind, &exact.clusters[c], &exact_bodies, &assembly.local_order(description, c)) {
             None => {
                 if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
                     warnings.push(fault);

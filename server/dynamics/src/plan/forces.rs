@@ -4,7 +4,6 @@ use sarrus_proto::{Field, Slot, Status};
 
 use super::Plan;
 use super::state::tree_accelerations;
-use crate::closure::Level;
 use crate::linear::{factorise_ltdl, least_norm, solve_ltdl, solve_pivoted};
 use crate::model::{Cluster, Model};
 use crate::scalar::{Mask, Scalar};
@@ -98,11 +97,7 @@ impl Plan {
 
     /// C_y = Gᵀ (C + M g), with the wrenches on the left-hand side where they are to be counted.
     fn bias_force<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], with_wrenches: bool) {
-        let moving = self.steps.level == Level::Acceleration;
-        // q̈ = g; nothing moves without velocities
-        if !moving {
-            ws.g.fill(T::ZERO);
-        }
+        // q̈ = g
         let wrench = (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
         tree::newton_euler(model, &ws.qd, &ws.g, wrench, &mut ws.motion, &mut ws.tau_q);
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);

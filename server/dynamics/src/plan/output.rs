@@ -4,7 +4,6 @@ use sarrus_proto::{Field, Slot, Status};
 
 use super::Plan;
 use super::run::Findings;
-use crate::closure::Level;
 use crate::linear::solve_pivoted;
 use crate::model::{Frame, Model};
 use crate::scalar::Scalar;
@@ -188,13 +187,6 @@ impl Plan {
             }
         }
         Status::Ok
-    }
-
-    /// The bias is zero where no velocity was given.
-    pub(super) fn clear_bias<T: Scalar>(&self, ws: &mut Workspace<T>) {
-        if self.steps.level < Level::Acceleration {
-            ws.g.fill(T::ZERO);
-        }
     }
 }
 

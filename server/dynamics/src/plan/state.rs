@@ -56,7 +56,10 @@ impl Plan {
         // velocities and accelerations of the independents; what is not given is zero
         ws.qd.fill(T::ZERO);
         ws.qdd.fill(T::ZERO);
-        self.clear_bias(ws);
+        // the bias is zero where no velocity was given
+        if self.steps.level < Level::Acceleration {
+            ws.g.fill(T::ZERO);
+        }
         match self.steps.velocity {
             Some(Space::Independent) => scatter(slot(Field::Yd).unwrap_or(&[]), &mut ws.qd, &order.vy_v),
             Some(Space::Tree) => scatter(slot(Field::Qd).unwrap_or(&[]), &mut ws.qd, &order.v),
