@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind,
+    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind, Terms,
 };
 
 use crate::report::Place;
@@ -74,6 +74,7 @@ pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<Entry
             axis: value.axis,
             limits: value.limits,
             coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
+            terms: Terms::default(),
         })
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
@@ -88,7 +89,7 @@ pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<Entry
 fn whole(name: &str, joints: &[Joint]) -> Submechanism {
     let moving = joints.iter().enumerate().filter(|(_, joint)| joint.kind != JointKind::Fixed);
     let independent = moving.clone().filter(|(_, joint)| joint.coupling.is_none());
-    let active = independent.clone().filter(|(_, joint)| joint.kind != JointKind::Floating);
+    let active = independent.clone().filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
     let coupled = joints.iter().any(|joint| joint.coupling.is_some());
     let (kind, type_name) = if coupled { (SubmechanismKind::Transmission, "TRANSMISSION") } else { (SubmechanismKind::Serial, "SERIAL") };
     Submechanism {

@@ -65,6 +65,30 @@ pub struct Joint {
     pub limits: Option<Limits>,
     /// A linear dependence on other joints (`<mimic>`, `<transmission>`).
     pub coupling: Option<Coupling>,
+    /// What acts in the joint besides its actuator.
+    pub terms: Terms,
+}
+
+/// What acts in a joint of one freedom besides its actuator; the default is nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Terms {
+    /// Viscous damping d: the joint exerts −d q̇ `[N s/m, N m s/rad]`.
+    pub damping: f64,
+    /// Spring: the joint exerts −k (q − rest) `[N/m, N m/rad]`, `[m, rad]`.
+    pub stiffness: f64,
+    /// Position at which the spring exerts nothing.
+    pub rest: f64,
+    /// Inertia I of the rotor about its own axis, which turns N times as fast as the joint: N² I is added to the joint's inertia
+    /// `[kg m²]` (of a slider N is in rad/m).
+    pub rotor_inertia: f64,
+    /// Gear ratio N.
+    pub gear_ratio: f64,
+}
+
+impl Default for Terms {
+    fn default() -> Terms {
+        Terms { damping: 0.0, stiffness: 0.0, rest: 0.0, rotor_inertia: 0.0, gear_ratio: 1.0 }
+    }
 }
 
 /// What motion a joint allows.
@@ -79,6 +103,8 @@ pub enum JointKind {
     Continuous,
     /// Translation along the axis.
     Prismatic,
+    /// All three rotations; q = x y z w, q̇ = ω in the body.
+    Spherical,
     /// All six; q = [p; x y z w], q̇ = [ω; v] in the body.
     Floating,
 }
@@ -146,6 +172,12 @@ pub enum SubmechanismKind {
     ParallelogramChain,
     /// Linear couplings.
     Transmission,
+    /// Planar four-bar of any lengths: crank, coupler, rocker.
+    FourBar,
+    /// Crank, coupler, slider.
+    SliderCrank,
+    /// Two wheels that a cage's spider ties: linear in its turns.
+    Differential,
     /// Whatever the loops say, by Newton's method.
     Numerical,
 }

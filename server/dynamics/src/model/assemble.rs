@@ -9,7 +9,7 @@ use super::couplings::{characteristic_length, couplings};
 use super::geometry::{inertia, onto_z, pose, unit, vector};
 use super::orders::Names;
 use super::tree::{Partition, Skeleton};
-use super::{Body, Cluster, Frame, Meta, Model, Motion, Order};
+use super::{Body, Cluster, Frame, Freedom, Meta, Model, Motion, Order};
 use crate::closure::{Closure, Cut, CutRow};
 use crate::description::{self as written, Description, JointKind, Loop, SubmechanismKind};
 use crate::fault::{Fault, Site};
@@ -129,10 +129,14 @@ fn owners(description: &Description, errors: &mut Vec<Fault>) -> Option<Vec<usiz
         }
     }
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
-        for j in submechanism.active.iter().filter(|j| description.joints.get(**j).is_some_and(|joint| joint.kind == JointKind::Floating)) {
+        for j in submechanism
+            .active
+            .iter()
+            .filter(|j| description.joints.get(**j).is_some_and(|joint| matches!(joint.kind, JointKind::Floating | JointKind::Spherical)))
+        {
             fault(
                 Site::Submechanism(s),
-                format!("the floating joint {} as an actuator", description.joints[*j].name),
+                format!("the joint {} of several freedoms as an actuator", description.joints[*j].name),
                 "actuators of one freedom",
             );
         }
@@ -172,7 +176,7 @@ impl<'a> Builder<'a> {
         for &j in &skeleton.moving {
             let joint = &description.joints[j];
             turn.push(match (joint.kind, unit(&vector(joint.axis))) {
-                (JointKind::Floating, _) => Matrix3::identity().map(|x: f64| Dd::from_f64(x)),
+                (JointKind::Floating | JointKind::Spherical, _) => Matrix3::identity().map(|x: f64| Dd::from_f64(x)),
                 (_, Some(axis)) => onto_z(&axis),
                 (_, None) => {
                     errors.push(Fault {
@@ -223,7 +227,7 @@ impl<'a> Builder<'a> {
             let parent = self.partition.hangs_from[c].map_or(0, |m| self.body_of[m]);
             let body = self.model.bodies.len();
             let (first_q, first_v) = (q, v);
-            let mut local_parent = Vec::new();
+            let (mut local_parent, mut freedoms) = (Vec::new(), Vec::new());
             for &m in joints {
                 let joint = &self.description.joints[self.skeleton.moving[m]];
                 let x_parent_link = self.skeleton.x_parent_joint[m];
@@ -233,11 +237,14 @@ impl<'a> Builder<'a> {
                     None => x_parent_link,
                 };
                 let placed = in_parent.then(&Pose { R: self.turn[m], p: zero() });
-                let (motion, n_q, n_v) = match joint.kind {
-                    JointKind::Prismatic => (Motion::Prismatic, 1, 1),
-                    JointKind::Floating => (Motion::Floating, 7, 6),
-                    _ => (Motion::Revolute, 1, 1),
+                let motion = match joint.kind {
+                    JointKind::Prismatic => Motion::Prismatic,
+                    JointKind::Spherical => Motion::Spherical,
+                    JointKind::Floating => Motion::Floating,
+                    _ => Motion::Revolute,
                 };
+                let (n_q, n_v) = (motion.n_q(), motion.n_v());
+                freedoms.extend((0..n_v).map(|k| Freedom { body: self.model.bodies.len() - body, k, q: q - first_q }));
                 let parent_body = self.skeleton.parent[m].map_or(0, |p| self.body_of[p]);
                 local_parent.push(if parent_body >= body { parent_body - body + 1 } else { 0 });
                 self.body_of[m] = self.model.bodies.len();
@@ -260,7 +267,7 @@ impl<'a> Builder<'a> {
                 (q, v) = (q + n_q, v + n_v);
             }
             let (independent, dependent, active) = self.roles(joints);
-            let n_vy = if joints.len() == 1 && v - first_v == 6 { 6 } else { independent.len() };
+            let n_vy = if joints.len() == 1 && v - first_v > 1 { v - first_v } else { independent.len() };
             let (n_v, g) = (v - first_v, self.model.n_g);
             self.model.n_g += n_v * n_vy;
             // the nearest independent that carries each independent
@@ -276,10 +283,11 @@ impl<'a> Builder<'a> {
                 q: first_q,
                 n_v,
                 n_q: q - first_q,
+                freedoms,
                 vy,
                 n_vy,
                 g,
-                independent: if n_vy == 6 && n_v == 6 && joints.len() == 1 { (0..6).collect() } else { independent },
+                independent: if n_v > 1 && joints.len() == 1 { (0..n_v).collect() } else { independent },
                 dependent,
                 local_parent,
                 active,
@@ -435,12 +443,16 @@ impl<'a> Builder<'a> {
         self.model.zero = vec![Dd::ZERO; self.model.order.q.len()];
         for (c, joints) in self.partition.members.iter().enumerate() {
             let cluster = &self.model.clusters[c];
-            if cluster.n_q == 7 && cluster.n == 1 {
-                self.model.zero[cluster.q + 6] = Dd::ONE;
+            if cluster.n_q > 1 && cluster.n == 1 {
+                self.model.zero[cluster.q + cluster.n_q - 1] = Dd::ONE;
                 continue;
             }
             let s = self.submechanism_of[self.skeleton.moving[joints[0]]];
-            if joints.len() > 1 && joints.iter().any(|m| self.description.joints[self.skeleton.moving[*m]].kind == JointKind::Floating) {
+            if joints.len() > 1
+                && joints
+                    .iter()
+                    .any(|m| matches!(self.description.joints[self.skeleton.moving[*m]].kind, JointKind::Floating | JointKind::Spherical))
+            {
                 errors.push(Fault {
                     site: Site::Submechanism(s),
                     found: "a floating joint inside a loop".into(),

@@ -107,7 +107,26 @@ pub(crate) struct Order {
 pub(crate) enum Motion {
     Revolute,
     Prismatic,
+    Spherical,
     Floating,
+}
+
+impl Motion {
+    /// How many velocities and coordinates it has.
+    pub(crate) const fn n_v(self) -> usize {
+        match self {
+            Motion::Revolute | Motion::Prismatic => 1,
+            Motion::Spherical => 3,
+            Motion::Floating => 6,
+        }
+    }
+    pub(crate) const fn n_q(self) -> usize {
+        match self {
+            Motion::Revolute | Motion::Prismatic => 1,
+            Motion::Spherical => 4,
+            Motion::Floating => 7,
+        }
+    }
 }
 
 /// A moving body and the joint that carries it.
@@ -147,6 +166,8 @@ pub(crate) struct Cluster<C> {
     pub(crate) q: usize,
     pub(crate) n_v: usize,
     pub(crate) n_q: usize,
+    /// What each local velocity belongs to (n_v).
+    pub(crate) freedoms: Vec<Freedom>,
     /// First internal independent velocity; n_vy of them.
     pub(crate) vy: usize,
     pub(crate) n_vy: usize,
@@ -166,6 +187,16 @@ pub(crate) struct Cluster<C> {
     pub(crate) closure: Closure<C>,
     /// Characteristic length `[m]`.
     pub(crate) length: f64,
+}
+
+/// One velocity of a cluster.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Freedom {
+    /// Local body, and which freedom of its joint this is.
+    pub(crate) body: usize,
+    pub(crate) k: usize,
+    /// First local coordinate of the joint.
+    pub(crate) q: usize,
 }
 
 /// How the loops of one submechanism are closed.
@@ -327,6 +358,7 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
             q: self.q,
             n_v: self.n_v,
             n_q: self.n_q,
+            freedoms: self.freedoms.clone(),
             vy: self.vy,
             n_vy: self.n_vy,
             g: self.g,

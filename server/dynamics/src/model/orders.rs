@@ -19,19 +19,17 @@ pub(super) struct Names {
 impl Builder<'_> {
     /// External orders, names and limits.
     pub(super) fn orders(&mut self, moving_of: &[usize]) {
-        const FREEDOMS: [&str; 6] = ["rx", "ry", "rz", "tx", "ty", "tz"];
-        const PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
         let order = &mut self.model.order;
         for submechanism in &self.description.submechanisms {
             for &j in &submechanism.spanning_tree {
                 let joint = &self.description.joints[j];
                 let body = &self.model.bodies[self.body_of[moving_of[j]]];
-                if body.motion == Motion::Floating {
-                    order.q.extend(body.q..body.q + 7);
-                    order.v.extend(body.v..body.v + 6);
-                    self.names.tree.extend(FREEDOMS.map(|part| format!("{}/{part}", joint.name)));
-                    self.names.tree_q.extend(PARTS.map(|part| format!("{}/{part}", joint.name)));
-                    self.names.limits.extend([None; 6]);
+                if let Some((freedoms, parts)) = parts(body.motion) {
+                    order.q.extend(body.q..body.q + parts.len());
+                    order.v.extend(body.v..body.v + freedoms.len());
+                    self.names.tree.extend(freedoms.iter().map(|part| format!("{}/{part}", joint.name)));
+                    self.names.tree_q.extend(parts.iter().map(|part| format!("{}/{part}", joint.name)));
+                    self.names.limits.extend(freedoms.iter().map(|_| None));
                     continue;
                 }
                 order.q.push(body.q);
@@ -54,12 +52,12 @@ impl Builder<'_> {
                 let i = self.body_of[moving_of[j]];
                 let body = &self.model.bodies[i];
                 let cluster = &self.model.clusters[self.model.cluster_of[i]];
-                if body.motion == Motion::Floating {
-                    order.qy_q.extend(body.q..body.q + 7);
-                    order.vy_v.extend(body.v..body.v + 6);
-                    order.vy.extend(cluster.vy..cluster.vy + 6);
-                    self.names.independent.extend(FREEDOMS.map(|part| format!("{name}/{part}")));
-                    self.names.independent_q.extend(PARTS.map(|part| format!("{name}/{part}")));
+                if let Some((freedoms, parts)) = parts(body.motion) {
+                    order.qy_q.extend(body.q..body.q + parts.len());
+                    order.vy_v.extend(body.v..body.v + freedoms.len());
+                    order.vy.extend(cluster.vy..cluster.vy + freedoms.len());
+                    self.names.independent.extend(freedoms.iter().map(|part| format!("{name}/{part}")));
+                    self.names.independent_q.extend(parts.iter().map(|part| format!("{name}/{part}")));
                     continue;
                 }
                 order.qy_q.push(body.q);
@@ -83,5 +81,16 @@ impl Builder<'_> {
         order.vy_external = vec![0; order.vy.len()];
         order.vy.iter().enumerate().for_each(|(e, k)| order.vy_external[*k] = e);
         order.vy_internal = (0..order.vy.len()).collect();
+    }
+}
+
+/// Names of the velocities and coordinates of a joint of several freedoms.
+fn parts(motion: Motion) -> Option<(&'static [&'static str], &'static [&'static str])> {
+    const FREEDOMS: [&str; 6] = ["rx", "ry", "rz", "tx", "ty", "tz"];
+    const PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
+    match motion {
+        Motion::Spherical => Some((&FREEDOMS[..3], &PARTS[3..])),
+        Motion::Floating => Some((&FREEDOMS, &PARTS)),
+        Motion::Revolute | Motion::Prismatic => None,
     }
 }

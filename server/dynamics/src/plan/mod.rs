@@ -27,7 +27,7 @@ use crate::model::Model;
 ///     links: vec![Link { name: "base".into(), inertial: None }, Link { name: "rod".into(), inertial: Some(bob) }],
 ///     joints: vec![Joint {
 ///         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1, origin: Placement::default(),
-///         axis: [0.0, 1.0, 0.0], limits: None, coupling: None,
+///         axis: [0.0, 1.0, 0.0], limits: None, coupling: None, terms: Default::default(),
 ///     }],
 ///     submechanisms: vec![Submechanism {
 ///         name: "all".into(), kind: SubmechanismKind::Serial, type_name: "R".into(),
@@ -135,7 +135,10 @@ impl Plan {
         } else {
             Level::Position
         };
-        let articulated = request == Request::ForwardDynamics && model.tied.is_empty() && !want.has_any(&[MY, CondMy]);
+        let articulated = request == Request::ForwardDynamics
+            && model.tied.is_empty()
+            && model.bodies.iter().all(|body| body.motion != crate::model::Motion::Spherical)
+            && !want.has_any(&[MY, CondMy]);
         let mass_matrix = want.has_any(&[MY, CondMy]) || request == Request::ForwardDynamics && !articulated;
         let newton_euler =
             dynamics && (request == Request::ForwardDynamics || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));

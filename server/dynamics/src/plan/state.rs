@@ -320,8 +320,8 @@ fn from_actuators<T: Scalar>(
 
 /// Quaternions within 1e-6 of unit length are normalised, others refused.
 fn normalise_quaternions<T: Scalar>(model: &Model<T>, q: &mut [T]) -> Result<(), Status> {
-    for cluster in model.clusters.iter().filter(|c| matches!(c.closure, Closure::Serial) && c.n_q == 7) {
-        let of = &mut q[cluster.q + 3..cluster.q + 7];
+    for cluster in model.clusters.iter().filter(|c| matches!(c.closure, Closure::Serial) && c.n_q > 1) {
+        let of = &mut q[cluster.q + cluster.n_q - 4..cluster.q + cluster.n_q];
         let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
         if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
             return Err(Status::BadRequest);

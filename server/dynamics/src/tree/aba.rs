@@ -110,7 +110,7 @@ pub(crate) fn articulated_solve<T: Real>(
                     a[2] += qdd;
                 }
             }
-            Motion::Floating => {
+            Motion::Spherical | Motion::Floating => {
                 let of = &mut b[body.v..body.v + 6];
                 positive = positive & free_body(&bodies[i], &alpha, &a, of);
                 alpha += Vector3::new(of[0], of[1], of[2]);

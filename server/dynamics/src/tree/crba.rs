@@ -59,7 +59,7 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
             let of_carrier = &G[carrier.g..carrier.g + carrier.n_v * carrier.n_vy];
             while at != carrier.parent {
                 let body = &model.bodies[at];
-                let dof = if body.motion == Motion::Floating { 6 } else { 1 };
+                let dof = body.motion.n_v();
                 for (k, column) in columns.iter_mut().enumerate() {
                     let row = &mut M_y[(cluster.vy + k) * n_vy + carrier.vy..][..carrier.n_vy];
                     for d in 0..dof {
@@ -161,7 +161,7 @@ fn unit_force<T: Real>(motion: Motion, k: usize, composite: &Composite<T>) -> Fo
     match (motion, k) {
         (Motion::Revolute, _) => (Vector3::new(inertia[2], inertia[4], inertia[5]), Vector3::new(-h[1], h[0], T::ZERO)),
         (Motion::Prismatic, _) => (Vector3::new(h[1], -h[0], T::ZERO), Vector3::new(T::ZERO, T::ZERO, *mass)),
-        (Motion::Floating, _) => {
+        (Motion::Spherical | Motion::Floating, _) => {
             let axis = |i: usize| if k % 3 == i { T::ONE } else { T::ZERO };
             let e = Vector3::new(axis(0), axis(1), axis(2));
             if k < 3 { (turn_by(inertia, &e), cross_add(&e, h, &zero())) } else { (cross_add(h, &e, &zero()), e * *mass) }
@@ -175,7 +175,7 @@ fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> T {
     match (motion, k) {
         (Motion::Revolute, _) => force.0[2],
         (Motion::Prismatic, _) => force.1[2],
-        (Motion::Floating, 0..3) => force.0[k],
+        (Motion::Spherical, _) | (Motion::Floating, 0..3) => force.0[k],
         (Motion::Floating, _) => force.1[k - 3],
     }
 }

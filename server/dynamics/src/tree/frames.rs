@@ -28,6 +28,7 @@ pub(crate) fn velocities<T: Real>(model: &Model<T::Const>, bodies: &[usize], qd:
         match body.motion {
             Motion::Revolute => state.w[2] += qd[body.v],
             Motion::Prismatic => state.v[2] += qd[body.v],
+            Motion::Spherical => state.w += Vector3::new(qd[body.v], qd[body.v + 1], qd[body.v + 2]),
             Motion::Floating => {
                 let of = &qd[body.v..body.v + 6];
                 state.w += Vector3::new(of[0], of[1], of[2]);
@@ -89,6 +90,7 @@ pub(crate) fn frame_jacobian<T: Real>(
         match body.motion {
             Motion::Revolute => each(body.v, turn(2)),
             Motion::Prismatic => each(body.v, slide(2)),
+            Motion::Spherical => (0..3).for_each(|k| each(body.v + k, turn(k))),
             Motion::Floating => {
                 for k in 0..3 {
                     each(body.v + k, turn(k));

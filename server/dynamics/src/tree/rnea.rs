@@ -19,6 +19,10 @@ pub(crate) fn joint_poses<T: Real>(model: &Model<T::Const>, q: &[T], turn: &[(T,
         match body.motion {
             Motion::Revolute => (state.R, state.p) = (turn_z(&E, turn[i].0, turn[i].1), r),
             Motion::Prismatic => (state.R, state.p) = (E, scale_add(&column(&E, 2), q[body.q], &r)),
+            Motion::Spherical => {
+                let of = &q[body.q..body.q + 4];
+                (state.R, state.p) = (mul_mat(&E, &from_quaternion(of[0], of[1], of[2], of[3])), r);
+            }
             Motion::Floating => {
                 let of = &q[body.q..body.q + 7];
                 state.R = mul_mat(&E, &from_quaternion(of[3], of[4], of[5], of[6]));
@@ -63,6 +67,7 @@ pub(crate) fn newton_euler<T: Real>(
         match body.motion {
             Motion::Revolute => tau[body.v] = state.n[2],
             Motion::Prismatic => tau[body.v] = state.f[2],
+            Motion::Spherical => tau[body.v..body.v + 3].copy_from_slice(state.n.as_slice()),
             Motion::Floating => {
                 for k in 0..3 {
                     tau[body.v + k] = state.n[k];
@@ -97,6 +102,13 @@ pub(super) fn accelerate<T: Real>(body: &Body<T::Const>, p: &Rates<T>, qd: &[T],
             let v2 = v + v;
             (state.w, state.alpha) = (w, alpha);
             state.a = Vector3::new(w[1].mul_add(v2, a[0]), (-w[0]).mul_add(v2, a[1]), a[2] + vd);
+        }
+        Motion::Spherical => {
+            let (v, vd) = (&qd[body.v..body.v + 3], &qdd[body.v..body.v + 3]);
+            let w_j = Vector3::new(v[0], v[1], v[2]);
+            state.w = w + w_j;
+            state.alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
+            state.a = a;
         }
         Motion::Floating => {
             let (v, vd) = (&qd[body.v..body.v + 6], &qdd[body.v..body.v + 6]);
