@@ -5,6 +5,7 @@
 
 use nalgebra::Vector3;
 
+use super::terms::joint_forces;
 use crate::model::{Body, Model, Motion};
 use crate::scalar::Real;
 use crate::spatial::{column, cross, cross_add, from_quaternion, lift, lift_mat, mul, mul_add, mul_mat, scale_add, t_mul, turn_z, zero};
@@ -36,6 +37,7 @@ pub(crate) fn joint_poses<T: Real>(model: &Model<T::Const>, q: &[T], turn: &[(T,
 #[inline]
 pub(crate) fn newton_euler<T: Real>(
     model: &Model<T::Const>,
+    q: &[T],
     qd: &[T],
     qdd: &[T],
     wrench: Option<&[(Vector3<T>, Vector3<T>)]>,
@@ -82,6 +84,9 @@ pub(crate) fn newton_euler<T: Real>(
             parent.f += f;
         }
     }
+
+    // what acts in the joints themselves
+    joint_forces(model, q, qd, qdd, tau);
 }
 
 /// ω, α, a of a body from those of its parent and the rates of its joint.
