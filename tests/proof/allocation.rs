@@ -37,7 +37,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-fn calls() -> u64 {
+pub(crate) fn calls() -> u64 {
     CALLS.with(Cell::get)
 }
 

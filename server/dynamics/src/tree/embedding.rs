@@ -20,15 +20,16 @@ use super::terms::add_rotors;
 use crate::branch_sparse::factorise_full;
 use crate::model::{Cluster, Model, Motion, Rotor};
 use crate::scalar::{Mask, Real};
-use crate::spatial::{cross, cross_add, dot, mul, scale_add, t_mul, zero};
+use crate::spatial::{cross, cross_add, dot, mul, mul_mat, scale_add, t_mul, zero};
 use crate::workspace::{BodyState, Composite};
 
 /// Articulated inertia, bias force and acceleration of a body that carries clusters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Articulated<T> {
-    J: Matrix3<T>,
+    /// xx xy xz yy yz zz of J and M.
+    J: [T; 6],
     H: Matrix3<T>,
-    M: Matrix3<T>,
+    M: [T; 6],
     /// Bias force p.
     n: Vector3<T>,
     f: Vector3<T>,
@@ -71,9 +72,7 @@ pub(crate) fn embedded_solve<T: Real>(
     // each body alone
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
         composite[i] = Composite::of(body);
-        if model.carries[i] {
-            bodies[i] = Articulated::none();
-        }
+        bodies[i] = Articulated::none();
     }
 
     // inertias and bias forces, towards the root
@@ -104,7 +103,7 @@ pub(crate) fn embedded_solve<T: Real>(
             continue;
         }
         // ÿ = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p)
-        let p = bodies[cluster.parent];
+        let p = &bodies[cluster.parent];
         let L = &factor[g..g + m * m];
         for k in (0..m).rev() {
             let mut ydd = (b[k] - dot(&Y[k].0, &p.alpha) - dot(&Y[k].1, &p.a)) * L[k * m + k];
@@ -146,7 +145,8 @@ fn single_joint<T: Real>(
 ) -> T::Mask {
     let i = cluster.body;
     let joint = model.bodies[i].motion;
-    let mut carried = if model.carries[i] { bodies[i] } else { Articulated::none() };
+    let (before, carried) = bodies.split_at_mut(i);
+    let carried = &mut carried[0];
     carried.add_rigid(&composite[i]);
     let U = carried.column(joint, 0);
     let mut d = [component(joint, 0, &U)];
@@ -155,7 +155,7 @@ fn single_joint<T: Real>(
     *b -= component(joint, 0, &(carried.n, carried.f));
     if cluster.parent != 0 {
         carried.take_out(&U, *inverse, *b);
-        carried.carry(&motion[i], &mut bodies[cluster.parent]);
+        carried.carry(&motion[i], &mut before[cluster.parent]);
     }
     *Y = U;
     T::ZERO.lt(d[0])
@@ -187,7 +187,8 @@ fn several_joints<T: Real>(
             }
             continue;
         }
-        let mut carried = bodies[i];
+        let (before, carried) = bodies.split_at_mut(i);
+        let carried = &mut carried[0];
         carried.add_rigid(&composite[i]);
         for k in 0..body.motion.n_v() {
             let p = component(body.motion, k, &(carried.n, carried.f));
@@ -195,9 +196,8 @@ fn several_joints<T: Real>(
                 *r = (-*g).mul_add(p, *r);
             }
         }
-        bodies[i] = carried;
         if body.parent != 0 {
-            carried.carry(&motion[i], &mut bodies[body.parent]);
+            carried.carry(&motion[i], &mut before[body.parent]);
         }
     }
 
@@ -240,29 +240,31 @@ fn accelerate<T: Real>(joint: Motion, qdd: &[T], alpha: &mut Vector3<T>, a: &mut
 }
 
 impl<T: Real> Articulated<T> {
+    #[inline(always)]
     fn none() -> Articulated<T> {
-        let none = Matrix3::from_element(T::ZERO);
-        Articulated { J: none, H: none, M: none, n: zero(), f: zero(), alpha: zero(), a: zero() }
+        let none = [T::ZERO; 6];
+        Articulated { J: none, H: Matrix3::from_element(T::ZERO), M: none, n: zero(), f: zero(), alpha: zero(), a: zero() }
     }
 
     /// Adds a rigid inertia.
     #[inline(always)]
     fn add_rigid(&mut self, of: &Composite<T>) {
-        let ([xx, xy, xz, yy, yz, zz], h, m, o) = (of.inertia, of.h, of.mass, T::ZERO);
-        self.J += Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        for (entry, x) in self.J.iter_mut().zip(of.inertia) {
+            *entry += x;
+        }
+        let (h, o) = (of.h, T::ZERO);
         self.H += Matrix3::new(o, -h[2], h[1], h[2], o, -h[0], -h[1], h[0], o);
-        self.M += Matrix3::new(m, o, o, o, m, o, o, o, m);
+        for k in [0, 3, 5] {
+            self.M[k] += of.mass;
+        }
     }
 
     /// I s for freedom k of a joint.
     #[inline(always)]
     fn column(&self, joint: Motion, k: usize) -> Force<T> {
-        let turn = |k: usize| {
-            (Vector3::new(self.J[(0, k)], self.J[(1, k)], self.J[(2, k)]), Vector3::new(self.H[(k, 0)], self.H[(k, 1)], self.H[(k, 2)]))
-        };
-        let slide = |k: usize| {
-            (Vector3::new(self.H[(0, k)], self.H[(1, k)], self.H[(2, k)]), Vector3::new(self.M[(0, k)], self.M[(1, k)], self.M[(2, k)]))
-        };
+        let H = &self.H;
+        let turn = |k: usize| (symmetric_column(&self.J, k), Vector3::new(H[(k, 0)], H[(k, 1)], H[(k, 2)]));
+        let slide = |k: usize| (Vector3::new(H[(0, k)], H[(1, k)], H[(2, k)]), symmetric_column(&self.M, k));
         match joint {
             Motion::Revolute => turn(2),
             Motion::Prismatic => slide(2),
@@ -275,40 +277,36 @@ impl<T: Real> Articulated<T> {
     #[inline(always)]
     fn take_out(&mut self, (n, f): &Force<T>, inverse: T, r: T) {
         let (n_d, f_d) = (n * -inverse, f * -inverse);
+        for (k, (i, j)) in SYMMETRIC.into_iter().enumerate() {
+            self.J[k] = n[i].mul_add(n_d[j], self.J[k]);
+            self.M[k] = f[i].mul_add(f_d[j], self.M[k]);
+        }
         for j in 0..3 {
             for i in 0..3 {
-                self.J[(i, j)] = n[i].mul_add(n_d[j], self.J[(i, j)]);
                 self.H[(i, j)] = n[i].mul_add(f_d[j], self.H[(i, j)]);
-                self.M[(i, j)] = f[i].mul_add(f_d[j], self.M[(i, j)]);
             }
         }
         (self.n, self.f) = (scale_add(&n_d, -r, &self.n), scale_add(&f_d, -r, &self.f));
     }
 
-    /// Adds inertia and bias force to the parent's: M' = R M Rᵀ, H' = R H Rᵀ + [p]× M', J' = R J Rᵀ + its mirror image of
-    /// [p]× (R H Rᵀ)ᵀ + [p]× M' [p]×ᵀ.
+    /// Adds inertia and bias force to the parent's: M' = R M Rᵀ, H' = R H Rᵀ + [p]× M', J' = R J Rᵀ + [p]× H'ᵀ + ([p]× (R H Rᵀ)ᵀ)ᵀ.
     #[inline(always)]
     fn carry(&self, x: &BodyState<T>, parent: &mut Articulated<T>) {
         let (R, p) = (&x.R, &x.p);
         let (J, M) = (turned(R, &self.J), turned(R, &self.M));
-        let H = crate::spatial::mul_mat(&crate::spatial::mul_mat(R, &self.H), &R.transpose());
-        let column = |A: &Matrix3<T>, j: usize| Vector3::new(A[(0, j)], A[(1, j)], A[(2, j)]);
+        let H = mul_mat(&mul_mat(R, &self.H), &R.transpose());
         let row = |A: &Matrix3<T>, i: usize| Vector3::new(A[(i, 0)], A[(i, 1)], A[(i, 2)]);
-        let c = [0, 1, 2].map(|j| cross(p, &column(&M, j)));
-        let shifted = Matrix3::from_fn(|i, j| H[(i, j)] + c[j][i]);
-        // J' = J + [p]× H'ᵀ + ([p]× Hᵀ)ᵀ, of which the lower triangle is computed
-        let (a, b) = ([0, 1, 2].map(|j| cross(p, &row(&shifted, j))), [0, 1, 2].map(|j| cross(p, &row(&H, j))));
-        for i in 0..3 {
-            for j in 0..=i {
-                let entry = J[(i, j)] + (a[j][i] + b[i][j]);
-                parent.J[(i, j)] += entry;
-                if i != j {
-                    parent.J[(j, i)] += entry;
-                }
-            }
+        let across = |k: usize| cross(p, &symmetric_column(&M, k));
+        let shifted = H + Matrix3::from_columns(&[across(0), across(1), across(2)]);
+        // columns of the two products
+        let (a0, a1, a2) = (cross(p, &row(&shifted, 0)), cross(p, &row(&shifted, 1)), cross(p, &row(&shifted, 2)));
+        let (b0, b1, b2) = (cross(p, &row(&H, 0)), cross(p, &row(&H, 1)), cross(p, &row(&H, 2)));
+        let both = [a0[0] + b0[0], a1[0] + b0[1], a2[0] + b0[2], a1[1] + b1[1], a2[1] + b1[2], a2[2] + b2[2]];
+        for k in 0..6 {
+            parent.J[k] += J[k] + both[k];
+            parent.M[k] += M[k];
         }
         parent.H += shifted;
-        parent.M += M;
         let (n, f) = carry_force(&(self.n, self.f), x);
         parent.n += n;
         parent.f += f;
@@ -321,11 +319,25 @@ impl<T: Real> Articulated<T> {
     }
 }
 
+/// Where xx xy xz yy yz zz stand.
+const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
+/// Column k of xx xy xz yy yz zz.
+#[inline(always)]
+fn symmetric_column<T: Real>(A: &[T; 6], k: usize) -> Vector3<T> {
+    let [xx, xy, xz, yy, yz, zz] = *A;
+    match k {
+        0 => Vector3::new(xx, xy, xz),
+        1 => Vector3::new(xy, yy, yz),
+        _ => Vector3::new(xz, yz, zz),
+    }
+}
+
 /// R A Rᵀ of a symmetric matrix.
 #[inline(always)]
-fn turned<T: Real>(R: &Matrix3<T>, A: &Matrix3<T>) -> Matrix3<T> {
-    let columns = [0, 1, 2].map(|j| mul(R, &Vector3::new(A[(0, j)], A[(1, j)], A[(2, j)])));
-    let entry = |i: usize, j: usize| columns[0][i].mul_add(R[(j, 0)], columns[1][i].mul_add(R[(j, 1)], columns[2][i] * R[(j, 2)]));
-    let (xx, xy, xz, yy, yz, zz) = (entry(0, 0), entry(1, 0), entry(2, 0), entry(1, 1), entry(2, 1), entry(2, 2));
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+fn turned<T: Real>(R: &Matrix3<T>, A: &[T; 6]) -> [T; 6] {
+    let column = |k: usize| mul(R, &symmetric_column(A, k));
+    let (x, y, z) = (column(0), column(1), column(2));
+    let entry = |i: usize, j: usize| x[i].mul_add(R[(j, 0)], y[i].mul_add(R[(j, 1)], z[i] * R[(j, 2)]));
+    [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)]
 }

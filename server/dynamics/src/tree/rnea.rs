@@ -65,7 +65,8 @@ pub(crate) fn newton_euler<T: Real>(
     // forces, back towards the root
     for i in (1..model.bodies.len()).rev() {
         let body = &model.bodies[i];
-        let state = motion[i];
+        let (before, state) = motion.split_at_mut(i);
+        let state = &state[0];
         match body.motion {
             Motion::Revolute => tau[body.v] = state.n[2],
             Motion::Prismatic => tau[body.v] = state.f[2],
@@ -79,7 +80,7 @@ pub(crate) fn newton_euler<T: Real>(
         }
         if body.parent != 0 {
             let f = mul(&state.R, &state.f);
-            let parent = &mut motion[body.parent];
+            let parent = &mut before[body.parent];
             parent.n = cross_add(&state.p, &f, &mul_add(&state.R, &state.n, &parent.n));
             parent.f += f;
         }
