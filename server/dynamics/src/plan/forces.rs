@@ -197,6 +197,13 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<()
                     None => ws.tau_rest[cluster.vy + k] = tau,
                 }
             }
+        } else if (m, n_u) == (1, 1) {
+            let (u, j) = cluster.active[0];
+            let tau = ws.tau_y[cluster.vy] / ws.G[cluster.g + j];
+            if !tau.is_finite() {
+                return Err(Status::SingularActuation);
+            }
+            ws.tau_u[u] = tau;
         } else if n_u == m {
             actuator_matrix(cluster, ws);
             solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;

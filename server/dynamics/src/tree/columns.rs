@@ -23,7 +23,7 @@ pub(crate) type Force<T> = (Vector3<T>, Vector3<T>);
 
 /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world). `column` gives I_i s for freedom k of local
 /// body i; `F` is scratch for m columns of each body.
-#[inline]
+#[inline(always)]
 pub(super) fn join<T: Real>(
     model: &Model<T::Const>,
     cluster: &Cluster<T::Const>,
@@ -34,27 +34,7 @@ pub(super) fn join<T: Real>(
     U: &mut [Force<T>],
     D: &mut [T],
 ) {
-    // the widths of most clusters, so that the loops over columns are known when this is compiled
-    match cluster.n_vy {
-        1 => join_columns(model, cluster, 1, G, motion, column, F, U, D),
-        2 => join_columns(model, cluster, 2, G, motion, column, F, U, D),
-        m => join_columns(model, cluster, m, G, motion, column, F, U, D),
-    }
-}
-
-#[inline(always)]
-fn join_columns<T: Real>(
-    model: &Model<T::Const>,
-    cluster: &Cluster<T::Const>,
-    m: usize,
-    G: &[T],
-    motion: &[BodyState<T>],
-    column: impl Fn(usize, Motion, usize) -> Force<T>,
-    F: &mut [Force<T>],
-    U: &mut [Force<T>],
-    D: &mut [T],
-) {
-    let n = cluster.n;
+    let (n, m) = (cluster.n, cluster.n_vy);
     D[..m * m].fill(T::ZERO);
     F[..n * m].fill((zero(), zero()));
     U[..m].fill((zero(), zero()));

@@ -72,7 +72,9 @@ pub(crate) fn embedded_solve<T: Real>(
     // each body alone
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
         composite[i] = Composite::of(body);
-        bodies[i] = Articulated::none();
+        if model.carries[i] {
+            bodies[i] = Articulated::none();
+        }
     }
 
     // inertias and bias forces, towards the root
@@ -147,6 +149,9 @@ fn single_joint<T: Real>(
     let joint = model.bodies[i].motion;
     let (before, carried) = bodies.split_at_mut(i);
     let carried = &mut carried[0];
+    if !model.carries[i] {
+        *carried = Articulated::none();
+    }
     carried.add_rigid(&composite[i]);
     let U = carried.column(joint, 0);
     let mut d = [component(joint, 0, &U)];
