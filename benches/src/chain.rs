@@ -52,7 +52,11 @@ pub(crate) fn chain_of_lambdas(n: usize) -> Description {
                 terms: Default::default(),
             });
         }
-        let row = |axis: usize| Row { name: ["y", "z"][axis].into(), axis: std::array::from_fn(|i| if i == 4 + axis { 1.0 } else { 0.0 }) };
+        let row = |axis: usize| Row {
+            name: ["y", "z"][axis].into(),
+            axis: std::array::from_fn(|i| if i == 4 + axis { 1.0 } else { 0.0 }),
+            against: None,
+        };
         robot.submechanisms.push(Submechanism {
             name: format!("lambda{k}"),
             kind: SubmechanismKind::Rrpr,

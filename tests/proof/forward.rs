@@ -189,7 +189,11 @@ fn lambdas(n: usize) -> Description {
         robot.joints.push(joint(format!("rocker{k}"), turn, on, link, at(from, [0.8, 0.0, 0.3]), x, none));
         robot.joints.push(joint(format!("stator{k}"), turn, on, link + 1, at(stator, [1.08, 0.0, 0.3]), x, none));
         robot.joints.push(joint(format!("slider{k}"), slide, link + 1, link + 2, at([0.0, 0.3, 0.0], [0.0; 3]), [0.0, 1.0, 0.0], none));
-        let row = |name: &str, axis: usize| Row { name: name.into(), axis: std::array::from_fn(|i| f64::from(u8::from(i == axis))) };
+        let row = |name: &str, axis: usize| Row {
+            name: name.into(),
+            axis: std::array::from_fn(|i| f64::from(u8::from(i == axis))),
+            against: None,
+        };
         robot.submechanisms.push(Submechanism {
             name: format!("lambda{k}"),
             kind: SubmechanismKind::Rrpr,

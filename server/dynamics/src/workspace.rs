@@ -149,7 +149,7 @@ impl<T: Scalar> Workspace<T> {
         let of = |n: usize| vec![T::ZERO; n];
         let clusters = || model.clusters.iter();
         let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);
-        let largest = clusters().map(|c| c.n_v).max().unwrap_or(0);
+        let largest = clusters().map(|c| c.n_q).max().unwrap_or(0);
         let rows = clusters().map(|c| c.rows.len()).max().unwrap_or(0);
         let widest_u = clusters().map(|c| c.active.len()).max().unwrap_or(0);
         let side = if needs.dense { sizes.n_vy.max(sizes.n_u) } else { widest_u }.max(largest).max(rows) + 6;

@@ -89,7 +89,7 @@ fn rows<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>
     let (q, qd) = (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);
     let scratch = &mut ws.scratch;
     local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + cluster.n], &mut scratch.pose);
-    constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
     constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
 }
