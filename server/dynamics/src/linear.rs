@@ -27,11 +27,11 @@ pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: us
 }
 
 /// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the determinant, or `None` where a
-/// pivot is not above the rounding of the largest entry, or not a number.
+/// pivot is so small against the largest entry that the solution would have less than five digits, or not a number.
 pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
     let mut det = T::ONE;
     let largest = A[..m * m].iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
-    let floor = largest * T::from_f64(8.0 * T::EPSILON);
+    let floor = largest * T::from_f64(1e5 * T::EPSILON);
     for k in 0..m {
         let mut p = k;
         for i in k + 1..m {

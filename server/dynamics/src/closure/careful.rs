@@ -3,9 +3,10 @@
 use sarrus_proto::Status;
 
 use super::numerical::Numerical;
-use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses, scaled};
+use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses};
+use super::{column_unit, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
-use crate::model::{Body, Cluster, Motion};
+use crate::model::{Body, Cluster};
 use crate::scalar::Scalar;
 
 /// Newton steps that one request may cost.
@@ -15,6 +16,11 @@ const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1.0 / 65536.0;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 200;
+/// Damping of the search below which it is not lightened.
+const LIGHTEST: f64 = 1e-9;
+/// Scaled residual at which the search has closed the loops, and slope, against the residual, at which it has come to rest.
+const FOUND: f64 = 1e-10;
+const LEVEL: f64 = 1e-6;
 /// Relative singular value below which K has lost rank where K_d could not be inverted.
 const LOST: f64 = 1e-3;
 /// The same for K_d at a pose that only the search could close: at a double root it is known to half the digits.
@@ -94,49 +100,43 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
 /// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close. `Some(false)`: a least distance was
 /// found that is not zero. `None`: neither within the steps allowed.
 fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Option<bool> {
-    let (n, m, rows) = (cluster.n, cluster.dependent.len(), cluster.rows.len());
-    let length = T::from_f64(cluster.length);
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
-    let mut cost = squared_residual(cluster, scratch, local.q);
+    let mut cost = squared_residual(cluster, bodies, scratch, local.q);
     for _ in 0..SEARCH {
-        if cost < T::from_f64(1e-20) * length * length {
+        if cost < T::from_f64(FOUND * FOUND) {
             return Some(true);
         }
         constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
-        constraint_residual(cluster, &scratch.pose, local.q, &mut scratch.phi);
+        squared_residual(cluster, bodies, scratch, local.q);
+        let J = &mut scratch.inverse;
+        scaled(cluster, bodies, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| J[r * m + a] = x);
         // normal equations of the dependents, damped
         let mut slope = T::ZERO;
         for a in 0..m {
             for b in 0..m {
-                let mut x = T::ZERO;
-                for r in 0..rows {
-                    x = scratch.K[r * n + cluster.dependent[a]].mul_add(scratch.K[r * n + cluster.dependent[b]], x);
-                }
-                let unit = if bodies[cluster.dependent[a]].motion == Motion::Prismatic { T::ONE } else { length * length };
-                scratch.A[a * m + b] = if a == b { x + damping * unit } else { x };
+                let x = (0..rows).fold(T::ZERO, |sum, r| J[r * m + a].mul_add(J[r * m + b], sum));
+                scratch.A[a * m + b] = if a == b { x + damping } else { x };
             }
-            let mut x = T::ZERO;
-            for r in 0..rows {
-                x = scratch.K[r * n + cluster.dependent[a]].mul_add(scratch.phi[r], x);
-            }
+            let x = (0..rows).fold(T::ZERO, |sum, r| J[r * m + a].mul_add(scratch.phi[r], sum));
             scratch.B[a] = x;
             slope = x.mul_add(x, slope);
         }
-        if slope < T::from_f64(1e-12) * cost * length * length {
+        if slope < T::from_f64(LEVEL * LEVEL) * cost {
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
         for (a, &j) in cluster.dependent.iter().enumerate() {
             scratch.last[j] = local.q[j];
-            local.q[j] -= scratch.B[a];
+            local.q[j] -= scratch.B[a] * T::from_f64(column_unit(cluster, bodies, j));
         }
         local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
-        let next = squared_residual(cluster, scratch, local.q);
+        let next = squared_residual(cluster, bodies, scratch, local.q);
         if next < cost {
             cost = next;
-            damping *= T::from_f64(0.2);
+            damping = T::select(damping.lt(T::from_f64(LIGHTEST)), damping, damping * T::from_f64(0.2));
         } else {
             for &j in &cluster.dependent {
                 local.q[j] = scratch.last[j];
@@ -148,10 +148,14 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
     None
 }
 
-/// Σ φ².
-fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratch<T>, q: &[T]) -> T {
+/// Σ φ² of the scaled φ, which stays in the scratch.
+fn squared_residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scratch: &mut super::Scratch<T>, q: &[T]) -> T {
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
-    scratch.phi[..cluster.rows.len()].iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum))
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
+        *phi = *phi * T::from_f64(row_unit(cluster, bodies, row));
+        phi.mul_add(*phi, sum)
+    })
 }
 
 /// σ_min / σ_max of the scaled K_d at the pose in `local.q`.

@@ -43,6 +43,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
             rows,
             rank: 0,
             idle: Vec::new(),
+            length: 0.0,
             misfit: 0.0,
         });
     }
@@ -64,6 +65,9 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
         let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n].to_vec() };
         exact.clusters[c].used = used;
+        for (s, _) in assembly.owners(c) {
+            info[s].length = f64::max(info[s].length, cluster.length);
+        }
         info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[cluster.freedoms[*v].body].clone()));
         exact.clusters[c].dependent.retain(|v| !locked.contains(v));
         exact.clusters[c].locked = locked;

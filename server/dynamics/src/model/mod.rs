@@ -220,6 +220,8 @@ pub struct ClosureInfo {
     pub rank: usize,
     /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value that they start with.
     pub idle: Vec<String>,
+    /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without loops.
+    pub length: f64,
     /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
     pub misfit: f64,
 }

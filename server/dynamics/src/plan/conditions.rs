@@ -83,7 +83,7 @@ impl Plan {
             }
         }
         if let Some(range) = slot(Field::Uncontrolled) {
-            singular::uncontrolled(model, ws, &mut output[range]);
+            singular::uncontrolled(model, ws, model.tied.len(), &mut output[range]);
         }
         Ok(Conditions {
             residual,

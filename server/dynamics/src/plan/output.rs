@@ -71,7 +71,8 @@ impl Plan {
             output[range].copy_from_slice(&ws.loop_q);
         }
         if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), found.status) {
-            singular::uncontrolled(model, ws, &mut output[range]);
+            // the one that failed was closed as far as it matters here
+            singular::uncontrolled(model, ws, found.closed + 1, &mut output[range]);
         }
     }
 

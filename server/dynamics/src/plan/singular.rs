@@ -81,10 +81,11 @@ pub(super) fn good_independents<T: Scalar>(
 }
 
 /// The direction of ẏ, of unit length, that the actuators move least in the scaling: the last right singular vector of the scaled G_u of the
-/// cluster in which it is smallest.
-pub(super) fn uncontrolled<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, direction: &mut [T]) {
+/// cluster in which it is smallest, of those that nothing ties and the first `closed` of the tied ones.
+pub(super) fn uncontrolled<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, closed: usize, direction: &mut [T]) {
     let mut least = T::from_f64(f64::INFINITY);
-    for cluster in &model.clusters {
+    let open = &model.tied[closed.min(model.tied.len())..];
+    for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
         let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
         let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
         let unit = |v: usize| T::from_f64(column_unit(cluster, bodies, v));
