@@ -101,7 +101,7 @@ pub(super) fn four_bar([a, b, c, d]: [[f64; 2]; 4], which: &str) -> Compiled {
 }
 
 /// Crank and rocker of four different lengths.
-pub(super) const LOOSE: [[f64; 2]; 4] = [[0.0, 0.0], [0.2, 0.9], [1.7, 1.6], [2.1, -0.1]];
+pub(super) const LOOSE: [[f64; 2]; 4] = [[0.0, 0.0], [0.2, 0.9], [1.4, 1.0], [2.1, -0.1]];
 
 /// Bricard's linkage of a cube, cut by a weld or, `open`, at its last revolute.
 pub(super) fn bricard(open: bool) -> Compiled {
@@ -122,7 +122,7 @@ pub(super) fn door(spin: bool) -> Compiled {
     let along: [f64; 3] = std::array::from_fn(|k| head[k] - foot[k]);
     let mut of = Mechanism::new();
     let door = of.joint(0, Turn, [1.0, 0.0, 0.0], Z);
-    let mut rod = of.joint(0, Turn, foot, X);
+    let mut rod = of.joint(0, Turn, foot, Z);
     rod = of.joint(rod, Turn, foot, Y);
     if spin {
         rod = of.joint(rod, Turn, foot, along);

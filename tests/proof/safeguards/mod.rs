@@ -9,7 +9,7 @@ use sarrus_tests::cases::Case;
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
-use sarrus_tests::small::{product, transposed};
+use sarrus_tests::small::{matrix_product, product, transposed};
 
 use Field::*;
 use mechanisms::{
@@ -62,7 +62,7 @@ fn bricards_linkage_moves_with_its_redundant_row_whole_or_cut() {
         assert!(warned(&compiled).contains("redundant constraint axes"));
         let mut robot = robot(&compiled);
         for k in 0..30 {
-            let y = 0.04 * f64::from(k) - 0.6;
+            let y = 0.034 * f64::from(k) - 0.5;
             let x = at(&mut robot, &[y], &[Residual, K, G]).ok();
             assert!(x.get(Residual)[0] < 1e-13, "all rows hold, also the one that is left out: {:?}", x.get(Residual));
             assert!(largest(&product(x.get(K), x.get(G))) < 1e-12, "K G = 0");
@@ -203,7 +203,12 @@ fn every_kind_of_cut_is_found_independent_at_every_scale() {
                 let x = at(&mut robot, &y, &[Residual, K, G, SigmaMin, Branch]);
                 if x.answer.status == Status::Ok {
                     assert!(x.get(Residual)[0] < 1e-13);
-                    assert!(largest(&product(x.get(K), x.get(G))) < 1e-10 * largest(x.get(K)) * largest(x.get(G)).max(1.0));
+                    let open = largest(&matrix_product(x.get(K), x.get(G), compiled.model.sizes().n_v, y.len()));
+                    assert!(
+                        open < 1e-10 * largest(x.get(K)) * largest(x.get(G)).max(1.0),
+                        "{which} {scale}: {open:.1e} {:?}",
+                        x.get(SigmaMin)
+                    );
                 }
             }
         }
@@ -261,7 +266,7 @@ fn at_a_toggle_the_independents_are_singular_and_a_good_one_is_named() {
         println!("{beyond:.0e}: {}", x.answer.status);
         assert!([Status::SingularIndependents, Status::Unreachable].contains(&x.answer.status), "{}", x.answer.status);
         assert_eq!(x.get(GoodIndependents)[0], 0.0);
-        assert!(x.get(SigmaMin)[0] < 1e-5, "{:?}", x.get(SigmaMin));
+        assert!(x.get(SigmaMin)[0] < 1e-4, "{:?}", x.get(SigmaMin));
     }
     // a rhombus folded flat loses rank of K itself
     let flat = four_bar([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], "xy");
