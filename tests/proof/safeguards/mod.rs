@@ -2,9 +2,11 @@
 
 mod mechanisms;
 
+use std::f64::consts::FRAC_PI_6;
+
 use faer::Mat;
 use sarrus_dynamics::scalar::Dd;
-use sarrus_dynamics::{Compiled, Field, Model, Request, Status};
+use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Plan, Request, Status, Wanted, Workspace};
 use sarrus_tests::cases::Case;
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::run::{Fields, Robot};
@@ -323,18 +325,25 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
     let (out, _) = toggle();
     let meet = f64::acos((0.81 + 1.0 - 0.09) / 1.8) - std::f64::consts::FRAC_PI_2;
     let mut silent = 0;
-    for (name, compiled, reach) in
-        [("four-bar", four_bar(LOOSE, "xy"), out), ("six rows", four_bar(LOOSE, "xyzabc"), out), ("lambda", lambda(1.0), meet)]
-    {
+    for (name, compiled, reach) in [
+        ("four-bar", four_bar(LOOSE, "xy"), out),
+        ("six rows", four_bar(LOOSE, "xyzabc"), out),
+        ("lambda", lambda(1.0), meet),
+        ("Bricard", bricard(false), -FRAC_PI_6),
+        ("Bricard, open", bricard(true), -FRAC_PI_6),
+    ] {
         let mut seeded = Seeded::new(5);
         let (mut robot, mut exact) = (robot(&compiled), Robot::new(compiled.exact.clone()));
         let branch = at(&mut robot, &[0.0], &[Branch]).ok().get(Branch).to_vec();
-        let mut counts = [0; 16];
+        let (mut counts, mut closest) = ([0; 16], f64::INFINITY);
         for _ in 0..400 {
             // as near as rounding on either side
             let y = reach + seeded.sign() * 10f64.powf(seeded.within(-15.0, 0.0));
             let x = at(&mut robot, &[y], &[Q, G, Branch, Residual, CondKd]);
             counts[x.answer.status as usize] += 1;
+            if x.answer.status == Status::Ok {
+                closest = f64::min(closest, (y - reach).abs());
+            }
             if x.answer.status != Status::Ok {
                 silent += usize::from(!x.get(Q).iter().chain(x.get(G)).all(|x| x.is_nan()));
                 continue;
@@ -351,8 +360,34 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
             }
         }
         let told = Status::ALL.iter().map(|status| (status, counts[*status as usize])).filter(|x| x.1 > 0);
-        println!("{name}: {}", told.map(|(status, count)| format!("{count} {status}")).collect::<Vec<_>>().join(", "));
+        println!(
+            "{name}, answered up to {closest:.1e} from its reach: {}",
+            told.map(|(status, count)| format!("{count} {status}")).collect::<Vec<_>>().join(", ")
+        );
     }
     println!("silent failures: {silent}");
     assert_eq!(silent, 0);
+}
+
+#[test]
+fn nothing_allocates_whatever_fails() {
+    let want = [Q, Residual, SigmaMin, NearestY, GoodIndependents, Uncontrolled, Branch];
+    let mut seen = Vec::new();
+    for compiled in [four_bar(LOOSE, "xyz"), four_bar(LOOSE, "xyzabc"), bricard(false), door(true), lambda(1.0)] {
+        let model = &compiled.model;
+        let state = Wanted::new(Request::Kinematics, FieldSet::of(&[Y]), FieldSet::of(&want));
+        let forces = Wanted::new(Request::InverseDynamics, FieldSet::of(&[Y]), FieldSet::of(&[Lambda, LambdaDeterminate, Uncontrolled]));
+        let mut workspace = Workspace::new(model);
+        for wanted in [state, forces] {
+            let plan = Plan::new(model, &wanted).unwrap();
+            let mut output = vec![0.0; plan.want().len()];
+            for k in -8..=8 {
+                let before = crate::allocation::calls();
+                let answer = plan.run(model, &mut workspace, &[0.4 * f64::from(k)], &mut output);
+                assert_eq!(crate::allocation::calls(), before, "{}", answer.status);
+                seen.push(answer.status);
+            }
+        }
+    }
+    assert!(seen.contains(&Status::Ok) && seen.contains(&Status::Unreachable), "{seen:?}");
 }

@@ -4,7 +4,7 @@ use sarrus_proto::Status;
 
 use super::numerical::Numerical;
 use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses};
-use super::{column_unit, row_unit, scaled};
+use super::{column_unit, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster};
 use crate::scalar::Scalar;
@@ -13,9 +13,11 @@ use crate::scalar::Scalar;
 const BUDGET: u32 = 1200;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
-const SHORTEST: f64 = 1.0 / 65536.0;
+const SHORTEST: f64 = 1e-12;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 200;
+/// Residual, in cluster lengths, from which on a redundant row is another closed pose's.
+const APART: f64 = 1e-3;
 /// Damping of the search below which it is not lightened.
 const LIGHTEST: f64 = 1e-9;
 /// Scaled residual at which the search has closed the loops, and slope, against the residual, at which it has come to rest.
@@ -62,7 +64,7 @@ pub(super) fn follow<T: Scalar>(
         }
         let (good, count) = numerical.newton(cluster, bodies, local, true);
         iterations += count;
-        if good {
+        if good && redundant_rows_hold(cluster, local) {
             local.scratch.last[..n].copy_from_slice(local.q);
             numerical.remember(cluster, bodies, local);
             at = next;
@@ -86,12 +88,22 @@ pub(super) fn follow<T: Scalar>(
     Outcome { status: Status::Ok, iterations }
 }
 
+/// True where the rows that the solution leaves out hold too, as closely as rounded files let them; the poses are fresh.
+pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
+    if cluster.used.len() == cluster.rows.len() {
+        return true;
+    }
+    let scratch = &mut *local.scratch;
+    constraint_residual(cluster, &scratch.pose, local.q, &mut scratch.phi);
+    largest_residual(cluster, &scratch.phi) < T::from_f64(APART)
+}
+
 /// Why the goal in `local.q` was not reached: some other closed pose has its y, none has, or the budget ran out.
 fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, iterations: u32) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
-        _ if iterations > BUDGET => Status::NotConverged,
         Some(true) if dependents_range(cluster, bodies, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
+        _ if iterations > BUDGET => Status::NotConverged,
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }
