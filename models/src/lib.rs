@@ -1,4 +1,4 @@
-//! Robot files to checked descriptions: URDF for the spanning tree, submechanism YAML for the loops, and nine bundled robots.
+//! Robot files to checked descriptions: URDF for the spanning tree, submechanism YAML for the loops, and fifteen bundled robots.
 //!
 //! ```
 //! use sarrus_models::{Options, Source, load};

@@ -152,7 +152,7 @@ pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
                 place,
                 found,
                 "perpendicular axes",
-                "correct one of them, or write the cut as three revolute joints and a spherical cut",
+                "correct one of them, or write the cut as revolute joints in the tree and a spherical cut",
             );
         }
     }

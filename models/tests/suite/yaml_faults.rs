@@ -29,7 +29,7 @@ faults! { yaml:
     an_unknown_key_of_a_loop_is_an_error:
         "predecessor_body" => "body",
         "submechanisms.yml:11:5: the loop constraint has no `predecessor_body`, expected `predecessor_body: NAME`, add it",
-        "submechanisms.yml:12:5: the key `body` of a loop constraint is not known, expected cut_joint, predecessor_body, successor_body, constraint_axes, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, remove it";
+        "submechanisms.yml:12:5: the key `body` of a loop constraint is not known, expected cut_joint, predecessor_body, successor_body, constraint_axes, cut_joint_type, axis, axis2, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, remove it";
     an_unknown_key_of_an_axis_is_an_error:
         "{name: y," => "{name: y, unit: m,",
         "submechanisms.yml:15:17: the key `unit` of a constraint axis is not known, expected name, axis, baumgarte_stabilization_parameter, remove it";
@@ -77,7 +77,7 @@ faults! { yaml:
         "submechanisms.yml:16:14: a second axis of this loop is named `y`, expected a name of its own, rename one of them";
     a_loop_without_axes_is_an_error:
         "    constraint_axes:\n    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n    - {name: z, axis: [0, 0, 0, 0, 0, 1]}\n" => "",
-        "submechanisms.yml:11:5: the loop constraint has no `constraint_axes`, expected at least one, list the constrained directions";
+        "submechanisms.yml:11:5: the loop constraint has no `constraint_axes`, expected at least one, list the constrained directions, or give a cut_joint_type";
     a_loop_without_a_body_is_an_error:
         "    successor_body: rod\n" => "",
         "submechanisms.yml:11:5: the loop constraint has no `successor_body`, expected `successor_body: NAME`, add it";
