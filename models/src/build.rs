@@ -7,8 +7,7 @@ use sarrus_dynamics::description::{
 
 use crate::report::Place;
 use crate::submechanisms::cut::CutKind;
-use crate::submechanisms::{Entry, EntryValues, LoopEntry, LoopValues, PlacementValues, Submechanisms, kind_named};
-use crate::universal;
+use crate::submechanisms::{Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named};
 use crate::urdf::{Urdf, Values};
 
 /// Where the parts of a description stand in the files.
@@ -31,7 +30,7 @@ impl Places {
     pub(crate) fn new(urdf: &Urdf, submechanisms: Option<&Submechanisms>) -> Places {
         let place_of = |entry: &Entry| SubmechanismPlace {
             place: entry.name.as_ref().map_or(entry.place, |(_, place)| *place),
-            loops: entry.loops.iter().flat_map(loop_places).collect(),
+            loops: entry.loops.iter().map(|each| (each.place, each.rows.clone())).collect(),
         };
         Places {
             robot: submechanisms.map_or(urdf.place, |read| read.place),
@@ -59,14 +58,6 @@ impl Places {
     }
 }
 
-/// The places of the loops that one entry becomes: the rows of a universal cut are in two.
-fn loop_places(each: &LoopEntry) -> Vec<(Place, Vec<Place>)> {
-    match each.rows.split_last() {
-        Some((turn, others)) if each.is_universal => vec![(each.place, others.to_vec()), (each.place, vec![*turn])],
-        _ => vec![(each.place, each.rows.clone())],
-    }
-}
-
 /// The description of checked files; `None` when the two readings of a file differ, which no checked file should.
 pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<EntryValues>>, gravity: [f64; 3]) -> Option<Description> {
     let links = urdf.links.iter().zip(values.inertials).map(|(link, inertial)| Link { name: link.name.clone(), inertial });
@@ -89,7 +80,7 @@ pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<Entry
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
     let submechanisms = match entries {
-        Some(entries) => entries.into_iter().map(|entry| submechanism(urdf, &joints, entry)).collect::<Option<_>>()?,
+        Some(entries) => entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?,
         None => vec![whole(&urdf.name, &joints)],
     };
     Some(Description { name: urdf.name.clone(), links: links.collect(), joints, submechanisms, gravity })
@@ -113,15 +104,11 @@ fn whole(name: &str, joints: &[Joint]) -> Submechanism {
     }
 }
 
-fn submechanism(urdf: &Urdf, joints: &[Joint], entry: EntryValues) -> Option<Submechanism> {
+fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
     let indices = |names: Option<Vec<String>>| -> Option<Vec<usize>> {
         names.unwrap_or_default().iter().map(|name| urdf.joint_index.get(name).copied()).collect()
     };
     let (kind, _) = kind_named(&entry.r#type)?;
-    let mut loops = Vec::new();
-    for each in entry.loop_constraints.unwrap_or_default() {
-        loops.extend(closed_loops(urdf, joints, each)?);
-    }
     Some(Submechanism {
         name: entry.contextual_name.or(entry.name)?,
         kind,
@@ -129,28 +116,21 @@ fn submechanism(urdf: &Urdf, joints: &[Joint], entry: EntryValues) -> Option<Sub
         spanning_tree: indices(entry.jointnames_spanningtree)?,
         independent: indices(entry.jointnames_independent)?,
         active: indices(entry.jointnames_active)?,
-        loops,
+        loops: entry.loop_constraints.unwrap_or_default().into_iter().map(|each| closed_loop(urdf, each)).collect::<Option<_>>()?,
     })
 }
 
-/// The loop of a cut; a universal cut has a second one, with the point of its turn.
-fn closed_loops(urdf: &Urdf, joints: &[Joint], each: LoopValues) -> Option<Vec<Loop>> {
+fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
     let predecessor = *urdf.link_index.get(&each.predecessor_body)?;
     let cut = match (each.predecessor_placement, each.successor_placement) {
         (Some(predecessor), Some(successor)) => Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) },
         _ => urdf.joint_index.get(&each.cut_joint).map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
-    let kind = each.cut_joint_type.as_deref().map(|written| CutKind::named(written).ok_or(())).transpose().ok()?;
-    let rows = match kind {
-        Some(kind) => kind.rows(each.axis.unwrap_or_default()),
-        None => each.constraint_axes?.into_iter().map(|row| Row { name: row.name, axis: row.axis }).collect(),
+    let rows = match each.cut_joint_type {
+        Some(written) => CutKind::named(&written)?.rows(each.axis.unwrap_or_default(), each.axis2.unwrap_or_default()),
+        None => each.constraint_axes?.into_iter().map(|row| Row { name: row.name, axis: row.axis, against: None }).collect(),
     };
-    let first = Loop { name: each.cut_joint, predecessor, successor: *urdf.link_index.get(&each.successor_body)?, cut, rows };
-    let turn = match kind {
-        Some(CutKind::Universal) => Some(universal::turn(&first, each.axis?, each.axis2?, joints)),
-        _ => None,
-    };
-    Some(core::iter::once(first).chain(turn).collect())
+    Some(Loop { name: each.cut_joint, predecessor, successor: *urdf.link_index.get(&each.successor_body)?, cut, rows })
 }
 
 fn placement(values: PlacementValues) -> Placement {

@@ -12,8 +12,7 @@
 //!
 //! x, y, z are the axes of the cut frame. b is the one of them that is least along `axis` (the first of several), made perpendicular to it;
 //! c = axis × b. The letter r stands for a turn, axis · log(R_Pᵀ R_S), which is exact wherever the cut leaves the turns about one line or none.
-//! A universal joint leaves two, and its turn about axis × axis2 is none of them only at zero; what it keeps is axis · (R axis2) = 0. That is
-//! a linear row u of its own: the point one metre out along `axis2` stays in the plane across `axis`, so that λ of u is a moment.
+//! A universal joint leaves two, and its turn about axis × axis2 is none of them only at zero; what it keeps is u, axis · (R_Pᵀ R_S axis2) = 0.
 
 use sarrus_dynamics::description::Row;
 
@@ -59,7 +58,7 @@ impl CutKind {
         }
     }
 
-    /// How many rows it has, that of a universal joint's turn among them.
+    /// How many rows it has.
     fn n_rows(self) -> usize {
         match self {
             PlanarRevolute => 2,
@@ -70,8 +69,8 @@ impl CutKind {
         }
     }
 
-    /// The rows in the predecessor's cut frame; without that of a universal joint's turn, which needs another point.
-    pub(crate) fn rows(self, axis: [f64; 3]) -> Vec<Row> {
+    /// The rows in the predecessor's cut frame, and in the successor's where they stand against a direction of it.
+    pub(crate) fn rows(self, axis: [f64; 3], axis2: [f64; 3]) -> Vec<Row> {
         let [b, c] = across(axis);
         let frame = [("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])];
         let plane = [("b", b), ("c", c)];
@@ -83,19 +82,19 @@ impl CutKind {
             Prismatic => (&plane, &frame),
             Cylindrical => (&plane, &plane),
         };
-        let linear = linear.iter().map(|(name, [x, y, z])| Row { name: (*name).to_owned(), axis: [0.0, 0.0, 0.0, *x, *y, *z] });
-        let angular = angular.iter().map(|(name, [x, y, z])| Row { name: format!("r{name}"), axis: [*x, *y, *z, 0.0, 0.0, 0.0] });
-        linear.chain(angular).collect()
+        let linear = linear.iter().map(|(name, [x, y, z])| ((*name).to_owned(), [0.0, 0.0, 0.0, *x, *y, *z], None));
+        let angular = angular.iter().map(|(name, [x, y, z])| (format!("r{name}"), [*x, *y, *z, 0.0, 0.0, 0.0], None));
+        // what is perpendicular up to the rounding of a file is so
+        let [x, y, z] = unit(axis);
+        let along = dot([x, y, z], axis2);
+        let against = unit([axis2[0] - along * x, axis2[1] - along * y, axis2[2] - along * z]);
+        let turn = (self == Universal).then(|| ("u".to_owned(), [x, y, z, 0.0, 0.0, 0.0], Some(against)));
+        linear.chain(angular).chain(turn).map(|(name, axis, against)| Row { name, axis, against }).collect()
     }
 }
 
 /// Two directions b and c = axis × b, perpendicular to an axis and of unit length; exact where the axis is one of the frame.
 fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
-    let unit = |v: [f64; 3]| {
-        let length = dot(v, v).sqrt();
-        // a cut without an axis has none of these rows
-        if length > 0.0 { v.map(|x| x / length) } else { v }
-    };
     let a = unit(axis);
     let mut k = 0;
     for i in 1..3 {
@@ -106,6 +105,12 @@ fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
     let b = unit(core::array::from_fn(|i| if i == k { 1.0 - a[k] * a[k] } else { -a[k] * a[i] }));
     // 0.0 turns −0.0 round
     [b, [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]].map(|v| v.map(|x| x + 0.0))
+}
+
+fn unit(v: [f64; 3]) -> [f64; 3] {
+    let length = dot(v, v).sqrt();
+    // a cut without an axis has no row of it
+    if length > 0.0 { v.map(|x| x / length) } else { v }
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -196,7 +201,7 @@ mod tests {
     #[test]
     fn every_kind_has_as_many_rows_as_it_says() {
         for (name, kind) in KINDS {
-            assert_eq!(kind.rows([1.0, 2.0, 3.0]).len() + usize::from(kind == Universal), kind.n_rows(), "{name}");
+            assert_eq!(kind.rows([1.0, 2.0, 3.0], [3.0, 0.0, -1.0]).len(), kind.n_rows(), "{name}");
         }
     }
 }

@@ -31,8 +31,6 @@ pub(crate) struct LoopEntry {
     pub(crate) successor: Option<Named>,
     pub(crate) is_placed: bool,
     pub(crate) rows: Vec<Place>,
-    /// The last row has a point of its own.
-    pub(crate) is_universal: bool,
 }
 
 const TOP: &[&str] = &["submechanisms", "exoskeletons"];
@@ -142,7 +140,6 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
         );
     }
     let (axes, of_type) = (list(node, "constraint_axes", findings), cut::walk(node, findings));
-    let is_universal = !of_type.is_empty() && node.get("cut_joint_type").is_some_and(|of_type| of_type.is_word("universal"));
     let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
     if no_axes && !matches!(node.get("constraint_axes").map(|axes| &axes.value), Some(Value::Scalar { .. } | Value::Map(_))) {
         let help = "list the constrained directions, or give a cut_joint_type";
@@ -158,7 +155,7 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
     }
     let is_placed = placements.iter().all(|(_, placement)| placement.is_some());
     let rows = axes.iter().map(|axis| axis.place).chain(of_type).collect();
-    Some(LoopEntry { place: node.place, cut_joint, predecessor, successor, is_placed, rows, is_universal })
+    Some(LoopEntry { place: node.place, cut_joint, predecessor, successor, is_placed, rows })
 }
 
 fn row(node: &Node, names: &mut HashSet<String>, findings: &mut Findings) {
