@@ -22,7 +22,7 @@ macro_rules! robots {
     };
 }
 
-static ROBOTS: [Bundled; 15] = robots! {
+static ROBOTS: [Bundled; 16] = robots! {
     "lambda": "elbow of a humanoid: one lambda loop (RRPR) driven by a linear actuator",
     "torso": "torso of a humanoid: a universal joint driven by two linear actuators (2SPU+1U)",
     "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators (2SPRR+1U)",
@@ -38,6 +38,7 @@ static ROBOTS: [Bundled; 15] = robots! {
     "bricard": "Bricard's mechanism of five rods: overconstrained, one freedom (IFToMM A04)",
     "delta": "delta robot: three arms, six rods, a platform that keeps its orientation",
     "active_ankle": "ankle of three cranks and six rods, almost spherical (3RUS2)",
+    "stewart_floating": "Stewart platform whose platform is one floating joint of seven coordinates",
 };
 
 /// Names of the bundled robots, each with one line about it.

@@ -120,10 +120,10 @@ faults! { yaml:
         "submechanisms.yml:8:29: the joint `elbow` is already in the submechanism `elbow_joint`, expected each joint in one, remove it from one of them";
     an_unknown_submechanism_type_is_an_error_with_the_nearest:
         "NUMERICAL" => "NUMERIC",
-        "submechanisms.yml:3:9: the submechanism type `NUMERIC` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, did you mean `NUMERICAL`?";
+        "submechanisms.yml:3:9: the submechanism type `NUMERIC` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, FOURBAR, SLIDERCRANK, DIFFERENTIAL, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, did you mean `NUMERICAL`?";
     a_type_far_from_all_is_told_what_to_do:
         "NUMERICAL" => "4-bar",
-        "submechanisms.yml:3:9: the submechanism type `4-bar` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, use NUMERICAL with loop_constraints for any other mechanism";
+        "submechanisms.yml:3:9: the submechanism type `4-bar` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, FOURBAR, SLIDERCRANK, DIFFERENTIAL, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, use NUMERICAL with loop_constraints for any other mechanism";
     a_lambda_has_three_joints_and_one_of_them_independent:
         "type: NUMERICAL" => "type: 2SPU+1U",
         "submechanisms.yml:3:9: `2SPU+1U` with 3 spanning-tree joints, expected 8, correct jointnames_spanningtree or use NUMERICAL",
