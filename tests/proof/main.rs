@@ -13,6 +13,7 @@ mod energy;
 mod failures;
 mod hyrodyn;
 mod laws;
+mod published;
 mod safeguards;
 mod vectors;
 mod wire;

@@ -3,7 +3,7 @@
 use sarrus_proto::Status;
 
 use super::numerical::Numerical;
-use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses};
+use super::{Local, Outcome, between, constraint_jacobian, constraint_residual, local_poses};
 use super::{column_unit, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster};
@@ -36,8 +36,8 @@ pub(super) fn follow<T: Scalar>(
     local: &mut Local<'_, T>,
     mut iterations: u32,
 ) -> Outcome {
-    let n = cluster.n;
-    for &j in &cluster.independent {
+    let n = cluster.n_q;
+    for &j in &cluster.independent_q {
         local.scratch.goal[j] = local.q[j];
     }
     local.q.copy_from_slice(local.start);
@@ -55,11 +55,11 @@ pub(super) fn follow<T: Scalar>(
     let (mut at, mut step) = (0.0, FIRST);
     while at < 1.0 {
         let next = f64::min(1.0, at + step);
-        for &j in &cluster.independent {
-            let (from, to) = (local.start[j], local.scratch.goal[j]);
-            local.q[j] = if next == 1.0 { to } else { (to - from).mul_add(T::from_f64(next), from) };
+        between(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
+        if next == 1.0 {
+            cluster.independent_q.iter().for_each(|i| local.q[*i] = local.scratch.goal[*i]);
         }
-        for &j in &cluster.dependent {
+        for &j in &cluster.dependent_q {
             local.q[j] = local.scratch.last[j];
         }
         let (good, count) = numerical.newton(cluster, bodies, local, true);
@@ -72,10 +72,10 @@ pub(super) fn follow<T: Scalar>(
         } else {
             step *= 0.5;
             if step < SHORTEST || iterations > BUDGET {
-                for &j in &cluster.independent {
+                for &j in &cluster.independent_q {
                     local.q[j] = local.scratch.goal[j];
                 }
-                for &j in &cluster.dependent {
+                for &j in &cluster.dependent_q {
                     local.q[j] = local.scratch.last[j];
                 }
                 // the last closed pose stays to be read
@@ -102,7 +102,7 @@ pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut L
 fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, iterations: u32) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
-        Some(true) if dependents_range(cluster, bodies, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
+        Some(true) if dependents_range(cluster, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
         _ if iterations > BUDGET => Status::NotConverged,
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
@@ -116,15 +116,15 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
-    let mut cost = squared_residual(cluster, bodies, scratch, local.q);
+    let mut cost = squared_residual(cluster, scratch, local.q);
     for _ in 0..SEARCH {
         if cost < T::from_f64(FOUND * FOUND) {
             return Some(true);
         }
-        constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
-        squared_residual(cluster, bodies, scratch, local.q);
+        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+        squared_residual(cluster, scratch, local.q);
         let J = &mut scratch.inverse;
-        scaled(cluster, bodies, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| J[r * m + a] = x);
+        scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| J[r * m + a] = x);
         // normal equations of the dependents, damped
         let mut slope = T::ZERO;
         for a in 0..m {
@@ -140,18 +140,20 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
+        for &i in &cluster.dependent_q {
+            scratch.last[i] = local.q[i];
+        }
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            scratch.last[j] = local.q[j];
-            local.q[j] -= scratch.B[a] * T::from_f64(column_unit(cluster, bodies, j));
+            cluster.freedoms[j].advance(local.q, -(scratch.B[a] * T::from_f64(column_unit(cluster, j))));
         }
         local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
-        let next = squared_residual(cluster, bodies, scratch, local.q);
+        let next = squared_residual(cluster, scratch, local.q);
         if next < cost {
             cost = next;
             damping = T::select(damping.lt(T::from_f64(LIGHTEST)), damping, damping * T::from_f64(0.2));
         } else {
-            for &j in &cluster.dependent {
-                local.q[j] = scratch.last[j];
+            for &i in &cluster.dependent_q {
+                local.q[i] = scratch.last[i];
             }
             local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
             damping *= T::from_f64(8.0);
@@ -161,22 +163,22 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
 }
 
 /// Σ φ² of the scaled φ, which stays in the scratch.
-fn squared_residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scratch: &mut super::Scratch<T>, q: &[T]) -> T {
+fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratch<T>, q: &[T]) -> T {
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
-        *phi = *phi * T::from_f64(row_unit(cluster, bodies, row));
+        *phi = *phi * T::from_f64(row_unit(cluster, row));
         phi.mul_add(*phi, sum)
     })
 }
 
 /// σ_min / σ_max of the scaled K_d at the pose in `local.q`.
-fn dependents_range<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> T {
+fn dependents_range<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
     let m = cluster.dependent.len();
     let scratch = &mut *local.scratch;
-    constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     let A = &mut scratch.A;
-    scaled(cluster, bodies, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
+    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
     let (largest, least) = singular_range(A, m, m);
     least / largest
 }
@@ -186,12 +188,12 @@ pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>
     let (n, rows) = (cluster.n_v, cluster.used.len());
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
-    constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     // the transpose of the scaled K; idle joints stand still
     let A = &mut scratch.A;
     A[..n * rows].fill(T::ZERO);
     for columns in [&cluster.independent, &cluster.dependent] {
-        scaled(cluster, bodies, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| A[columns[a] * rows + i] = x);
+        scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| A[columns[a] * rows + i] = x);
     }
     let (largest, least) = singular_range(A, n, rows);
     if least < T::from_f64(LOST) * largest { Status::SingularClosure } else { Status::SingularIndependents }

@@ -8,26 +8,20 @@
 //! times the cluster's length.
 
 use super::CutRow;
-use crate::model::{Body, Cluster, Motion};
+use crate::model::Cluster;
 use crate::scalar::Scalar;
 
 /// The unit of one local velocity: the cluster's length where it slides.
-pub(crate) fn column_unit<T>(cluster: &Cluster<T>, bodies: &[Body<T>], v: usize) -> f64 {
-    let freedom = &cluster.freedoms[v];
-    let slides = match bodies[freedom.body].motion {
-        Motion::Prismatic => true,
-        Motion::Floating => freedom.k >= 3,
-        Motion::Revolute | Motion::Spherical => false,
-    };
-    if slides { cluster.length } else { 1.0 }
+pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
+    if cluster.freedoms[v].slides() { cluster.length } else { 1.0 }
 }
 
 /// What a row is to be multiplied by.
-pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], row: &CutRow<T>) -> f64 {
+pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 {
     let norm = |x: f64, y: f64, z: f64| (x * x + y * y + z * z).sqrt();
     if !row.terms.is_empty() {
         let size = row.terms.iter().fold(0.0, |sum, (j, c)| {
-            let x = c.to_f64() * column_unit(cluster, bodies, *j);
+            let x = c.to_f64() * column_unit(cluster, *j);
             sum + x * x
         });
         return 1.0 / f64::sqrt(size);
@@ -40,7 +34,6 @@ pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], row:
 /// Calls `put(i, a, entry)` for the i-th of the given rows and the a-th of the given columns of the scaled K; K is that of all rows.
 pub(crate) fn scaled<T: Scalar>(
     cluster: &Cluster<T>,
-    bodies: &[Body<T>],
     K: &[T],
     rows: impl Iterator<Item = usize>,
     columns: &[usize],
@@ -48,9 +41,9 @@ pub(crate) fn scaled<T: Scalar>(
 ) {
     for (i, r) in rows.enumerate() {
         let Some(row) = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r) else { continue };
-        let unit = row_unit(cluster, bodies, row);
+        let unit = row_unit(cluster, row);
         for (a, &v) in columns.iter().enumerate() {
-            put(i, a, K[r * cluster.n_v + v] * T::from_f64(unit * column_unit(cluster, bodies, v)));
+            put(i, a, K[r * cluster.n_v + v] * T::from_f64(unit * column_unit(cluster, v)));
         }
     }
 }

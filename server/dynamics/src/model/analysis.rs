@@ -4,7 +4,7 @@ use faer::Mat;
 
 use super::blocks::blocks;
 use super::idle::Drift;
-use super::{Body, Cluster, Model, Motion};
+use super::{Body, Cluster, Model};
 use crate::closure::{
     Block, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian, constraint_residual, local_poses, scaled,
 };
@@ -51,7 +51,7 @@ pub(super) fn analyse(
     errors: &mut Vec<Fault>,
     warnings: &mut Vec<Fault>,
 ) -> Option<Analysis> {
-    let (n, rows) = (cluster.n, cluster.rows.len());
+    let (n, rows) = (cluster.n_v, cluster.rows.len());
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
 
     // the pose of highest rank is generic
@@ -112,7 +112,7 @@ fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
 /// True where a direction of the dependents is idle at a sample.
 fn is_idle(cluster: &Cluster<f64>, bodies: &[Body<f64>], carries: &[bool], at: &Sample, direction: &[f64]) -> bool {
     let mut rate = vec![0.0; cluster.n_v];
-    cluster.dependent.iter().zip(direction).for_each(|(v, x)| rate[*v] = x * column_unit(cluster, bodies, *v));
+    cluster.dependent.iter().zip(direction).for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
     Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(carries)
 }
 
@@ -135,8 +135,8 @@ pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: 
     if matches!(cluster.closure, Closure::Coupling(_)) {
         return None;
     }
-    let mut scratch = Scratch::new(cluster.n, cluster.rows.len());
-    let mut state = State::new(cluster.n, cluster.n_vy, &numerical.zero);
+    let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
+    let mut state = State::new(cluster, &numerical.zero);
     local_poses(cluster, bodies, &state.q, &mut state.turn, &mut scratch.pose);
     constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
@@ -240,14 +240,14 @@ struct State<T> {
 }
 
 impl<T: Scalar> State<T> {
-    fn new(n: usize, n_vy: usize, zero: &[T]) -> State<T> {
+    fn new(cluster: &Cluster<T>, zero: &[T]) -> State<T> {
         State {
             start: zero.to_vec(),
             q: zero.to_vec(),
-            turn: vec![(T::ONE, T::ZERO); n],
-            qd: vec![T::ZERO; n],
-            G: vec![T::ZERO; n * n_vy],
-            g: vec![T::ZERO; n],
+            turn: vec![(T::ONE, T::ZERO); cluster.n],
+            qd: vec![T::ZERO; cluster.n_v],
+            G: vec![T::ZERO; cluster.n_v * cluster.n_vy],
+            g: vec![T::ZERO; cluster.n_v],
         }
     }
 
@@ -258,23 +258,26 @@ impl<T: Scalar> State<T> {
 
 /// A closed pose some way from zero, found by damped steps of least norm, which need no rank; and the scaled K there.
 fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
-    let (n, rows) = (cluster.n, cluster.rows.len());
-    let mut turn = vec![(1.0, 0.0); n];
-    let mut pose = vec![Pose::identity(); n + 1];
+    let (n, rows) = (cluster.n_v, cluster.rows.len());
+    let mut turn = vec![(1.0, 0.0); cluster.n];
+    let mut pose = vec![Pose::identity(); cluster.n + 1];
     let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
-    let mut q = vec![0.0; n];
+    let mut q = vec![0.0; cluster.n_q];
+    for at in cluster.freedoms.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
+        q[at.q + at.motion.n_q() - 1] = 1.0;
+    }
     let mut closed = q.clone();
     const SUBSTEPS: usize = 8;
-    for step in 1..=SUBSTEPS {
+    for _ in 0..SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
-            let unit = if bodies[j].motion == Motion::Prismatic { cluster.length } else { 1.0 };
-            q[j] = REACH * unit * noise(31 * k + i) * step as f64 / SUBSTEPS as f64;
+            let (at, unit) = (&cluster.freedoms[j], if cluster.freedoms[j].slides() { cluster.length } else { 1.0 });
+            at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
         }
         let mut done = false;
         for _ in 0..30 {
             local_poses(cluster, bodies, &q, &mut turn, &mut pose);
             constraint_residual(cluster, &pose, &q, &mut phi);
-            constraint_jacobian(cluster, bodies, &pose, &mut K);
+            constraint_jacobian(cluster, &pose, &mut K);
             if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
                 done = true;
                 break;
@@ -286,7 +289,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
                 if S[a] > 1e-6 * S[0] {
                     let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
                     for (i, &j) in cluster.dependent.iter().enumerate() {
-                        q[j] -= V[(i, a)] * along;
+                        cluster.freedoms[j].advance(&mut q, -V[(i, a)] * along);
                     }
                 }
             }
@@ -297,9 +300,9 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
         closed.copy_from_slice(&q);
     }
     local_poses(cluster, bodies, &closed, &mut turn, &mut pose);
-    constraint_jacobian(cluster, bodies, &pose, &mut K);
+    constraint_jacobian(cluster, &pose, &mut K);
     let mut scaled_K = vec![0.0; rows * n];
-    scaled(cluster, bodies, &K, 0..rows, &(0..n).collect::<Vec<_>>(), |r, v, x| scaled_K[r * n + v] = x);
+    scaled(cluster, &K, 0..rows, &(0..n).collect::<Vec<_>>(), |r, v, x| scaled_K[r * n + v] = x);
     Sample { K: scaled_K, pose }
 }
 
@@ -359,8 +362,8 @@ fn off_by(samples: &[Sample], cluster: &Cluster<f64>, r: usize, n: usize) -> f64
 
 /// The fault of a mobility that does not fit: redundant rows and idle joints by name.
 fn wrong_mobility(cluster: &Cluster<f64>, K_d: &Mat<f64>, rank: usize, names: &[String], row_names: &[String], site: Site) -> Fault {
-    let mobility = cluster.n - rank;
-    let mut found = format!("mobility {mobility} ({} joints less rank {rank} of {} rows)", cluster.n, cluster.rows.len());
+    let mobility = cluster.n_v - rank;
+    let mut found = format!("mobility {mobility} ({} joints less rank {rank} of {} rows)", cluster.n_v, cluster.rows.len());
     if rank < cluster.rows.len() {
         let kept = independent_rows(K_d, self::rank(K_d).min(K_d.nrows()));
         let redundant = (0..cluster.rows.len()).filter(|r| !kept.contains(r)).map(|r| row_names[r].as_str()).collect::<Vec<_>>();

@@ -30,7 +30,7 @@ impl Drift<'_> {
     /// True where the motion is idle; `carries` tells which local bodies carry other clusters.
     pub(super) fn is_idle(&self, carries: &[bool]) -> bool {
         let cluster = self.cluster;
-        let still = |v: usize| self.rate[v].abs() < STILL * column_unit(cluster, self.bodies, v);
+        let still = |v: usize| self.rate[v].abs() < STILL * column_unit(cluster, v);
         let coupled = cluster.cuts.iter().flat_map(|cut| &cut.rows).flat_map(|row| &row.terms);
         if !cluster.active.iter().all(|(_, v)| still(*v)) || !coupled.into_iter().all(|(v, _)| still(*v)) {
             return false;
@@ -51,7 +51,7 @@ impl Drift<'_> {
                 for side in [false, true] {
                     let on_side = cut.path.iter().filter(|(_, of)| *of == side);
                     // rates are those of the scaling's columns
-                    let sum: f64 = on_side.map(|(v, _)| self.K[r * n_v + v] * self.rate[*v] / column_unit(cluster, self.bodies, *v)).sum();
+                    let sum: f64 = on_side.map(|(v, _)| self.K[r * n_v + v] * self.rate[*v] / column_unit(cluster, *v)).sum();
                     if sum.abs() > STILL {
                         return false;
                     }

@@ -6,7 +6,7 @@ use super::{Plan, singular};
 use crate::closure::{Scratch, column_unit, row_unit, scaled};
 use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 use crate::linear::{column_square, decompose, singular_range, solve_pivoted};
-use crate::model::{Body, Cluster, Model};
+use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -40,16 +40,16 @@ impl Plan {
         let (mut unscaled, mut scaled) = (Range::none(), Range::none());
         for &c in &model.tied {
             let cluster = &model.clusters[c];
-            let (n, v) = (cluster.n, cluster.v);
-            let bodies = &model.bodies[cluster.body..cluster.body + n];
+            let (n, v) = (cluster.n_v, cluster.v);
+            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
             let scratch = &mut ws.scratch;
-            let q = &ws.q[cluster.q..cluster.q + n];
-            local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + n], &mut scratch.pose);
+            let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
+            local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + cluster.n], &mut scratch.pose);
 
             constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
             residual = T::select(residual.lt(of_cluster), of_cluster, residual);
-            constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+            constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
             if let Some(range) = &K {
                 let K = &mut output[range.clone()];
                 for (r, row) in cluster.rows.iter().enumerate() {
@@ -66,20 +66,20 @@ impl Plan {
             }
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
                 unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
-                scaled.add(singular::dependents_range(cluster, bodies, scratch));
+                scaled.add(singular::dependents_range(cluster, scratch));
             }
             if let (Some(range), Some(place)) = (&branch, model.order.branches.iter().position(|of| *of == c)) {
-                output[range.start + place] = singular::branch(cluster, bodies, scratch);
+                output[range.start + place] = singular::branch(cluster, scratch);
             }
             if let Some(range) = &good {
                 let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
-                singular::good_independents(model, cluster, bodies, &scratch.K, dense, &mut output[range.clone()]);
+                singular::good_independents(model, cluster, &scratch.K, dense, &mut output[range.clone()]);
             }
             if let Some(range) = &lambda {
-                loop_forces(cluster, bodies, &ws.loop_q[v..v + n], scratch, &mut output[range.clone()])?;
+                loop_forces(cluster, &ws.loop_q[v..v + n], scratch, &mut output[range.clone()])?;
             }
             if let Some(range) = &determinate {
-                determinate_forces(cluster, bodies, scratch, &mut output[range.clone()]);
+                determinate_forces(cluster, scratch, &mut output[range.clone()]);
             }
         }
         if let Some(range) = slot(Field::Uncontrolled) {
@@ -121,7 +121,7 @@ fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
     let m = cluster.dependent.len();
     for (i, &r) in cluster.used.iter().enumerate() {
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            A[i * m + a] = K[r * cluster.n + j];
+            A[i * m + a] = K[r * cluster.n_v + j];
         }
     }
     singular_range(A, m, m)
@@ -129,13 +129,7 @@ fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
 
 /// λ from K_dᵀ λ = rest_d, the tree forces of the dependents that nothing else supplies. Where rows are redundant λ is the one of least norm
 /// in the scaling: with K_d = U Σ Vᵀ scaled, λ_s = U Σ⁻¹ Vᵀ rest.
-fn loop_forces<T: Scalar>(
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    rest: &[T],
-    scratch: &mut Scratch<T>,
-    lambda: &mut [T],
-) -> Result<(), Status> {
+fn loop_forces<T: Scalar>(cluster: &Cluster<T>, rest: &[T], scratch: &mut Scratch<T>, lambda: &mut [T]) -> Result<(), Status> {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     if rows == m {
         for (a, &j) in cluster.dependent.iter().enumerate() {
@@ -148,12 +142,12 @@ fn loop_forces<T: Scalar>(
         cluster.rows.iter().enumerate().for_each(|(r, row)| lambda[*row] = scratch.B[r]);
         return Ok(());
     }
-    decompose_dependents(cluster, bodies, scratch);
+    decompose_dependents(cluster, scratch);
     let (A, V) = (&scratch.A, &scratch.B);
     // Σ⁻² Vᵀ rest
     for a in 0..m {
         let along = cluster.dependent.iter().enumerate().fold(T::ZERO, |sum, (b, &j)| {
-            let unit = T::from_f64(column_unit(cluster, bodies, j));
+            let unit = T::from_f64(column_unit(cluster, j));
             (V[b * m + a] * unit).mul_add(rest[j], sum)
         });
         let square = column_square(A, rows, m, a);
@@ -164,18 +158,18 @@ fn loop_forces<T: Scalar>(
     }
     for (r, (row, of)) in cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate() {
         let x = (0..m).fold(T::ZERO, |sum, a| A[r * m + a].mul_add(scratch.step[a], sum));
-        lambda[*row] = x * T::from_f64(row_unit(cluster, bodies, of));
+        lambda[*row] = x * T::from_f64(row_unit(cluster, of));
     }
     Ok(())
 }
 
 /// 1 for each row whose λ every solution of K_dᵀ λ = rest_d shares: its unit vector lies in the range of K_d.
-fn determinate_forces<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scratch: &mut Scratch<T>, determinate: &mut [T]) {
+fn determinate_forces<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, determinate: &mut [T]) {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     if rows == m {
         return cluster.rows.iter().for_each(|row| determinate[*row] = T::ONE);
     }
-    decompose_dependents(cluster, bodies, scratch);
+    decompose_dependents(cluster, scratch);
     for (r, row) in cluster.rows.iter().enumerate() {
         let inside = (0..m).fold(T::ZERO, |sum, a| {
             let x = scratch.A[r * m + a];
@@ -187,10 +181,10 @@ fn determinate_forces<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scrat
 }
 
 /// The scaled K_d of all rows as U Σ in `A` and V in `B`.
-fn decompose_dependents<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scratch: &mut Scratch<T>) {
+fn decompose_dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     let A = &mut scratch.A;
-    scaled(cluster, bodies, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * m + a] = x);
+    scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * m + a] = x);
     decompose(&mut scratch.A, &mut scratch.B, rows, m);
 }
 

@@ -4,7 +4,7 @@ use sarrus_proto::{Field, Status};
 
 use super::run::Findings;
 use super::{Plan, local, nearest, singular};
-use crate::closure::{Closure, Level, close, constraint_jacobian, constraint_residual, largest_residual, local_poses};
+use crate::closure::{Closure, Level, between, close, constraint_jacobian, constraint_residual, largest_residual, local_poses};
 use crate::model::{Body, Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -31,26 +31,29 @@ impl Plan {
         if !self.wants_any(&[Field::NearestY, Field::SigmaMin, Field::GoodIndependents]) {
             return;
         }
+        let at = cluster.q..cluster.q + cluster.n_q;
+        if !matches!(cluster.closure, Closure::Numerical(_)) {
+            ws.scratch.last[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
+        }
         // a closed pose: the one that was found after all, or the last on the path
         for (k, &v) in cluster.independent.iter().enumerate() {
             ws.step_y[k] = ws.q[cluster.q + cluster.freedoms[v].q];
         }
         if actuated {
-            let at = cluster.q..cluster.q + cluster.n_q;
             ws.q[at.clone()].copy_from_slice(&ws.start[at]);
         } else if !(residual(cluster, bodies, ws) < T::from_f64(CLOSED)) {
             last_on_path(cluster, bodies, ws);
         }
         residual(cluster, bodies, ws);
-        constraint_jacobian(cluster, bodies, &ws.scratch.pose, &mut ws.scratch.K);
+        constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
         if self.wants(Field::SigmaMin) {
-            found.sigma_min = singular::dependents_range(cluster, bodies, &mut ws.scratch).1;
+            found.sigma_min = singular::dependents_range(cluster, &mut ws.scratch).1;
         }
         if self.wants(Field::GoodIndependents) {
             found.failed = true;
             singular::declared_independents(model, &mut ws.loop_q);
             let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
-            singular::good_independents(model, cluster, bodies, &ws.scratch.K, dense, &mut ws.loop_q);
+            singular::good_independents(model, cluster, &ws.scratch.K, dense, &mut ws.loop_q);
         }
         if self.wants(Field::NearestY) {
             found.nearest = true;
@@ -70,8 +73,8 @@ impl Plan {
             let cluster = &model.clusters[c];
             let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
             residual(cluster, bodies, ws);
-            constraint_jacobian(cluster, bodies, &ws.scratch.pose, &mut ws.scratch.K);
-            let of = singular::dependents_range(cluster, bodies, &mut ws.scratch).1;
+            constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
+            let of = singular::dependents_range(cluster, &mut ws.scratch).1;
             // what is not a number yet is greater than any
             least = if of < least || !least.is_finite() { of } else { least };
         }
@@ -88,7 +91,7 @@ fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Worksp
     largest_residual(cluster, &ws.scratch.phi)
 }
 
-/// Puts into q the last closed pose of one cluster on the straight path to the independents in `step_y`: a numerical closure has just
+/// Puts into q the last closed pose of one cluster on the straight path to those in the scratch's `last`: a numerical closure has just
 /// followed it, a closed form is bisected.
 fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) {
     let at = cluster.q..cluster.q + cluster.n_q;
@@ -101,11 +104,7 @@ fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Wo
     ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
     for _ in 0..BISECTIONS {
         let part = 0.5 * (low + high);
-        for (k, &v) in cluster.independent.iter().enumerate() {
-            let q = cluster.q + cluster.freedoms[v].q;
-            let (from, to) = (ws.start[q], ws.step_y[k]);
-            ws.q[q] = (to - from).mul_add(T::from_f64(part), from);
-        }
+        between(cluster, &ws.start[at.clone()], &ws.scratch.last, T::from_f64(part), &mut ws.q[at.clone()]);
         if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
             low = part;
             ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);

@@ -38,10 +38,14 @@ struct Search<'a, T> {
 
 /// Moves the closed pose in q to the one whose independents are nearest to those in `step_y`.
 pub(super) fn nearest_pose<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) {
+    // a quaternion has no distance from y* in its own coordinates
+    if cluster.independent.iter().any(|v| !cluster.freedoms[*v].single) {
+        return;
+    }
     let (m, rows) = (cluster.n_vy, cluster.rows.len());
     let search = Search { cluster, bodies, m, n: m + cluster.dependent.len(), rows };
     search.jacobian(ws);
-    let sign = singular::branch(cluster, bodies, &mut ws.scratch);
+    let sign = singular::branch(cluster, &mut ws.scratch);
     for _ in 0..STEPS {
         search.tangents(ws);
         if !search.newton_step(ws) || !search.advance(ws, sign) {
@@ -56,7 +60,7 @@ impl<T: Scalar> Search<'_, T> {
     }
 
     fn unit(&self, v: usize) -> T {
-        T::from_f64(column_unit(self.cluster, self.bodies, v))
+        T::from_f64(column_unit(self.cluster, v))
     }
 
     /// (y − y*) of an independent, scaled.
@@ -75,7 +79,7 @@ impl<T: Scalar> Search<'_, T> {
     /// Poses and K at q.
     fn jacobian(&self, ws: &mut Workspace<T>) {
         self.poses(ws);
-        constraint_jacobian(self.cluster, self.bodies, &ws.scratch.pose, &mut ws.scratch.K);
+        constraint_jacobian(self.cluster, &ws.scratch.pose, &mut ws.scratch.K);
     }
 
     fn poses(&self, ws: &mut Workspace<T>) {
@@ -85,11 +89,11 @@ impl<T: Scalar> Search<'_, T> {
 
     /// Scaled K as U Σ in `dense` and V in `dense_rhs`, the null space first.
     fn tangents(&self, ws: &mut Workspace<T>) {
-        let Search { cluster, bodies, m, n, rows } = *self;
+        let Search { cluster, m, n, rows, .. } = *self;
         self.jacobian(ws);
         let (A, V) = (&mut ws.dense, &mut ws.dense_rhs);
-        scaled(cluster, bodies, &ws.scratch.K, 0..rows, &cluster.independent, |r, a, x| A[r * n + a] = x);
-        scaled(cluster, bodies, &ws.scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * n + m + a] = x);
+        scaled(cluster, &ws.scratch.K, 0..rows, &cluster.independent, |r, a, x| A[r * n + a] = x);
+        scaled(cluster, &ws.scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * n + m + a] = x);
         decompose(A, V, rows, n);
         for a in 0..m {
             let mut least = a;
@@ -128,8 +132,8 @@ impl<T: Scalar> Search<'_, T> {
                 self.jacobian(ws);
                 let part = side / (h + h);
                 let of = &ws.scratch.K;
-                scaled(cluster, self.bodies, of, 0..rows, &cluster.independent, |r, i, x| w[i] = (mu[r] * part).mul_add(x, w[i]));
-                scaled(cluster, self.bodies, of, 0..rows, &cluster.dependent, |r, i, x| w[m + i] = (mu[r] * part).mul_add(x, w[m + i]));
+                scaled(cluster, of, 0..rows, &cluster.independent, |r, i, x| w[i] = (mu[r] * part).mul_add(x, w[i]));
+                scaled(cluster, of, 0..rows, &cluster.dependent, |r, i, x| w[m + i] = (mu[r] * part).mul_add(x, w[m + i]));
             }
             for b in 0..m {
                 let V = &ws.dense_rhs;
@@ -171,9 +175,11 @@ impl<T: Scalar> Search<'_, T> {
 
     /// q from `base` by a scaled change of each column.
     fn turn(&self, ws: &mut Workspace<T>, base: &[T], change: impl Fn(usize, &[T]) -> T) {
+        let at = self.cluster.q..self.cluster.q + self.cluster.n_q;
+        ws.q[at.clone()].copy_from_slice(&base[..self.cluster.n_q]);
         for (i, v) in self.columns().enumerate() {
-            let q = self.cluster.freedoms[v].q;
-            ws.q[self.cluster.q + q] = change(i, &ws.dense_rhs).mul_add(self.unit(v), base[q]);
+            let step = change(i, &ws.dense_rhs) * self.unit(v);
+            self.cluster.freedoms[v].advance(&mut ws.q[at.clone()], step);
         }
     }
 
@@ -191,7 +197,7 @@ impl<T: Scalar> Search<'_, T> {
             self.turn(ws, base, |i, V| (0..m).fold(T::ZERO, |sum, a| V[i * n + a].mul_add(step[a] * part, sum)));
             if self.project(ws) && self.cost(ws) < before {
                 self.jacobian(ws);
-                if singular::branch(cluster, self.bodies, &mut ws.scratch) == sign {
+                if singular::branch(cluster, &mut ws.scratch) == sign {
                     nearer = true;
                     break;
                 }
@@ -207,7 +213,7 @@ impl<T: Scalar> Search<'_, T> {
 
     /// Steps of least norm, with the decomposition at hand, until the rows hold.
     fn project(&self, ws: &mut Workspace<T>) -> bool {
-        let Search { cluster, bodies, m, n, rows } = *self;
+        let Search { cluster, m, n, rows, .. } = *self;
         let floor = T::from_f64(64.0 * T::EPSILON);
         let mut last = T::from_f64(f64::INFINITY);
         for _ in 0..PROJECTIONS {
@@ -228,13 +234,13 @@ impl<T: Scalar> Search<'_, T> {
                 let mut along = T::ZERO;
                 let all = cluster.cuts.iter().flat_map(|cut| &cut.rows).enumerate();
                 for (r, row) in all {
-                    let unit = T::from_f64(crate::closure::row_unit(cluster, bodies, row));
+                    let unit = T::from_f64(crate::closure::row_unit(cluster, row));
                     along = ws.dense[r * n + b].mul_add(ws.scratch.phi[r] * unit, along);
                 }
                 let along = if T::ZERO.lt(square) { along / square } else { T::ZERO };
                 for (i, v) in self.columns().enumerate() {
-                    let x = &mut ws.q[cluster.q + cluster.freedoms[v].q];
-                    *x = (-(ws.dense_rhs[i * n + b] * along)).mul_add(self.unit(v), *x);
+                    let step = -(ws.dense_rhs[i * n + b] * along) * self.unit(v);
+                    cluster.freedoms[v].advance(&mut ws.q[cluster.q..cluster.q + cluster.n_q], step);
                 }
             }
         }

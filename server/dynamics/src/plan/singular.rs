@@ -2,7 +2,7 @@
 
 use crate::closure::{Scratch, column_unit, scaled};
 use crate::linear::{column_square, decompose, determinant_sign, singular_range};
-use crate::model::{Body, Cluster, Model};
+use crate::model::{Cluster, Model};
 use crate::scalar::{Real, Scalar};
 use crate::workspace::Workspace;
 
@@ -10,23 +10,23 @@ use crate::workspace::Workspace;
 const DETERMINED: f64 = 1e-4;
 
 /// Largest and least singular value of the scaled K_d; K is that of the pose in question.
-pub(super) fn dependents_range<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scratch: &mut Scratch<T>) -> (T, T) {
+pub(super) fn dependents_range<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
     let m = cluster.dependent.len();
-    dependents(cluster, bodies, scratch);
+    dependents(cluster, scratch);
     singular_range(&mut scratch.A, m, m)
 }
 
 /// The branch of a closed pose: the sign of det K_d, scaled.
-pub(super) fn branch<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scratch: &mut Scratch<T>) -> T {
-    dependents(cluster, bodies, scratch);
+pub(super) fn branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
+    dependents(cluster, scratch);
     determinant_sign(&mut scratch.A, cluster.dependent.len())
 }
 
 /// The scaled K_d of the used rows.
-fn dependents<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], scratch: &mut Scratch<T>) {
+fn dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
     let m = cluster.dependent.len();
     let A = &mut scratch.A;
-    scaled(cluster, bodies, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
+    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
 }
 
 /// 1 at the tree velocities that are declared independent.
@@ -40,7 +40,6 @@ pub(super) fn declared_independents<T: Scalar>(model: &Model<T>, good: &mut [T])
 pub(super) fn good_independents<T: Scalar>(
     model: &Model<T>,
     cluster: &Cluster<T>,
-    bodies: &[Body<T>],
     K: &[T],
     (A, taken): (&mut [T], &mut [T]),
     good: &mut [T],
@@ -48,7 +47,7 @@ pub(super) fn good_independents<T: Scalar>(
     let (n, rows) = (cluster.n_v, cluster.rows.len());
     // one column after the other; −1 marks a column that cannot be had
     for v in 0..n {
-        scaled(cluster, bodies, K, 0..rows, &[v], |r, _, x| A[v * rows + r] = x);
+        scaled(cluster, K, 0..rows, &[v], |r, _, x| A[v * rows + r] = x);
         taken[v] = if cluster.locked.contains(&v) { -T::ONE } else { T::ZERO };
     }
     let square = |A: &[T], v: usize| (0..rows).fold(T::ZERO, |sum, r| A[v * rows + r].mul_add(A[v * rows + r], sum));
@@ -87,8 +86,7 @@ pub(super) fn uncontrolled<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, c
     let open = &model.tied[closed.min(model.tied.len())..];
     for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
         let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-        let unit = |v: usize| T::from_f64(column_unit(cluster, bodies, v));
+        let unit = |v: usize| T::from_f64(column_unit(cluster, v));
         ws.dense[..rows * m].fill(T::ZERO);
         for (r, &(_, v)) in cluster.active.iter().enumerate() {
             for (k, &y) in cluster.independent.iter().enumerate() {
