@@ -11,6 +11,7 @@ mod determinism;
 mod documents;
 mod energy;
 mod failures;
+mod forward;
 mod hyrodyn;
 mod laws;
 mod published;
