@@ -1,6 +1,7 @@
-//! Linear couplings: dependents that are fixed combinations of the independents (`<mimic>`, geared transmissions).
+//! Linear couplings: dependents that are fixed combinations of the independents (`<mimic>`, geared transmissions, differentials,
+//! parallelograms).
 
-use super::{Level, Local};
+use super::{Level, Local, Numerical};
 use crate::model::{Body, Cluster, Motion};
 use crate::scalar::Real;
 
@@ -11,6 +12,8 @@ pub(crate) struct Coupling<C> {
     pub(crate) M: Vec<C>,
     /// b (n).
     pub(crate) b: Vec<C>,
+    /// Newton's method on the true rows, of loops that are only nearly parallelograms.
+    pub(crate) polish: Option<Numerical<C>>,
 }
 
 impl<C: nalgebra::Scalar + Copy> Coupling<C> {
@@ -43,6 +46,10 @@ impl<C: nalgebra::Scalar + Copy> Coupling<C> {
 
     /// The same coupling with every constant converted.
     pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Coupling<D> {
-        Coupling { M: self.M.iter().map(|x| f(*x)).collect(), b: self.b.iter().map(|x| f(*x)).collect() }
+        Coupling {
+            M: self.M.iter().map(|x| f(*x)).collect(),
+            b: self.b.iter().map(|x| f(*x)).collect(),
+            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
+        }
     }
 }
