@@ -30,10 +30,11 @@ pub(crate) const KNOWN: [Known; 15] = [
     known("3RUS2", Kind::Rus3x2, &[18, 21], Some(3)),
     known("3RUS2_ANKLE", Kind::Rus3x2, &[18, 21], Some(3)),
     known("PARALLELOGRAMCHAIN", Kind::ParallelogramChain, &[], None),
-    known("TRANSMISSION", Kind::Transmission, &[], None),
     known("FOURBAR", Kind::FourBar, &[3], Some(1)),
     known("SLIDERCRANK", Kind::SliderCrank, &[3], Some(1)),
-    known("DIFFERENTIAL", Kind::Differential, &[], None),
+    // with and without the spider
+    known("DIFFERENTIAL", Kind::Differential, &[3, 4], Some(2)),
+    known("TRANSMISSION", Kind::Transmission, &[], None),
     known("NUMERICAL", Kind::Numerical, &[], None),
 ];
 

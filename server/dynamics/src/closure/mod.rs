@@ -194,27 +194,35 @@ pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: 
             }
         }
         Closure::Planar(planar) => match &planar.polish {
-            None => planar.close(local, level).into(),
+            None => told(planar.close(local, level), cluster, bodies, local),
             Some(numerical) => polished(planar.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
         },
         Closure::OffsetLegs(legs) => match &legs.polish {
-            None => legs.close(cluster, bodies, local, level).into(),
+            None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
             Some(numerical) => {
                 polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
             }
         },
         Closure::Rrpr(rrpr) => match &rrpr.polish {
-            None => rrpr.close(local, level).into(),
+            None => told(rrpr.close(local, level), cluster, bodies, local),
             Some(numerical) => polished(rrpr.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
         },
         Closure::Legs(legs) => match &legs.polish {
-            None => legs.close(cluster, bodies, local, level).into(),
+            None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
             Some(numerical) => {
                 polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
             }
         },
         Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
     }
+}
+
+/// How a closed form ended; where it is singular, whether K lost rank there or only its part K_d.
+fn told<T: Scalar>(verdict: Verdict<bool>, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Outcome {
+    if verdict.singular && !verdict.unreachable && local.q.iter().all(|q| q.is_finite()) {
+        return Outcome::failed(careful::singular_status(cluster, bodies, local), 0);
+    }
+    verdict.into()
 }
 
 /// The closed form starts Newton's method on the true rows of a mechanism that is only nearly of its type.

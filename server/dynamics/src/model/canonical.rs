@@ -15,7 +15,7 @@ pub(super) fn loops(description: &Description, s: usize, errors: &mut Vec<Fault>
         return submechanism.loops.clone();
     }
     let coupled = submechanism.spanning_tree.iter().filter(|j| description.joints[**j].coupling.is_some()).count();
-    if submechanism.independent.len() + coupled == submechanism.spanning_tree.len() {
+    if submechanism.independent.len() + coupled >= submechanism.spanning_tree.len() {
         return Vec::new();
     }
     let of_type = match submechanism.kind {

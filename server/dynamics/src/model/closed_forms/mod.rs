@@ -7,7 +7,7 @@ mod planar;
 mod struts;
 
 use super::{Body, Cluster, Motion};
-use crate::closure::{Closure, Cut, Numerical};
+use crate::closure::{Closure, Cut, CutRow, Numerical, constraint_residual};
 use crate::description::SubmechanismKind;
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{Pose, cross, dot};
@@ -59,14 +59,18 @@ impl Form {
 /// The closed form of a type on this cluster: `None` for a type without one, `Some(Err)` with what the cluster lacks for it.
 pub(super) fn build(kind: SubmechanismKind, cluster: &Cluster<Dd>, bodies: &[Body<Dd>], order: &[usize]) -> Option<Result<Form, String>> {
     let of = Reading { cluster, bodies, order, zero: zero_poses(cluster, bodies) };
-    match kind {
-        SubmechanismKind::Rrpr | SubmechanismKind::SliderCrank => Some(planar::read(&of, true)),
-        SubmechanismKind::FourBar => Some(planar::read(&of, false)),
-        SubmechanismKind::ParallelogramChain => Some(parallelogram::read(&of)),
-        SubmechanismKind::Spu2U1 | SubmechanismKind::Ups6 => Some(legs::read(&of)),
-        SubmechanismKind::Sprr2U1 => Some(struts::read(&of)),
-        _ => None,
+    let mut form = match kind {
+        SubmechanismKind::Rrpr | SubmechanismKind::SliderCrank => planar::read(&of, true),
+        SubmechanismKind::FourBar => planar::read(&of, false),
+        SubmechanismKind::ParallelogramChain => parallelogram::read(&of),
+        SubmechanismKind::Spu2U1 | SubmechanismKind::Ups6 => legs::read(&of),
+        SubmechanismKind::Sprr2U1 => struts::read(&of),
+        _ => return None,
+    };
+    if let Ok(form) = &mut form {
+        form.deviations.push(("a loop that is open at zero".into(), Subject::Loop, of.open()));
     }
+    Some(form)
 }
 
 /// What a closed form is read off.
@@ -108,6 +112,16 @@ impl Reading<'_> {
                 _ => Err("leg is not a universal joint on the base and a slider".into()),
             })
             .collect()
+    }
+
+    /// How far the loops are open at zero: a form takes the cut from one end.
+    fn open(&self) -> f64 {
+        let (n, rows) = (self.cluster.n, self.cluster.rows.len());
+        let mut phi = vec![Dd::ZERO; rows];
+        constraint_residual(self.cluster, &self.zero, &vec![Dd::ZERO; n], &mut phi);
+        let rows = self.cluster.cuts.iter().flat_map(|cut| &cut.rows).zip(&phi).filter(|(row, _)| row.terms.is_empty());
+        let size = |row: &CutRow<Dd>| if norm(&row.linear) > Dd::ZERO { self.cluster.length } else { 1.0 };
+        rows.fold(0.0, |open: f64, (row, phi)| open.max(phi.to_f64().abs() / size(row)))
     }
 
     fn depth(&self, j: usize) -> usize {
