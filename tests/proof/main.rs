@@ -14,5 +14,6 @@ mod energy;
 mod failures;
 mod hyrodyn;
 mod laws;
+mod published;
 mod vectors;
 mod wire;

@@ -13,7 +13,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Legs, Level, Local, Numerical, Rate, Strut, Verdict};
-use crate::model::{Body, Cluster, Motion};
+use crate::model::{Body, Cluster};
 use crate::scalar::Real;
 use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z, zero};
 
@@ -71,10 +71,10 @@ impl<C: nalgebra::Scalar + Copy> OffsetLegs<C> {
         level: Level,
     ) -> Verdict<T::Mask> {
         let mut verdict = self.carrier.close(cluster, bodies, local, level);
-        let last = self.carrier.chain.last().copied();
-        let platform = last.map_or(Pose::identity(), |j| local.scratch.pose[j + 1]);
+        let last = self.carrier.chain.last();
+        let platform = last.map_or(Pose::identity(), |(at, _)| local.scratch.pose[at.body + 1]);
         for leg in &self.legs {
-            let of_leg = leg.close(self, cluster.n_vy, bodies, &platform, local, level);
+            let of_leg = leg.close(self, cluster.n_vy, &platform, local, level);
             verdict.unreachable = verdict.unreachable | of_leg.unreachable;
             verdict.singular = verdict.singular | of_leg.singular;
         }
@@ -106,7 +106,6 @@ impl<C: nalgebra::Scalar + Copy> OffsetLeg<C> {
         &self,
         of: &OffsetLegs<C>,
         n_vy: usize,
-        bodies: &[Body<C>],
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
         level: Level,
@@ -123,10 +122,10 @@ impl<C: nalgebra::Scalar + Copy> OffsetLeg<C> {
         // one column of G for each independent coordinate
         let carrier = &of.carrier;
         let center = self.arm.as_ref().map_or(zero(), |arm| lift(&arm.center));
-        for (&j, &k) in carrier.chain.iter().zip(&carrier.chain_y) {
-            let pose = &local.scratch.pose[j + 1];
-            let z = column(&pose.R, 2);
-            let moves = |x: &Vector3<T>| if bodies[j].motion == Motion::Revolute { cross(&z, &(x - pose.p)) } else { z };
+        for (at, k) in &carrier.chain {
+            let pose = &local.scratch.pose[at.body + 1];
+            let z = column(&pose.R, at.axis());
+            let moves = |x: &Vector3<T>| if at.slides() { z } else { cross(&z, &(x - pose.p)) };
             let mut velocity = moves(&pin.point);
             if let Some(arm) = &self.arm {
                 let rate = -(dot(&pin.m, &moves(&center)) * pin.inverse_length);
@@ -138,8 +137,8 @@ impl<C: nalgebra::Scalar + Copy> OffsetLeg<C> {
         }
         let rate = |j: usize, local: &mut Local<'_, T>| {
             let mut qd = T::ZERO;
-            for (&i, &k) in carrier.chain.iter().zip(&carrier.chain_y) {
-                qd = local.G[j * n_vy + k].mul_add(local.qd[i], qd);
+            for (at, k) in &carrier.chain {
+                qd = local.G[j * n_vy + k].mul_add(local.qd[at.v], qd);
             }
             local.qd[j] = qd;
             qd
@@ -151,8 +150,7 @@ impl<C: nalgebra::Scalar + Copy> OffsetLeg<C> {
         }
 
         // acceleration of the pin at ÿ = 0
-        let still = Rate { w: zero(), v: zero(), alpha: zero(), a: zero() };
-        let of_platform = carrier.chain.last().map_or(still, |j| local.scratch.rate[j + 1]);
+        let of_platform = carrier.chain.last().map_or(Rate::at_rest(), |(at, _)| local.scratch.rate[at.body + 1]);
         let mut acceleration = accelerated(&of_platform, &(pin.point - platform.p));
         if let Some(arm) = &self.arm {
             // rates of the arm's body, its pivot for origin, at θ̈ = 0

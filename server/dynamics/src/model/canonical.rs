@@ -70,7 +70,7 @@ fn pin(description: &Description, turn: usize, other: usize, slider: usize) -> O
 fn row(description: &Description, joint: usize, name: &str, v: &Vector3<Dd>) -> Option<Row> {
     let frame = in_root(description, description.joints[joint].child)?.R;
     let v = t_mul(&frame, v).map(Dd::to_f64);
-    Some(Row { name: name.into(), axis: [0.0, 0.0, 0.0, v[0], v[1], v[2]] })
+    Some(Row { name: name.into(), axis: [0.0, 0.0, 0.0, v[0], v[1], v[2]], against: None })
 }
 
 /// Independent joints that carry a platform, and legs of three joints; each slider's origin is a point of the platform.
@@ -139,7 +139,8 @@ fn carrier(description: &Description, mut link: usize) -> Option<usize> {
 
 /// A ball joint between a slider's body and another link, at the slider's origin.
 fn spherical(description: &Description, slider: usize, successor: usize) -> Loop {
-    let row = |name: &str, k: usize| Row { name: name.into(), axis: std::array::from_fn(|i| if i == 3 + k { 1.0 } else { 0.0 }) };
+    let row =
+        |name: &str, k: usize| Row { name: name.into(), axis: std::array::from_fn(|i| if i == 3 + k { 1.0 } else { 0.0 }), against: None };
     Loop {
         name: description.joints[slider].name.clone(),
         predecessor: description.joints[slider].child,

@@ -41,6 +41,9 @@ const ROUNDING: f64 = 1e-12;
 
 /// M and b of a cluster whose every row is a coupling; `None` for others and where the couplings do not determine the dependents.
 pub(super) fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
+    if cluster.n_q != cluster.n {
+        return None;
+    }
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     let relations: Option<Vec<Relation>> =
         rows.map(|row| (!row.terms.is_empty()).then(|| Relation { terms: row.terms.clone(), offset: row.offset })).collect();

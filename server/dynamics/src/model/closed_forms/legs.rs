@@ -11,19 +11,19 @@ use crate::spatial::{cross, dot, scale_add, t_mul};
 /// The legs of a platform, three joints each, beside the joints that carry it.
 pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
     let cluster = of.cluster;
-    let (chain, chain_y) = of.chain()?;
+    let (chain, platform) = of.chain()?;
     let triples = of.triples()?;
-    if cluster.n != chain.len() + 3 * triples.len() || triples.len() != cluster.cuts.len() {
+    let carriers = chain.iter().filter(|(at, _)| at.k == 0).count();
+    if cluster.n != carriers + 3 * triples.len() || triples.len() != cluster.cuts.len() {
         return Err("joints are not those of the platform and three a leg".into());
     }
-    let platform = chain.last().map_or(0, |j| j + 1);
     let (mut legs, mut deviations) = (Vec::new(), Vec::new());
     for joints in triples {
         let cut = cluster.cuts.iter().find(|cut| ties(cut, joints[2] + 1, platform));
         let cut = cut.ok_or("slider is tied to something else than the platform")?;
         legs.push(leg(of, joints, cut, platform, &mut deviations)?);
     }
-    Ok(Form { closure: Closure::Legs(Legs { chain, chain_y, legs, polish: None }), deviations })
+    Ok(Form { closure: Closure::Legs(Legs { chain, legs, polish: None }), deviations })
 }
 
 /// One leg: turn, turn, slide, and a ball joint on the platform.
@@ -58,5 +58,6 @@ fn leg(of: &Reading<'_>, joints: [usize; 3], cut: &Cut<Dd>, platform: usize, dev
         return Err("leg is stretched along its first axis or has no length at zero".into());
     }
     let pin = zero[platform].inverse().point(&point);
+    let joints = joints.map(|j| cluster.freedoms[of.bodies[j].v - cluster.v]);
     Ok(Leg { joints, axes, center, pin, e_square: dot(&e, &e), square0: dot(&v, &v), length0, side: sign(length0), root: sign(v[2]), a, e })
 }

@@ -88,6 +88,7 @@ pub(super) fn pin_in_plane(of: &Reading<'_>, cut: &Cut<Dd>, n: &Vector3<Dd>, dev
     let (mut linear, mut off) = (Vec::new(), 0.0f64);
     for row in &cut.rows {
         match (turn(&row.angular), turn(&row.linear)) {
+            _ if row.against.is_some() => return Err("loop holds two directions perpendicular".into()),
             (Some(angular), None) => off = off.max(dot(&angular, n).abs().to_f64()),
             (None, Some(x)) => linear.push(x),
             _ => return Err("loop has a constraint axis that turns and slides".into()),

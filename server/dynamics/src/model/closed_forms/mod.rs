@@ -6,7 +6,7 @@ mod parallelogram;
 mod planar;
 mod struts;
 
-use super::{Body, Cluster, Motion};
+use super::{Body, Cluster, Freedom, Motion};
 use crate::closure::{Closure, Cut, CutRow, Numerical, constraint_residual};
 use crate::description::SubmechanismKind;
 use crate::scalar::{Dd, Real, Scalar};
@@ -84,26 +84,35 @@ struct Reading<'a> {
 }
 
 impl Reading<'_> {
-    /// The independent joints from the base to the platform that they carry, and for each its place in y.
-    fn chain(&self) -> Result<(Vec<usize>, Vec<usize>), String> {
-        let independent = &self.cluster.independent;
-        let mut chain = independent.clone();
-        chain.sort_by_key(|j| self.depth(*j));
+    /// The independent freedoms from the base to the platform that they carry, each with its place in y; and the platform's local body.
+    fn chain(&self) -> Result<(Vec<(Freedom, usize)>, usize), String> {
+        let of = |(k, v): (usize, &usize)| (self.cluster.freedoms[*v], k);
+        let mut chain: Vec<(Freedom, usize)> = self.cluster.independent.iter().enumerate().map(of).collect();
+        chain.sort_by_key(|(at, _)| (self.depth(at.body), at.k));
         let mut below = 0;
-        for &j in &chain {
-            if self.cluster.local_parent[j] != below {
+        for (at, _) in chain.iter().filter(|(at, _)| at.k == 0) {
+            if self.cluster.local_parent[at.body] != below {
                 return Err("independent joints do not carry the platform one on the other".into());
             }
-            below = j + 1;
+            below = at.body + 1;
         }
-        let chain_y = chain.iter().filter_map(|j| independent.iter().position(|i| i == j)).collect();
-        Ok((chain, chain_y))
+        Ok((chain, below))
+    }
+
+    /// True where a joint's freedoms are independent.
+    fn is_independent(&self, j: usize) -> bool {
+        self.cluster.independent.contains(&(self.bodies[j].v - self.cluster.v))
+    }
+
+    /// True where every joint has one freedom, so that one index serves joints, velocities and coordinates.
+    fn is_simple(&self) -> bool {
+        self.cluster.n_q == self.cluster.n
     }
 
     /// For each slider the two turns between the base and it, in the order of the list.
     fn triples(&self) -> Result<Vec<[usize; 3]>, String> {
         let above = |j: usize| self.cluster.local_parent[j].checked_sub(1);
-        let sliders = self.order.iter().filter(|j| self.bodies[**j].motion == Motion::Prismatic && !self.cluster.independent.contains(j));
+        let sliders = self.order.iter().filter(|j| self.bodies[**j].motion == Motion::Prismatic && !self.is_independent(**j));
         sliders
             .map(|&j3| match above(j3).and_then(|j2| Some([above(j2)?, j2, j3])) {
                 Some([j1, j2, j3]) if above(j1).is_none() && [j1, j2].iter().all(|j| self.bodies[*j].motion == Motion::Revolute) => {
@@ -116,9 +125,8 @@ impl Reading<'_> {
 
     /// How far the loops are open at zero: a form takes the cut from one end.
     fn open(&self) -> f64 {
-        let (n, rows) = (self.cluster.n, self.cluster.rows.len());
-        let mut phi = vec![Dd::ZERO; rows];
-        constraint_residual(self.cluster, &self.zero, &vec![Dd::ZERO; n], &mut phi);
+        let mut phi = vec![Dd::ZERO; self.cluster.rows.len()];
+        constraint_residual(self.cluster, &self.zero, &vec![Dd::ZERO; self.cluster.n_q], &mut phi);
         let rows = self.cluster.cuts.iter().flat_map(|cut| &cut.rows).zip(&phi).filter(|(row, _)| row.terms.is_empty());
         let size = |row: &CutRow<Dd>| if norm(&row.linear) > Dd::ZERO { self.cluster.length } else { 1.0 };
         rows.fold(0.0, |open: f64, (row, phi)| open.max(phi.to_f64().abs() / size(row)))

@@ -10,6 +10,9 @@ use crate::scalar::{Dd, Scalar};
 /// Two relations of each loop, and couplings beside them.
 pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
     let cluster = of.cluster;
+    if !of.is_simple() {
+        return Err("joints are not of one freedom each".into());
+    }
     let (mut relations, mut deviations) = (Vec::new(), Vec::new());
     for cut in &cluster.cuts {
         if let Some(row) = cut.rows.iter().find(|row| !row.terms.is_empty()) {

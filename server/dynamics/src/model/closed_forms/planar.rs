@@ -17,7 +17,7 @@ type Plane = [Dd; 2];
 /// The loop, with one slider or none.
 pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
     let cluster = of.cluster;
-    let ([cut], [y], 3) = (&cluster.cuts[..], &cluster.independent[..], cluster.n) else {
+    let ([cut], [y], 3, true) = (&cluster.cuts[..], &cluster.independent[..], cluster.n, of.is_simple()) else {
         return Err("joints are not the three of one loop, one of them independent".into());
     };
     let mut ring = starting_at(ring(of, cut), *y)?;

@@ -15,10 +15,12 @@ const DEGENERATE: f64 = 1e-6;
 /// The legs, three joints each, four where the platform has arms.
 pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
     let cluster = of.cluster;
-    let (chain, chain_y) = of.chain()?;
+    let (chain, platform) = of.chain()?;
     let triples = of.triples()?;
-    let platform = chain.last().map_or(0, |j| j + 1);
-    let is_arm = |j: &usize| !chain.contains(j) && !triples.iter().flatten().any(|i| i == j);
+    if !of.is_simple() {
+        return Err("joints are not of one freedom each".into());
+    }
+    let is_arm = |j: &usize| !of.is_independent(*j) && !triples.iter().flatten().any(|i| i == j);
     let arms: Vec<usize> = of.order.iter().copied().filter(is_arm).collect();
     if arms.iter().any(|j| cluster.local_parent[*j] != platform || of.bodies[*j].motion != Motion::Revolute) {
         return Err("arm does not turn on the platform".into());
@@ -46,7 +48,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
             }
         });
     }
-    let carrier = Legs { chain, chain_y, legs: Vec::new(), polish: None };
+    let carrier = Legs { chain, legs: Vec::new(), polish: None };
     Ok(Form { closure: Closure::OffsetLegs(OffsetLegs { carrier, legs, polish: None }), deviations })
 }
 
