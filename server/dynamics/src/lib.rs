@@ -7,6 +7,7 @@
 // the symbols of the equations
 #![allow(non_snake_case)]
 
+mod assembly;
 mod closure;
 pub mod description;
 mod fault;
@@ -18,6 +19,7 @@ mod spatial;
 mod tree;
 mod workspace;
 
+pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
 pub use fault::{CompileError, Fault, Site};
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Answer, Plan};

@@ -11,6 +11,7 @@ mod closed_forms;
 mod compile;
 mod couplings;
 mod geometry;
+mod open;
 mod orders;
 mod tree;
 
@@ -18,6 +19,8 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
+
+pub(crate) use geometry::{pose as pose_of, unit_of};
 
 use crate::closure::{Closure, Cut};
 use crate::description::Limits;
