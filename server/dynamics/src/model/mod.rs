@@ -81,6 +81,7 @@ pub(crate) struct Meta {
     pub(crate) independent_q: Vec<String>,
     pub(crate) active: Vec<String>,
     pub(crate) loops: Vec<String>,
+    pub(crate) branches: Vec<String>,
     pub(crate) links: Vec<String>,
     pub(crate) limits: Vec<Option<Limits>>,
     pub(crate) closures: Vec<ClosureInfo>,
@@ -103,6 +104,8 @@ pub(crate) struct Order {
     pub(crate) v_external: Vec<usize>,
     pub(crate) vy_external: Vec<usize>,
     pub(crate) vy_internal: Vec<usize>,
+    /// The tied clusters that have a branch, in the order of their submechanisms.
+    pub(crate) branches: Vec<usize>,
 }
 
 /// What motion a body's joint allows, along or about its z axis.
@@ -288,6 +291,10 @@ impl<C> Model<C> {
     /// Names of the rows of K (n_c).
     pub fn loop_names(&self) -> &[String] {
         &self.meta.loops
+    }
+    /// Names of what has a branch: the submechanism of each tied cluster that is not a pure coupling (n_branches).
+    pub fn branch_names(&self) -> &[String] {
+        &self.meta.branches
     }
     /// Names of the links; an index into them names a frame in a plan.
     pub fn link_names(&self) -> &[String] {

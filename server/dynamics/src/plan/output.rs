@@ -117,6 +117,7 @@ impl Plan {
                     independent_jacobian(model, ws, frame, out, &order.vy_external)
                 });
             }
+            Field::Branch | Field::LambdaDeterminate | Field::GoodIndependents | Field::Uncontrolled => out.fill(T::ZERO),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
             // written where they are computed
             _ => {}
