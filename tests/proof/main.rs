@@ -5,6 +5,7 @@
 
 mod agreement;
 mod allocation;
+mod assembly;
 mod commands;
 mod derivatives;
 mod determinism;

@@ -9,6 +9,7 @@
 
 mod assembly;
 mod closure;
+mod closures_at_zero;
 pub mod description;
 mod fault;
 mod linear;
@@ -20,6 +21,7 @@ mod tree;
 mod workspace;
 
 pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use closures_at_zero::ClosureAtZero;
 pub use fault::{CompileError, Fault, Site};
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Answer, Plan};

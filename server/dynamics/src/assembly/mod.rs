@@ -13,13 +13,13 @@ mod open;
 mod problem;
 mod rezero;
 
-use problem::{Place, Problem};
+use problem::Place;
 
-use crate::closure::Closure;
 use crate::linear::solve_pivoted;
 use crate::model::{Cluster, Model, Motion};
 
 pub use open::OpenModel;
+pub(crate) use problem::Problem;
 pub use rezero::{closing_placements, rezeroed};
 
 /// A closed pose near a given one.
@@ -116,7 +116,7 @@ impl Model<f64> {
     /// }
     /// ```
     pub fn assemble(&self, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
-        assemble(self, near, weights, &self.branches())
+        assemble(self, near, weights)
     }
 
     /// The zero pose of the joints, closed or not; quaternions at rest (n_q).
@@ -126,17 +126,7 @@ impl Model<f64> {
 
     /// What the way of each tree velocity is measured in by [`Model::assemble`]: 1 rad, or the length of the joint's cluster `[m]` (n_v).
     pub fn tree_units(&self) -> Vec<f64> {
-        let mut units = vec![1.0; self.order.v.len()];
-        for cluster in &self.clusters {
-            let bodies = &self.bodies[cluster.body..cluster.body + cluster.n];
-            problem::units(cluster, bodies).into_iter().enumerate().for_each(|(v, x)| units[cluster.v + v] = x);
-        }
-        self.order.v.iter().map(|at| units[*at]).collect()
-    }
-
-    /// The clusters that have a branch.
-    fn branches(&self) -> Vec<usize> {
-        self.tied.iter().copied().filter(|c| !matches!(self.clusters[*c].closure, Closure::Coupling(_))).collect()
+        units(self)
     }
 }
 
@@ -149,13 +139,27 @@ fn zero(model: &Model<f64>) -> Vec<f64> {
     model.order.q.iter().map(|at| internal[*at]).collect()
 }
 
+/// The units of all velocities in the order of users.
+fn units(model: &Model<f64>) -> Vec<f64> {
+    let mut units = vec![1.0; model.order.v.len()];
+    for cluster in &model.clusters {
+        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        problem::units(cluster, bodies).into_iter().enumerate().for_each(|(v, x)| units[cluster.v + v] = x);
+    }
+    model.order.v.iter().map(|at| units[*at]).collect()
+}
+
 /// Closes every tied cluster near a pose.
-fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64], branches: &[usize]) -> Result<Assembled, AssembleError> {
+fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
     let order = &model.order;
     let (near, weights) = checked(model, near, weights)?;
     let mut q = near.clone();
     let mut found = Assembled { q: Vec::new(), residual: 0.0, residual_before: 0.0, distance: 0.0, iterations: 0, branch: Vec::new() };
     let (mut open, mut slope) = (false, 0.0);
+    // a cluster whose rows nobody judged has no branch
+    let judged = |c: &&usize| !model.clusters[**c].used.is_empty();
+    let branches: Vec<usize> = order.branches.iter().filter(judged).copied().collect();
+    found.branch = vec![0.0; branches.len()];
 
     // one cluster does not know of another
     for &c in &model.tied {
@@ -172,8 +176,8 @@ fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64], branches: &[usize
         open |= !closed;
         found.residual = found.residual.max(place.residual);
         q[range].copy_from_slice(&place.q);
-        if branches.contains(&c) {
-            found.branch.push(branch(cluster, &problem, &place));
+        if let Some(at) = branches.iter().position(|of| *of == c) {
+            found.branch[at] = branch(cluster, &problem, &place);
         }
         // the square of what the joints that may move have gone
         let gone = problem.away(&place.q);

@@ -1,6 +1,6 @@
 //! A model whose loops need not be closed at zero, for assembly only.
 
-use super::{AssembleError, Assembled, assemble, zero};
+use super::{AssembleError, Assembled, assemble, units, zero};
 use crate::description::Description;
 use crate::fault::CompileError;
 use crate::model::Model;
@@ -29,12 +29,17 @@ impl OpenModel {
     /// # Errors
     /// As there.
     pub fn assemble(&self, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
-        assemble(&self.model, near, weights, &[])
+        assemble(&self.model, near, weights)
     }
 
     /// As [`Model::tree_zero`].
     pub fn tree_zero(&self) -> Vec<f64> {
         zero(&self.model)
+    }
+
+    /// As [`Model::tree_units`].
+    pub fn tree_units(&self) -> Vec<f64> {
+        units(&self.model)
     }
 
     /// Names in the order of q̇ (n_v).

@@ -17,7 +17,7 @@ const CLOSED_OF_ALL: f64 = 1e-6;
 const LEAST: f64 = 1e-6;
 
 /// A cluster near a pose.
-pub(super) struct Problem<'a> {
+pub(crate) struct Problem<'a> {
     pub(super) cluster: &'a Cluster<f64>,
     bodies: &'a [Body<f64>],
     near: &'a [f64],
@@ -69,7 +69,7 @@ impl Place {
 }
 
 impl<'a> Problem<'a> {
-    pub(super) fn new(cluster: &'a Cluster<f64>, bodies: &'a [Body<f64>], near: &'a [f64], weights: &[f64]) -> Problem<'a> {
+    pub(crate) fn new(cluster: &'a Cluster<f64>, bodies: &'a [Body<f64>], near: &'a [f64], weights: &[f64]) -> Problem<'a> {
         let unit = units(cluster, bodies);
         let free: Vec<usize> = (0..cluster.n_v).filter(|v| weights[*v].is_finite()).collect();
         let heaviest = free.iter().map(|v| weights[*v]).fold(0.0, f64::max);
@@ -107,7 +107,7 @@ impl<'a> Problem<'a> {
     }
 
     /// K of the rows that count and the velocities that may move, scaled.
-    pub(super) fn scaled_jacobian(&self, q: &[f64]) -> faer::Mat<f64> {
+    pub(crate) fn scaled_jacobian(&self, q: &[f64]) -> faer::Mat<f64> {
         let K = self.jacobian(q);
         faer::Mat::from_fn(self.rows.len(), self.free.len(), |r, a| {
             K[self.rows[r] * self.cluster.n_v + self.free[a]] * self.scale[r] * self.unit[self.free[a]]
