@@ -3,7 +3,7 @@
 use sarrus_proto::Status;
 
 use super::numerical::Numerical;
-use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses};
+use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster, Motion};
 use crate::scalar::Scalar;
@@ -39,6 +39,7 @@ pub(super) fn follow<T: Scalar>(
     let (closed, count) = numerical.newton(cluster, bodies, local, true);
     iterations += count;
     if !closed {
+        local.scratch.goal[..n].copy_from_slice(local.start);
         return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
@@ -69,6 +70,9 @@ pub(super) fn follow<T: Scalar>(
                 for &j in &cluster.dependent {
                     local.q[j] = local.scratch.last[j];
                 }
+                // the last closed pose stays to be read
+                let scratch = &mut *local.scratch;
+                scratch.goal[..n].copy_from_slice(&scratch.last[..n]);
                 return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
             }
         }
@@ -152,34 +156,27 @@ fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratc
 
 /// σ_min / σ_max of the scaled K_d at the pose in `local.q`.
 fn dependents_range<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> T {
-    let (n, m) = (cluster.n, cluster.dependent.len());
+    let m = cluster.dependent.len();
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
-    let length = T::from_f64(cluster.length);
-    for (i, &r) in cluster.used.iter().enumerate() {
-        for (a, &j) in cluster.dependent.iter().enumerate() {
-            let unit = if bodies[j].motion == Motion::Prismatic { length } else { T::ONE };
-            scratch.A[i * m + a] = scratch.K[r * n + j] * unit;
-        }
-    }
-    let (largest, least) = singular_range(&mut scratch.A, m, m);
+    let A = &mut scratch.A;
+    scaled(cluster, bodies, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
+    let (largest, least) = singular_range(A, m, m);
     least / largest
 }
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.
 pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
-    let (n, rows) = (cluster.n, cluster.used.len());
+    let (n, rows) = (cluster.n_v, cluster.used.len());
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
-    // the transpose of K, sliders in cluster lengths: rank = number of its columns that stand apart
-    let length = T::from_f64(cluster.length);
-    for j in 0..n {
-        let unit = if bodies[j].motion == Motion::Prismatic { length } else { T::ONE };
-        for (i, &r) in cluster.used.iter().enumerate() {
-            scratch.A[j * rows + i] = scratch.K[r * n + j] * unit;
-        }
+    // the transpose of the scaled K; idle joints stand still
+    let A = &mut scratch.A;
+    A[..n * rows].fill(T::ZERO);
+    for columns in [&cluster.independent, &cluster.dependent] {
+        scaled(cluster, bodies, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| A[columns[a] * rows + i] = x);
     }
-    let (largest, least) = singular_range(&mut scratch.A, n, rows);
+    let (largest, least) = singular_range(A, n, rows);
     if least < T::from_f64(LOST) * largest { Status::SingularClosure } else { Status::SingularIndependents }
 }

@@ -11,6 +11,7 @@ mod legs;
 mod numerical;
 mod rows;
 mod rrpr;
+mod scaling;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,6 +21,7 @@ pub(crate) use legs::{Leg, Legs};
 pub(crate) use numerical::Numerical;
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
+pub(crate) use scaling::{column_unit, row_unit, scaled};
 
 use crate::Status;
 use crate::model::{Body, Cluster};

@@ -289,6 +289,7 @@ impl<'a> Builder<'a> {
                 g,
                 independent: if n_v > 1 && joints.len() == 1 { (0..n_v).collect() } else { independent },
                 dependent,
+                locked: Vec::new(),
                 local_parent,
                 active,
                 cuts: Vec::new(),

@@ -42,6 +42,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
             kind: if rows == 0 { ClosureKind::Serial } else { ClosureKind::Analytic },
             rows,
             rank: 0,
+            idle: Vec::new(),
             misfit: 0.0,
         });
     }
@@ -54,15 +55,18 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         let names = assembly.names(description, c);
         let site = Site::Submechanism(assembly.owner[c]);
         let row_names = cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
-        let Some(Analysis { used, blocks }) = analysis::analyse(cluster, bodies, &names, &row_names, site, errors, warnings) else {
-            continue;
-        };
+        let carries: Vec<bool> = (0..cluster.n).map(|b| rough.clusters.iter().any(|of| of.parent == cluster.body + b)).collect();
+        let analysis = analysis::analyse(cluster, bodies, &carries, &names, &row_names, site, errors, warnings);
+        let Some(Analysis { used, blocks, locked }) = analysis else { continue };
         for &r in &used {
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
         }
         let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
         let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n].to_vec() };
         exact.clusters[c].used = used;
+        info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[cluster.freedoms[*v].body].clone()));
+        exact.clusters[c].dependent.retain(|v| !locked.contains(v));
+        exact.clusters[c].locked = locked;
         if let Some(fault) = analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site) {
             errors.push(fault);
             continue;

@@ -12,6 +12,7 @@ mod compile;
 mod couplings;
 mod geometry;
 mod open;
+mod idle;
 mod orders;
 mod tree;
 
@@ -182,6 +183,8 @@ pub(crate) struct Cluster<C> {
     /// Local joints that are independent, in the order of y, and the others.
     pub(crate) independent: Vec<usize>,
     pub(crate) dependent: Vec<usize>,
+    /// Idle ones, which keep the value that they start with; they are in neither list.
+    pub(crate) locked: Vec<usize>,
     /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
     pub(crate) local_parent: Vec<usize>,
     /// Actuators: (index in u, local joint).
@@ -218,6 +221,8 @@ pub struct ClosureInfo {
     pub rows: usize,
     /// How many of them are independent.
     pub rank: usize,
+    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value that they start with.
+    pub idle: Vec<String>,
     /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
     pub misfit: f64,
 }
@@ -374,6 +379,7 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
             g: self.g,
             independent: self.independent.clone(),
             dependent: self.dependent.clone(),
+            locked: self.locked.clone(),
             local_parent: self.local_parent.clone(),
             active: self.active.clone(),
             cuts: self.cuts.iter().map(|cut| cut.map(f)).collect(),
