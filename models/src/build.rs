@@ -2,11 +2,13 @@
 
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind, Terms,
+    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind,
 };
 
 use crate::report::Place;
-use crate::submechanisms::{Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named};
+use crate::submechanisms::cut::CutKind;
+use crate::submechanisms::{Entry, EntryValues, LoopEntry, LoopValues, PlacementValues, Submechanisms, kind_named};
+use crate::universal;
 use crate::urdf::{Urdf, Values};
 
 /// Where the parts of a description stand in the files.
@@ -29,7 +31,7 @@ impl Places {
     pub(crate) fn new(urdf: &Urdf, submechanisms: Option<&Submechanisms>) -> Places {
         let place_of = |entry: &Entry| SubmechanismPlace {
             place: entry.name.as_ref().map_or(entry.place, |(_, place)| *place),
-            loops: entry.loops.iter().map(|each| (each.place, each.rows.clone())).collect(),
+            loops: entry.loops.iter().flat_map(loop_places).collect(),
         };
         Places {
             robot: submechanisms.map_or(urdf.place, |read| read.place),
@@ -57,6 +59,14 @@ impl Places {
     }
 }
 
+/// The places of the loops that one entry becomes: the rows of a universal cut are in two.
+fn loop_places(each: &LoopEntry) -> Vec<(Place, Vec<Place>)> {
+    match each.rows.split_last() {
+        Some((turn, others)) if each.is_universal => vec![(each.place, others.to_vec()), (each.place, vec![*turn])],
+        _ => vec![(each.place, each.rows.clone())],
+    }
+}
+
 /// The description of checked files; `None` when the two readings of a file differ, which no checked file should.
 pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<EntryValues>>, gravity: [f64; 3]) -> Option<Description> {
     let links = urdf.links.iter().zip(values.inertials).map(|(link, inertial)| Link { name: link.name.clone(), inertial });
@@ -74,12 +84,12 @@ pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<Entry
             axis: value.axis,
             limits: value.limits,
             coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
-            terms: Terms::default(),
+            terms: entry.terms,
         })
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
     let submechanisms = match entries {
-        Some(entries) => entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?,
+        Some(entries) => entries.into_iter().map(|entry| submechanism(urdf, &joints, entry)).collect::<Option<_>>()?,
         None => vec![whole(&urdf.name, &joints)],
     };
     Some(Description { name: urdf.name.clone(), links: links.collect(), joints, submechanisms, gravity })
@@ -103,11 +113,15 @@ fn whole(name: &str, joints: &[Joint]) -> Submechanism {
     }
 }
 
-fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
+fn submechanism(urdf: &Urdf, joints: &[Joint], entry: EntryValues) -> Option<Submechanism> {
     let indices = |names: Option<Vec<String>>| -> Option<Vec<usize>> {
         names.unwrap_or_default().iter().map(|name| urdf.joint_index.get(name).copied()).collect()
     };
     let (kind, _) = kind_named(&entry.r#type)?;
+    let mut loops = Vec::new();
+    for each in entry.loop_constraints.unwrap_or_default() {
+        loops.extend(closed_loops(urdf, joints, each)?);
+    }
     Some(Submechanism {
         name: entry.contextual_name.or(entry.name)?,
         kind,
@@ -115,23 +129,28 @@ fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
         spanning_tree: indices(entry.jointnames_spanningtree)?,
         independent: indices(entry.jointnames_independent)?,
         active: indices(entry.jointnames_active)?,
-        loops: entry.loop_constraints.unwrap_or_default().into_iter().map(|each| closed_loop(urdf, each)).collect::<Option<_>>()?,
+        loops,
     })
 }
 
-fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
+/// The loop of a cut; a universal cut has a second one, with the point of its turn.
+fn closed_loops(urdf: &Urdf, joints: &[Joint], each: LoopValues) -> Option<Vec<Loop>> {
     let predecessor = *urdf.link_index.get(&each.predecessor_body)?;
     let cut = match (each.predecessor_placement, each.successor_placement) {
         (Some(predecessor), Some(successor)) => Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) },
         _ => urdf.joint_index.get(&each.cut_joint).map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
-    Some(Loop {
-        name: each.cut_joint,
-        predecessor,
-        successor: *urdf.link_index.get(&each.successor_body)?,
-        cut,
-        rows: each.constraint_axes.into_iter().map(|row| Row { name: row.name, axis: row.axis }).collect(),
-    })
+    let kind = each.cut_joint_type.as_deref().map(|written| CutKind::named(written).ok_or(())).transpose().ok()?;
+    let rows = match kind {
+        Some(kind) => kind.rows(each.axis.unwrap_or_default()),
+        None => each.constraint_axes?.into_iter().map(|row| Row { name: row.name, axis: row.axis }).collect(),
+    };
+    let first = Loop { name: each.cut_joint, predecessor, successor: *urdf.link_index.get(&each.successor_body)?, cut, rows };
+    let turn = match kind {
+        Some(CutKind::Universal) => Some(universal::turn(&first, each.axis?, each.axis2?, joints)),
+        _ => None,
+    };
+    Some(core::iter::once(first).chain(turn).collect())
 }
 
 fn placement(values: PlacementValues) -> Placement {

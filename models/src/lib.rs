@@ -40,6 +40,7 @@ mod report;
 mod smurf;
 mod submechanisms;
 mod text;
+mod universal;
 mod urdf;
 
 pub use bundled::{bundled, bundled_text};

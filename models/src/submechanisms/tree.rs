@@ -45,6 +45,11 @@ impl Node {
         entries.iter().find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == wanted)).map(|(_, value)| value)
     }
 
+    /// True for this word.
+    pub(crate) fn is_word(&self, word: &str) -> bool {
+        matches!(&self.value, Value::Scalar { text, .. } if text == word)
+    }
+
     /// The items of a list.
     pub(crate) fn items(&self) -> &[Node] {
         if let Value::List(items) = &self.value { items } else { &[] }
