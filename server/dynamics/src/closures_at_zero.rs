@@ -4,16 +4,11 @@ use crate::assembly::Problem;
 use crate::linear::solve_pivoted;
 use crate::model::Model;
 
-/// Part of a unit motion of the idle freedoms from which a joint counts as idle.
-const IDLE: f64 = 1e-3;
-
 /// The loops of one submechanism at the zero pose; where its loops are tied to those of another, those of both.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClosureAtZero {
     /// Rows that say nothing new.
     pub redundant: Vec<String>,
-    /// Dependent velocities that no row determines.
-    pub idle: Vec<String>,
     /// Sign of det K_d of each cluster that has a branch, 1 or −1; 0 where the pose is singular.
     pub branch: Vec<f64>,
     /// Least singular value of the scaled K_d; 1 without loops.
@@ -51,18 +46,12 @@ impl Model<f64> {
             let K = problem.scaled_jacobian(zero);
             let (rows, m) = (K.nrows(), cluster.dependent.len());
             let K_d = faer::Mat::from_fn(rows, m, |r, a| K[(r, cluster.dependent[a])]);
-            let Ok(svd) = K_d.svd() else { continue };
-            let (S, V) = (svd.S().column_vector(), svd.V());
+            let Ok(svd) = K_d.thin_svd() else { continue };
+            let S = svd.S().column_vector();
             if let Some(last) = S.nrows().checked_sub(1) {
                 found.sigma_min = found.sigma_min.min(S[last]);
                 let cond = if S[last] > f64::EPSILON * S[0] { S[0] / S[last] } else { f64::INFINITY };
                 found.cond_Kd = found.cond_Kd.max(cond);
-            }
-            // fewer rows than dependents: what moves without them
-            for (a, v) in cluster.dependent.iter().enumerate().filter(|_| rows < m) {
-                if (rows..m).map(|k| V[(a, k)] * V[(a, k)]).sum::<f64>().sqrt() > IDLE {
-                    found.idle.push(self.meta.tree[self.order.v_external[cluster.v + v]].clone());
-                }
             }
             if self.order.branches.contains(&c) {
                 let singular = !found.cond_Kd.is_finite() || rows != m;

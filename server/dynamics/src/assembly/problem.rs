@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::{constraint_jacobian, constraint_residual, largest_residual, local_poses};
-use crate::model::{Body, Cluster, Freedom, Motion};
+use crate::closure::{column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses, row_unit};
+use crate::model::{Body, Cluster, Motion};
 use crate::spatial::{Pose, cross, from_quaternion, mul, t_mul};
 
 /// Relative singular value below which a direction of the rows that count says nothing.
@@ -79,15 +79,7 @@ impl<'a> Problem<'a> {
         // the rows that a valid model uses; all of them before anybody judged their rank
         let all = cluster.used.is_empty();
         let rows = if all { (0..cluster.rows.len()).collect() } else { cluster.used.clone() };
-        let mut scales = Vec::new();
-        for row in cluster.cuts.iter().flat_map(|cut| &cut.rows) {
-            let largest = row.terms.iter().map(|(v, c)| (c * unit[*v]).abs()).fold(0.0, f64::max);
-            scales.push(match (row.terms.is_empty(), row.linear.norm()) {
-                (false, _) => 1.0 / largest.max(f64::MIN_POSITIVE),
-                (true, 0.0) => 1.0 / row.angular.norm(),
-                (true, linear) => 1.0 / (cluster.length * linear),
-            });
-        }
+        let scales: Vec<f64> = cluster.cuts.iter().flat_map(|cut| &cut.rows).map(|row| row_unit(cluster, bodies, row)).collect();
         let scale = rows.iter().map(|r: &usize| scales[*r]).collect();
         let (gap, closed) = if all { (GAP_OF_ALL, CLOSED_OF_ALL) } else { (GAP_OF_USED, CLOSED) };
         Problem { cluster, bodies, near, free, weight, metric, unit, rows, scale, gap, closed, all }
@@ -179,12 +171,7 @@ impl<'a> Problem<'a> {
 
 /// What each local velocity is measured in.
 pub(super) fn units(cluster: &Cluster<f64>, bodies: &[Body<f64>]) -> Vec<f64> {
-    let is_slide = |at: &Freedom| match bodies[at.body].motion {
-        Motion::Prismatic => true,
-        Motion::Floating => at.k >= 3,
-        Motion::Revolute | Motion::Spherical => false,
-    };
-    cluster.freedoms.iter().map(|at| if is_slide(at) { cluster.length } else { 1.0 }).collect()
+    (0..cluster.n_v).map(|v| column_unit(cluster, bodies, v)).collect()
 }
 
 /// a · b of quaternions x y z w.

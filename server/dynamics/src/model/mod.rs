@@ -11,8 +11,8 @@ mod closed_forms;
 mod compile;
 mod couplings;
 mod geometry;
-mod open;
 mod idle;
+mod open;
 mod orders;
 mod tree;
 
