@@ -24,7 +24,8 @@ fn a_valid_robot_is_one_object_with_every_order() {
         assert_eq!((&report["errors"], &report["robot"]), (&json!([]), &json!(name)));
         for closure in report["closures"].as_array().unwrap() {
             let keys: Vec<&str> = closure.as_object().unwrap().keys().map(String::as_str).collect();
-            assert_eq!(keys, ["name", "type", "kind", "rows", "rank", "misfit"]);
+            assert_eq!(keys[..6], ["name", "type", "kind", "rows", "rank", "misfit"]);
+            assert_eq!(keys[6..], ["redundant", "idle", "branch", "sigma_min", "cond_Kd", "singular"]);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What an assembly found, and what to do with it.
 
+use sarrus_dynamics::description::Placement;
 use sarrus_models::{AssemblyReport, Moved};
 
 use crate::commands::output::table;
@@ -26,13 +27,13 @@ pub(super) fn in_words(of: &AssemblyReport) -> String {
     }
 
     // either way the files are closed at zero afterwards
-    text += "\nto make it the zero pose, write these origins into the URDF; limits and rests of springs move by as much as the joints\n";
+    text += "\nto make it the zero pose, write these origins into the URDF and take off what each joint moved from its limits and its spring's rest\n";
     let list = |x: [f64; 3], between: &str| x.map(|x| x.to_string()).join(between);
     for (joint, origin) in &of.new_zero.origins {
         text += &format!("  {joint}: <origin xyz=\"{}\" rpy=\"{}\"/>\n", list(origin.xyz, " "), list(origin.rpy, " "));
     }
-    let yaml = |key: &str, placements: &[(String, sarrus_dynamics::description::Placement)]| {
-        let line = |(name, at): &(String, sarrus_dynamics::description::Placement)| {
+    let yaml = |key: &str, placements: &[(String, Placement)]| {
+        let line = |(name, at): &(String, Placement)| {
             format!("  {name}: {key}: {{xyz: [{}], rpy: [{}]}}\n", list(at.xyz, ", "), list(at.rpy, ", "))
         };
         placements.iter().map(line).collect::<String>()

@@ -83,7 +83,7 @@ impl Check {
 /// A valid robot: what it is called, what it has and in which order, how it is closed, what is remarkable.
 fn in_words(report: &CheckReport) -> String {
     let mut text = format!("robot        {}\n", report.robot.as_deref().unwrap_or_default());
-    text += &format!("fingerprint  {}\n\n", report.fingerprint.as_deref().unwrap_or_default());
+    text += &format!("fingerprint  {}\n\n", report.fingerprint.as_deref().unwrap_or("none, the files are open at zero"));
     text += &names("tree", &report.tree);
     if report.tree_q.len() != report.tree.len() {
         text += &names("tree q", &report.tree_q);
