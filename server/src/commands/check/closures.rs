@@ -27,14 +27,14 @@ pub(super) fn in_words(closures: &[ClosureReport]) -> String {
 fn row(closure: &ClosureReport) -> Vec<String> {
     let sign = |branch: &f64| {
         if *branch > 0.0 {
-            "+"
+            "+1"
         } else if *branch < 0.0 {
-            "-"
+            "-1"
         } else {
             "0"
         }
     };
-    let branch: String = closure.branch.iter().map(sign).collect();
+    let branch = closure.branch.iter().map(sign).collect::<Vec<_>>().join(" ");
     let tied = closure.rows > 0;
     let when_tied = |text: String| if tied { text } else { "-".to_owned() };
     vec![
