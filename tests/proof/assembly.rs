@@ -65,7 +65,7 @@ fn poses_beside_closed_ones_are_closed_and_nearest() {
             );
             let worst =
                 along.iter().zip(&scale).fold(0.0, |worst: f64, (x, size)| if *size > 0.0 { worst.max(x.abs() / size) } else { worst });
-            ledger.note("slope of the distance along closed poses", case, worst, 1e-6 + 1e3 * case.contradiction());
+            ledger.note("slope of the distance along closed poses", case, worst, 1e-10 + 1e3 * case.contradiction());
             let square: f64 = way.iter().zip(&weights).zip(model.tree_units()).map(|((d, w), unit)| w * (d / unit).powi(2)).sum();
             ledger.note("distance", case, (square.sqrt() - found.distance).abs(), 1e-12);
 
@@ -223,7 +223,7 @@ fn files_that_are_open_at_zero_are_assembled_and_closed_by_their_new_origins() {
         let there = model.assemble(&start, &there).unwrap_or_else(|error| panic!("{error}"));
         let q: Vec<f64> = start.iter().zip(&found.q).map(|(a, b)| a + b).collect();
         let redundant = model.closures().iter().any(|x| x.rank < x.rows);
-        let allowed = if redundant { 1e-5 } else { 1e-7 };
+        let allowed = if redundant { 1e-7 } else { 1e-12 };
         ledger.note("pose of an open file", case, error_by_size(&q, &there.q, 1.0), allowed + 100.0 * case.contradiction());
 
         // with the new origins the file is a robot, and the same one
@@ -237,7 +237,7 @@ fn files_that_are_open_at_zero_are_assembled_and_closed_by_their_new_origins() {
         let new = mass(&mut Robot::new(compiled.model), &zero);
         if let (Some(old), Some(new)) = (mass(&mut robot, &q), new) {
             let size = old.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
-            ledger.note("mass matrix of the new zero pose", case, error_by_size(&new, &old, size), 1e-6 + 1e3 * case.contradiction());
+            ledger.note("mass matrix of the new zero pose", case, error_by_size(&new, &old, size), 1e-10 + 1e3 * case.contradiction());
         }
     });
     assert!(open_ones > 20, "only {open_ones} robots were open");

@@ -60,7 +60,7 @@ impl Problem<'_> {
             let weighted = faer::Mat::from_fn(J.nrows(), n, |r, a| J[(r, a)] / root[a]);
             let Ok(svd) = weighted.thin_svd() else { break };
             let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
-            if !(S[0] > 0.0) {
+            if S[0] <= 0.0 || S[0].is_nan() {
                 break;
             }
             let along: Vec<f64> = (0..S.nrows()).map(|i| (0..J.nrows()).map(|r| U[(r, i)] * place.phi[r]).sum()).collect();

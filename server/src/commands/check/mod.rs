@@ -61,7 +61,7 @@ impl Check {
         let weights = |names: &[String]| {
             let ones = vec![1.0; names.len()];
             let weights = self.weights.as_ref().map_or(Ok(ones.clone()), |weights| weights.resolve(names, ones))?;
-            match weights.iter().zip(names).find(|(weight, _)| !(**weight >= 0.0)) {
+            match weights.iter().zip(names).find(|(weight, _)| **weight < 0.0) {
                 Some((weight, name)) => {
                     Err(self.weights.as_ref().map(|of| of.fault(&format!("weight {weight} of {name}, expected 0 or more"))))
                 }
