@@ -5,6 +5,7 @@
 
 mod agreement;
 mod allocation;
+mod assembly;
 mod closures;
 mod commands;
 mod derivatives;

@@ -13,6 +13,7 @@ mod couplings;
 mod freedom;
 mod geometry;
 mod idle;
+mod open;
 mod orders;
 mod terms;
 mod tree;
@@ -22,6 +23,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
+pub(crate) use geometry::{pose as pose_of, unit_of};
 pub(crate) use terms::{JointTerms, Rotor};
 
 use crate::branch_sparse::Branches;
