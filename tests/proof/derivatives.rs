@@ -46,7 +46,7 @@ pub(crate) fn moved<T: Scalar>(case: &Case, y: &[T], yd: &[T], t: T) -> Vec<T> {
 }
 
 /// ½ q ω with ω in the body.
-fn quaternion_rate<T: Scalar>(q: &[T], w: &[T]) -> [T; 4] {
+pub(crate) fn quaternion_rate<T: Scalar>(q: &[T], w: &[T]) -> [T; 4] {
     let half = T::from_f64(0.5);
     [
         half * (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]),
@@ -57,7 +57,7 @@ fn quaternion_rate<T: Scalar>(q: &[T], w: &[T]) -> [T; 4] {
 }
 
 /// R(q) v.
-fn turned<T: Scalar>(q: &[T], v: &[T]) -> [T; 3] {
+pub(crate) fn turned<T: Scalar>(q: &[T], v: &[T]) -> [T; 3] {
     let cross = |a: [T; 3], b: [T; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let (axis, v) = ([q[0], q[1], q[2]], [v[0], v[1], v[2]]);
     let inner = cross(axis, v);

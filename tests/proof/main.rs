@@ -9,6 +9,7 @@ mod commands;
 mod derivatives;
 mod determinism;
 mod documents;
+mod duals;
 mod energy;
 mod failures;
 mod hyrodyn;

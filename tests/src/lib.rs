@@ -5,6 +5,7 @@
 
 pub mod cases;
 pub mod compare;
+pub mod dual;
 pub mod plans;
 pub mod random;
 pub mod reference;
