@@ -17,7 +17,7 @@ use crate::derivatives::{energy, later, moved, quaternion_rate, turned};
 use Field::*;
 
 /// Rounding allowed at condition 1, in units of the scalar.
-const ROUNDING: f64 = 1e3;
+const ROUNDING: f64 = 64.0;
 
 /// Closes at y from the closed pose q, as often as there are orders of derivatives, and asks from there.
 fn ask_at<S: Scalar>(

@@ -1,6 +1,9 @@
 //! Random robots as text, from a seed: what they are made of, and how far they can move.
 
 mod mechanisms;
+mod planar;
+mod platforms;
+mod spatial;
 mod writer;
 
 use sarrus_models::{LoadError, Loaded, Options, Source, load};
