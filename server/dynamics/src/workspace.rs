@@ -109,7 +109,7 @@ impl<T: Scalar> Workspace<T> {
         let of = |n: usize| vec![T::ZERO; n];
         let clusters = || model.clusters.iter();
         let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);
-        let largest = clusters().map(|c| c.n_v).max().unwrap_or(0);
+        let largest = clusters().map(|c| c.n_q).max().unwrap_or(0);
         let rows = clusters().map(|c| c.rows.len()).max().unwrap_or(0);
         let side = largest.max(rows).max(sizes.n_vy).max(sizes.n_u) + 6;
         Workspace {

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::rows::{CutState, cos_sin, place, row_along};
 use super::{Cut, Local, Scratch};
 use crate::linear::solve_unpivoted;
-use crate::model::{Body, Cluster, Motion};
+use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
 
@@ -24,8 +24,8 @@ const ROOTS: f64 = 10.0;
 /// A smallest set of rows that determines as many joints.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
-    /// Joints that the block determines.
-    pub(crate) unknowns: Vec<usize>,
+    /// Local velocities that the block determines.
+    pub(crate) unknowns: Vec<Freedom>,
     /// The cuts whose rows it holds.
     pub(crate) cuts: Vec<BlockCut>,
     /// Bodies that move with the unknowns and matter to the block, in tree order.
@@ -47,11 +47,11 @@ pub(crate) struct BlockCut {
     pub(crate) rows: Vec<(usize, usize)>,
     /// True when the rows are a whole ball joint: then the axes do not matter and those of the cluster's parent body are taken.
     pub(crate) ball: bool,
-    /// Joints of the cut's path that the block determines: joint, side (true = successor's), column.
-    pub(crate) solve: Vec<(usize, bool, usize)>,
-    /// Joints of the path that are known before, and those among them that an earlier block determined.
-    pub(crate) known: Vec<(usize, bool)>,
-    pub(crate) earlier: Vec<(usize, bool)>,
+    /// Freedoms of the cut's path that the block determines, side (true = successor's), column.
+    pub(crate) solve: Vec<(Freedom, bool, usize)>,
+    /// Freedoms of the path that are known before, and those among them that an earlier block determined.
+    pub(crate) known: Vec<(Freedom, bool)>,
+    pub(crate) earlier: Vec<(Freedom, bool)>,
 }
 
 /// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the block.
@@ -85,27 +85,21 @@ impl Block {
     }
 
     /// The determinant at the closed pose in `local`, whose poses are fresh.
-    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], local: &mut Local<'_, T>) -> T {
-        self.evaluate::<T, ANY>(&cluster.cuts, bodies, local, true);
+    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(cluster, local, true);
         self.invert::<T, ANY>(local.scratch).1
     }
 
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
     #[inline]
-    pub(super) fn jacobian<T: Real>(
-        &self,
-        n_vy: usize,
-        cuts: &[Cut<T::Const>],
-        bodies: &[Body<T::Const>],
-        local: &mut Local<'_, T>,
-    ) -> T::Mask {
-        by_width!(self.jacobian_of_width(n_vy, cuts, bodies, local))
+    pub(super) fn jacobian<T: Real>(&self, n_vy: usize, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) -> T::Mask {
+        by_width!(self.jacobian_of_width(n_vy, cuts, local))
     }
 
     /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
     #[inline]
-    pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
-        by_width!(self.bias_of_width(cuts, bodies, local));
+    pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {
+        by_width!(self.bias_of_width(cuts, local));
     }
 
     #[inline(always)]
@@ -135,7 +129,7 @@ impl Block {
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
             let fresh = k == 0 || !previous.lt(chord).all();
-            let residual = self.evaluate::<T, M>(&cluster.cuts, bodies, local, fresh);
+            let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if fresh {
                 let squares = if k == 0 && self.remember { column_squares(&local.scratch.A[..m * m], m) } else { T::ONE };
                 let (fine, det) = self.invert::<T, M>(local.scratch);
@@ -163,10 +157,10 @@ impl Block {
                 }
                 steps[i] = T::select(done, T::ZERO, step);
             }
-            for (i, &j) in unknowns.iter().enumerate() {
-                local.q[j] -= steps[i];
+            for (i, of) in unknowns.iter().enumerate() {
+                of.advance(local.q, -steps[i]);
                 let scaled = steps[i].abs();
-                let scaled = if bodies[j].motion == Motion::Prismatic { scaled * unit } else { scaled };
+                let scaled = if of.slides() { scaled * unit } else { scaled };
                 size = T::select(size.lt(scaled), scaled, size);
             }
             taken += 1;
@@ -179,11 +173,11 @@ impl Block {
             previous = size;
             // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
             let tiny = size.lt(converged).all();
-            for (i, &j) in unknowns.iter().enumerate() {
-                if bodies[j].motion == Motion::Revolute {
-                    let (c, s) = local.turn[j];
+            for (i, of) in unknowns.iter().enumerate() {
+                if of.motion == Motion::Revolute {
+                    let (c, s) = local.turn[of.body];
                     let step = steps[i];
-                    local.turn[j] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[j]) };
+                    local.turn[of.body] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[of.q]) };
                 }
             }
             for &j in &self.bodies {
@@ -198,13 +192,7 @@ impl Block {
 
     /// φ into the scratch and, if wanted, K of the unknowns; returns the largest |φ|.
     #[inline(always)]
-    fn evaluate<T: Real, const M: usize>(
-        &self,
-        cuts: &[Cut<T::Const>],
-        bodies: &[Body<T::Const>],
-        local: &mut Local<'_, T>,
-        jacobian: bool,
-    ) -> T {
+    fn evaluate<T: Real, const M: usize>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>, jacobian: bool) -> T {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let (phi, A) = (&mut scratch.phi[..m], &mut scratch.A[..m * m]);
@@ -213,17 +201,17 @@ impl Block {
             A.fill(T::ZERO);
         }
         for of in &self.cuts {
-            let cut = &cuts[of.cut];
+            let cut = &cluster.cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose, of.ball);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
-                let value = if of.ball { state.d[k] } else { state.value(&cut.rows[r], local.q) };
+                let value = if of.ball { state.d[k] } else { state.value(cluster, &cut.rows[r], local.q) };
                 phi[i] = value;
                 largest = T::select(largest.lt(value.abs()), value.abs(), largest);
             }
             if jacobian {
                 let directions = of.directions(cut, &state);
-                for &(j, side, column) in &of.solve {
-                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| A[i * m + column] = x);
+                for (on, side, column) in &of.solve {
+                    of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| A[i * m + column] = x);
                 }
             }
         }
@@ -278,13 +266,7 @@ impl Block {
         }
     }
 
-    fn jacobian_of_width<T: Real, const M: usize>(
-        &self,
-        n_vy: usize,
-        cuts: &[Cut<T::Const>],
-        bodies: &[Body<T::Const>],
-        local: &mut Local<'_, T>,
-    ) -> T::Mask {
+    fn jacobian_of_width<T: Real, const M: usize>(&self, n_vy: usize, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) -> T::Mask {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let G = &mut *local.G;
@@ -294,12 +276,12 @@ impl Block {
             let cut = &cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose, of.ball);
             let directions = of.directions(cut, &state);
-            for &(j, side, column) in &of.solve {
-                of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| scratch.A[i * m + column] = x);
+            for (on, side, column) in &of.solve {
+                of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| scratch.A[i * m + column] = x);
             }
-            for &(j, side) in &of.known {
-                let of_joint = &G[j * n_vy..(j + 1) * n_vy];
-                of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| {
+            for (on, side) in &of.known {
+                let of_joint = &G[on.v * n_vy..(on.v + 1) * n_vy];
+                of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| {
                     for (b, g) in scratch.B[i * n_vy..(i + 1) * n_vy].iter_mut().zip(of_joint) {
                         *b = x.mul_add(*g, *b);
                     }
@@ -307,19 +289,19 @@ impl Block {
             }
         }
         let (good, _) = self.invert::<T, M>(local.scratch);
-        for (i, &j) in self.unknowns.iter().enumerate() {
+        for (i, of) in self.unknowns.iter().enumerate() {
             for k in 0..n_vy {
                 let mut x = T::ZERO;
                 for r in 0..m {
                     x = local.scratch.inverse[self.offset + i * m + r].mul_add(local.scratch.B[r * n_vy + k], x);
                 }
-                local.G[j * n_vy + k] = -x;
+                local.G[of.v * n_vy + k] = -x;
             }
         }
         good
     }
 
-    fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
+    fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let g = &mut *local.g;
@@ -332,19 +314,19 @@ impl Block {
             }
             if !of.earlier.is_empty() {
                 let directions = of.directions(cut, &state);
-                for &(j, side) in &of.earlier {
-                    of.column(cut, &state, &directions, &bodies[j], &scratch.pose[j + 1], j, side, |i, x| {
-                        scratch.B[i] = (-x).mul_add(g[j], scratch.B[i]);
+                for (on, side) in &of.earlier {
+                    of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| {
+                        scratch.B[i] = (-x).mul_add(g[on.v], scratch.B[i]);
                     });
                 }
             }
         }
-        for (i, &j) in self.unknowns.iter().enumerate() {
+        for (i, of) in self.unknowns.iter().enumerate() {
             let mut x = T::ZERO;
             for r in 0..m {
                 x = scratch.inverse[self.offset + i * m + r].mul_add(scratch.B[r], x);
             }
-            g[j] = x;
+            g[of.v] = x;
         }
     }
 }
@@ -368,20 +350,19 @@ impl BlockCut {
         directions
     }
 
-    /// Calls `each(row of the block, entry of K)` for one joint.
+    /// Calls `each(row of the block, entry of K)` for one freedom.
     #[inline(always)]
     fn column<T: Real>(
         &self,
         cut: &Cut<T::Const>,
         state: &CutState<T>,
         directions: &Directions<T>,
-        body: &Body<T::Const>,
+        on: &Freedom,
+        on_successor: bool,
         pose: &Pose<T>,
-        j: usize,
-        side: bool,
         mut each: impl FnMut(usize, T),
     ) {
-        let (w, v) = state.twist(body, pose, side);
+        let (w, v) = state.twist(on, pose, on_successor);
         if self.ball {
             for (k, &(_, i)) in self.rows.iter().enumerate() {
                 each(i, v[k]);
@@ -394,7 +375,7 @@ impl BlockCut {
                 let entry = dot(&directions.linear[k], &v);
                 each(i, if cut.angular { entry + dot(&directions.angular[k], &w) } else { entry });
             } else {
-                each(i, terms.iter().find(|(joint, _)| *joint == j).map_or(T::ZERO, |(_, c)| T::lift(*c)));
+                each(i, terms.iter().find(|(v, _)| *v == on.v).map_or(T::ZERO, |(_, c)| T::lift(*c)));
             }
         }
     }

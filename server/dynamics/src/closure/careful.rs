@@ -3,9 +3,9 @@
 use sarrus_proto::Status;
 
 use super::numerical::Numerical;
-use super::{Local, Outcome, constraint_jacobian, constraint_residual, local_poses};
+use super::{Local, Outcome, between, constraint_jacobian, constraint_residual, local_poses};
 use crate::linear::{singular_range, solve_pivoted};
-use crate::model::{Body, Cluster, Motion};
+use crate::model::{Body, Cluster};
 use crate::scalar::Scalar;
 
 /// Newton steps that one request may cost.
@@ -28,8 +28,8 @@ pub(super) fn follow<T: Scalar>(
     local: &mut Local<'_, T>,
     mut iterations: u32,
 ) -> Outcome {
-    let n = cluster.n;
-    for &j in &cluster.independent {
+    let n = cluster.n_q;
+    for &j in &cluster.independent_q {
         local.scratch.goal[j] = local.q[j];
     }
     local.q.copy_from_slice(local.start);
@@ -46,11 +46,11 @@ pub(super) fn follow<T: Scalar>(
     let (mut at, mut step) = (0.0, FIRST);
     while at < 1.0 {
         let next = f64::min(1.0, at + step);
-        for &j in &cluster.independent {
-            let (from, to) = (local.start[j], local.scratch.goal[j]);
-            local.q[j] = if next == 1.0 { to } else { (to - from).mul_add(T::from_f64(next), from) };
+        between(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
+        if next == 1.0 {
+            cluster.independent_q.iter().for_each(|i| local.q[*i] = local.scratch.goal[*i]);
         }
-        for &j in &cluster.dependent {
+        for &j in &cluster.dependent_q {
             local.q[j] = local.scratch.last[j];
         }
         let (good, count) = numerical.newton(cluster, bodies, local, true);
@@ -63,10 +63,10 @@ pub(super) fn follow<T: Scalar>(
         } else {
             step *= 0.5;
             if step < SHORTEST || iterations > BUDGET {
-                for &j in &cluster.independent {
+                for &j in &cluster.independent_q {
                     local.q[j] = local.scratch.goal[j];
                 }
-                for &j in &cluster.dependent {
+                for &j in &cluster.dependent_q {
                     local.q[j] = local.scratch.last[j];
                 }
                 return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
@@ -81,7 +81,7 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
         _ if iterations > BUDGET => Status::NotConverged,
-        Some(true) if dependents_range(cluster, bodies, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
+        Some(true) if dependents_range(cluster, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }
@@ -90,7 +90,7 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
 /// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close. `Some(false)`: a least distance was
 /// found that is not zero. `None`: neither within the steps allowed.
 fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Option<bool> {
-    let (n, m, rows) = (cluster.n, cluster.dependent.len(), cluster.rows.len());
+    let (n, m, rows) = (cluster.n_v, cluster.dependent.len(), cluster.rows.len());
     let length = T::from_f64(cluster.length);
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
@@ -100,7 +100,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
         if cost < T::from_f64(1e-20) * length * length {
             return Some(true);
         }
-        constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
         constraint_residual(cluster, &scratch.pose, local.q, &mut scratch.phi);
         // normal equations of the dependents, damped
         let mut slope = T::ZERO;
@@ -110,7 +110,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
                 for r in 0..rows {
                     x = scratch.K[r * n + cluster.dependent[a]].mul_add(scratch.K[r * n + cluster.dependent[b]], x);
                 }
-                let unit = if bodies[cluster.dependent[a]].motion == Motion::Prismatic { T::ONE } else { length * length };
+                let unit = if cluster.freedoms[cluster.dependent[a]].slides() { T::ONE } else { length * length };
                 scratch.A[a * m + b] = if a == b { x + damping * unit } else { x };
             }
             let mut x = T::ZERO;
@@ -124,9 +124,11 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
+        for &i in &cluster.dependent_q {
+            scratch.last[i] = local.q[i];
+        }
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            scratch.last[j] = local.q[j];
-            local.q[j] -= scratch.B[a];
+            cluster.freedoms[j].advance(local.q, -scratch.B[a]);
         }
         local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
         let next = squared_residual(cluster, scratch, local.q);
@@ -134,8 +136,8 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             cost = next;
             damping *= T::from_f64(0.2);
         } else {
-            for &j in &cluster.dependent {
-                local.q[j] = scratch.last[j];
+            for &i in &cluster.dependent_q {
+                local.q[i] = scratch.last[i];
             }
             local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
             damping *= T::from_f64(8.0);
@@ -151,14 +153,14 @@ fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratc
 }
 
 /// σ_min / σ_max of the scaled K_d at the pose in `local.q`.
-fn dependents_range<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> T {
-    let (n, m) = (cluster.n, cluster.dependent.len());
+fn dependents_range<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
+    let (n, m) = (cluster.n_v, cluster.dependent.len());
     let scratch = &mut *local.scratch;
-    constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     let length = T::from_f64(cluster.length);
     for (i, &r) in cluster.used.iter().enumerate() {
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            let unit = if bodies[j].motion == Motion::Prismatic { length } else { T::ONE };
+            let unit = if cluster.freedoms[j].slides() { length } else { T::ONE };
             scratch.A[i * m + a] = scratch.K[r * n + j] * unit;
         }
     }
@@ -168,14 +170,14 @@ fn dependents_range<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: 
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.
 pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
-    let (n, rows) = (cluster.n, cluster.used.len());
+    let (n, rows) = (cluster.n_v, cluster.used.len());
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
-    constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     // the transpose of K, sliders in cluster lengths: rank = number of its columns that stand apart
     let length = T::from_f64(cluster.length);
     for j in 0..n {
-        let unit = if bodies[j].motion == Motion::Prismatic { length } else { T::ONE };
+        let unit = if cluster.freedoms[j].slides() { length } else { T::ONE };
         for (i, &r) in cluster.used.iter().enumerate() {
             scratch.A[j * rows + i] = scratch.K[r * n + j] * unit;
         }

@@ -6,18 +6,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Level, Local, Numerical, Verdict, joint_pose};
-use crate::model::{Body, Cluster, Motion};
+use super::{Level, Local, Numerical, Rate, Verdict, joint_pose};
+use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::Real;
 use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, scale_add, t_mul, zero};
 
 /// A platform and its legs.
 #[derive(Clone, Debug)]
 pub(crate) struct Legs<C> {
-    /// Local joints of the chain that carries the platform, from the base; all independent.
-    pub(crate) chain: Vec<usize>,
-    /// For each of them its place in y.
-    pub(crate) chain_y: Vec<usize>,
+    /// Freedoms of the joints that carry the platform, from the base, each with its place in y; all are independent.
+    pub(crate) chain: Vec<(Freedom, usize)>,
     pub(crate) legs: Vec<Leg<C>>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
     pub(crate) polish: Option<Numerical<C>>,
@@ -26,8 +24,8 @@ pub(crate) struct Legs<C> {
 /// One leg: two turning joints whose axes cross, a slider, and a pin on the platform.
 #[derive(Clone, Debug)]
 pub(crate) struct Leg<C> {
-    /// Local joints: first and second turn, slider.
-    pub(crate) joints: [usize; 3],
+    /// First and second turn, slider.
+    pub(crate) joints: [Freedom; 3],
     /// The leg's frame {cluster's parent body}: X, Y along the axes at zero, origin where they cross.
     pub(crate) axes: Matrix3<C>,
     pub(crate) center: Vector3<C>,
@@ -56,27 +54,25 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
     ) -> Verdict<T::Mask> {
         // pose of the platform along the chain; its joints' axes and points are kept for the Jacobian
         let mut pose = Pose::identity();
-        for &j in &self.chain {
-            if bodies[j].motion == Motion::Revolute {
-                let (s, c) = local.q[j].sin_cos();
-                local.turn[j] = (c, s);
+        for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
+            if at.motion == Motion::Revolute {
+                let (s, c) = local.q[at.q].sin_cos();
+                local.turn[at.body] = (c, s);
             }
-            pose = pose.then(&joint_pose(&bodies[j], local.q[j], local.turn[j]));
-            local.scratch.pose[j + 1] = pose;
+            pose = pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.turn[at.body]));
+            local.scratch.pose[at.body + 1] = pose;
         }
         if level >= Level::Velocity {
-            self.chain_rates(bodies, local);
-            for (&j, &k) in self.chain.iter().zip(&self.chain_y) {
-                for other in 0..cluster.n_vy {
-                    local.G[j * cluster.n_vy + other] = T::ZERO;
-                }
-                local.G[j * cluster.n_vy + k] = T::ONE;
-                local.g[j] = T::ZERO;
+            self.chain_rates(local);
+            for (at, k) in &self.chain {
+                local.G[at.v * cluster.n_vy..(at.v + 1) * cluster.n_vy].fill(T::ZERO);
+                local.G[at.v * cluster.n_vy + k] = T::ONE;
+                local.g[at.v] = T::ZERO;
             }
         }
         let mut verdict = Verdict::fine();
         for leg in &self.legs {
-            let of_leg = leg.close(self, cluster.n_vy, bodies, &pose, local, level);
+            let of_leg = leg.close(self, cluster.n_vy, &pose, local, level);
             verdict.unreachable = verdict.unreachable | of_leg.unreachable;
             verdict.singular = verdict.singular | of_leg.singular;
         }
@@ -84,24 +80,13 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
     }
 
     /// Rates of the chain's bodies at q̈ = 0.
-    fn chain_rates<T: Real<Const = C>>(&self, bodies: &[Body<C>], local: &mut Local<'_, T>) {
-        let mut previous = Pose::identity();
-        let (mut w, mut alpha, mut v, mut a) = (zero(), zero(), zero(), zero());
-        for &j in &self.chain {
-            let pose = local.scratch.pose[j + 1];
-            let (r, z, qd) = (pose.p - previous.p, column(&pose.R, 2), local.qd[j]);
-            a = cross_add(&w, &cross(&w, &r), &cross_add(&alpha, &r, &a));
-            v = cross_add(&w, &r, &v);
-            let wz = cross(&w, &z);
-            if bodies[j].motion == Motion::Revolute {
-                alpha = scale_add(&wz, qd, &alpha);
-                w = scale_add(&z, qd, &w);
-            } else {
-                a = scale_add(&wz, qd + qd, &a);
-                v = scale_add(&z, qd, &v);
-            }
-            local.scratch.rate[j + 1] = super::Rate { w, v, alpha, a };
-            previous = pose;
+    fn chain_rates<T: Real<Const = C>>(&self, local: &mut Local<'_, T>) {
+        let (mut rate, mut origin) = (Rate::at_rest(), zero());
+        for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
+            let pose = &local.scratch.pose[at.body + 1];
+            rate = rate.moved(at.motion, &(pose.p - origin), &pose.R, &local.qd[at.v..]);
+            local.scratch.rate[at.body + 1] = rate;
+            origin = pose.p;
         }
     }
 
@@ -122,7 +107,6 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
         };
         Legs {
             chain: self.chain.clone(),
-            chain_y: self.chain_y.clone(),
             legs: self.legs.iter().map(leg).collect(),
             polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
         }
@@ -135,7 +119,6 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         &self,
         of: &Legs<C>,
         n_vy: usize,
-        bodies: &[Body<C>],
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
         level: Level,
@@ -154,7 +137,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         // slider length, without cancellation in its change
         let reach = square - T::lift(self.e_square);
         let length = T::lift(self.side) * reach.sqrt();
-        local.q[j3] = (square - T::lift(self.square0)) / (length + T::lift(self.length0));
+        local.q[j3.q] = (square - T::lift(self.square0)) / (length + T::lift(self.length0));
 
         // second turn: w_x cos + w_z sin = v_x; the root has the sign that it has at zero
         let w = scale_add(&a, length, &e);
@@ -169,10 +152,10 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let inverse_rho = T::ONE / rho;
         let c1 = w[1].mul_add(v[1], root * v[2]) * inverse_rho;
         let s1 = w[1].mul_add(v[2], -(root * v[1])) * inverse_rho;
-        local.turn[j1] = (c1, s1);
-        local.turn[j2] = (c2, s2);
-        local.q[j1] = s1.atan2(c1);
-        local.q[j2] = s2.atan2(c2);
+        local.turn[j1.body] = (c1, s1);
+        local.turn[j2.body] = (c2, s2);
+        local.q[j1.q] = s1.atan2(c1);
+        local.q[j2.q] = s2.atan2(c2);
         let floor = T::from_f64(1e-24) * T::lift(self.square0);
         let unreachable = reach.lt(T::ZERO) | root_square.lt(T::ZERO);
         let singular = reach.lt(floor) | rho.lt(floor) | root_square.lt(floor);
@@ -191,21 +174,20 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let inverse_det = T::ONE / dot(&J3, &r3);
 
         // velocity of the pin for each independent coordinate
-        let pin_velocity =
-            |z: &Vector3<T>, o: &Vector3<T>, motion: Motion| if motion == Motion::Revolute { cross(z, &(pin - o)) } else { *z };
-        for (&j, &k) in of.chain.iter().zip(&of.chain_y) {
-            let pose = &local.scratch.pose[j + 1];
-            let x = t_mul(&L, &pin_velocity(&column(&pose.R, 2), &pose.p, bodies[j].motion));
-            local.G[j1 * n_vy + k] = dot(&r1, &x) * inverse_det;
-            local.G[j2 * n_vy + k] = dot(&r2, &x) * inverse_det;
-            local.G[j3 * n_vy + k] = dot(&r3, &x) * inverse_det;
+        for (at, k) in &of.chain {
+            let pose = &local.scratch.pose[at.body + 1];
+            let z = column(&pose.R, at.axis());
+            let x = t_mul(&L, &if at.slides() { z } else { cross(&z, &(pin - pose.p)) });
+            local.G[j1.v * n_vy + k] = dot(&r1, &x) * inverse_det;
+            local.G[j2.v * n_vy + k] = dot(&r2, &x) * inverse_det;
+            local.G[j3.v * n_vy + k] = dot(&r3, &x) * inverse_det;
         }
         for j in self.joints {
             let mut qd = T::ZERO;
-            for (&i, &k) in of.chain.iter().zip(&of.chain_y) {
-                qd = local.G[j * n_vy + k].mul_add(local.qd[i], qd);
+            for (at, k) in &of.chain {
+                qd = local.G[j.v * n_vy + k].mul_add(local.qd[at.v], qd);
             }
-            local.qd[j] = qd;
+            local.qd[j.v] = qd;
         }
         if level == Level::Velocity {
             return verdict;
@@ -213,17 +195,17 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
 
         // acceleration of the pin at ÿ = 0, less that of the leg at q̈ = 0 {leg}
         let arm = pin - platform.p;
-        let rate = of.chain.last().map(|j| local.scratch.rate[j + 1]);
+        let rate = of.chain.last().map(|(at, _)| local.scratch.rate[at.body + 1]);
         let of_platform = rate.map_or(zero(), |x| cross_add(&x.w, &cross(&x.w, &arm), &cross_add(&x.alpha, &arm, &x.a)));
-        let (w1, w2, slide) = (local.qd[j1], local.qd[j2], local.qd[j3]);
+        let (w1, w2, slide) = (local.qd[j1.v], local.qd[j2.v], local.qd[j3.v]);
         let w_leg = Vector3::new(w1, w2 * a2[1], w2 * a2[2]);
         let alpha_leg = Vector3::new(T::ZERO, -(w1 * w_leg[2]), w1 * w_leg[1]);
         let inner = scale_add(&J3, slide + slide, &cross(&w_leg, &v));
         let of_leg = cross_add(&w_leg, &inner, &cross(&alpha_leg, &v));
         let x = t_mul(&L, &of_platform) - of_leg;
-        local.g[j1] = dot(&r1, &x) * inverse_det;
-        local.g[j2] = dot(&r2, &x) * inverse_det;
-        local.g[j3] = dot(&r3, &x) * inverse_det;
+        local.g[j1.v] = dot(&r1, &x) * inverse_det;
+        local.g[j2.v] = dot(&r2, &x) * inverse_det;
+        local.g[j3.v] = dot(&r3, &x) * inverse_det;
         verdict
     }
 }

@@ -22,9 +22,9 @@ pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual,
 pub(crate) use rrpr::Rrpr;
 
 use crate::Status;
-use crate::model::{Body, Cluster};
+use crate::model::{Body, Cluster, Motion};
 use crate::scalar::{Mask, Real, Scalar};
-use crate::spatial::Pose;
+use crate::spatial::{Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z};
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
@@ -77,19 +77,19 @@ pub(crate) enum Level {
     Acceleration,
 }
 
-/// The numbers of one cluster, by local joint.
+/// The numbers of one cluster, by local coordinate (q), velocity (q̇, G, g) or body (turns).
 pub(crate) struct Local<'a, T> {
-    /// The closed pose from which a numerical closure continues (n).
+    /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
-    /// Tree coordinates, independents set (n).
+    /// Tree coordinates, independents set (n_q).
     pub(crate) q: &'a mut [T],
     /// Cosine and sine of each revolute coordinate (n).
     pub(crate) turn: &'a mut [(T, T)],
-    /// Tree velocities, independents set (n).
+    /// Tree velocities, independents set (n_v).
     pub(crate) qd: &'a mut [T],
-    /// Loop Jacobian (n × n_vy, row-major).
+    /// Loop Jacobian (n_v × n_vy, row-major).
     pub(crate) G: &'a mut [T],
-    /// Bias (n).
+    /// Bias (n_v).
     pub(crate) g: &'a mut [T],
     /// Scratch, shared by all clusters.
     pub(crate) scratch: &'a mut Scratch<T>,
@@ -102,7 +102,7 @@ pub(crate) struct Scratch<T> {
     pub(crate) pose: Vec<Pose<T>>,
     /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the origin (n + 1).
     pub(crate) rate: Vec<Rate<T>>,
-    /// Constraint Jacobian (n_c × n).
+    /// Constraint Jacobian (n_c × n_v).
     pub(crate) K: Vec<T>,
     /// Residuals and right-hand sides.
     pub(crate) phi: Vec<T>,
@@ -114,7 +114,7 @@ pub(crate) struct Scratch<T> {
     pub(crate) branch: Vec<T>,
     /// Newton's last step.
     pub(crate) step: Vec<T>,
-    /// The last closed pose on a path, and the goal (n each).
+    /// The last closed pose on a path, and the goal (n_q each).
     pub(crate) last: Vec<T>,
     pub(crate) goal: Vec<T>,
 }
@@ -245,13 +245,37 @@ impl<C: nalgebra::Scalar + Copy> Cut<C> {
     }
 }
 
-/// Pose of a local body in its parent from the turn and the coordinate of its joint.
+/// Pose of a local body in its parent from the turn and the coordinates of its joint, which come first in `q`.
 #[inline(always)]
-pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: T, turn: (T, T)) -> Pose<T> {
-    let E: Matrix3<T> = crate::spatial::lift_mat(&body.E);
-    let r = crate::spatial::lift(&body.r);
+pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], turn: (T, T)) -> Pose<T> {
+    let E: Matrix3<T> = lift_mat(&body.E);
+    let r = lift(&body.r);
     match body.motion {
-        crate::model::Motion::Prismatic => Pose { p: crate::spatial::scale_add(&crate::spatial::column(&E, 2), q, &r), R: E },
-        _ => Pose { R: crate::spatial::turn_z(&E, turn.0, turn.1), p: r },
+        Motion::Revolute => Pose { R: turn_z(&E, turn.0, turn.1), p: r },
+        Motion::Prismatic => Pose { p: scale_add(&column(&E, 2), q[0], &r), R: E },
+        Motion::Spherical => Pose { R: mul_mat(&E, &from_quaternion(q[0], q[1], q[2], q[3])), p: r },
+        Motion::Floating => {
+            let p = mul_add(&E, &Vector3::new(q[0], q[1], q[2]), &r);
+            Pose { R: mul_mat(&E, &from_quaternion(q[3], q[4], q[5], q[6])), p }
+        }
+    }
+}
+
+/// A share of the way between two poses of a cluster's independents: straight in single coordinates, along the great circle in quaternions.
+pub(crate) fn between<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T], share: T, q: &mut [T]) {
+    for &i in &cluster.independent_q {
+        q[i] = (to[i] - from[i]).mul_add(share, from[i]);
+    }
+    let quaternions = cluster.independent.iter().map(|v| &cluster.freedoms[*v]).filter(|at| at.k == 0 && at.motion.n_q() > 1);
+    for at in quaternions {
+        // q and −q are the same turn: the nearer one
+        let four = at.q + at.motion.n_q() - 4..at.q + at.motion.n_q();
+        let along = four.clone().fold(T::ZERO, |sum, i| from[i].mul_add(to[i], sum));
+        for i in four.clone() {
+            let to = if along < T::ZERO { -to[i] } else { to[i] };
+            q[i] = (to - from[i]).mul_add(share, from[i]);
+        }
+        let norm = four.clone().fold(T::ZERO, |sum, i| q[i].mul_add(q[i], sum)).sqrt();
+        four.for_each(|i| q[i] = q[i] / norm);
     }
 }

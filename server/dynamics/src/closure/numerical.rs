@@ -10,7 +10,7 @@ use sarrus_proto::Status;
 use super::block::Block;
 use super::rows::{local_poses, local_rates, refresh};
 use super::{Level, Local, Outcome, careful};
-use crate::model::{Body, Cluster};
+use crate::model::{Body, Cluster, Freedom};
 use crate::scalar::{Mask, Real, Scalar};
 
 /// Newton steps that one straight attempt may take.
@@ -20,7 +20,7 @@ const STEPS: u32 = 10;
 #[derive(Clone, Debug)]
 pub(crate) struct Numerical<C> {
     pub(crate) blocks: Vec<Block>,
-    /// The closed pose at y = 0 from which a request without a guess starts (n).
+    /// The closed pose at y = 0 from which a request without a guess starts (n_q).
     pub(crate) zero: Vec<C>,
 }
 
@@ -61,7 +61,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         }
         local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
         for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.remember) {
-            local.scratch.branch[b] = block.determinant(cluster, bodies, local);
+            local.scratch.branch[b] = block.determinant(cluster, local);
         }
     }
 
@@ -79,10 +79,10 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         // G block by block: G_d = −K_d⁻¹ K_i
         let mut good = T::Mask::splat(true);
         for block in &self.blocks {
-            good = good & block.jacobian(m, &cluster.cuts, bodies, local);
+            good = good & block.jacobian(m, &cluster.cuts, local);
         }
         for block in &self.blocks {
-            for &j in &block.unknowns {
+            for &Freedom { v: j, .. } in &block.unknowns {
                 let mut qd = T::ZERO;
                 for (k, &i) in cluster.independent.iter().enumerate() {
                     qd = local.G[j * m + k].mul_add(local.qd[i], qd);
@@ -94,7 +94,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             let scratch = &mut *local.scratch;
             local_rates(cluster, bodies, local.qd, &scratch.pose, &mut scratch.rate);
             for block in &self.blocks {
-                block.bias(&cluster.cuts, bodies, local);
+                block.bias(&cluster.cuts, local);
             }
         }
         good
@@ -104,8 +104,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 impl<C: Scalar> Numerical<C> {
     /// Position level from the closed pose `local.start`, then the levels below.
     pub(crate) fn close(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>, level: Level) -> Outcome {
-        for &j in &cluster.dependent {
-            local.q[j] = local.start[j];
+        for &i in &cluster.dependent_q {
+            local.q[i] = local.start[i];
         }
         let (good, iterations) = self.newton(cluster, bodies, local, false);
         let outcome =

@@ -8,11 +8,11 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Cut, CutRow, Rate, joint_pose};
-use crate::model::{Body, Cluster, Motion};
+use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::Real;
 use crate::spatial::{Pose, column, cross, cross_add, dot, identity, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
 
-/// Sines, cosines and pose of one local body from its coordinate.
+/// Sines, cosines and pose of one local body from its coordinates.
 #[inline]
 pub(super) fn refresh<T: Real>(
     cluster: &Cluster<T::Const>,
@@ -23,7 +23,7 @@ pub(super) fn refresh<T: Real>(
     pose: &mut [Pose<T>],
 ) {
     if bodies[j].motion == Motion::Revolute {
-        turn[j] = cos_sin(q[j]);
+        turn[j] = cos_sin(q[bodies[j].q - cluster.q]);
     }
     place(cluster, bodies, j, q, turn, pose);
 }
@@ -35,7 +35,7 @@ pub(super) fn cos_sin<T: Real>(x: T) -> (T, T) {
     (c, s)
 }
 
-/// Pose of one local body from its coordinate and turn.
+/// Pose of one local body from its coordinates and turn.
 #[inline]
 pub(super) fn place<T: Real>(
     cluster: &Cluster<T::Const>,
@@ -45,7 +45,7 @@ pub(super) fn place<T: Real>(
     turn: &[(T, T)],
     pose: &mut [Pose<T>],
 ) {
-    let in_parent = joint_pose(&bodies[j], q[j], turn[j]);
+    let in_parent = joint_pose(&bodies[j], &q[bodies[j].q - cluster.q..], turn[j]);
     let parent = cluster.local_parent[j];
     pose[j + 1] = if parent == 0 { in_parent } else { pose[parent].then(&in_parent) };
 }
@@ -86,9 +86,9 @@ impl<T: Real> CutState<T> {
 
     /// φ of a row.
     #[inline]
-    pub(super) fn value(&self, row: &CutRow<T::Const>, q: &[T]) -> T {
+    pub(super) fn value(&self, cluster: &Cluster<T::Const>, row: &CutRow<T::Const>, q: &[T]) -> T {
         if !row.terms.is_empty() {
-            return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[*j], sum));
+            return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum));
         }
         row_along(row, &t_mul(&self.R_p, &self.d), &self.theta)
     }
@@ -100,15 +100,12 @@ impl<T: Real> CutState<T> {
         (mul(&self.R_p, &lift(&row.linear_p)), angular)
     }
 
-    /// Twist of S against P for a unit rate of joint j: (ω, v).
+    /// Twist of S against P for a unit rate of one freedom: (ω, v).
     #[inline]
-    pub(super) fn twist(&self, body: &Body<T::Const>, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
-        let z = column(&pose.R, 2);
+    pub(super) fn twist(&self, of: &Freedom, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
+        let z = column(&pose.R, of.axis());
         let z = if on_successor { z } else { -z };
-        match body.motion {
-            Motion::Prismatic => (zero(), z),
-            _ => (z, cross(&z, &(self.point - pose.p))),
-        }
+        if of.slides() { (zero(), z) } else { (z, cross(&z, &(self.point - pose.p))) }
     }
 
     /// ẍ (in the predecessor's axes) and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball joint p̈_S − p̈_P, in the axes of the cluster's parent body.
@@ -155,7 +152,7 @@ pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[
     for cut in &cluster.cuts {
         let state = CutState::new(cut, pose, false);
         for row in &cut.rows {
-            phi[r] = state.value(row, q);
+            phi[r] = state.value(cluster, row, q);
             r += 1;
         }
     }
@@ -173,9 +170,9 @@ pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) 
     })
 }
 
-/// K of a cluster (rows × n, row-major).
-pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], pose: &[Pose<T>], K: &mut [T]) {
-    let n = cluster.n;
+/// K of a cluster (rows × n_v, row-major).
+pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], K: &mut [T]) {
+    let n = cluster.n_v;
     let mut r = 0;
     for cut in &cluster.cuts {
         let state = CutState::new(cut, pose, false);
@@ -188,7 +185,8 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, bodies: 
             if row.terms.is_empty() {
                 let (linear, angular) = state.directions(cut, row);
                 for &(j, on_successor) in &cut.path {
-                    let (w, v) = state.twist(&bodies[j], &pose[j + 1], on_successor);
+                    let at = &cluster.freedoms[j];
+                    let (w, v) = state.twist(at, &pose[at.body + 1], on_successor);
                     of_row[j] = dot(&linear, &v) + dot(&angular, &w);
                 }
             }
@@ -218,26 +216,50 @@ pub(crate) fn local_rates<T: Real>(
     pose: &[Pose<T>],
     rate: &mut [Rate<T>],
 ) {
-    rate[0] = Rate { w: zero(), v: zero(), alpha: zero(), a: zero() };
+    rate[0] = Rate::at_rest();
     for j in 0..cluster.n {
-        let parent = cluster.local_parent[j];
-        let p = rate[parent];
-        let (r, z) = (pose[j + 1].p - pose[parent].p, column(&pose[j + 1].R, 2));
+        let (body, parent) = (&bodies[j], cluster.local_parent[j]);
+        rate[j + 1] = rate[parent].moved(body.motion, &(pose[j + 1].p - pose[parent].p), &pose[j + 1].R, &qd[body.v - cluster.v..]);
+    }
+}
+
+impl<T: Real> Rate<T> {
+    pub(crate) fn at_rest() -> Rate<T> {
+        Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }
+    }
+
+    /// Rates of a body at q̈ = 0 whose origin lies r from this one's, from the rates of its joint along the axes R.
+    #[inline]
+    pub(super) fn moved(&self, motion: Motion, r: &Vector3<T>, R: &Matrix3<T>, qd: &[T]) -> Rate<T> {
         let mut x = Rate {
-            w: p.w,
-            v: cross_add(&p.w, &r, &p.v),
-            alpha: p.alpha,
-            a: cross_add(&p.w, &cross(&p.w, &r), &cross_add(&p.alpha, &r, &p.a)),
+            w: self.w,
+            v: cross_add(&self.w, r, &self.v),
+            alpha: self.alpha,
+            a: cross_add(&self.w, &cross(&self.w, r), &cross_add(&self.alpha, r, &self.a)),
         };
-        let wz = cross(&p.w, &z);
-        if bodies[j].motion == Motion::Revolute {
-            x.alpha = scale_add(&wz, qd[j], &p.alpha);
-            x.w = scale_add(&z, qd[j], &p.w);
-        } else {
-            x.a = scale_add(&wz, qd[j] + qd[j], &x.a);
-            x.v = scale_add(&z, qd[j], &x.v);
+        match motion {
+            Motion::Revolute => {
+                let z = column(R, 2);
+                x.alpha = scale_add(&cross(&self.w, &z), qd[0], &self.alpha);
+                x.w = scale_add(&z, qd[0], &self.w);
+            }
+            Motion::Prismatic => {
+                let z = column(R, 2);
+                x.a = scale_add(&cross(&self.w, &z), qd[0] + qd[0], &x.a);
+                x.v = scale_add(&z, qd[0], &x.v);
+            }
+            Motion::Spherical | Motion::Floating => {
+                let w = mul(R, &Vector3::new(qd[0], qd[1], qd[2]));
+                x.alpha = cross_add(&self.w, &w, &self.alpha);
+                x.w += w;
+                if motion == Motion::Floating {
+                    let v = mul(R, &Vector3::new(qd[3], qd[4], qd[5]));
+                    x.a = cross_add(&(self.w + x.w), &v, &x.a);
+                    x.v += v;
+                }
+            }
         }
-        rate[j + 1] = x;
+        x
     }
 }
 

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::blocks::blocks;
-use super::{Body, Cluster, Model, Motion};
+use super::{Body, Cluster, Model};
 use crate::closure::{Block, Closure, Level, Local, Numerical, Scratch, constraint_jacobian, constraint_residual, local_poses};
 use crate::description::Description;
 use crate::fault::{Fault, Site};
@@ -43,7 +43,7 @@ pub(super) fn analyse(
     errors: &mut Vec<Fault>,
     warnings: &mut Vec<Fault>,
 ) -> Option<Analysis> {
-    let (n, rows, n_dependent) = (cluster.n, cluster.rows.len(), cluster.dependent.len());
+    let (n, rows, n_dependent) = (cluster.n_v, cluster.rows.len(), cluster.dependent.len());
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
 
     // the pose of highest rank is generic
@@ -77,8 +77,8 @@ pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: 
     if matches!(cluster.closure, Closure::Coupling(_)) {
         return None;
     }
-    let mut scratch = Scratch::new(cluster.n, cluster.rows.len());
-    let mut state = State::new(cluster.n, cluster.n_vy, &numerical.zero);
+    let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
+    let mut state = State::new(cluster, &numerical.zero);
     local_poses(cluster, bodies, &state.q, &mut state.turn, &mut scratch.pose);
     constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
@@ -182,14 +182,14 @@ struct State<T> {
 }
 
 impl<T: Scalar> State<T> {
-    fn new(n: usize, n_vy: usize, zero: &[T]) -> State<T> {
+    fn new(cluster: &Cluster<T>, zero: &[T]) -> State<T> {
         State {
             start: zero.to_vec(),
             q: zero.to_vec(),
-            turn: vec![(T::ONE, T::ZERO); n],
-            qd: vec![T::ZERO; n],
-            G: vec![T::ZERO; n * n_vy],
-            g: vec![T::ZERO; n],
+            turn: vec![(T::ONE, T::ZERO); cluster.n],
+            qd: vec![T::ZERO; cluster.n_v],
+            G: vec![T::ZERO; cluster.n_v * cluster.n_vy],
+            g: vec![T::ZERO; cluster.n_v],
         }
     }
 
@@ -200,23 +200,26 @@ impl<T: Scalar> State<T> {
 
 /// A closed pose some way from zero, found by damped steps of least norm, which need no rank; and the scaled K there.
 fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
-    let (n, rows) = (cluster.n, cluster.rows.len());
-    let mut turn = vec![(1.0, 0.0); n];
-    let mut pose = vec![Pose::identity(); n + 1];
+    let (n, rows) = (cluster.n_v, cluster.rows.len());
+    let mut turn = vec![(1.0, 0.0); cluster.n];
+    let mut pose = vec![Pose::identity(); cluster.n + 1];
     let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
-    let mut q = vec![0.0; n];
+    let mut q = vec![0.0; cluster.n_q];
+    for at in cluster.freedoms.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
+        q[at.q + at.motion.n_q() - 1] = 1.0;
+    }
     let mut closed = q.clone();
     const SUBSTEPS: usize = 8;
-    for step in 1..=SUBSTEPS {
+    for _ in 0..SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
-            let unit = if bodies[j].motion == Motion::Prismatic { cluster.length } else { 1.0 };
-            q[j] = REACH * unit * noise(31 * k + i) * step as f64 / SUBSTEPS as f64;
+            let (at, unit) = (&cluster.freedoms[j], if cluster.freedoms[j].slides() { cluster.length } else { 1.0 });
+            at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
         }
         let mut done = false;
         for _ in 0..30 {
             local_poses(cluster, bodies, &q, &mut turn, &mut pose);
             constraint_residual(cluster, &pose, &q, &mut phi);
-            constraint_jacobian(cluster, bodies, &pose, &mut K);
+            constraint_jacobian(cluster, &pose, &mut K);
             if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
                 done = true;
                 break;
@@ -228,7 +231,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
                 if S[a] > 1e-6 * S[0] {
                     let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
                     for (i, &j) in cluster.dependent.iter().enumerate() {
-                        q[j] -= V[(i, a)] * along;
+                        cluster.freedoms[j].advance(&mut q, -V[(i, a)] * along);
                     }
                 }
             }
@@ -239,14 +242,14 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
         closed.copy_from_slice(&q);
     }
     local_poses(cluster, bodies, &closed, &mut turn, &mut pose);
-    constraint_jacobian(cluster, bodies, &pose, &mut K);
+    constraint_jacobian(cluster, &pose, &mut K);
     // lengths in units of the cluster's, so that rows and columns compare
     let mut r = 0;
     for cut in &cluster.cuts {
         for row in &cut.rows {
             let unit = if row.terms.is_empty() && row.linear.norm() > 0.0 { 1.0 / (cluster.length * row.linear.norm()) } else { 1.0 };
             for j in 0..n {
-                let column = if bodies[j].motion == Motion::Prismatic { cluster.length } else { 1.0 };
+                let column = if cluster.freedoms[j].slides() { cluster.length } else { 1.0 };
                 K[r * n + j] *= unit * column;
             }
             r += 1;
@@ -311,8 +314,8 @@ fn off_by(samples: &[Sample], cluster: &Cluster<f64>, r: usize, n: usize) -> f64
 
 /// The fault of a mobility that does not fit: redundant rows and idle joints by name.
 fn wrong_mobility(cluster: &Cluster<f64>, K_d: &Mat<f64>, rank: usize, names: &[String], row_names: &[String], site: Site) -> Fault {
-    let mobility = cluster.n - rank;
-    let mut found = format!("mobility {mobility} ({} joints less rank {rank} of {} rows)", cluster.n, cluster.rows.len());
+    let mobility = cluster.n_v - rank;
+    let mut found = format!("mobility {mobility} ({} joints less rank {rank} of {} rows)", cluster.n_v, cluster.rows.len());
     if rank < cluster.rows.len() {
         let kept = independent_rows(K_d, self::rank(K_d).min(K_d.nrows()));
         let redundant = (0..cluster.rows.len()).filter(|r| !kept.contains(r)).map(|r| row_names[r].as_str()).collect::<Vec<_>>();

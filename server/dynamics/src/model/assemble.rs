@@ -72,9 +72,10 @@ impl Assembly {
         Some(Assembly { model, meta, row_owner, owner, members, submechanism_of })
     }
 
-    /// Names of a cluster's joints.
-    pub(super) fn names(&self, description: &Description, c: usize) -> Vec<String> {
-        self.members[c].iter().map(|j| description.joints[*j].name.clone()).collect()
+    /// Names of a cluster's local velocities.
+    pub(super) fn names(&self, c: usize) -> Vec<String> {
+        let cluster = &self.model.clusters[c];
+        (cluster.v..cluster.v + cluster.n_v).map(|v| self.meta.tree[self.model.order.v_external[v]].clone()).collect()
     }
 
     /// The submechanisms that own joints of a cluster, with how many.
@@ -147,6 +148,15 @@ fn owners(description: &Description, errors: &mut Vec<Fault>) -> Option<Vec<usiz
         }
     }
     errors.is_empty().then_some(owner)
+}
+
+/// Independent and dependent velocities and coordinates of a cluster, and its actuators as (place in u, velocity).
+struct Roles {
+    independent: Vec<usize>,
+    dependent: Vec<usize>,
+    independent_q: Vec<usize>,
+    dependent_q: Vec<usize>,
+    active: Vec<(usize, usize)>,
 }
 
 /// A model under construction.
@@ -244,7 +254,8 @@ impl<'a> Builder<'a> {
                     _ => Motion::Revolute,
                 };
                 let (n_q, n_v) = (motion.n_q(), motion.n_v());
-                freedoms.extend((0..n_v).map(|k| Freedom { body: self.model.bodies.len() - body, k, q: q - first_q }));
+                let local = self.model.bodies.len() - body;
+                freedoms.extend((0..n_v).map(|k| Freedom { v: v - first_v + k, q: q - first_q, body: local, k, motion }));
                 let parent_body = self.skeleton.parent[m].map_or(0, |p| self.body_of[p]);
                 local_parent.push(if parent_body >= body { parent_body - body + 1 } else { 0 });
                 self.body_of[m] = self.model.bodies.len();
@@ -266,8 +277,8 @@ impl<'a> Builder<'a> {
                 self.model.cluster_of_v.extend(std::iter::repeat_n(c, n_v));
                 (q, v) = (q + n_q, v + n_v);
             }
-            let (independent, dependent, active) = self.roles(joints);
-            let n_vy = if joints.len() == 1 && v - first_v > 1 { v - first_v } else { independent.len() };
+            let Roles { independent, dependent, independent_q, dependent_q, active } = self.roles(joints, first_q, first_v);
+            let n_vy = independent.len();
             let (n_v, g) = (v - first_v, self.model.n_g);
             self.model.n_g += n_v * n_vy;
             // the nearest independent that carries each independent
@@ -287,8 +298,10 @@ impl<'a> Builder<'a> {
                 vy,
                 n_vy,
                 g,
-                independent: if n_v > 1 && joints.len() == 1 { (0..n_v).collect() } else { independent },
+                independent,
                 dependent,
+                independent_q,
+                dependent_q,
                 local_parent,
                 active,
                 cuts: Vec::new(),
@@ -313,14 +326,23 @@ impl<'a> Builder<'a> {
         usize::MAX
     }
 
-    /// Independent joints in the order of y, the others, and actuators as (place in u, local joint).
-    fn roles(&self, joints: &[usize]) -> (Vec<usize>, Vec<usize>, Vec<(usize, usize)>) {
-        let local = |j: &usize| joints.iter().position(|m| self.skeleton.moving[*m] == *j);
-        let independent: Vec<usize> = self.description.submechanisms.iter().flat_map(|s| &s.independent).filter_map(local).collect();
+    /// What each joint of a cluster is, by local velocity and coordinate.
+    fn roles(&self, joints: &[usize], first_q: usize, first_v: usize) -> Roles {
+        let written = |m: &usize| self.skeleton.moving[*m];
+        let body = |m: &usize| &self.model.bodies[self.body_of[*m]];
+        let velocities = |m: &usize| (body(m).v - first_v..body(m).v - first_v + body(m).motion.n_v()).collect::<Vec<_>>();
+        let coordinates = |m: &usize| (body(m).q - first_q..body(m).q - first_q + body(m).motion.n_q()).collect::<Vec<_>>();
+        let local = |j: &usize| joints.iter().find(|m| written(m) == *j);
+        let independent: Vec<&usize> = self.description.submechanisms.iter().flat_map(|s| &s.independent).filter_map(local).collect();
+        let dependent = || joints.iter().filter(|m| !independent.contains(m));
         let active = self.description.submechanisms.iter().flat_map(|s| &s.active).enumerate();
-        let active = active.filter_map(|(u, j)| local(j).map(|at| (u, at))).collect();
-        let dependent = (0..joints.len()).filter(|j| !independent.contains(j)).collect();
-        (independent, dependent, active)
+        Roles {
+            active: active.filter_map(|(u, j)| local(j).map(|m| (u, body(m).v - first_v))).collect(),
+            dependent: dependent().flat_map(velocities).collect(),
+            dependent_q: dependent().flat_map(coordinates).collect(),
+            independent: independent.iter().copied().flat_map(velocities).collect(),
+            independent_q: independent.iter().copied().flat_map(coordinates).collect(),
+        }
     }
 
     /// Link frames, and the inertia of each body from the links that it carries.
@@ -365,8 +387,8 @@ impl<'a> Builder<'a> {
                 if let Some(coupling) = &self.description.joints[j].coupling {
                     let body = self.body_of[moving_of[j]];
                     let c = self.model.cluster_of[body];
-                    let first = self.model.clusters[c].body;
-                    let local = |j: usize| self.body_of[moving_of[j]] - first;
+                    let first = self.model.clusters[c].v;
+                    let local = |j: usize| self.model.bodies[self.body_of[moving_of[j]]].v - first;
                     let mut terms = vec![(local(j), Dd::ONE)];
                     for (master, multiplier) in &coupling.terms {
                         terms.push((local(*master), -Dd::from_f64(*multiplier)));
@@ -421,14 +443,17 @@ impl<'a> Builder<'a> {
             let linear = vector([vx, vy, vz]);
             CutRow { angular: vector([wx, wy, wz]), linear, linear_p: mul(&x_p_cut.R, &linear), terms: Vec::new(), offset: Dd::ZERO }
         });
-        let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true)));
+        let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true))).flat_map(|(m, side)| {
+            let body = &self.model.bodies[self.body_of[*m]];
+            (0..body.motion.n_v()).map(move |k| (body.v - cluster.v + k, side))
+        });
         Cut {
             predecessor: p,
             successor: s,
             x_p_cut,
             x_s_cut: world[global(s)].inverse().then(&S),
             rows: rows.collect(),
-            path: path.map(|(m, side)| (self.body_of[*m] - cluster.body, side)).collect(),
+            path: path.collect(),
             angular: of.rows.iter().any(|row| row.axis[..3].iter().any(|x| *x != 0.0)),
         }
     }
@@ -441,26 +466,12 @@ impl<'a> Builder<'a> {
         errors: &mut Vec<Fault>,
     ) -> Option<(Model<Dd>, Meta)> {
         self.model.zero = vec![Dd::ZERO; self.model.order.q.len()];
+        for body in self.model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
+            self.model.zero[body.q + body.motion.n_q() - 1] = Dd::ONE;
+        }
         for (c, joints) in self.partition.members.iter().enumerate() {
             let cluster = &self.model.clusters[c];
-            if cluster.n_q > 1 && cluster.n == 1 {
-                self.model.zero[cluster.q + cluster.n_q - 1] = Dd::ONE;
-                continue;
-            }
             let s = self.submechanism_of[self.skeleton.moving[joints[0]]];
-            if joints.len() > 1
-                && joints
-                    .iter()
-                    .any(|m| matches!(self.description.joints[self.skeleton.moving[*m]].kind, JointKind::Floating | JointKind::Spherical))
-            {
-                errors.push(Fault {
-                    site: Site::Submechanism(s),
-                    found: "a floating joint inside a loop".into(),
-                    expected: "a floating joint that nothing ties".into(),
-                    help: "write the platform's freedoms as six joints of one freedom".into(),
-                });
-                return None;
-            }
             if cluster.rows.is_empty() {
                 if !cluster.dependent.is_empty() {
                     errors.push(Fault {
@@ -482,7 +493,7 @@ impl<'a> Builder<'a> {
             self.model.tied.push(c);
             if let Some(coupling) = coupling {
                 for &j in &cluster.dependent {
-                    self.model.zero[cluster.q + j] = coupling.b[j];
+                    self.model.zero[cluster.q + cluster.freedoms[j].q] = coupling.b[j];
                 }
                 cluster.closure = Closure::Coupling(coupling);
                 cluster.used = (0..cluster.rows.len()).collect();

@@ -5,7 +5,8 @@ use crate::closure::{Block, BlockCut, Cut};
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
 pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
-    let (n, m) = (cluster.n, cluster.dependent.len());
+    let (n, m) = (cluster.n_v, cluster.dependent.len());
+    let of = |v: usize| cluster.freedoms[v];
     // which dependent each row can see
     let mut sees = vec![vec![false; m]; m];
     let mut home = Vec::new();
@@ -45,9 +46,13 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
                         cut: c,
                         rows: vec![(k, i)],
                         ball: false,
-                        solve: path.iter().filter_map(|(j, side)| column(j).map(|a| (*j, *side, a))).collect(),
-                        known: path.iter().filter(|(j, _)| known[*j] || cluster.independent.contains(j)).copied().collect(),
-                        earlier: path.iter().filter(|(j, _)| known[*j]).copied().collect(),
+                        solve: path.iter().filter_map(|(j, side)| column(j).map(|a| (of(*j), *side, a))).collect(),
+                        known: path
+                            .iter()
+                            .filter(|(j, _)| known[*j] || cluster.independent.contains(j))
+                            .map(|(j, side)| (of(*j), *side))
+                            .collect(),
+                        earlier: path.iter().filter(|(j, _)| known[*j]).map(|(j, side)| (of(*j), *side)).collect(),
                     });
                 }
             }
@@ -56,7 +61,7 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
             cut.ball = is_ball(&cluster.cuts[cut.cut], &cut.rows);
         }
         // bodies on the way to the block's cuts that its unknowns, or those before it, move
-        let mut on_way = vec![false; n];
+        let mut on_way = vec![false; cluster.n];
         for cut in &cuts {
             for mut at in [cluster.cuts[cut.cut].predecessor, cluster.cuts[cut.cut].successor] {
                 while at != 0 {
@@ -75,10 +80,13 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
             }
             false
         };
-        let bodies = (0..n).filter(|j| unknowns.contains(j) || on_way[*j] && moves(&|x| unknowns.contains(&x), *j)).collect();
-        let stale = (0..n).filter(|j| on_way[*j] && moves(&|x| known[x], *j)).collect();
+        let carried = |set: &dyn Fn(usize) -> bool, body: usize| (0..n).any(|v| cluster.freedoms[v].body == body && set(v));
+        let unknown = |body: usize| carried(&|v| unknowns.contains(&v), body);
+        let bodies = (0..cluster.n).filter(|j| unknown(*j) || on_way[*j] && moves(&unknown, *j)).collect();
+        let stale = (0..cluster.n).filter(|j| on_way[*j] && moves(&|body| carried(&|v| known[v], body), *j)).collect();
         unknowns.iter().for_each(|j| known[*j] = true);
         let size = unknowns.len();
+        let unknowns = unknowns.into_iter().map(of).collect();
         let remember = cuts.iter().any(|cut| !one_sided(cut));
         blocks.push(Block { unknowns, cuts, bodies, stale, offset, remember });
         offset += size * size;

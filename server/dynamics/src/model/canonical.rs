@@ -21,7 +21,7 @@ pub(super) fn loops(description: &Description, s: usize, errors: &mut Vec<Fault>
     let of_type = match submechanism.kind {
         SubmechanismKind::Rrpr => lambda(description, submechanism),
         SubmechanismKind::Spu2U1 => legs(description, submechanism, 2, 2),
-        SubmechanismKind::Ups6 => legs(description, submechanism, 6, 6),
+        SubmechanismKind::Ups6 => legs(description, submechanism, submechanism.independent.len(), 6),
         _ => None,
     };
     of_type.unwrap_or_else(|| {

@@ -123,29 +123,31 @@ fn rrpr(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], order: &[usize], zero: &[Pos
 
 /// A platform on a chain of independent joints with UPS legs: the chain's joints first, then three joints a leg.
 fn legs(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], order: &[usize], zero: &[Pose<Dd>]) -> Result<Form, String> {
-    let n_chain = cluster.n_vy;
-    if order.len() != n_chain + 3 * cluster.cuts.len() || order.len() != cluster.n {
+    let legs = 3 * cluster.cuts.len();
+    if order.len() <= legs || order.len() != cluster.n {
         return Err("joints are not those of the platform and three a leg".into());
     }
     // the chain: each independent joint on the one before
+    let n_chain = order.len() - legs;
     let mut chain = order[..n_chain].to_vec();
     chain.sort_by_key(|j| depth(cluster, *j));
     let mut below = 0;
     for &j in &chain {
-        if cluster.local_parent[j] != below || !cluster.independent.contains(&j) {
+        if cluster.local_parent[j] != below || !cluster.independent.contains(&(bodies[j].v - cluster.v)) {
             return Err("independent joints do not carry the platform one on the other".into());
         }
         below = j + 1;
     }
     let platform = below;
-    let chain_y = chain.iter().filter_map(|j| cluster.independent.iter().position(|i| i == j)).collect();
+    let mut freedoms: Vec<_> = cluster.independent.iter().enumerate().map(|(k, v)| (cluster.freedoms[*v], k)).collect();
+    freedoms.sort_by_key(|(at, _)| (depth(cluster, at.body), at.k));
     let (mut built, mut deviations) = (Vec::new(), Vec::new());
     for joints in order[n_chain..].chunks_exact(3) {
         let cut = cluster.cuts.iter().find(|cut| ties(cut, joints[2] + 1, platform));
         let cut = cut.ok_or("slider is tied to something else than the platform")?;
         built.push(leg(cluster, bodies, [joints[0], joints[1], joints[2]], cut, platform, zero, &mut deviations)?);
     }
-    Ok(Form { closure: Closure::Legs(Legs { chain, chain_y, legs: built, polish: None }), deviations })
+    Ok(Form { closure: Closure::Legs(Legs { chain: freedoms, legs: built, polish: None }), deviations })
 }
 
 /// One leg: turn, turn, slide, and a ball joint on the platform.
@@ -194,6 +196,7 @@ fn leg(
     }
     let pin = zero[platform].inverse().point(&point);
     let sign = |x: Dd| if x < Dd::ZERO { -Dd::ONE } else { Dd::ONE };
+    let joints = joints.map(|j| cluster.freedoms[bodies[j].v - cluster.v]);
     Ok(Leg { joints, axes, center, pin, e_square: dot(&e, &e), square0: dot(&v, &v), length0, side: sign(length0), root: sign(v[2]), a, e })
 }
 

@@ -51,7 +51,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
     for c in exact.tied.clone() {
         let cluster = &rough.clusters[c];
         let bodies = &rough.bodies[cluster.body..cluster.body + cluster.n];
-        let names = assembly.names(description, c);
+        let names = assembly.names(c);
         let site = Site::Submechanism(assembly.owner[c]);
         let row_names = cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
         let Some(Analysis { used, blocks }) = analysis::analyse(cluster, bodies, &names, &row_names, site, errors, warnings) else {
@@ -61,13 +61,13 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
         }
         let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
-        let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n].to_vec() };
+        let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec() };
         exact.clusters[c].used = used;
         if let Some(fault) = analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site) {
             errors.push(fault);
             continue;
         }
-        let (q, n) = (cluster.q, cluster.n);
+        let (q, n) = (cluster.q, cluster.n_q);
         exact.zero[q..q + n].copy_from_slice(&numerical.zero);
 
         // couplings are closed as they are; another closed form stands, starts Newton's method, or does not fit

@@ -33,7 +33,10 @@ pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) 
 /// M and b of a cluster whose every row is a coupling of dependents to independents; `None` otherwise.
 pub(super) fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
     let (n, m) = (cluster.n, cluster.n_vy);
-    if cluster.cuts.iter().flat_map(|cut| &cut.rows).any(|row| row.terms.is_empty()) || cluster.rows.len() != cluster.dependent.len() {
+    if cluster.cuts.iter().flat_map(|cut| &cut.rows).any(|row| row.terms.is_empty())
+        || cluster.rows.len() != cluster.dependent.len()
+        || cluster.n_q != cluster.n
+    {
         return None;
     }
     let mut coupling = Coupling { M: vec![Dd::ZERO; n * m], b: vec![Dd::ZERO; n] };

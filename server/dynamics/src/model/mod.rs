@@ -10,6 +10,7 @@ mod canonical;
 mod closed_forms;
 mod compile;
 mod couplings;
+mod freedom;
 mod geometry;
 mod orders;
 mod tree;
@@ -24,6 +25,8 @@ use crate::description::Limits;
 use crate::fault::Fault;
 use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
+
+pub(crate) use freedom::{Freedom, Motion};
 
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
@@ -102,33 +105,6 @@ pub(crate) struct Order {
     pub(crate) vy_internal: Vec<usize>,
 }
 
-/// What motion a body's joint allows, along or about its z axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Motion {
-    Revolute,
-    Prismatic,
-    Spherical,
-    Floating,
-}
-
-impl Motion {
-    /// How many velocities and coordinates it has.
-    pub(crate) const fn n_v(self) -> usize {
-        match self {
-            Motion::Revolute | Motion::Prismatic => 1,
-            Motion::Spherical => 3,
-            Motion::Floating => 6,
-        }
-    }
-    pub(crate) const fn n_q(self) -> usize {
-        match self {
-            Motion::Revolute | Motion::Prismatic => 1,
-            Motion::Spherical => 4,
-            Motion::Floating => 7,
-        }
-    }
-}
-
 /// A moving body and the joint that carries it.
 #[derive(Clone, Debug)]
 pub(crate) struct Body<C> {
@@ -173,12 +149,14 @@ pub(crate) struct Cluster<C> {
     pub(crate) n_vy: usize,
     /// First number of the cluster's G block (n_v × n_vy, row-major).
     pub(crate) g: usize,
-    /// Local joints that are independent, in the order of y, and the others.
+    /// Local velocities that are independent, in the order of y, and the others; and the same of the local coordinates.
     pub(crate) independent: Vec<usize>,
     pub(crate) dependent: Vec<usize>,
+    pub(crate) independent_q: Vec<usize>,
+    pub(crate) dependent_q: Vec<usize>,
     /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
     pub(crate) local_parent: Vec<usize>,
-    /// Actuators: (index in u, local joint).
+    /// Actuators: (index in u, local velocity).
     pub(crate) active: Vec<(usize, usize)>,
     pub(crate) cuts: Vec<Cut<C>>,
     /// External index of each local constraint row; the rows that, with the dependents, make the square system.
@@ -187,16 +165,6 @@ pub(crate) struct Cluster<C> {
     pub(crate) closure: Closure<C>,
     /// Characteristic length `[m]`.
     pub(crate) length: f64,
-}
-
-/// One velocity of a cluster.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Freedom {
-    /// Local body, and which freedom of its joint this is.
-    pub(crate) body: usize,
-    pub(crate) k: usize,
-    /// First local coordinate of the joint.
-    pub(crate) q: usize,
 }
 
 /// How the loops of one submechanism are closed.
@@ -371,6 +339,8 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
             g: self.g,
             independent: self.independent.clone(),
             dependent: self.dependent.clone(),
+            independent_q: self.independent_q.clone(),
+            dependent_q: self.dependent_q.clone(),
             local_parent: self.local_parent.clone(),
             active: self.active.clone(),
             cuts: self.cuts.iter().map(|cut| cut.map(f)).collect(),

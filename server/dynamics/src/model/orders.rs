@@ -52,17 +52,17 @@ impl Builder<'_> {
                 let i = self.body_of[moving_of[j]];
                 let body = &self.model.bodies[i];
                 let cluster = &self.model.clusters[self.model.cluster_of[i]];
+                let k = cluster.independent.iter().position(|local| *local == body.v - cluster.v).unwrap_or(0);
                 if let Some((freedoms, parts)) = parts(body.motion) {
                     order.qy_q.extend(body.q..body.q + parts.len());
                     order.vy_v.extend(body.v..body.v + freedoms.len());
-                    order.vy.extend(cluster.vy..cluster.vy + freedoms.len());
+                    order.vy.extend(cluster.vy + k..cluster.vy + k + freedoms.len());
                     self.names.independent.extend(freedoms.iter().map(|part| format!("{name}/{part}")));
                     self.names.independent_q.extend(parts.iter().map(|part| format!("{name}/{part}")));
                     continue;
                 }
                 order.qy_q.push(body.q);
                 order.vy_v.push(body.v);
-                let k = cluster.independent.iter().position(|local| *local == i - cluster.body).unwrap_or(0);
                 order.vy.push(cluster.vy + k);
                 self.names.independent.push(name.clone());
                 self.names.independent_q.push(name.clone());

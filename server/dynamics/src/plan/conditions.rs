@@ -5,7 +5,7 @@ use sarrus_proto::{Field, Status};
 use super::Plan;
 use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 use crate::linear::{singular_range, solve_pivoted};
-use crate::model::{Cluster, Model, Motion};
+use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -32,16 +32,16 @@ impl Plan {
         let (mut unscaled, mut scaled) = (Range::none(), Range::none());
         for &c in &model.tied {
             let cluster = &model.clusters[c];
-            let (n, v) = (cluster.n, cluster.v);
-            let bodies = &model.bodies[cluster.body..cluster.body + n];
+            let (n, v) = (cluster.n_v, cluster.v);
+            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
             let scratch = &mut ws.scratch;
-            let q = &ws.q[cluster.q..cluster.q + n];
-            local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + n], &mut scratch.pose);
+            let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
+            local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + cluster.n], &mut scratch.pose);
 
             constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
             residual = T::select(residual.lt(of_cluster), of_cluster, residual);
-            constraint_jacobian(cluster, bodies, &scratch.pose, &mut scratch.K);
+            constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
             if let Some(range) = &K {
                 let K = &mut output[range.clone()];
                 for (r, row) in cluster.rows.iter().enumerate() {
@@ -57,8 +57,8 @@ impl Plan {
                 cluster.rows.iter().enumerate().for_each(|(r, row)| k[*row] = scratch.phi[r]);
             }
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
-                unscaled.add(K_d(cluster, bodies, &scratch.K, &mut scratch.A, false));
-                scaled.add(K_d(cluster, bodies, &scratch.K, &mut scratch.A, true));
+                unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A, false));
+                scaled.add(K_d(cluster, &scratch.K, &mut scratch.A, true));
             }
             if let Some(range) = &lambda {
                 loop_forces(cluster, &ws.loop_q[v..v + n], &scratch.K, &mut scratch.A, &mut scratch.B, &mut output[range.clone()])?;
@@ -96,16 +96,12 @@ impl<T: Scalar> Range<T> {
 }
 
 /// Range of the singular values of K_d; scaled: lengths in units of the cluster's length.
-fn K_d<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], K: &[T], A: &mut [T], scaled: bool) -> (T, T) {
+fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T], scaled: bool) -> (T, T) {
     let m = cluster.dependent.len();
     for (i, &r) in cluster.used.iter().enumerate() {
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            let unit = match (scaled, bodies[j].motion) {
-                (true, Motion::Prismatic) => 1.0,
-                (true, _) => 1.0 / cluster.length,
-                (false, _) => 1.0,
-            };
-            A[i * m + a] = K[r * cluster.n + j] * T::from_f64(unit);
+            let unit = if scaled && !cluster.freedoms[j].slides() { 1.0 / cluster.length } else { 1.0 };
+            A[i * m + a] = K[r * cluster.n_v + j] * T::from_f64(unit);
         }
     }
     singular_range(A, m, m)
@@ -116,7 +112,7 @@ fn loop_forces<T: Scalar>(cluster: &Cluster<T>, rest: &[T], K: &[T], A: &mut [T]
     let m = cluster.dependent.len();
     for (a, &j) in cluster.dependent.iter().enumerate() {
         for (i, &r) in cluster.used.iter().enumerate() {
-            A[a * m + i] = K[r * cluster.n + j];
+            A[a * m + i] = K[r * cluster.n_v + j];
         }
         B[a] = rest[j];
     }

@@ -4,9 +4,9 @@ use sarrus_proto::{Field, Slot, Status};
 
 use super::run::Findings;
 use super::{Plan, Space};
-use crate::closure::{Closure, Level, Local, Outcome, close, constraint_residual, largest_residual, local_poses};
+use crate::closure::{Closure, Level, Local, Outcome, between, close, constraint_residual, largest_residual, local_poses};
 use crate::linear::solve_pivoted;
-use crate::model::{Cluster, Model, Motion};
+use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -124,7 +124,7 @@ impl Plan {
                 found.nearest = true;
                 if actuated {
                     // the last pose that was good
-                    cluster.independent.iter().for_each(|j| ws.q[cluster.q + j] = ws.start[cluster.q + j]);
+                    cluster.independent_q.iter().for_each(|i| ws.q[cluster.q + i] = ws.start[cluster.q + i]);
                 } else {
                     nearest_independents(cluster, bodies, ws);
                 }
@@ -200,19 +200,17 @@ fn nearest_independents<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model:
     let q = cluster.q;
     if !matches!(cluster.closure, Closure::Numerical(_)) {
         let (mut low, mut high) = (0.0, 1.0);
-        for &j in &cluster.independent {
+        for &j in &cluster.independent_q {
             ws.scratch.goal[j] = ws.q[q + j];
             ws.scratch.last[j] = ws.start[q + j];
         }
         for _ in 0..BISECTIONS {
             let part = 0.5 * (low + high);
-            for &j in &cluster.independent {
-                let (from, to) = (ws.start[q + j], ws.scratch.goal[j]);
-                ws.q[q + j] = (to - from).mul_add(T::from_f64(part), from);
-            }
+            let of = q..q + cluster.n_q;
+            between(cluster, &ws.start[of.clone()], &ws.scratch.goal, T::from_f64(part), &mut ws.q[of]);
             if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
                 low = part;
-                for &j in &cluster.independent {
+                for &j in &cluster.independent_q {
                     ws.scratch.last[j] = ws.q[q + j];
                 }
             } else {
@@ -220,7 +218,7 @@ fn nearest_independents<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model:
             }
         }
     }
-    for &j in &cluster.independent {
+    for &j in &cluster.independent_q {
         ws.q[q + j] = ws.scratch.last[j];
     }
 }
@@ -266,13 +264,13 @@ fn from_actuators<T: Scalar>(
         return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
     }
     for (r, &(_, j)) in cluster.active.iter().enumerate() {
-        ws.goal_u[r] = ws.q[cluster.q + j];
+        ws.goal_u[r] = ws.q[cluster.q + cluster.freedoms[j].q];
     }
     if cluster.active.iter().zip(&cluster.independent).all(|((_, a), i)| a == i) {
         return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
     }
-    for &j in &cluster.independent {
-        ws.q[cluster.q + j] = ws.start[cluster.q + j];
+    for &i in &cluster.independent_q {
+        ws.q[cluster.q + i] = ws.start[cluster.q + i];
     }
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
     let (mut sign, mut damping) = (T::ZERO, T::ONE);
@@ -283,7 +281,7 @@ fn from_actuators<T: Scalar>(
             for k in 0..m {
                 ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
             }
-            ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + j];
+            ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.freedoms[j].q];
         }
         let det = if outcome.status == Status::Ok { solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
         let at = cluster.q..cluster.q + cluster.n_q;
@@ -302,14 +300,17 @@ fn from_actuators<T: Scalar>(
         // one step from the last good pose, no longer than allowed
         let mut size = T::ZERO;
         for (k, &j) in cluster.independent.iter().enumerate() {
-            let unit = if bodies[j].motion == Motion::Prismatic { 1.0 / cluster.length } else { 1.0 };
+            let unit = if cluster.freedoms[j].slides() { 1.0 / cluster.length } else { 1.0 };
             let step = ws.step_y[k].abs() * T::from_f64(unit);
             size = T::select(size.lt(step), step, size);
         }
         let longest = T::from_f64(LONGEST);
         let part = damping * T::select(longest.lt(size), longest / size, T::ONE);
+        for &i in &cluster.independent_q {
+            ws.q[cluster.q + i] = ws.start[cluster.q + i];
+        }
         for (k, &j) in cluster.independent.iter().enumerate() {
-            ws.q[cluster.q + j] = ws.step_y[k].mul_add(part, ws.start[cluster.q + j]);
+            cluster.freedoms[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
             return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
@@ -320,8 +321,8 @@ fn from_actuators<T: Scalar>(
 
 /// Quaternions within 1e-6 of unit length are normalised, others refused.
 fn normalise_quaternions<T: Scalar>(model: &Model<T>, q: &mut [T]) -> Result<(), Status> {
-    for cluster in model.clusters.iter().filter(|c| matches!(c.closure, Closure::Serial) && c.n_q > 1) {
-        let of = &mut q[cluster.q + cluster.n_q - 4..cluster.q + cluster.n_q];
+    for body in model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
+        let of = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
         let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
         if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
             return Err(Status::BadRequest);

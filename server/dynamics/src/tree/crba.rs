@@ -112,18 +112,21 @@ fn several_bodies<T: Real>(
     mass: &mut [T],
     M_y: &mut [T],
 ) {
-    let (n, m, n_vy) = (cluster.n, cluster.n_vy, model.meta.sizes.n_vy);
+    let (n, m, n_vy) = (cluster.n_v, cluster.n_vy, model.meta.sizes.n_vy);
     mass[..n * n].fill(T::ZERO);
     columns[..m].fill((zero(), zero()));
     for j in (0..n).rev() {
         // column j of the tree's mass matrix, up to the parent body
-        let body = &model.bodies[cluster.body + j];
-        let mut force = unit_force(body.motion, 0, &composite[cluster.body + j]);
-        let mut i = j;
+        let at = &cluster.freedoms[j];
+        let mut force = unit_force(at.motion, at.k, &composite[cluster.body + at.body]);
+        let mut i = at.body;
         loop {
-            let x = component(model.bodies[cluster.body + i].motion, 0, &force);
-            mass[j * n + i] = x;
-            mass[i * n + j] = x;
+            let body = &model.bodies[cluster.body + i];
+            for k in 0..body.motion.n_v() {
+                let (x, v) = (component(body.motion, k, &force), body.v - cluster.v + k);
+                mass[j * n + v] = x;
+                mass[v * n + j] = x;
+            }
             if cluster.parent != 0 || cluster.local_parent[i] != 0 {
                 force = carry_force(&force, &motion[cluster.body + i]);
             }
