@@ -130,7 +130,7 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
         predecessor,
         successor: *urdf.link_index.get(&each.successor_body)?,
         cut,
-        rows: each.constraint_axes.into_iter().map(|row| Row { name: row.name, axis: row.axis }).collect(),
+        rows: each.constraint_axes.into_iter().map(|row| Row { name: row.name, axis: row.axis, against: None }).collect(),
     })
 }
 

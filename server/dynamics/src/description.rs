@@ -221,4 +221,7 @@ pub struct Row {
     pub name: String,
     /// `[angular; linear]` {predecessor's cut frame}.
     pub axis: [f64; 6],
+    /// A direction {successor's cut frame} that stays perpendicular to the angular part of `axis`: then the row is the product of the
+    /// two, as in a universal joint, and the linear part does not count.
+    pub against: Option<[f64; 3]>,
 }

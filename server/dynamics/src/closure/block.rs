@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::rows::{CutState, cos_sin, place, row_along};
+use super::rows::{CutState, cos_sin, place, row_acceleration};
 use super::{Cut, Local, Scratch};
 use crate::linear::solve_unpivoted;
 use crate::model::{Body, Cluster, Freedom, Motion};
@@ -308,9 +308,9 @@ impl Block {
         for of in &self.cuts {
             let cut = &cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose, of.ball);
-            let (x, theta) = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
+            let second = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
-                scratch.B[i] = if of.ball { -x[k] } else { -row_along(&cut.rows[r], &x, &theta) };
+                scratch.B[i] = if of.ball { -second.0[k] } else { -row_acceleration(cut, &cut.rows[r], &state, &second, &scratch.rate) };
             }
             if !of.earlier.is_empty() {
                 let directions = of.directions(cut, &state);

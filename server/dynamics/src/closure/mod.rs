@@ -64,6 +64,8 @@ pub(crate) struct CutRow<C> {
     pub(crate) linear: Vector3<C>,
     /// The linear part {predecessor body}.
     pub(crate) linear_p: Vector3<C>,
+    /// A direction {successor's cut frame} that the row holds perpendicular to the angular part.
+    pub(crate) against: Option<Vector3<C>>,
     /// φ = Σ coefficient · q + offset over local joints.
     pub(crate) terms: Vec<(usize, C)>,
     pub(crate) offset: C,
@@ -230,6 +232,7 @@ impl<C: nalgebra::Scalar + Copy> Cut<C> {
             angular: row.angular.map(f),
             linear: row.linear.map(f),
             linear_p: row.linear_p.map(f),
+            against: row.against.map(|b| b.map(f)),
             terms: row.terms.iter().map(|(j, c)| (*j, f(*c))).collect(),
             offset: f(row.offset),
         };

@@ -3,6 +3,7 @@
 //! ```text
 //!   x = R_Pᵀ (p_S − p_P)         θ = log(R_Pᵀ R_S)         φ = linear · x + angular · θ
 //! ```
+//! or, where two directions stay perpendicular as in a universal joint, φ = a · b with a fixed in P and b in S.
 //! P and S are the cut frames on predecessor and successor (base document 2.79 with its errata).
 
 use nalgebra::{Matrix3, Vector3};
@@ -61,6 +62,8 @@ pub(super) struct CutState<T> {
     /// θ and the matrix of θ̇ = A ω.
     theta: Vector3<T>,
     A: Matrix3<T>,
+    /// Orientation of S where a row is angular.
+    R_S: Matrix3<T>,
 }
 
 impl<T: Real> CutState<T> {
@@ -71,17 +74,17 @@ impl<T: Real> CutState<T> {
         let point = s.point(&lift(&cut.x_s_cut.p));
         let d = point - p.point(&lift(&cut.x_p_cut.p));
         if ball {
-            return CutState { R_p: identity(), R: identity(), point, d, theta: zero(), A: identity() };
+            return CutState { R_p: identity(), R: identity(), point, d, theta: zero(), A: identity(), R_S: identity() };
         }
         if !cut.angular {
-            return CutState { R_p: p.R, R: p.R, point, d, theta: zero(), A: identity() };
+            return CutState { R_p: p.R, R: p.R, point, d, theta: zero(), A: identity(), R_S: identity() };
         }
         let R = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
         let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
         let theta = log(&mul_mat(&R.transpose(), &R_S));
         let (c, _) = log_factors(&theta);
         let A = rate_matrix(&theta, c);
-        CutState { R_p: p.R, R, point, d, theta, A }
+        CutState { R_p: p.R, R, point, d, theta, A, R_S }
     }
 
     /// φ of a row.
@@ -90,12 +93,18 @@ impl<T: Real> CutState<T> {
         if !row.terms.is_empty() {
             return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum));
         }
+        if let Some(b) = &row.against {
+            return dot(&mul(&self.R, &lift(&row.angular)), &mul(&self.R_S, &lift(b)));
+        }
         row_along(row, &t_mul(&self.R_p, &self.d), &self.theta)
     }
 
     /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the motion of S against P.
     #[inline]
     pub(super) fn directions(&self, cut: &Cut<T::Const>, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
+        if let Some(b) = &row.against {
+            return (zero(), cross(&mul(&self.R_S, &lift(b)), &mul(&self.R, &lift(&row.angular))));
+        }
         let angular = if cut.angular { mul(&self.R, &t_mul(&self.A, &lift(&row.angular))) } else { zero() };
         (mul(&self.R_p, &lift(&row.linear_p)), angular)
     }
@@ -138,6 +147,23 @@ impl<T: Real> CutState<T> {
         let bias = cross(&theta_dot, &w) * T::from_f64(-0.5) + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
         (x, mul(&self.A, &w_dot) + bias)
     }
+}
+
+/// φ̈ of a row at q̈ = 0 from ẍ and θ̈; the same of two perpendicular directions is
+/// (α_S − α_P)·(b × a) + (ω_S − ω_P)·((ω_S × b) × a + b × (ω_P × a)).
+#[inline(always)]
+pub(super) fn row_acceleration<T: Real>(
+    cut: &Cut<T::Const>,
+    row: &CutRow<T::Const>,
+    state: &CutState<T>,
+    (x, theta): &(Vector3<T>, Vector3<T>),
+    rate: &[Rate<T>],
+) -> T {
+    let Some(b) = &row.against else { return row_along(row, x, theta) };
+    let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
+    let (a, b) = (mul(&state.R, &lift(&row.angular)), mul(&state.R_S, &lift(b)));
+    let turning = cross(&cross(&s.w, &b), &a) + cross(&b, &cross(&p.w, &a));
+    dot(&(s.alpha - p.alpha), &cross(&b, &a)) + dot(&(s.w - p.w), &turning)
 }
 
 /// linear · x + angular · θ of a row, x in the predecessor's axes.
@@ -200,9 +226,9 @@ pub(crate) fn constraint_bias<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose
     let mut r = 0;
     for cut in &cluster.cuts {
         let state = CutState::new(cut, pose, false);
-        let (x, theta) = state.acceleration(cut, pose, rate, false);
+        let second = state.acceleration(cut, pose, rate, false);
         for row in &cut.rows {
-            k[r] = -row_along(row, &x, &theta);
+            k[r] = -row_acceleration(cut, row, &state, &second, rate);
             r += 1;
         }
     }

@@ -393,7 +393,8 @@ impl<'a> Builder<'a> {
                     for (master, multiplier) in &coupling.terms {
                         terms.push((local(*master), -Dd::from_f64(*multiplier)));
                     }
-                    let row = CutRow { angular: zero(), linear: zero(), linear_p: zero(), terms, offset: -Dd::from_f64(coupling.offset) };
+                    let offset = -Dd::from_f64(coupling.offset);
+                    let row = CutRow { angular: zero(), linear: zero(), linear_p: zero(), against: None, terms, offset };
                     let identity = Pose::identity();
                     let cluster = &mut self.model.clusters[c];
                     let path = row.terms.iter().map(|(j, _)| (*j, true)).collect();
@@ -440,8 +441,16 @@ impl<'a> Builder<'a> {
         let x_p_cut = world[global(p)].inverse().then(&P);
         let rows = of.rows.iter().map(|row| {
             let [wx, wy, wz, vx, vy, vz] = row.axis;
-            let linear = vector([vx, vy, vz]);
-            CutRow { angular: vector([wx, wy, wz]), linear, linear_p: mul(&x_p_cut.R, &linear), terms: Vec::new(), offset: Dd::ZERO }
+            let against = row.against.map(vector);
+            let linear = if against.is_some() { zero() } else { vector([vx, vy, vz]) };
+            CutRow {
+                angular: vector([wx, wy, wz]),
+                linear,
+                linear_p: mul(&x_p_cut.R, &linear),
+                against,
+                terms: Vec::new(),
+                offset: Dd::ZERO,
+            }
         });
         let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true))).flat_map(|(m, side)| {
             let body = &self.model.bodies[self.body_of[*m]];

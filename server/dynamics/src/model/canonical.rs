@@ -44,7 +44,7 @@ fn lambda(description: &Description, submechanism: &Submechanism) -> Option<Vec<
     let frame = in_root(description, description.joints[slider].child)?.R;
     let row = |name: &str, v: Vector3<Dd>| {
         let v = t_mul(&frame, &v).map(Dd::to_f64);
-        Row { name: name.into(), axis: [0.0, 0.0, 0.0, v[0], v[1], v[2]] }
+        Row { name: name.into(), axis: [0.0, 0.0, 0.0, v[0], v[1], v[2]], against: None }
     };
     let across = unit(&cross(&normal, &along))?;
     Some(vec![Loop {
@@ -70,7 +70,8 @@ fn legs(description: &Description, submechanism: &Submechanism, chain: usize, le
 
 /// A ball joint between a slider's body and another link, at the slider's origin.
 fn spherical(description: &Description, slider: usize, successor: usize) -> Loop {
-    let row = |name: &str, k: usize| Row { name: name.into(), axis: std::array::from_fn(|i| if i == 3 + k { 1.0 } else { 0.0 }) };
+    let row =
+        |name: &str, k: usize| Row { name: name.into(), axis: std::array::from_fn(|i| if i == 3 + k { 1.0 } else { 0.0 }), against: None };
     Loop {
         name: description.joints[slider].name.clone(),
         predecessor: description.joints[slider].child,
