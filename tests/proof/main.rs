@@ -14,5 +14,7 @@ mod energy;
 mod failures;
 mod hyrodyn;
 mod laws;
+mod scaling;
+mod targets;
 mod vectors;
 mod wire;

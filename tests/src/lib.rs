@@ -6,6 +6,7 @@
 pub mod cases;
 pub mod compare;
 pub mod dual;
+pub mod path;
 pub mod plans;
 pub mod random;
 pub mod reference;

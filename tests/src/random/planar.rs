@@ -117,7 +117,6 @@ impl Writer {
         self.submechanism("welded four-bar", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
     }
 
-
     /// Crank, coupler and a slider beside them, eccentric or not; cut at the coupler's far pin.
     pub(super) fn slider_crank(&mut self, on: Link, at: Pose) {
         let size = self.scale;

@@ -87,7 +87,6 @@ impl Writer {
         self.submechanism("Bricard", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
     }
 
-
     /// Four revolute joints whose axes meet in a point, cut at the last: five rows of rank two.
     pub(super) fn spherical_four_bar(&mut self, on: Link, at: Pose) {
         let axes = loop {
