@@ -12,7 +12,7 @@ use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 use sarrus_tests::small::{plus, product, times};
 
-use crate::derivatives::{energy, later, moved, quaternion_rate, turned};
+use crate::derivatives::{energy, in_joints, later, moved, quaternion_rate, turned};
 
 use Field::*;
 
@@ -193,14 +193,9 @@ fn energies<T: Scalar>(case: &Case, robot: &mut Robot<T>, y: &[T], yd: &[T], q: 
     }
     let (mut kinetic, mut potential) = energy(case, &pose, &twist);
     let x = robot.ask_for(kinematics(&[Q, Qd]), &given).ok();
-    for joint in &case.description.joints {
-        let Some(v) = robot.model.tree_names().iter().position(|name| *name == joint.name) else { continue };
-        let Some(k) = robot.model.tree_q_names().iter().position(|name| *name == joint.name) else { continue };
-        let (half, terms) = (T::from_f64(0.5), joint.terms);
-        let (rate, stretch) = (x.get(Qd)[v], x.get(Q)[k] - T::from_f64(terms.rest));
-        kinetic += half * T::from_f64(terms.rotor_inertia * terms.gear_ratio.powi(2)) * rate * rate;
-        potential += half * T::from_f64(terms.stiffness) * stretch * stretch;
-    }
+    let [rotors, springs, _] = in_joints(case, &robot.model, x.get(Q), x.get(Qd));
+    kinetic += rotors;
+    potential += springs;
     (kinetic, potential)
 }
 

@@ -165,7 +165,7 @@ fn go(case: &Case) -> Counts {
             .iter()
             .any(|x| x.name == model.tree_q_names()[k] && x.kind != sarrus_dynamics::description::JointKind::Prismatic)
     };
-    let every = TARGETS / (6000 / model.link_names().len()).clamp(40, 200);
+    let every = TARGETS / (1500 / model.link_names().len()).clamp(20, 60);
     let mut counts = Counts::default();
     for k in 0..TARGETS {
         let y = target(case, &mut seeded, k % 2 == 1);

@@ -121,17 +121,17 @@ fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
     worst
 }
 
-/// Bounds in ulp on the positions and Jacobians, on the inverse and on the forward dynamics of each robot.
+/// Bounds in ulp on positions, rates and Jacobians, on inverse and on forward dynamics of each robot: about twice what was seen.
 const ULPS: [(&str, [f64; 3]); 9] = [
-    ("lambda", [0.0; 3]),
-    ("parallelogram", [0.0; 3]),
-    ("torso", [0.0; 3]),
-    ("ankle", [0.0; 3]),
-    ("wrist", [0.0; 3]),
-    ("r3_lambda_r", [0.0; 3]),
-    ("stewart", [0.0; 3]),
-    ("rh5v2_upper_body", [0.0; 3]),
-    ("rh5v2_full", [0.0; 3]),
+    ("lambda", [5.0, 6.0, 64.0]),
+    ("parallelogram", [10.0, 14.0, 20.0]),
+    ("torso", [12.0, 18.0, 32.0]),
+    ("ankle", [6.0, 12.0, 26.0]),
+    ("wrist", [12.0, 8.0, 48.0]),
+    ("r3_lambda_r", [6.0, 10.0, 6.0]),
+    ("stewart", [10.0, 10.0, 52.0]),
+    ("rh5v2_upper_body", [10.0, 10.0, 16.0]),
+    ("rh5v2_full", [20.0, 10.0, 12.0]),
 ];
 
 #[test]

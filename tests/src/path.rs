@@ -2,7 +2,7 @@
 //!
 //! Nothing of the program's kinematics is used. φ is written from its definition, K by differences; dependents follow from least squares,
 //! so that rows may be redundant. A step is halved until it neither corrects much nor changes the determinant much: a fold or a crossing
-//! of branches stops the path.
+//! of branches, straight on or by a bend, stops the path.
 
 use sarrus_dynamics::Model;
 use sarrus_dynamics::description::{Cut, Description, Joint, JointKind, Placement};
@@ -204,7 +204,10 @@ impl<'a> Paths<'a> {
             for &k in &self.independent {
                 trial[k] = start[k] + (goal[k] - start[k]) * next;
             }
-            match self.closed(&mut trial, &unit, &last) {
+            // the path is smooth: what is to be corrected is of second order
+            let travelled = (0..q.len()).map(|k| (trial[k] - q[k]).abs() / unit[k]).fold(0.0, f64::max);
+            let allowed = if before.is_some() { 0.3 * travelled + 1e-9 } else { 0.05 };
+            match self.closed(&mut trial, &unit, &last, allowed.min(0.05)) {
                 Some(matrices) => {
                     before = Some((q, next - at));
                     (q, last, at, step) = (trial, matrices, next, (1.5 * step).min(LONGEST));
@@ -218,8 +221,8 @@ impl<'a> Paths<'a> {
         End::Reached(q)
     }
 
-    /// Closes the loops near by on the same branch.
-    fn closed(&self, q: &mut [f64], unit: &[f64], last: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    /// Closes the loops near by on the same branch, no further away than allowed.
+    fn closed(&self, q: &mut [f64], unit: &[f64], last: &[Vec<f64>], allowed: f64) -> Option<Vec<Vec<f64>>> {
         let mut matrices = Vec::new();
         for (component, last) in self.components.iter().zip(last) {
             let m = component.dependent.len();
@@ -237,7 +240,7 @@ impl<'a> Paths<'a> {
                     break;
                 }
             }
-            if !fine || moved > 0.05 {
+            if !fine || moved > allowed {
                 return None;
             }
             let K = self.jacobian(q, &component.rows, &component.dependent);

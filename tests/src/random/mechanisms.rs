@@ -1,6 +1,6 @@
 //! The mechanisms that random robots are made of. Each is drawn in a frame of its own, x, y, z, that is put anywhere on a link.
 
-use super::writer::{Entry, Kind, Link, Writer};
+use super::writer::{BALLS, Entry, Kind, Link, Writer};
 use crate::rigid::{Pose, Vector, add};
 
 pub(super) const X: Vector = [1.0, 0.0, 0.0];
@@ -54,24 +54,32 @@ impl Writer {
     fn serial(&mut self, on: Link, at: Pose) {
         let n = 1 + self.seeded.below(4);
         let (mut tree, mut link, mut origin) = (Vec::new(), on, at.p);
-        let mut revolutes = true;
+        let (mut revolutes, mut balls) = (true, Vec::new());
         for _ in 0..n {
             let kind = if self.seeded.chance(0.25) { Kind::Slide } else { Kind::Turn };
             let axis = if self.seeded.chance(0.4) { [X, Y, Z][self.seeded.below(3)] } else { self.seeded.direction() };
             revolutes &= kind == Kind::Turn;
             let reach = if kind == Kind::Turn { 3.0 } else { self.scale };
+            if BALLS && self.seeded.chance(0.08) {
+                let (name, child) = self.ball(link, origin);
+                balls.push(name.clone());
+                tree.push((name, 0.0));
+                link = child;
+                origin = add(origin, 1.0, self.seeded.vector(self.scale));
+                continue;
+            }
             let (name, child) = self.joint(kind, link, origin, axis);
             tree.push((name, reach));
             link = child;
             origin = add(origin, 1.0, self.seeded.vector(self.scale));
         }
         let names: Vec<String> = tree.iter().map(|x| x.0.clone()).collect();
-        let mut active = names.clone();
-        if self.seeded.chance(0.15) {
-            active.remove(self.seeded.below(n));
+        let mut active: Vec<String> = names.iter().filter(|name| !balls.contains(name)).cloned().collect();
+        if self.seeded.chance(0.15) && !active.is_empty() {
+            active.remove(self.seeded.below(active.len()));
         }
         let letters = format!("{n}R");
-        let type_name = if revolutes && self.seeded.chance(0.5) { letters.as_str() } else { "SERIAL" };
+        let type_name = if revolutes && balls.is_empty() && self.seeded.chance(0.5) { letters.as_str() } else { "SERIAL" };
         self.submechanism("serial", Entry { type_name, tree: names, independent: tree, active, loops: vec![] });
     }
 
