@@ -120,8 +120,8 @@ impl Block {
         let converged = T::from_f64(0.1 * T::EPSILON.sqrt());
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
         let unit = T::from_f64(1.0 / cluster.length);
-        // after a step below this size the next one uses the same inverse: what is left then is its cube
-        let chord = T::from_f64(T::EPSILON.cbrt());
+        // after a step below this size, ε^(3/8), the next one uses the same inverse: what is left then is its cube
+        let chord = T::from_f64(T::EPSILON.sqrt().sqrt() * T::EPSILON.sqrt().sqrt().sqrt());
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
         let mut previous = T::from_f64(TRUST / CONTRACTION);
         let (mut last_det, mut reach) = (T::ZERO, T::from_f64(TRUST));
@@ -202,7 +202,7 @@ impl Block {
         }
         for of in &self.cuts {
             let cut = &cluster.cuts[of.cut];
-            let state = CutState::new(cut, &scratch.pose, of.ball);
+            let state = CutState::new(cut, &scratch.pose);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
                 let value = if of.ball { state.d[k] } else { state.value(cluster, &cut.rows[r], local.q) };
                 phi[i] = value;
@@ -274,7 +274,7 @@ impl Block {
         scratch.B[..m * n_vy].fill(T::ZERO);
         for of in &self.cuts {
             let cut = &cuts[of.cut];
-            let state = CutState::new(cut, &scratch.pose, of.ball);
+            let state = CutState::new(cut, &scratch.pose);
             let directions = of.directions(cut, &state);
             for (on, side, column) in &of.solve {
                 of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| scratch.A[i * m + column] = x);
@@ -307,7 +307,7 @@ impl Block {
         let g = &mut *local.g;
         for of in &self.cuts {
             let cut = &cuts[of.cut];
-            let state = CutState::new(cut, &scratch.pose, of.ball);
+            let state = CutState::new(cut, &scratch.pose);
             let second = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
                 scratch.B[i] = if of.ball { -second.0[k] } else { -row_acceleration(cut, &cut.rows[r], &state, &second, &scratch.rate) };
@@ -340,11 +340,11 @@ struct Directions<T> {
 impl BlockCut {
     /// Directions of the rows, in their order here.
     #[inline(always)]
-    fn directions<T: Real>(&self, cut: &Cut<T::Const>, state: &CutState<T>) -> Directions<T> {
+    fn directions<T: Real>(&self, cut: &Cut<T::Const>, state: &CutState<'_, T>) -> Directions<T> {
         let mut directions = Directions { linear: [zero(); 6], angular: [zero(); 6] };
         if !self.ball {
             for (k, &(r, _)) in self.rows.iter().enumerate() {
-                (directions.linear[k], directions.angular[k]) = state.directions(cut, &cut.rows[r]);
+                (directions.linear[k], directions.angular[k]) = state.directions(&cut.rows[r]);
             }
         }
         directions
@@ -355,7 +355,7 @@ impl BlockCut {
     fn column<T: Real>(
         &self,
         cut: &Cut<T::Const>,
-        state: &CutState<T>,
+        state: &CutState<'_, T>,
         directions: &Directions<T>,
         on: &Freedom,
         on_successor: bool,

@@ -256,12 +256,19 @@ pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], turn: (T, T)) 
     match body.motion {
         Motion::Revolute => Pose { R: turn_z(&E, turn.0, turn.1), p: r },
         Motion::Prismatic => Pose { p: scale_add(&column(&E, 2), q[0], &r), R: E },
-        Motion::Spherical => Pose { R: mul_mat(&E, &from_quaternion(q[0], q[1], q[2], q[3])), p: r },
-        Motion::Floating => {
-            let p = mul_add(&E, &Vector3::new(q[0], q[1], q[2]), &r);
-            Pose { R: mul_mat(&E, &from_quaternion(q[3], q[4], q[5], q[6])), p }
-        }
+        Motion::Spherical | Motion::Floating => free_pose(body, q),
     }
+}
+
+/// The same of a joint of several freedoms.
+#[inline(never)]
+fn free_pose<T: Real>(body: &Body<T::Const>, q: &[T]) -> Pose<T> {
+    let E: Matrix3<T> = lift_mat(&body.E);
+    if body.motion == Motion::Spherical {
+        return Pose { R: mul_mat(&E, &from_quaternion(q[0], q[1], q[2], q[3])), p: lift(&body.r) };
+    }
+    let p = mul_add(&E, &Vector3::new(q[0], q[1], q[2]), &lift(&body.r));
+    Pose { R: mul_mat(&E, &from_quaternion(q[3], q[4], q[5], q[6])), p }
 }
 
 /// A share of the way between two poses of a cluster's independents: straight in single coordinates, along the great circle in quaternions.

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{Cut, CutRow, Rate, joint_pose};
 use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, identity, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
+use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
 
 /// Sines, cosines and pose of one local body from its coordinates.
 #[inline]
@@ -52,39 +52,35 @@ pub(super) fn place<T: Real>(
 }
 
 /// One cut at one pose: what all of its rows share.
-pub(super) struct CutState<T> {
-    /// Orientation of the predecessor, of P where a row is angular, p_S − p_P {cluster's parent body}.
-    R_p: Matrix3<T>,
-    R: Matrix3<T>,
-    /// Origin of S, the point whose velocities count on both sides.
+pub(super) struct CutState<'a, T> {
+    /// Orientation of the predecessor {cluster's parent body}.
+    R_p: &'a Matrix3<T>,
+    /// Origin of S, the point whose velocities count on both sides, and p_S − p_P.
     point: Vector3<T>,
     pub(super) d: Vector3<T>,
+    /// Where a row is angular.
+    angular: Option<Angular<T>>,
+}
+
+/// What the angular rows of a cut need.
+struct Angular<T> {
+    /// Orientations of P and S {cluster's parent body}.
+    R_P: Matrix3<T>,
+    R_S: Matrix3<T>,
     /// θ and the matrix of θ̇ = A ω.
     theta: Vector3<T>,
     A: Matrix3<T>,
-    /// Orientation of S where a row is angular.
-    R_S: Matrix3<T>,
 }
 
-impl<T: Real> CutState<T> {
-    /// The state of a cut; a ball joint needs no axes, so that R, θ and A stay the identity and zero.
+impl<'a, T: Real> CutState<'a, T> {
+    /// The state of a cut.
     #[inline]
-    pub(super) fn new(cut: &Cut<T::Const>, pose: &[Pose<T>], ball: bool) -> CutState<T> {
+    pub(super) fn new(cut: &Cut<T::Const>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
         let (p, s) = (&pose[cut.predecessor], &pose[cut.successor]);
         let point = s.point(&lift(&cut.x_s_cut.p));
         let d = point - p.point(&lift(&cut.x_p_cut.p));
-        if ball {
-            return CutState { R_p: identity(), R: identity(), point, d, theta: zero(), A: identity(), R_S: identity() };
-        }
-        if !cut.angular {
-            return CutState { R_p: p.R, R: p.R, point, d, theta: zero(), A: identity(), R_S: identity() };
-        }
-        let R = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
-        let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
-        let theta = log(&mul_mat(&R.transpose(), &R_S));
-        let (c, _) = log_factors(&theta);
-        let A = rate_matrix(&theta, c);
-        CutState { R_p: p.R, R, point, d, theta, A, R_S }
+        let angular = cut.angular.then(|| Angular::new(cut, p, s));
+        CutState { R_p: &p.R, point, d, angular }
     }
 
     /// φ of a row.
@@ -93,26 +89,29 @@ impl<T: Real> CutState<T> {
         if !row.terms.is_empty() {
             return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum));
         }
-        if let Some(b) = &row.against {
-            return dot(&mul(&self.R, &lift(&row.angular)), &mul(&self.R_S, &lift(b)));
+        let x = t_mul(self.R_p, &self.d);
+        match (&self.angular, &row.against) {
+            (None, _) => dot(&lift(&row.linear_p), &x),
+            (Some(of), None) => row_along(row, &x, &of.theta),
+            (Some(of), Some(b)) => dot(&mul(&of.R_P, &lift(&row.angular)), &mul(&of.R_S, &lift(b))),
         }
-        row_along(row, &t_mul(&self.R_p, &self.d), &self.theta)
     }
 
     /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the motion of S against P.
     #[inline]
-    pub(super) fn directions(&self, cut: &Cut<T::Const>, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
-        if let Some(b) = &row.against {
-            return (zero(), cross(&mul(&self.R_S, &lift(b)), &mul(&self.R, &lift(&row.angular))));
+    pub(super) fn directions(&self, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
+        let linear = mul(self.R_p, &lift(&row.linear_p));
+        match (&self.angular, &row.against) {
+            (None, _) => (linear, zero()),
+            (Some(of), None) => (linear, mul(&of.R_P, &t_mul(&of.A, &lift(&row.angular)))),
+            (Some(of), Some(b)) => (zero(), cross(&mul(&of.R_S, &lift(b)), &mul(&of.R_P, &lift(&row.angular)))),
         }
-        let angular = if cut.angular { mul(&self.R, &t_mul(&self.A, &lift(&row.angular))) } else { zero() };
-        (mul(&self.R_p, &lift(&row.linear_p)), angular)
     }
 
     /// Twist of S against P for a unit rate of one freedom: (ω, v).
     #[inline]
     pub(super) fn twist(&self, of: &Freedom, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
-        let z = column(&pose.R, of.axis());
+        let z = if of.single { column(&pose.R, 2) } else { column(&pose.R, of.axis()) };
         let z = if on_successor { z } else { -z };
         if of.slides() { (zero(), z) } else { (z, cross(&z, &(self.point - pose.p))) }
     }
@@ -131,21 +130,28 @@ impl<T: Real> CutState<T> {
         let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
         // v_p, a_p: of the predecessor's point that coincides with S
         let relative = a_s - a_p - cross(&p.w, &(v_s - v_p)) * T::from_f64(2.0);
-        let x = t_mul(&self.R_p, &relative);
-        if !cut.angular {
-            return (x, zero());
-        }
+        let x = t_mul(self.R_p, &relative);
+        let Some(Angular { R_P, theta, A, .. }) = &self.angular else { return (x, zero()) };
         // θ̈ = A ω̇ + Ȧ ω with ω = R_Pᵀ (ω_S − ω_P)
-        let w = t_mul(&self.R, &(s.w - p.w));
-        let w_dot = t_mul(&self.R, &(s.alpha - p.alpha - cross(&p.w, &s.w)));
-        let theta = &self.theta;
-        let theta_dot = mul(&self.A, &w);
+        let w = t_mul(R_P, &(s.w - p.w));
+        let w_dot = t_mul(R_P, &(s.alpha - p.alpha - cross(&p.w, &s.w)));
+        let theta_dot = mul(A, &w);
         let (c, dc) = log_factors(theta);
         let c_dot = dc * T::from_f64(2.0) * dot(theta, &theta_dot);
         let turn = cross(theta, &w);
         let twice = cross(&theta_dot, &turn) + cross(theta, &cross(&theta_dot, &w));
         let bias = cross(&theta_dot, &w) * T::from_f64(-0.5) + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
-        (x, mul(&self.A, &w_dot) + bias)
+        (x, mul(A, &w_dot) + bias)
+    }
+}
+
+impl<T: Real> Angular<T> {
+    fn new(cut: &Cut<T::Const>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
+        let R_P = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
+        let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
+        let theta = log(&mul_mat(&R_P.transpose(), &R_S));
+        let (c, _) = log_factors(&theta);
+        Angular { A: rate_matrix(&theta, c), R_P, R_S, theta }
     }
 }
 
@@ -155,13 +161,14 @@ impl<T: Real> CutState<T> {
 pub(super) fn row_acceleration<T: Real>(
     cut: &Cut<T::Const>,
     row: &CutRow<T::Const>,
-    state: &CutState<T>,
+    state: &CutState<'_, T>,
     (x, theta): &(Vector3<T>, Vector3<T>),
     rate: &[Rate<T>],
 ) -> T {
+    let Some(of) = &state.angular else { return dot(&lift(&row.linear_p), x) };
     let Some(b) = &row.against else { return row_along(row, x, theta) };
     let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
-    let (a, b) = (mul(&state.R, &lift(&row.angular)), mul(&state.R_S, &lift(b)));
+    let (a, b) = (mul(&of.R_P, &lift(&row.angular)), mul(&of.R_S, &lift(b)));
     let turning = cross(&cross(&s.w, &b), &a) + cross(&b, &cross(&p.w, &a));
     dot(&(s.alpha - p.alpha), &cross(&b, &a)) + dot(&(s.w - p.w), &turning)
 }
@@ -176,7 +183,7 @@ pub(super) fn row_along<T: Real>(row: &CutRow<T::Const>, x: &Vector3<T>, theta: 
 pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], q: &[T], phi: &mut [T]) {
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose, false);
+        let state = CutState::new(cut, pose);
         for row in &cut.rows {
             phi[r] = state.value(cluster, row, q);
             r += 1;
@@ -201,7 +208,7 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, pose: &[
     let n = cluster.n_v;
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose, false);
+        let state = CutState::new(cut, pose);
         for row in &cut.rows {
             let of_row = &mut K[r * n..(r + 1) * n];
             of_row.fill(T::ZERO);
@@ -209,7 +216,7 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, pose: &[
                 of_row[*j] = T::lift(*c);
             }
             if row.terms.is_empty() {
-                let (linear, angular) = state.directions(cut, row);
+                let (linear, angular) = state.directions(row);
                 for &(j, on_successor) in &cut.path {
                     let at = &cluster.freedoms[j];
                     let (w, v) = state.twist(at, &pose[at.body + 1], on_successor);
@@ -225,7 +232,7 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, pose: &[
 pub(crate) fn constraint_bias<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>], k: &mut [T]) {
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose, false);
+        let state = CutState::new(cut, pose);
         let second = state.acceleration(cut, pose, rate, false);
         for row in &cut.rows {
             k[r] = -row_acceleration(cut, row, &state, &second, rate);
@@ -274,18 +281,21 @@ impl<T: Real> Rate<T> {
                 x.a = scale_add(&cross(&self.w, &z), qd[0] + qd[0], &x.a);
                 x.v = scale_add(&z, qd[0], &x.v);
             }
-            Motion::Spherical | Motion::Floating => {
-                let w = mul(R, &Vector3::new(qd[0], qd[1], qd[2]));
-                x.alpha = cross_add(&self.w, &w, &self.alpha);
-                x.w += w;
-                if motion == Motion::Floating {
-                    let v = mul(R, &Vector3::new(qd[3], qd[4], qd[5]));
-                    x.a = cross_add(&(self.w + x.w), &v, &x.a);
-                    x.v += v;
-                }
-            }
+            Motion::Spherical | Motion::Floating => self.moved_freely(motion, R, qd, &mut x),
         }
         x
+    }
+
+    #[inline(never)]
+    fn moved_freely(&self, motion: Motion, R: &Matrix3<T>, qd: &[T], x: &mut Rate<T>) {
+        let w = mul(R, &Vector3::new(qd[0], qd[1], qd[2]));
+        x.alpha = cross_add(&self.w, &w, &self.alpha);
+        x.w += w;
+        if motion == Motion::Floating {
+            let v = mul(R, &Vector3::new(qd[3], qd[4], qd[5]));
+            x.a = cross_add(&(self.w + x.w), &v, &x.a);
+            x.v += v;
+        }
     }
 }
 

@@ -255,7 +255,7 @@ impl<'a> Builder<'a> {
                 };
                 let (n_q, n_v) = (motion.n_q(), motion.n_v());
                 let local = self.model.bodies.len() - body;
-                freedoms.extend((0..n_v).map(|k| Freedom { v: v - first_v + k, q: q - first_q, body: local, k, motion }));
+                freedoms.extend((0..n_v).map(|k| Freedom { v: v - first_v + k, q: q - first_q, body: local, k, motion, single: n_v == 1 }));
                 let parent_body = self.skeleton.parent[m].map_or(0, |p| self.body_of[p]);
                 local_parent.push(if parent_body >= body { parent_body - body + 1 } else { 0 });
                 self.body_of[m] = self.model.bodies.len();

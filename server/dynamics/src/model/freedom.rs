@@ -40,6 +40,8 @@ pub(crate) struct Freedom {
     /// Which freedom of the joint it is.
     pub(crate) k: usize,
     pub(crate) motion: Motion,
+    /// It is the only one of its joint, along or about z.
+    pub(crate) single: bool,
 }
 
 impl Freedom {
@@ -52,13 +54,13 @@ impl Freedom {
     /// The axis of its body along or about which it moves.
     #[inline(always)]
     pub(crate) fn axis(&self) -> usize {
-        if self.motion.n_v() == 1 { 2 } else { self.k % 3 }
+        if self.single { 2 } else { self.k % 3 }
     }
 
     /// Moves the freedom by a step in the cluster's coordinates.
     #[inline(always)]
     pub(crate) fn advance<T: Real>(&self, q: &mut [T], step: T) {
-        if self.motion.n_v() == 1 {
+        if self.single {
             q[self.q] += step;
         } else {
             advance(self.motion, self.k, &mut q[self.q..], step);
@@ -67,7 +69,7 @@ impl Freedom {
 }
 
 /// Moves one freedom of a joint by a step; `q` starts with the joint's coordinates. Quaternions stay of unit length.
-#[inline]
+#[inline(never)]
 fn advance<T: Real>(motion: Motion, k: usize, q: &mut [T], step: T) {
     match (motion, k) {
         (Motion::Revolute | Motion::Prismatic, _) => q[0] += step,
