@@ -141,7 +141,10 @@ pub(crate) fn file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &mut Option<String>) -> Option<(Description, Compiled)> {
     // every check of the text, as far as each file goes
     let (urdf_name, bytes) = contents.urdf;
-    let urdf_text = Text::new(&urdf_name, bytes, findings);
+    let mut urdf_text = Text::new(&urdf_name, bytes, findings);
+    if let Some(text) = &mut urdf_text {
+        text.join_stray_prefix("drake", findings);
+    }
     let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, findings));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();

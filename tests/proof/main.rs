@@ -14,6 +14,7 @@ mod energy;
 mod failures;
 mod hyrodyn;
 mod laws;
+mod published;
 mod scaling;
 mod targets;
 mod vectors;

@@ -1,5 +1,6 @@
 //! Submechanism files: a walk over the text with positions, checks against the URDF, and the values by serde.
 
+pub(crate) mod cut;
 pub(crate) mod kind;
 pub(crate) mod tree;
 mod values;
@@ -244,6 +245,7 @@ impl<'a> Check<'a, '_> {
             match kind {
                 JointKind::Revolute | JointKind::Continuous => actual.rotations += 1,
                 JointKind::Prismatic => actual.translations += 1,
+                JointKind::Spherical => actual.rotations += 3,
                 JointKind::Floating => actual = Letters { rotations: actual.rotations + 3, translations: actual.translations + 3 },
                 _ => {}
             }

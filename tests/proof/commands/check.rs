@@ -116,7 +116,8 @@ fn robots_lists_the_bundled_ones() {
         assert!(line.starts_with(robot["robot"].as_str().unwrap()) && line.ends_with(robot["about"].as_str().unwrap()));
     }
     let names: Vec<&str> = list.as_array().unwrap().iter().map(|robot| robot["robot"].as_str().unwrap()).collect();
-    let mut expected = ROBOTS.to_vec();
+    // two have no vectors: one whose reactions are not determinate, one of more coordinates than velocities
+    let mut expected = [&ROBOTS[..], &["bricard", "stewart_floating"]].concat();
     expected.sort_unstable();
     assert_eq!(
         {

@@ -9,7 +9,7 @@ use crate::seed::Seeded;
 /// Joints have damping, springs and rotors now and then.
 const TERMS: bool = false;
 /// Chains hold ball joints now and then.
-pub(super) const BALLS: bool = false;
+pub(super) const BALLS: bool = true;
 
 /// A link by its place in the robot.
 pub(super) type Link = usize;
@@ -238,7 +238,8 @@ impl Writer {
             }
         }
         self.square &= entry.active.len() == entry.independent.len();
-        self.masters.extend(independent);
+        // a ball joint cannot lead others
+        self.masters.extend(entry.independent.iter().filter(|x| x.1 > 0.0).map(|x| x.0.clone()));
         self.holds.push(what.into());
         self.reach.extend(entry.independent);
     }
