@@ -75,6 +75,10 @@ impl<'a> Paths<'a> {
             if submechanism.loops.is_empty() && submechanism.independent.len() + coupled < submechanism.spanning_tree.len() {
                 return None;
             }
+            let turns = submechanism.spanning_tree.iter().any(|j| description.joints[*j].kind == JointKind::Spherical);
+            if turns && !submechanism.loops.is_empty() {
+                return None;
+            }
             for of in &submechanism.loops {
                 let on = |frame: Pose| [of.predecessor, of.successor].map(|link| zero[link].inverse().then(&frame));
                 let [p, s] = match &of.cut {
@@ -92,9 +96,6 @@ impl<'a> Paths<'a> {
                 let terms = coupling.terms.iter().map(|(j, c)| place(*j).map(|q| (q, *c))).collect::<Option<_>>()?;
                 paths.rows.push(Row::Coupling { joint: place(j)?, terms, offset: coupling.offset });
             }
-        }
-        if description.joints.iter().any(|joint| joint.kind == JointKind::Spherical) {
-            return None;
         }
         paths.find_components(model.sizes().n_q);
         Some(paths)

@@ -10,6 +10,9 @@ pub(super) const Z: Vector = [0.0, 0.0, 1.0];
 /// Four-bars and slider-cranks are declared by their own types.
 pub(super) const NEW_TYPES: bool = false;
 
+/// Rods may spin about themselves.
+const IDLE: bool = false;
+
 /// Rows along the axes of the cut frame: 0 to 2 angular, 3 to 5 linear.
 pub(super) fn rows(which: &[usize]) -> Vec<[f64; 6]> {
     which.iter().map(|k| std::array::from_fn(|i| if i == *k { 1.0 } else { 0.0 })).collect()
@@ -34,7 +37,8 @@ impl Writer {
             0..6 => self.serial(on, at),
             6..11 => self.lambda(on, at),
             11..14 => self.two_legs(on, at),
-            14 => self.two_offset_legs(on, at),
+            14 if self.seeded.chance(0.5) => self.two_offset_legs(on, at),
+            14 => self.two_legs_on_arms(on, at),
             15 => self.six_legs(on, at),
             16..19 => self.four_bar(on, at),
             19..21 => self.slider_crank(on, at),
@@ -44,6 +48,7 @@ impl Writer {
             26 => self.bricard(on, at),
             27..29 => self.spherical_four_bar(on, at),
             29 => self.bennett(on, at),
+            30 if IDLE => self.rssr(on, at),
             30..33 => self.rusr(on, at),
             33..35 => self.seven_revolutes(on, at),
             _ => self.coupled(on, at),

@@ -1,6 +1,6 @@
 //! Platforms on sliding legs.
 
-use super::mechanisms::{X, Y, Z, rows, scaled};
+use super::mechanisms::{NEW_TYPES, X, Y, Z, rows, scaled};
 use super::writer::{Entry, Kind, Link, Loop, Writer};
 use crate::rigid::{Pose, Vector, add, cross, dot, unit};
 
@@ -156,5 +156,48 @@ impl Writer {
         let type_name = if self.numerical { "NUMERICAL" } else { "2SPRR+1U" };
         let independent = vec![(one, 0.25), (two, 0.25)];
         self.submechanism("2SPRR+1U", Entry { type_name, tree, independent, active, loops });
+    }
+
+    /// A universal joint with two sliding legs that end on arms, each arm turning on the platform; its axis, its tip and the leg's base lie
+    /// in a plane at zero, and the leg's base stays in the plane of the axis and the tip.
+    pub(super) fn two_legs_on_arms(&mut self, on: Link, at: Pose) {
+        let height = self.scale * self.seeded.within(0.3, 0.6);
+        let first = unit(add(Y, 0.2, self.seeded.vector(1.0)));
+        let second = unit(add(cross(Z, first), 0.2, self.seeded.vector(1.0)));
+        let (one, one_link) = self.joint(Kind::Turn, on, at.p, at.direction(first));
+        let (two, platform) = self.joint(Kind::Turn, one_link, at.p, at.direction(second));
+        let (mut arms, mut legs, mut loops, mut active) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for side in [1.0, -1.0] {
+            let near = |writer: &mut Writer, v: Vector| add(v, 0.05 * height, writer.seeded.vector(1.0));
+            let pivot = near(self, [-0.8 * height, 0.8 * side * height, 0.1 * height]);
+            let n = unit(add(Z, 0.2, self.seeded.vector(1.0)));
+            let radial = unit(cross(n, self.seeded.direction()));
+            let tip = add(pivot, 0.15 * height, radial);
+            let base = add(add(pivot, 1.5 * height, n), self.seeded.within(0.3, 0.5) * height, radial);
+            let leg = unit(add(tip, -1.0, base));
+            let x = unit(cross(leg, add(Y, 0.2, self.seeded.vector(1.0))));
+            let y = unit(cross(leg, x));
+            let [n_axis, x, y, along] = [n, x, y, leg].map(|v| at.direction(scaled(v, self.seeded.sign())));
+            let (arm, arm_link) = self.joint(Kind::Turn, platform, at.point(pivot), n_axis);
+            let (a, a_link) = self.joint(Kind::Turn, on, at.point(base), x);
+            let (b, b_link) = self.joint(Kind::Turn, a_link, at.point(base), y);
+            let (c, slider) = self.joint(Kind::Slide, b_link, at.point(tip), along);
+            let ball = Pose { p: at.point(tip), ..self.seeded.pose(0.0) };
+            let cut = self.mark(slider, ball);
+            loops.push(Loop { cut, predecessor: slider, successor: arm_link, rows: rows(&[3, 4, 5]) });
+            // x of this frame is across the plane
+            let across = at.direction(cross(n, radial));
+            let plane = Pose::from_columns(across, at.direction(n), cross(across, at.direction(n)), at.point(base));
+            let cut = self.mark(on, plane);
+            loops.push(Loop { cut, predecessor: arm_link, successor: on, rows: rows(&[3]) });
+            arms.push(arm);
+            active.push(c.clone());
+            legs.extend([a, b, c]);
+        }
+        let tree = [one.clone(), two.clone()].into_iter().chain(arms).chain(legs).collect();
+        let by_type = NEW_TYPES && !self.numerical;
+        let (type_name, loops) = if by_type { ("2SPRR+1U", vec![]) } else { ("NUMERICAL", loops) };
+        let independent = vec![(one, 0.15), (two, 0.15)];
+        self.submechanism("legs on arms", Entry { type_name, tree, independent, active, loops });
     }
 }

@@ -35,6 +35,31 @@ impl Writer {
         self.submechanism("RUSR", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
     }
 
+    /// A spatial four-bar whose coupler has ball joints at both ends and spins about itself as it likes.
+    pub(super) fn rssr(&mut self, on: Link, at: Pose) {
+        let size = self.scale;
+        let (a, b, crank_axis, rocker_axis, foot) = loop {
+            let (a, b) = (scaled(self.seeded.direction(), 0.3 * size), self.seeded.vector(size));
+            let (crank, rocker) = (self.seeded.direction(), self.seeded.direction());
+            let foot = add(b, 0.6 * size, self.seeded.direction());
+            let span = add(b, -1.0, a);
+            let moves = cross(rocker, add(b, -1.0, foot));
+            // the rocker moves its end along the coupler
+            if norm(span) > 0.6 * size && dot(moves, span).abs() > 0.5 * norm(moves) * norm(span) && norm(moves) > 0.3 * size {
+                break (a, b, crank, rocker, foot);
+            }
+        };
+        let (crank, crank_link) = self.joint(Kind::Turn, on, at.p, at.direction(crank_axis));
+        let (ball, coupler) = self.ball(crank_link, at.point(a));
+        let (rocker, rocker_link) = self.joint(Kind::Turn, on, at.point(foot), at.direction(rocker_axis));
+        let frame = Pose { p: at.point(b), ..self.seeded.pose(0.0) };
+        let cut = self.mark(coupler, frame);
+        let loops = vec![Loop { cut, predecessor: coupler, successor: rocker_link, rows: rows(&[3, 4, 5]) }];
+        let tree = vec![crank.clone(), ball, rocker];
+        let (independent, active) = (vec![(crank.clone(), 0.15)], vec![crank]);
+        self.submechanism("RSSR", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
+    }
+
     /// One loop of seven revolute joints, cut by a weld (six rows) or at its last joint (five).
     pub(super) fn seven_revolutes(&mut self, on: Link, at: Pose) {
         let at_revolute = self.seeded.chance(0.5);
