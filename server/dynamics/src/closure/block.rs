@@ -45,6 +45,8 @@ pub(crate) struct BlockCut {
     pub(crate) cut: usize,
     /// (row of the cut, row of the block).
     pub(crate) rows: Vec<(usize, usize)>,
+    /// The length that makes each of them a length, angles among them; empty where all are.
+    pub(crate) units: Vec<f64>,
     /// True when the rows are a whole ball joint: then the axes do not matter and those of the cluster's parent body are taken.
     pub(crate) ball: bool,
     /// Freedoms of the cut's path that the block determines, side (true = successor's), column.
@@ -204,7 +206,7 @@ impl Block {
             let cut = &cluster.cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
-                let value = if of.ball { state.d[k] } else { state.value(cluster, &cut.rows[r], local.q) };
+                let value = if of.ball { state.d[k] } else { of.in_lengths(k, state.value(cluster, &cut.rows[r], local.q)) };
                 phi[i] = value;
                 largest = T::select(largest.lt(value.abs()), value.abs(), largest);
             }
@@ -310,7 +312,11 @@ impl Block {
             let state = CutState::new(cut, &scratch.pose);
             let second = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
-                scratch.B[i] = if of.ball { -second.0[k] } else { -row_acceleration(cut, &cut.rows[r], &state, &second, &scratch.rate) };
+                scratch.B[i] = if of.ball {
+                    -second.0[k]
+                } else {
+                    -of.in_lengths(k, row_acceleration(cut, &cut.rows[r], &state, &second, &scratch.rate))
+                };
             }
             if !of.earlier.is_empty() {
                 let directions = of.directions(cut, &state);
@@ -350,6 +356,15 @@ impl BlockCut {
         directions
     }
 
+    /// A number of row k in the unit of the others, so that the block's determinant and residual mean something.
+    #[inline(always)]
+    fn in_lengths<T: Real>(&self, k: usize, x: T) -> T {
+        match self.units.get(k) {
+            Some(unit) => x * T::from_f64(*unit),
+            None => x,
+        }
+    }
+
     /// Calls `each(row of the block, entry of K)` for one freedom.
     #[inline(always)]
     fn column<T: Real>(
@@ -371,12 +386,13 @@ impl BlockCut {
         }
         for (k, &(r, i)) in self.rows.iter().enumerate() {
             let terms = &cut.rows[r].terms;
-            if terms.is_empty() {
+            let entry = if terms.is_empty() {
                 let entry = dot(&directions.linear[k], &v);
-                each(i, if cut.angular { entry + dot(&directions.angular[k], &w) } else { entry });
+                if cut.angular { entry + dot(&directions.angular[k], &w) } else { entry }
             } else {
-                each(i, terms.iter().find(|(v, _)| *v == on.v).map_or(T::ZERO, |(_, c)| T::lift(*c)));
-            }
+                terms.iter().find(|(v, _)| *v == on.v).map_or(T::ZERO, |(_, c)| T::lift(*c))
+            };
+            each(i, self.in_lengths(k, entry));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many joints, in the order of solution.
 
 use super::Cluster;
-use crate::closure::{Block, BlockCut, Cut};
+use crate::closure::{Block, BlockCut, Cut, CutRow};
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
 pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
@@ -45,6 +45,7 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
                     cuts.push(BlockCut {
                         cut: c,
                         rows: vec![(k, i)],
+                        units: Vec::new(),
                         ball: false,
                         solve: path.iter().filter_map(|(j, side)| column(j).map(|a| (of(*j), *side, a))).collect(),
                         known: path
@@ -59,6 +60,10 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
         }
         for cut in &mut cuts {
             cut.ball = is_ball(&cluster.cuts[cut.cut], &cut.rows);
+            let unit = |r: usize| if is_length(cluster, &cluster.cuts[cut.cut].rows[r]) { 1.0 } else { cluster.length };
+            if cut.rows.iter().any(|(r, _)| unit(*r) != 1.0) {
+                cut.units = cut.rows.iter().map(|(r, _)| unit(*r)).collect();
+            }
         }
         // bodies on the way to the block's cuts that its unknowns, or those before it, move
         let mut on_way = vec![false; cluster.n];
@@ -92,6 +97,14 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
         offset += size * size;
     }
     blocks
+}
+
+/// True when the value of a row is a length; else it is an angle.
+fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
+    match row.terms.first() {
+        Some((own, _)) => cluster.freedoms[*own].slides(),
+        None => row.against.is_none() && row.linear.norm() > 0.0,
+    }
 }
 
 /// True when a new y leaves the block's part of K at the old unknowns as it was, up to a turn of the rows: the unknowns move the successor
