@@ -101,6 +101,7 @@ struct Counts {
     reached: usize,
     beyond: usize,
     given_up: usize,
+    early: Option<String>,
     silent: Vec<String>,
 }
 
@@ -136,6 +137,25 @@ fn ask(robot: &mut Robot<f64>, which: usize, y: &[f64], guess: Option<&[f64]>, s
     let mut given = vec![(Y, y), (Yd, yd.as_slice()), (force, ydd.as_slice())];
     given.extend(guess.map(|q| (QGuess, q)));
     robot.ask(request, &given, &[Q, K, Residual, result])
+}
+
+/// What the robot itself answers in two thousand steps along the path.
+fn in_small_steps(robot: &mut Robot<f64>, start: &[f64], y: &[f64], places: &[usize]) -> String {
+    let mut q = start.to_vec();
+    let mut least = (f64::INFINITY, 0.0);
+    for k in 1..=2000 {
+        let part = f64::from(k) / 2000.0;
+        let at: Vec<f64> = places.iter().zip(y).map(|(place, y)| start[*place] + (y - start[*place]) * part).collect();
+        let x = robot.ask(Request::Kinematics, &[(Y, &at), (QGuess, &q)], &[Q, SigmaMin]);
+        if x.answer.status != Status::Ok {
+            return format!("{} after {part}", x.answer.status);
+        }
+        if x.get(SigmaMin)[0] < least.0 {
+            least = (x.get(SigmaMin)[0], part);
+        }
+        q = x.get(Q).to_vec();
+    }
+    format!("ok, σ_min no less than {:.1e} (at {})", least.0, least.1)
 }
 
 /// Goes through the targets of one robot.
@@ -221,9 +241,15 @@ fn go(case: &Case) -> Counts {
                 }
                 counts.reached += 1;
             }
-            (End::Reached(_), false) => counts.given_up += 1,
+            (End::Reached(_), false) => {
+                counts.given_up += 1;
+                counts.early.get_or_insert(format!("{status}, y = {y:?}"));
+            }
             (End::Blocked(_), true) if closed_form => counts.beyond += 1,
-            (End::Blocked(at), true) => silent(format!("ok where the path stops after {at:.6}")),
+            (End::Blocked(at), true) => {
+                let own = in_small_steps(&mut robot, &start.0, &y, &places);
+                silent(format!("ok where the path stops after {at:.6}; in small steps {own}"));
+            }
             (End::Blocked(_), false) => {}
         }
     }
@@ -266,10 +292,13 @@ fn no_target_is_answered_wrongly() {
         let case = cases[k];
         let by_status: Vec<String> = counts.by_status.iter().map(|(status, n)| format!("{status} {n}")).collect();
         println!("{}: {} ({seconds:.1} s)", case.name, by_status.join(", "));
-        let Counts { followed, reached, beyond, given_up, silent, .. } = counts;
+        let Counts { followed, reached, beyond, given_up, early, silent, .. } = counts;
         println!(
             "    of {followed} paths {reached} led to the answer, {given_up} could have been gone, {beyond} stop before a closed form's answer"
         );
+        if let Some(early) = early {
+            println!("    given up too early, the first: {early}");
+        }
         if !silent.is_empty() {
             let first: Vec<&str> = silent.iter().take(3).map(String::as_str).collect();
             let _ = write!(wrong, "\n{}: {} of {TARGETS}\n    {}", case.name, silent.len(), first.join("\n    "));

@@ -1,17 +1,12 @@
 //! The mechanisms that random robots are made of. Each is drawn in a frame of its own, x, y, z, that is put anywhere on a link.
 
-use super::writer::{BALLS, Entry, Kind, Link, Writer};
+use super::writer::{Entry, Kind, Link, Writer};
+use super::{BALLS, IDLE};
 use crate::rigid::{Pose, Vector, add};
 
 pub(super) const X: Vector = [1.0, 0.0, 0.0];
 pub(super) const Y: Vector = [0.0, 1.0, 0.0];
 pub(super) const Z: Vector = [0.0, 0.0, 1.0];
-
-/// Four-bars and slider-cranks are declared by their own types.
-pub(super) const NEW_TYPES: bool = false;
-
-/// Rods may spin about themselves.
-const IDLE: bool = false;
 
 /// Rows along the axes of the cut frame: 0 to 2 angular, 3 to 5 linear.
 pub(super) fn rows(which: &[usize]) -> Vec<[f64; 6]> {

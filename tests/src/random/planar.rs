@@ -1,6 +1,7 @@
 //! Mechanisms that move in a plane: lambdas, four-bars, parallelograms, slider-cranks.
 
-use super::mechanisms::{NEW_TYPES, X, Z, rows, scaled};
+use super::NEW_TYPES;
+use super::mechanisms::{X, Z, rows, scaled};
 use super::writer::{Entry, Kind, Link, Loop, Writer};
 use crate::rigid::{Pose, Vector, add, cross, norm, unit};
 

@@ -1,6 +1,7 @@
 //! Platforms on sliding legs.
 
-use super::mechanisms::{NEW_TYPES, X, Y, Z, rows, scaled};
+use super::NEW_TYPES;
+use super::mechanisms::{X, Y, Z, rows, scaled};
 use super::writer::{Entry, Kind, Link, Loop, Writer};
 use crate::rigid::{Pose, Vector, add, cross, dot, unit};
 

@@ -2,14 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::Text;
+use super::{TERMS, Text};
 use crate::rigid::{Pose, Vector, add, norm};
 use crate::seed::Seeded;
-
-/// Joints have damping, springs and rotors now and then.
-const TERMS: bool = false;
-/// Chains hold ball joints now and then.
-pub(super) const BALLS: bool = true;
 
 /// A link by its place in the robot.
 pub(super) type Link = usize;
