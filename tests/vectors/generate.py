@@ -18,7 +18,7 @@ from mpmath import matrix, mp, mpf, eye, zeros, lu_solve, norm, cos, sin
 
 mp.dps = 120
 STEP = mpf(10) ** -30
-GRAVITY = matrix([0, 0, mpf("-9.81")])
+GRAVITY = matrix([0, 0, mpf(-9.81)])
 
 
 def numbers(text):
