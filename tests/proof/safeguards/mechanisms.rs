@@ -72,7 +72,7 @@ impl Mechanism {
         let cut = Cut::Placed { predecessor: on(predecessor), successor: on(successor) };
         let loops = &mut self.description.submechanisms[0].loops;
         let name = format!("cut{}", loops.len());
-        let rows = rows.iter().enumerate().map(|(k, axis)| Row { name: format!("{k}"), axis: *axis }).collect();
+        let rows = rows.iter().enumerate().map(|(k, axis)| Row { name: format!("{k}"), axis: *axis, against: None }).collect();
         loops.push(Loop { name, predecessor, successor, cut, rows });
     }
 
