@@ -38,7 +38,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// Calls of the allocator by this thread.
-pub(super) fn calls() -> u64 {
+pub(crate) fn calls() -> u64 {
     CALLS.with(Cell::get)
 }
 

@@ -5,12 +5,14 @@
 
 mod agreement;
 mod allocation;
+mod closures;
 mod commands;
 mod derivatives;
 mod determinism;
 mod documents;
 mod energy;
 mod failures;
+mod forward;
 mod hyrodyn;
 mod laws;
 mod published;

@@ -7,6 +7,7 @@
 // the symbols of the equations
 #![allow(non_snake_case)]
 
+mod branch_sparse;
 mod closure;
 pub mod description;
 mod fault;
@@ -20,6 +21,6 @@ mod workspace;
 
 pub use fault::{CompileError, Fault, Site};
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
-pub use plan::{Answer, Plan};
+pub use plan::{Answer, Method, Plan};
 pub use sarrus_proto::{Field, FieldSet, Layout, Request, Sizes, Slot, Status, Wanted, WantedError, Warnings};
 pub use workspace::Workspace;

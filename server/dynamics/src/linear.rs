@@ -89,56 +89,6 @@ fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize) {
     }
 }
 
-/// Factorises a symmetric matrix whose row i is zero left of the diagonal except at the ancestors of i: H = Lᵀ D L in place,
-/// no fill-in (Featherstone, Rigid Body Dynamics Algorithms, Table 6.3). `parent[i]` is the nearest ancestor of i or `usize::MAX`.
-///
-/// H is n×n row-major, lower triangle used. On return the strict lower triangle holds L, the diagonal 1/D. The mask tells
-/// where every D is positive.
-#[inline]
-pub(crate) fn factorise_ltdl<T: Real>(H: &mut [T], parent: &[usize], n: usize) -> T::Mask {
-    let mut positive = T::Mask::splat(true);
-    for k in (0..n).rev() {
-        let d = H[k * n + k];
-        positive = positive & T::ZERO.lt(d);
-        let inverse = T::ONE / d;
-        let mut i = parent[k];
-        while i != usize::MAX {
-            let l = H[k * n + i] * inverse;
-            let mut j = i;
-            while j != usize::MAX {
-                H[i * n + j] = (-l).mul_add(H[k * n + j], H[i * n + j]);
-                j = parent[j];
-            }
-            H[k * n + i] = l;
-            i = parent[i];
-        }
-        H[k * n + k] = inverse;
-    }
-    positive
-}
-
-/// Solves Lᵀ D L x = b in place after [`factorise_ltdl`].
-#[inline]
-pub(crate) fn solve_ltdl<T: Real>(H: &[T], parent: &[usize], n: usize, x: &mut [T]) {
-    for i in (0..n).rev() {
-        let xi = x[i];
-        let mut j = parent[i];
-        while j != usize::MAX {
-            x[j] = (-H[i * n + j]).mul_add(xi, x[j]);
-            j = parent[j];
-        }
-    }
-    for i in 0..n {
-        let mut xi = x[i] * H[i * n + i];
-        let mut j = parent[i];
-        while j != usize::MAX {
-            xi = (-H[i * n + j]).mul_add(x[j], xi);
-            j = parent[j];
-        }
-        x[i] = xi;
-    }
-}
-
 /// Singular value decomposition A = U Σ Vᵀ of the m×n row-major matrix A by one-sided Jacobi rotations (Hestenes 1958): A becomes U Σ, its
 /// column norms are the singular values, in no order. V (n×n) is filled, or left out where it is empty.
 pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize) {

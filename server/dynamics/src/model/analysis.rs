@@ -5,12 +5,12 @@ use faer::Mat;
 use super::blocks::blocks;
 use super::idle::Drift;
 use super::{Body, Cluster, Model};
+use crate::branch_sparse::factorise_branches;
 use crate::closure::{
     Block, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian, constraint_residual, local_poses, scaled,
 };
 use crate::description::Description;
 use crate::fault::{Fault, Site};
-use crate::linear::factorise_ltdl;
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
@@ -205,12 +205,14 @@ pub(super) fn check_mass(model: &Model<f64>, description: &Description, errors: 
         }
         let ws = &mut workspace;
         crate::tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
-        crate::tree::reduced_mass_matrix(model, &ws.motion, &ws.G, &mut ws.composite, &mut ws.columns, &mut ws.cluster_mass, &mut ws.M_y);
-        let scale = (0..n).map(|i| ws.M_y[i * n + i]).fold(0.0, f64::max);
-        ws.factor.copy_from_slice(&ws.M_y);
-        factorise_ltdl(&mut ws.factor, &model.y_parent, n);
+        let crate::Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
+        crate::tree::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
+        let diagonal = |i: usize| model.branches.start[i] + model.branches.depth[i];
+        let scale = (0..n).map(|i| ws.M_y[diagonal(i)]).fold(0.0, f64::max);
+        factorise_branches(&model.branches, &mut ws.M_y);
         // the factor's diagonal is 1/D
-        let bad = (0..n).filter(|i| !(ws.factor[i * n + i] > 0.0 && ws.factor[i * n + i] * scale < 1e18)).collect::<Vec<_>>();
+        let inverse = |i: usize| ws.M_y[diagonal(i)];
+        let bad = (0..n).filter(|i| !(inverse(*i) > 0.0 && inverse(*i) * scale < 1e18)).collect::<Vec<_>>();
         if !bad.is_empty() {
             let names = bad.iter().map(|i| model.meta.independent[model.order.vy_external[*i]].as_str()).collect::<Vec<_>>().join(", ");
             let site = description

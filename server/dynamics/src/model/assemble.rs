@@ -9,7 +9,8 @@ use super::couplings::{characteristic_length, couplings};
 use super::geometry::{inertia, onto_z, pose, unit, vector};
 use super::orders::Names;
 use super::tree::{Partition, Skeleton};
-use super::{Body, Cluster, Frame, Freedom, Meta, Model, Motion, Order};
+use super::{Body, Cluster, Frame, Freedom, JointTerms, Meta, Model, Motion, Order};
+use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut, CutRow};
 use crate::description::{self as written, Description, JointKind, Loop, SubmechanismKind};
 use crate::fault::{Fault, Site};
@@ -66,6 +67,8 @@ impl Assembly {
         builder.frames();
         let row_owner = builder.rows(&loops, &moving_of);
         builder.orders(&moving_of);
+        builder.terms(&moving_of, errors);
+        builder.carriers();
         let (model, meta) = builder.finish(&row_owner, &loops, errors)?;
         let owner = partition.members.iter().map(|joints| submechanism_of[skeleton.moving[joints[0]]]).collect();
         let members = partition.members.iter().map(|joints| joints.iter().map(|m| skeleton.moving[*m]).collect()).collect();
@@ -221,7 +224,9 @@ impl<'a> Builder<'a> {
             cluster_of_v: Vec::new(),
             frames: Vec::new(),
             n_g: 0,
-            y_parent: Vec::new(),
+            branches: Branches::default(),
+            carries: Vec::new(),
+            terms: JointTerms::none(),
             order: Order::default(),
             zero: Vec::new(),
             limits: Vec::new(),
@@ -284,7 +289,7 @@ impl<'a> Builder<'a> {
             // the nearest independent that carries each independent
             let carrier = self.last_independent(parent);
             for k in 0..n_vy {
-                self.model.y_parent.push(if k == 0 { carrier } else { vy + k - 1 });
+                self.model.branches.push(if k == 0 { carrier } else { vy + k - 1 });
             }
             self.model.clusters.push(Cluster {
                 parent,

@@ -14,6 +14,7 @@ mod freedom;
 mod geometry;
 mod idle;
 mod orders;
+mod terms;
 mod tree;
 
 use std::sync::Arc;
@@ -21,6 +22,9 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
+pub(crate) use terms::{JointTerms, Rotor};
+
+use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut};
 use crate::description::Limits;
 use crate::fault::Fault;
@@ -50,8 +54,12 @@ pub struct Model<C = f64> {
     pub(crate) frames: Vec<Frame<C>>,
     /// Numbers in all G blocks together.
     pub(crate) n_g: usize,
-    /// For each independent velocity the nearest one that carries it, or `usize::MAX`.
-    pub(crate) y_parent: Vec<usize>,
+    /// Which independent velocity carries which.
+    pub(crate) branches: Branches,
+    /// Bodies that carry another cluster, or a body of their own that does.
+    pub(crate) carries: Vec<bool>,
+    /// What acts in joints besides their actuators.
+    pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
     /// The closed pose at y = 0, quaternions at rest (n_q).
     pub(crate) zero: Vec<C>,
@@ -300,7 +308,9 @@ impl<C: Copy> Model<C> {
             cluster_of_v: self.cluster_of_v.clone(),
             frames: self.frames.iter().map(|frame| Frame { body: frame.body, x_body_frame: map_pose(&frame.x_body_frame, f) }).collect(),
             n_g: self.n_g,
-            y_parent: self.y_parent.clone(),
+            branches: self.branches.clone(),
+            carries: self.carries.clone(),
+            terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),
             limits: self.limits.clone(),

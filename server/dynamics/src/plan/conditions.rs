@@ -212,9 +212,9 @@ fn cond_My<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
     let n = model.sizes().n_vy;
     for i in 0..n {
         for j in 0..=i {
-            // the triangle is filled by internal order, which is all that matters here
-            ws.dense[i * n + j] = ws.M_y[i * n + j];
-            ws.dense[j * n + i] = ws.M_y[i * n + j];
+            // internal order, as the order does not matter here
+            let entry = model.branches.entry(i, j).map_or(T::ZERO, |at| ws.M_y[at]);
+            (ws.dense[i * n + j], ws.dense[j * n + i]) = (entry, entry);
         }
     }
     let (largest, least) = singular_range(&mut ws.dense, n, n);

@@ -108,7 +108,7 @@ impl Plan {
                 let n = order.vy.len();
                 for (i, &a) in order.vy.iter().enumerate() {
                     for (j, &b) in order.vy.iter().enumerate() {
-                        out[i * n + j] = ws.M_y[a.max(b) * n + a.min(b)];
+                        out[i * n + j] = model.branches.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
                     }
                 }
             }
