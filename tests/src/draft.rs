@@ -104,7 +104,7 @@ impl Draft {
         let rows = angular
             .chain(linear.iter().map(|v| ([0.0; 3], back(v))))
             .enumerate()
-            .map(|(k, (w, v))| Row { name: format!("row{k}"), axis: [w[0], w[1], w[2], v[0], v[1], v[2]] });
+            .map(|(k, (w, v))| Row { name: format!("row{k}"), axis: [w[0], w[1], w[2], v[0], v[1], v[2]], against: None });
         let of = Loop {
             name: format!("cut{predecessor}"),
             predecessor,
