@@ -5,11 +5,13 @@
 
 mod agreement;
 mod allocation;
+mod assembly;
 mod closures;
 mod commands;
 mod derivatives;
 mod determinism;
 mod documents;
+mod duals;
 mod energy;
 mod failures;
 mod forward;
@@ -17,5 +19,7 @@ mod hyrodyn;
 mod laws;
 mod published;
 mod safeguards;
+mod scaling;
+mod targets;
 mod vectors;
 mod wire;

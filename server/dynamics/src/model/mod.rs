@@ -13,6 +13,7 @@ mod couplings;
 mod freedom;
 mod geometry;
 mod idle;
+mod open;
 mod orders;
 mod terms;
 mod tree;
@@ -22,13 +23,14 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
+pub(crate) use geometry::{pose as pose_of, unit_of};
 pub(crate) use terms::{JointTerms, Rotor};
 
 use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut};
 use crate::description::Limits;
 use crate::fault::Fault;
-use crate::scalar::Dd;
+use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
 
 pub(crate) use freedom::{Freedom, Motion};
@@ -287,6 +289,13 @@ impl<C> Model<C> {
     /// Limits in the order of q̇ (n_v).
     pub fn tree_limits(&self) -> &[Option<Limits>] {
         &self.meta.limits
+    }
+}
+
+impl<C: Real> Model<C> {
+    /// The same model over another scalar, every constant converted by `f`; a new scalar needs no new compilation. Allocates.
+    pub fn convert<D: Real>(&self, f: impl Fn(C) -> D + Copy) -> Model<D> {
+        self.map(f)
     }
 }
 
