@@ -2,10 +2,11 @@
 
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind, Terms,
+    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind,
 };
 
 use crate::report::Place;
+use crate::submechanisms::cut::CutKind;
 use crate::submechanisms::{Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named};
 use crate::urdf::{Urdf, Values};
 
@@ -74,7 +75,7 @@ pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<Entry
             axis: value.axis,
             limits: value.limits,
             coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
-            terms: Terms::default(),
+            terms: entry.terms,
         })
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
@@ -125,13 +126,11 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
         (Some(predecessor), Some(successor)) => Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) },
         _ => urdf.joint_index.get(&each.cut_joint).map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
-    Some(Loop {
-        name: each.cut_joint,
-        predecessor,
-        successor: *urdf.link_index.get(&each.successor_body)?,
-        cut,
-        rows: each.constraint_axes.into_iter().map(|row| Row { name: row.name, axis: row.axis, against: None }).collect(),
-    })
+    let rows = match each.cut_joint_type {
+        Some(written) => CutKind::named(&written)?.rows(each.axis.unwrap_or_default(), each.axis2.unwrap_or_default()),
+        None => each.constraint_axes?.into_iter().map(|row| Row { name: row.name, axis: row.axis, against: None }).collect(),
+    };
+    Some(Loop { name: each.cut_joint, predecessor, successor: *urdf.link_index.get(&each.successor_body)?, cut, rows })
 }
 
 fn placement(values: PlacementValues) -> Placement {

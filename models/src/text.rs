@@ -55,6 +55,20 @@ impl Text {
         Some(text)
     }
 
+    /// Makes elements of a prefix that nobody declared readable: its colon becomes an underscore, and every place stays where it is.
+    pub(crate) fn join_stray_prefix(&mut self, prefix: &str, findings: &mut Findings) {
+        if self.content.contains(&format!("xmlns:{prefix}")) {
+            return;
+        }
+        let tags = [format!("<{prefix}:"), format!("</{prefix}:")];
+        let Some(first) = tags.first().and_then(|tag| self.content.find(tag.as_str())) else { return };
+        let declaration = format!("xmlns:{prefix}=\"…\" on the outermost element");
+        findings.warning(self.place(first), format!("the prefix `{prefix}` is not declared"), declaration, "declare it");
+        for tag in &tags {
+            self.content = self.content.replace(tag.as_str(), &tag.replace(':', "_"));
+        }
+    }
+
     /// Line and column of a byte.
     pub(crate) fn place(&self, offset: usize) -> Place {
         let offset = offset.min(self.content.len());

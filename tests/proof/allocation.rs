@@ -37,6 +37,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Calls of the allocator by this thread.
 pub(crate) fn calls() -> u64 {
     CALLS.with(Cell::get)
 }

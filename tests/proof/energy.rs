@@ -8,7 +8,7 @@ use sarrus_tests::compare::largest;
 use sarrus_tests::run::Robot;
 use sarrus_tests::small::{minus, plus, times};
 
-use crate::derivatives::{energy, frames, moved};
+use crate::derivatives::{energy, frames, in_joints, moved};
 
 /// One step of the classical Runge-Kutta method without any force on the actuators.
 fn step(case: &Case, robot: &mut Robot<Dd>, state: &State<Dd>, h: f64) -> State<Dd> {
@@ -37,7 +37,10 @@ fn step(case: &Case, robot: &mut Robot<Dd>, state: &State<Dd>, h: f64) -> State<
 #[test]
 fn energy_is_kept_to_the_order_of_the_integrator() {
     // a quaternion needs an integrator of its own
-    let cases = robots().iter().filter(|case| !case.floats() && (case.seed >= 1000 || case.seed % 10 == 1 || case.seed % 20 == 18));
+    let damped = |case: &Case| case.description.joints.iter().any(|joint| joint.terms.damping != 0.0);
+    let cases = robots()
+        .iter()
+        .filter(|case| !case.floats() && !damped(case) && (case.seed >= 1000 || case.seed % 10 == 1 || case.seed % 20 == 18));
     Ledger::over(cases, |case, ledger| {
         let mut robot = Robot::new(case.compiled.exact.clone());
         let slow = |x: &[Dd]| times(Dd::from(0.3), x);
@@ -45,7 +48,11 @@ fn energy_is_kept_to_the_order_of_the_integrator() {
         let start = State { y: slow(&start.y), yd: slow(&start.yd), ydd: start.ydd };
         let all = |robot: &mut Robot<Dd>, state: &State<Dd>| {
             let (pose, twist) = frames(robot, state);
-            energy(case, &pose, &twist)
+            let (kinetic, potential) = energy(case, &pose, &twist);
+            let given = [(Field::Y, state.y.as_slice()), (Field::Yd, &state.yd)];
+            let x = robot.ask(Request::Kinematics, &given, &[Field::Q, Field::Qd]).ok();
+            let [rotors, springs, _] = in_joints(case, &robot.model, x.get(Field::Q), x.get(Field::Qd));
+            (kinetic + rotors, potential + springs)
         };
         let mut after = |steps: u32| (0..steps).fold(start.clone(), |state, _| step(case, &mut robot, &state, 8e-3 / f64::from(steps)));
         let [coarse, fine, finest] = [4, 8, 16].map(&mut after);
@@ -64,7 +71,8 @@ fn energy_is_kept_to_the_order_of_the_integrator() {
 
 #[test]
 fn without_gravity_nothing_pulls() {
-    Ledger::over(robots().iter().step_by(2), |case, ledger| {
+    // springs pull and damping is linear in the velocities
+    Ledger::over(robots().iter().filter(|case| !case.has_terms()).step_by(2), |case, ledger| {
         let weightless = Description { gravity: [0.0; 3], ..case.description.clone() };
         let mut robot = Robot::new(Model::compile(&weightless).unwrap().model);
         let state = case.state::<f64>(0);

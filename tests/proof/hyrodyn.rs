@@ -6,10 +6,14 @@ use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::{Field, Request};
 use sarrus_models::{Loaded, Options, Source, load};
+use sarrus_tests::cases::Case;
 use sarrus_tests::compare::{error_by_size, largest};
+use sarrus_tests::random::{IDLE, NEW_TYPES};
 use sarrus_tests::reference::{folder, numbers};
 use sarrus_tests::run::Robot;
 use serde_json::Value;
+
+use crate::laws::every_law;
 
 /// What is compared, and how closely.
 struct Tolerance {
@@ -151,6 +155,39 @@ fn compare_all(files: &[(&str, Tolerance)]) {
     let Some(root) = folder() else { return };
     let off: Vec<String> = files.iter().flat_map(|(name, tolerance)| compare(&root, name, tolerance)).collect();
     assert!(off.is_empty(), "{}", off.join("\n"));
+}
+
+/// Its robots as URDF and submechanisms, each as it is published or cut out of that.
+const ROBOTS: [[&str; 2]; 10] = [
+    ["leg/urdf/leg.urdf", "leg/urdf/submechanisms.yml"],
+    ["leg/derived/leg_hip_knee.urdf", "leg/derived/leg_hip_knee.yml"],
+    ["leg/derived/leg_hip_knee.urdf", "leg/derived/leg_hip_knee_numerical.yml"],
+    ["rh5v2/urdf/RH5v2_floatingbase.urdf", "rh5v2/submechanisms/submechanisms.yml"],
+    ["rh5v2/urdf/RH5v2_floatingbase.urdf", "rh5v2/submechanisms/submechanisms.c2942da.yml"],
+    ["rh5v2/derived/RH5v2.urdf", "rh5v2/derived/submechanisms_full_hybrid.yml"],
+    ["rh5v2/derived/RH5v2.urdf", "rh5v2/derived/submechanisms_full_numerical.yml"],
+    ["rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced.yml"],
+    ["rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_hybrid_elbows_numerical.yml"],
+    ["rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_numerical.yml"],
+];
+
+#[test]
+fn hyrodyns_robots_obey_every_law() {
+    let Some(root) = folder() else { return };
+    let read = |(k, [urdf, submechanisms]): (usize, &[&str; 2])| -> Option<Case> {
+        let [urdf, submechanisms] = [urdf, submechanisms].map(|path| root.join("robots/hyrodyn").join(path));
+        let name = submechanisms.file_name().unwrap().to_string_lossy().into_owned();
+        let Loaded { compiled, description, .. } = loaded(&name, &urdf, Some(submechanisms))?;
+        let sizes = compiled.model.sizes();
+        let reach = vec![0.1; sizes.n_vy];
+        // its placements are rounded
+        Some(Case { name, seed: 5000 + k as u64, description, compiled, reach, square: sizes.n_u == sizes.n_vy, rounded: true, scale: 0.3 })
+    };
+    let cases: Vec<Case> = ROBOTS.iter().enumerate().filter_map(read).collect();
+    every_law(&cases);
+    // the full robots have rods that spin about themselves, the leg has an ankle with arms
+    let least = if IDLE && NEW_TYPES { ROBOTS.len() } else { 5 };
+    assert!(cases.len() >= least, "only {} of {} can be read", cases.len(), ROBOTS.len());
 }
 
 #[test]

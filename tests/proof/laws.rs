@@ -42,9 +42,22 @@ impl Note<'_> {
     }
 }
 
-/// Checks a law on every robot; `unit(c)` is the error allowed at condition c.
 fn on_every_robot<L: Law>() {
-    Ledger::over(robots(), |case, ledger| {
+    on_all::<L>(robots());
+}
+
+/// Every law on some robots.
+pub(crate) fn every_law(cases: &[Case]) {
+    on_all::<LoopsAreClosed>(cases);
+    on_all::<ForcesAgree>(cases);
+    on_all::<Inverses>(cases);
+    on_all::<Frames>(cases);
+    on_all::<RoundTrips>(cases);
+}
+
+/// Checks a law on some robots; `unit(c)` is the error allowed at condition c.
+fn on_all<L: Law>(cases: &[Case]) {
+    Ledger::over(cases, |case, ledger| {
         let Compiled { model, exact, .. } = &case.compiled;
         let loops = case.contradiction();
         for k in 0..STATES {

@@ -5,14 +5,21 @@
 
 mod agreement;
 mod allocation;
+mod assembly;
+mod closures;
 mod commands;
 mod derivatives;
 mod determinism;
 mod documents;
+mod duals;
 mod energy;
 mod failures;
 mod forward;
 mod hyrodyn;
 mod laws;
+mod published;
+mod safeguards;
+mod scaling;
+mod targets;
 mod vectors;
 mod wire;

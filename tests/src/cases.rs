@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 
 use sarrus_dynamics::Compiled;
-use sarrus_dynamics::description::{Description, JointKind};
+use sarrus_dynamics::description::{Description, JointKind, Terms};
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_models::{Options, Source, load};
 
@@ -83,7 +83,12 @@ impl Case {
         }
     }
 
-    /// True where a joint of six freedoms carries the robot; its actuators cannot tell where it is.
+    /// True where damping, springs or rotors act in some joint.
+    pub fn has_terms(&self) -> bool {
+        self.description.joints.iter().any(|joint| joint.terms != Terms::default())
+    }
+
+    /// True where some joint is a quaternion: a floating base or a ball, whose place no actuator can tell.
     pub fn floats(&self) -> bool {
         self.compiled.model.sizes().n_q > self.compiled.model.sizes().n_v
     }
@@ -100,9 +105,11 @@ impl Case {
         let model = &self.compiled.model;
         let (mut y, mut yd, mut ydd) = (Vec::new(), Vec::new(), Vec::new());
         for (name, reach) in model.independent_names().iter().zip(&self.reach) {
-            if name.ends_with("/rx") {
-                // a floating joint: position and quaternion stand for its six freedoms
-                y.extend(seeded.vector(self.scale).map(number));
+            if let Some(joint) = name.strip_suffix("/rx") {
+                // a floating joint: position and quaternion stand for its six freedoms; a ball joint: a quaternion for its three
+                if model.independent_names().contains(&format!("{joint}/tx")) {
+                    y.extend(seeded.vector(self.scale).map(number));
+                }
                 let turn: [T; 4] = [(); 4].map(|()| number(seeded.within(-1.0, 1.0) + 0.3));
                 let length = turn.iter().fold(T::ZERO, |sum, x| sum + *x * *x).sqrt();
                 y.extend(turn.map(|x| x / length));

@@ -5,9 +5,23 @@ use std::path::{Path, PathBuf};
 use sarrus_dynamics::scalar::Dd;
 use serde_json::Value;
 
-/// The nine bundled robots with answers from an independent engine.
-pub const ROBOTS: [&str; 9] =
-    ["lambda", "parallelogram", "torso", "ankle", "wrist", "r3_lambda_r", "stewart", "rh5v2_upper_body", "rh5v2_full"];
+/// The bundled robots with answers from an independent engine.
+pub const ROBOTS: [&str; 14] = [
+    "lambda",
+    "parallelogram",
+    "torso",
+    "ankle",
+    "wrist",
+    "r3_lambda_r",
+    "stewart",
+    "rh5v2_upper_body",
+    "rh5v2_full",
+    "four_bars_2",
+    "five_bar",
+    "squeezer",
+    "delta",
+    "active_ankle",
+];
 
 /// A file of the project's own vectors.
 pub fn vectors(name: &str) -> Value {

@@ -17,7 +17,7 @@ const fn known(name: &'static str, kind: Kind, tree: &'static [usize], independe
 }
 
 /// Every type but the letter runs of serial ones. A universal joint counts two, a spherical one none: it is cut.
-pub(crate) const KNOWN: [Known; 12] = [
+pub(crate) const KNOWN: [Known; 15] = [
     known("SERIAL", Kind::Serial, &[], None),
     known("RRPR", Kind::Rrpr, &[3], Some(1)),
     known("rrPr", Kind::Rrpr, &[3], Some(1)),
@@ -30,6 +30,10 @@ pub(crate) const KNOWN: [Known; 12] = [
     known("3RUS2", Kind::Rus3x2, &[18, 21], Some(3)),
     known("3RUS2_ANKLE", Kind::Rus3x2, &[18, 21], Some(3)),
     known("PARALLELOGRAMCHAIN", Kind::ParallelogramChain, &[], None),
+    known("FOURBAR", Kind::FourBar, &[3], Some(1)),
+    known("SLIDERCRANK", Kind::SliderCrank, &[3], Some(1)),
+    // with and without the spider
+    known("DIFFERENTIAL", Kind::Differential, &[3, 4], Some(2)),
     known("TRANSMISSION", Kind::Transmission, &[], None),
     known("NUMERICAL", Kind::Numerical, &[], None),
 ];

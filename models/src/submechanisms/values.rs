@@ -26,7 +26,10 @@ pub(crate) struct LoopValues {
     pub(crate) cut_joint: String,
     pub(crate) predecessor_body: String,
     pub(crate) successor_body: String,
-    pub(crate) constraint_axes: Vec<RowValues>,
+    pub(crate) constraint_axes: Option<Vec<RowValues>>,
+    pub(crate) cut_joint_type: Option<String>,
+    pub(crate) axis: Option<[f64; 3]>,
+    pub(crate) axis2: Option<[f64; 3]>,
     pub(crate) predecessor_placement: Option<PlacementValues>,
     pub(crate) successor_placement: Option<PlacementValues>,
 }

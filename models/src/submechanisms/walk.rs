@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use super::cut;
 use super::tree::{Node, Value};
 use crate::number;
 use crate::report::{Findings, Place, quoted};
@@ -49,6 +50,9 @@ const LOOP: &[&str] = &[
     "predecessor_body",
     "successor_body",
     "constraint_axes",
+    "cut_joint_type",
+    "axis",
+    "axis2",
     "baumgarte_stabilization_parameter",
     "predecessor_placement",
     "successor_placement",
@@ -135,9 +139,11 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
             format!("add `{missing}`"),
         );
     }
-    let axes = list(node, "constraint_axes", findings);
-    if axes.is_empty() && !matches!(node.get("constraint_axes").map(|axes| &axes.value), Some(Value::Scalar { .. } | Value::Map(_))) {
-        findings.error(node.place, "the loop constraint has no `constraint_axes`", "at least one", "list the constrained directions");
+    let (axes, of_type) = (list(node, "constraint_axes", findings), cut::walk(node, findings));
+    let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
+    if no_axes && !matches!(node.get("constraint_axes").map(|axes| &axes.value), Some(Value::Scalar { .. } | Value::Map(_))) {
+        let help = "list the constrained directions, or give a cut_joint_type";
+        findings.error(node.place, "the loop constraint has no `constraint_axes`", "at least one", help);
     }
     if let Some(seventh) = axes.get(6) {
         let found = format!("the loop constraint has {} constraint_axes", axes.len());
@@ -148,7 +154,8 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
         row(axis, &mut names, findings);
     }
     let is_placed = placements.iter().all(|(_, placement)| placement.is_some());
-    Some(LoopEntry { place: node.place, cut_joint, predecessor, successor, is_placed, rows: axes.iter().map(|axis| axis.place).collect() })
+    let rows = axes.iter().map(|axis| axis.place).chain(of_type).collect();
+    Some(LoopEntry { place: node.place, cut_joint, predecessor, successor, is_placed, rows })
 }
 
 fn row(node: &Node, names: &mut HashSet<String>, findings: &mut Findings) {
@@ -198,7 +205,7 @@ fn keys(node: &Node, of: &str, known: &[&str], findings: &mut Findings) -> bool 
 }
 
 /// The text of a key, if the key is there.
-fn word(node: &Node, key: &str, findings: &mut Findings) -> Option<Named> {
+pub(super) fn word(node: &Node, key: &str, findings: &mut Findings) -> Option<Named> {
     let value = node.get(key)?;
     word_of(value, key, findings)
 }
@@ -230,7 +237,7 @@ fn list<'a>(node: &'a Node, key: &str, findings: &mut Findings) -> &'a [Node] {
 }
 
 /// `N` numbers of a key, if the key is there.
-fn numbers<const N: usize>(node: &Node, of: &str, key: &str, findings: &mut Findings) -> Option<[f64; N]> {
+pub(super) fn numbers<const N: usize>(node: &Node, of: &str, key: &str, findings: &mut Findings) -> Option<[f64; N]> {
     let value = node.get(key)?;
     let Value::List(items) = &value.value else {
         findings.error(value.place, format!("`{key}` of {of} is {}", value.describe()), number::expected(N), "write them as a list");

@@ -1,16 +1,17 @@
 //! Joints: type, links, axis, limits, couplings.
 
 use roxmltree::Node;
-use sarrus_dynamics::description::JointKind;
+use sarrus_dynamics::description::{JointKind, Terms};
 
+use super::dynamics;
 use super::xml::{Reader, Shape};
 use crate::report::{Place, quoted};
 
 const JOINT: Shape = Shape {
     attributes: &["name", "type"],
-    once: &["origin", "parent", "child", "axis", "limit", "mimic"],
+    once: &["origin", "parent", "child", "axis", "limit", "mimic", "dynamics"],
     many: &[],
-    ignored: &["dynamics", "calibration", "safety_controller", "hardwareInterface", "joint_properties", "sensor", "gazebo"],
+    ignored: &["calibration", "safety_controller", "hardwareInterface", "joint_properties", "sensor", "gazebo"],
 };
 const ORIGIN: Shape = Shape { attributes: &["xyz", "rpy", "quat_xyzw"], once: &[], many: &[], ignored: &[] };
 const REFERENCE: Shape = Shape { attributes: &["link"], once: &[], many: &[], ignored: &[] };
@@ -23,13 +24,18 @@ const LIMIT: Shape = Shape {
 };
 const MIMIC: Shape = Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
 
-const TYPES: [(&str, JointKind); 5] = [
+const TYPES: [(&str, JointKind); 7] = [
     ("revolute", JointKind::Revolute),
     ("continuous", JointKind::Continuous),
     ("prismatic", JointKind::Prismatic),
     ("fixed", JointKind::Fixed),
     ("floating", JointKind::Floating),
+    ("spherical", JointKind::Spherical),
+    (BALL, JointKind::Spherical),
 ];
+
+/// Another name of `spherical`, which urdf-rs does not know.
+const BALL: &str = "ball";
 
 /// A joint as it stands in the file.
 pub(crate) struct JointEntry {
@@ -42,6 +48,7 @@ pub(crate) struct JointEntry {
     pub(crate) child: Option<(String, Place)>,
     pub(crate) has_limits: bool,
     pub(crate) masters: Vec<Master>,
+    pub(crate) terms: Terms,
 }
 
 /// One term of a coupling.
@@ -57,6 +64,9 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
     let place = reader.place(node);
     let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
     let kind = reader.required(node, "type").and_then(|(written, place)| kind_of(reader, &written, place));
+    if let Some(written) = node.attribute_node("type").filter(|written| written.value() == BALL) {
+        reader.replaced.push((written.range_value(), "spherical"));
+    }
     let children = reader.children(node, &JOINT);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
     if let Some(node) = find("origin") {
@@ -86,8 +96,9 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
         }
         None => {}
     }
+    let terms = find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
-    JointEntry { name, place, kind, parent, child, has_limits: limit_node.is_some(), masters }
+    JointEntry { name, place, kind, parent, child, has_limits: limit_node.is_some(), masters, terms }
 }
 
 fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<JointKind> {
@@ -96,9 +107,6 @@ fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<J
     if kind.is_none() {
         let (found, help) = match written {
             "planar" => ("the joint type `planar` is not supported".to_owned(), "use two prismatic and one revolute joint".to_owned()),
-            "spherical" | "ball" => {
-                (format!("the joint type `{written}` is not supported"), "use three revolute joints, or a loop of three rows".to_owned())
-            }
             _ => {
                 let help = reader.findings.did_you_mean(written, names, "choose one of them");
                 (format!("the joint type {} is not known", quoted(written)), help)

@@ -1,5 +1,6 @@
 //! URDF: a strict walk over the text with positions, and the numbers by urdf-rs.
 
+mod dynamics;
 mod guard;
 mod joint;
 mod link;
@@ -18,6 +19,7 @@ pub(crate) use values::{Values, values};
 
 use crate::report::{Findings, Place, quoted};
 use crate::text::Text;
+use dynamics::Rotor;
 use transmission::Dependence;
 use xml::{Reader, Shape};
 
@@ -42,6 +44,8 @@ pub(crate) struct Urdf {
     pub(crate) joint_index: HashMap<String, usize>,
     /// Byte ranges that no part of sarrus reads.
     unread: Vec<core::ops::Range<usize>>,
+    /// Byte ranges of values that urdf-rs knows by another name.
+    replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
 /// The version that the robot element states; before 1.1 there are no quaternions, before 1.2 limits are not optional.
@@ -68,7 +72,7 @@ impl Urdf {
     /// Walks the text; `None` when it is no URDF file at all, which has been told.
     pub(crate) fn read(text: &Text, findings: &mut Findings) -> Option<Urdf> {
         let document = xml::parse(text, findings)?;
-        let mut reader = Reader { text, findings, version: Version(1, 0), unread: Vec::new() };
+        let mut reader = Reader::new(text, findings, Version(1, 0));
         let root = document.root_element();
         let place = reader.place(root);
         if !root.has_tag_name("robot") {
@@ -90,7 +94,9 @@ impl Urdf {
             link_index: HashMap::new(),
             joint_index: HashMap::new(),
             unread: Vec::new(),
+            replaced: Vec::new(),
         };
+        let mut rotors: Vec<Rotor> = Vec::new();
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
@@ -98,12 +104,14 @@ impl Urdf {
                 "joint" => urdf.joints.push(joint::read(&mut reader, node)),
                 _ => {
                     dependences.extend(transmission::read(&mut reader, node));
+                    rotors.extend(dynamics::rotors(&mut reader, node));
                     reader.unread.push(node.range());
                 }
             }
         }
         urdf.index_names(reader.findings);
         urdf.couple(dependences, reader.findings);
+        urdf.add_rotors(&rotors, &mut reader);
         let moving = (0..urdf.joints.len()).filter(|joint| urdf.moves(*joint)).count();
         for (count, most, what) in [(urdf.links.len(), MOST_LINKS, "links"), (moving, MOST_JOINTS, "moving joints")] {
             if count > most {
@@ -115,14 +123,14 @@ impl Urdf {
         for (link, is_root) in urdf.links.iter().zip(is_root) {
             link::check(&mut reader, link, is_root);
         }
-        urdf.unread = reader.unread;
+        (urdf.unread, urdf.replaced) = (reader.unread, reader.replaced);
         Some(urdf)
     }
 
     /// Takes over the couplings of another URDF, that of a submechanism alone, for those of `joints` that have none yet.
     pub(crate) fn couple_from(&mut self, text: &Text, joints: &HashSet<&str>, findings: &mut Findings) {
         let Some(document) = xml::parse(text, findings) else { return };
-        let mut reader = Reader { text, findings, version: Version(1, 2), unread: Vec::new() };
+        let mut reader = Reader::new(text, findings, Version(1, 2));
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in document.root_element().children() {
             if node.has_tag_name("transmission") {
@@ -200,6 +208,26 @@ impl Urdf {
         }
     }
 
+    /// Hands the rotors of transmissions to their joints.
+    fn add_rotors(&mut self, rotors: &[Rotor], reader: &mut Reader<'_, '_>) {
+        for rotor in rotors {
+            let joint = self.joint_index.get(&rotor.joint).copied();
+            let Some(joint) = joint.and_then(|joint| self.joints.get_mut(joint)) else {
+                let found = format!("the rotor belongs to the joint {}, which does not exist", quoted(&rotor.joint));
+                let help = reader.findings.did_you_mean(&rotor.joint, self.joint_names(), "correct the name");
+                reader.findings.error(rotor.place, found, "a joint of this file", help);
+                continue;
+            };
+            let mut terms = joint.terms;
+            if !rotor.join(&mut terms) {
+                let found = format!("the joint {} has a second rotor", quoted(&joint.name));
+                reader.findings.error(rotor.place, found, "one", "add both inertias up, each times its ratio squared");
+            } else if dynamics::accepts(reader, rotor.place, joint.kind, &joint.name, &terms) {
+                joint.terms = terms;
+            }
+        }
+    }
+
     /// Checks every coupling.
     pub(crate) fn check_couplings(&self, findings: &mut Findings) {
         for joint in &self.joints {
@@ -217,7 +245,7 @@ impl Urdf {
                 };
                 findings.error(master.place, found, "another moving joint of this robot", help);
             }
-            if !joint.masters.is_empty() && matches!(joint.kind, Some(JointKind::Fixed | JointKind::Floating)) {
+            if !joint.masters.is_empty() && matches!(joint.kind, Some(JointKind::Fixed | JointKind::Floating | JointKind::Spherical)) {
                 let found = format!("the joint {} is coupled", quoted(&joint.name));
                 findings.error(joint.place, found, "a coupling of joints with one axis", "remove the mimic or change the type");
             }

@@ -63,14 +63,18 @@ fn placement(pose: &urdf_rs::Pose) -> Placement {
     Placement { xyz: *pose.xyz, rpy: *pose.rpy }
 }
 
-/// The text with everything blank that is not ours to read: a fault in a mesh or a plug-in is no fault of the robot.
+/// The text without what is not ours to read, for a fault in a mesh or a plug-in is no fault of the robot, and in the words of urdf-rs.
 fn without_unread(text: &Text, urdf: &Urdf) -> String {
-    let mut ranges = urdf.unread.clone();
-    ranges.sort_by_key(|range| range.start);
+    let unread = urdf.unread.iter().map(|range| (range.clone(), ""));
+    let mut changes: Vec<(core::ops::Range<usize>, &str)> = unread.chain(urdf.replaced.iter().cloned()).collect();
+    changes.sort_by_key(|(range, _)| range.start);
     let mut kept = String::with_capacity(text.content.len());
     let mut at = 0;
-    for range in ranges {
-        kept.push_str(text.content.get(at..range.start).unwrap_or_default());
+    for (range, instead) in changes {
+        if range.start >= at {
+            kept.push_str(text.content.get(at..range.start).unwrap_or_default());
+            kept.push_str(instead);
+        }
         at = at.max(range.end);
     }
     kept.push_str(text.content.get(at..).unwrap_or_default());

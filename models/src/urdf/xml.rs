@@ -59,9 +59,16 @@ pub(super) struct Reader<'t, 'f> {
     pub(super) version: Version,
     /// Byte ranges of everything that is not read.
     pub(super) unread: Vec<core::ops::Range<usize>>,
+    /// Byte ranges of values that urdf-rs knows by another name.
+    pub(super) replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
-impl<'t> Reader<'t, '_> {
+impl<'t, 'f> Reader<'t, 'f> {
+    /// A reader that has read nothing.
+    pub(super) fn new(text: &'t Text, findings: &'f mut Findings, version: Version) -> Reader<'t, 'f> {
+        Reader { text, findings, version, unread: Vec::new(), replaced: Vec::new() }
+    }
+
     pub(super) fn place(&self, node: Node<'_, 't>) -> Place {
         self.text.place(node.range().start)
     }
@@ -136,6 +143,18 @@ impl<'t> Reader<'t, '_> {
             Err(fault) => {
                 let what = format!("`{attribute}` of `{of}`: {fault}");
                 self.findings.error(self.place_of_value(&found), what, number::expected(N), "correct the value");
+                None
+            }
+        }
+    }
+
+    /// The one finite number that an element holds as its text; `None` after an error.
+    pub(super) fn number_of_text(&mut self, node: Node<'_, 't>) -> Option<f64> {
+        match number::numbers::<1>(node.text().unwrap_or_default()) {
+            Ok([number]) => Some(number),
+            Err(fault) => {
+                let what = format!("`{}`: {fault}", node.tag_name().name());
+                self.findings.error(self.place(node), what, number::expected(1), "correct the value");
                 None
             }
         }

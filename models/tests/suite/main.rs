@@ -13,9 +13,11 @@ macro_rules! faults {
     };
 }
 
+mod cuts;
 mod hostile;
 mod other_faults;
 mod reading;
+mod terms;
 mod urdf_faults;
 mod yaml_faults;
 

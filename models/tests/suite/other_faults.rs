@@ -76,7 +76,7 @@ fn a_file_that_cannot_be_opened_is_no_fault_of_its_content() {
 fn an_unknown_robot_is_told_with_the_nearest() {
     let Err(error) = load(&Source::Bundled("stewert".into()), &Options::default()) else { panic!() };
     let expected = "there is no bundled robot `stewert`; expected one of lambda, torso, ankle, parallelogram, stewart, wrist, r3_lambda_r, \
-        rh5v2_upper_body, rh5v2_full; did you mean `stewart`?";
+        rh5v2_upper_body, rh5v2_full, four_bars_2, five_bar, squeezer, bricard, delta, active_ankle, stewart_floating; did you mean `stewart`?";
     assert_eq!(error.to_string(), expected);
 }
 

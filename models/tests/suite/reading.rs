@@ -14,11 +14,13 @@ fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
 
 #[test]
 fn every_bundled_robot_reads_without_an_error() {
-    assert_eq!(bundled().count(), 9);
+    assert_eq!(bundled().count(), 16);
     for (name, about) in bundled() {
         let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap_or_else(|error| panic!("{error}"));
         let told = loaded.report.to_string();
-        assert!(told.lines().all(|line| line.contains("it is closed numerically from its loops")), "{name}\n{told}");
+        // an overconstrained mechanism says so
+        let may_be_told = if name == "bricard" { "redundant constraint axes: P5/" } else { "it is closed numerically from its loops" };
+        assert!(told.lines().all(|line| line.contains(may_be_told)), "{name}\n{told}");
         assert!(!about.is_empty());
     }
 }

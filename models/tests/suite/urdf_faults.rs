@@ -106,13 +106,10 @@ faults! { urdf:
         r#"robot.urdf:29:3: `joint` has no `type`, expected type="…", add it"#;
     an_unknown_joint_type_is_an_error_with_the_nearest:
         r#"type="continuous""# => r#"type="continous""#,
-        "robot.urdf:29:29: the joint type `continous` is not known, expected revolute, continuous, prismatic, fixed, floating, did you mean `continuous`?";
+        "robot.urdf:29:29: the joint type `continous` is not known, expected revolute, continuous, prismatic, fixed, floating, spherical, ball, did you mean `continuous`?";
     a_planar_joint_is_not_supported:
         r#"type="continuous""# => r#"type="planar""#,
-        "robot.urdf:29:29: the joint type `planar` is not supported, expected revolute, continuous, prismatic, fixed, floating, use two prismatic and one revolute joint";
-    a_spherical_joint_is_not_supported:
-        r#"type="continuous""# => r#"type="spherical""#,
-        "robot.urdf:29:29: the joint type `spherical` is not supported, expected revolute, continuous, prismatic, fixed, floating, use three revolute joints, or a loop of three rows";
+        "robot.urdf:29:29: the joint type `planar` is not supported, expected revolute, continuous, prismatic, fixed, floating, spherical, ball, use two prismatic and one revolute joint";
     a_zero_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="0 0 0"/>"#,
         "robot.urdf:33:5: the axis of joint `swing` is zero, expected a direction as 0 0 1, correct it";

@@ -29,7 +29,7 @@ faults! { yaml:
     an_unknown_key_of_a_loop_is_an_error:
         "predecessor_body" => "body",
         "submechanisms.yml:11:5: the loop constraint has no `predecessor_body`, expected `predecessor_body: NAME`, add it",
-        "submechanisms.yml:12:5: the key `body` of a loop constraint is not known, expected cut_joint, predecessor_body, successor_body, constraint_axes, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, remove it";
+        "submechanisms.yml:12:5: the key `body` of a loop constraint is not known, expected cut_joint, predecessor_body, successor_body, constraint_axes, cut_joint_type, axis, axis2, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, remove it";
     an_unknown_key_of_an_axis_is_an_error:
         "{name: y," => "{name: y, unit: m,",
         "submechanisms.yml:15:17: the key `unit` of a constraint axis is not known, expected name, axis, baumgarte_stabilization_parameter, remove it";
@@ -77,7 +77,7 @@ faults! { yaml:
         "submechanisms.yml:16:14: a second axis of this loop is named `y`, expected a name of its own, rename one of them";
     a_loop_without_axes_is_an_error:
         "    constraint_axes:\n    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n    - {name: z, axis: [0, 0, 0, 0, 0, 1]}\n" => "",
-        "submechanisms.yml:11:5: the loop constraint has no `constraint_axes`, expected at least one, list the constrained directions";
+        "submechanisms.yml:11:5: the loop constraint has no `constraint_axes`, expected at least one, list the constrained directions, or give a cut_joint_type";
     a_loop_without_a_body_is_an_error:
         "    successor_body: rod\n" => "",
         "submechanisms.yml:11:5: the loop constraint has no `successor_body`, expected `successor_body: NAME`, add it";
@@ -120,10 +120,10 @@ faults! { yaml:
         "submechanisms.yml:8:29: the joint `elbow` is already in the submechanism `elbow_joint`, expected each joint in one, remove it from one of them";
     an_unknown_submechanism_type_is_an_error_with_the_nearest:
         "NUMERICAL" => "NUMERIC",
-        "submechanisms.yml:3:9: the submechanism type `NUMERIC` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, did you mean `NUMERICAL`?";
+        "submechanisms.yml:3:9: the submechanism type `NUMERIC` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, FOURBAR, SLIDERCRANK, DIFFERENTIAL, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, did you mean `NUMERICAL`?";
     a_type_far_from_all_is_told_what_to_do:
         "NUMERICAL" => "4-bar",
-        "submechanisms.yml:3:9: the submechanism type `4-bar` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, use NUMERICAL with loop_constraints for any other mechanism";
+        "submechanisms.yml:3:9: the submechanism type `4-bar` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, FOURBAR, SLIDERCRANK, DIFFERENTIAL, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, use NUMERICAL with loop_constraints for any other mechanism";
     a_lambda_has_three_joints_and_one_of_them_independent:
         "type: NUMERICAL" => "type: 2SPU+1U",
         "submechanisms.yml:3:9: `2SPU+1U` with 3 spanning-tree joints, expected 8, correct jointnames_spanningtree or use NUMERICAL",

@@ -7,8 +7,10 @@
 // the symbols of the equations
 #![allow(non_snake_case)]
 
+mod assembly;
 mod branch_sparse;
 mod closure;
+mod closures_at_zero;
 pub mod description;
 mod fault;
 mod linear;
@@ -19,6 +21,8 @@ mod spatial;
 mod tree;
 mod workspace;
 
+pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use closures_at_zero::ClosureAtZero;
 pub use fault::{CompileError, Fault, Site};
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Answer, Method, Plan};

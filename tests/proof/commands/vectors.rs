@@ -1,4 +1,4 @@
-//! The reference vectors of the nine robots through `ask`, by size at 1e-12.
+//! The reference vectors of the robots through `ask`, by size at 1e-12.
 
 use sarrus_tests::compare::{assert_close, largest};
 use sarrus_tests::reference::{ROBOTS, cases, numbers, vectors};

@@ -1,12 +1,24 @@
 //! Random robots as text, from a seed: what they are made of, and how far they can move.
 
 mod mechanisms;
+mod planar;
+mod platforms;
+mod spatial;
 mod writer;
 
 use sarrus_models::{LoadError, Loaded, Options, Source, load};
 
 use crate::seed::Seeded;
 use writer::Writer;
+
+/// Four-bars, slider-cranks and legs on arms are declared by their own types, else NUMERICAL.
+pub const NEW_TYPES: bool = false;
+/// Rods may spin about themselves.
+pub const IDLE: bool = false;
+/// Joints have damping, springs and rotors now and then.
+pub const TERMS: bool = false;
+/// Chains hold ball joints now and then.
+pub const BALLS: bool = true;
 
 /// A robot as its files hold it.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::Text;
+use super::{TERMS, Text};
 use crate::rigid::{Pose, Vector, add, norm};
 use crate::seed::Seeded;
 
@@ -123,18 +123,35 @@ impl Writer {
         let name = self.name("joint");
         let origin = self.links[parent].1.inverse().then(&at);
         let (xyz, rpy) = (self.vector(origin.p, self.scale), self.vector(origin.rpy(), 1.0));
+        let axis_is_given = axis.is_some();
         let axis = axis.map_or(String::new(), |axis| format!("<axis xyz=\"{}\"/>", self.vector(axis, 1.0)));
         let limit = if matches!(type_name, "revolute" | "prismatic") {
             "<limit lower=\"-1e4\" upper=\"1e4\" effort=\"1e12\" velocity=\"1e4\"/>"
         } else {
             ""
         };
+        let terms = if TERMS && axis_is_given && self.seeded.chance(0.3) { self.terms(type_name == "prismatic") } else { String::new() };
         let (parent, child_name) = (&self.links[parent].0, &self.links[child].0);
         let _ = writeln!(
             self.urdf,
-            "  <joint name=\"{name}\" type=\"{type_name}\"><parent link=\"{parent}\"/><child link=\"{child_name}\"/><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{axis}{limit}</joint>"
+            "  <joint name=\"{name}\" type=\"{type_name}\"><parent link=\"{parent}\"/><child link=\"{child_name}\"/><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{axis}{limit}{terms}</joint>"
         );
         (name, child)
+    }
+
+    /// Damping, a spring and a rotor, each now and then.
+    fn terms(&mut self, slides: bool) -> String {
+        let arm = if slides { 1.0 } else { self.scale };
+        // the mass of a body here, and with the square of an arm its inertia
+        let inertia = 20.0 * self.scale.powi(3) * arm * arm;
+        let mut number = |size: f64| if self.seeded.chance(0.6) { self.seeded.within(0.0, size) } else { 0.0 };
+        let (damping, stiffness, rotor) =
+            (number(0.5 * inertia), number(5.0 * inertia), number(2e-3 * inertia * (self.scale / arm).powi(2)));
+        let rest = self.seeded.within(-0.5, 0.5) * self.scale / arm;
+        let ratio = self.seeded.within(1.0, 10.0) * self.seeded.sign() * arm / self.scale;
+        format!(
+            "<dynamics damping=\"{damping:?}\" spring_stiffness=\"{stiffness:?}\" spring_reference=\"{rest:?}\" rotor_inertia=\"{rotor:?}\" gear_ratio=\"{ratio:?}\"/>"
+        )
     }
 
     /// A joint through a point along an axis, both in the root; its frame lies anyhow. Sometimes a fixed joint comes before it.
@@ -159,6 +176,12 @@ impl Writer {
             Kind::Turn => "revolute",
         };
         self.place(type_name, parent, at, Some(axis), mass)
+    }
+
+    /// A ball joint at a point.
+    pub(super) fn ball(&mut self, parent: Link, origin: Vector) -> (String, Link) {
+        let at = Pose { p: origin, ..self.seeded.pose(0.0) };
+        self.place("spherical", parent, at, None, true)
     }
 
     /// A fixed joint whose frame marks a cut.
@@ -210,7 +233,8 @@ impl Writer {
             }
         }
         self.square &= entry.active.len() == entry.independent.len();
-        self.masters.extend(independent);
+        // a ball joint cannot lead others
+        self.masters.extend(entry.independent.iter().filter(|x| x.1 > 0.0).map(|x| x.0.clone()));
         self.holds.push(what.into());
         self.reach.extend(entry.independent);
     }

@@ -165,9 +165,9 @@ struct Roles {
 /// A model under construction.
 pub(super) struct Builder<'a> {
     pub(super) description: &'a Description,
-    skeleton: &'a Skeleton,
-    partition: &'a Partition,
-    submechanism_of: &'a [usize],
+    pub(super) skeleton: &'a Skeleton,
+    pub(super) partition: &'a Partition,
+    pub(super) submechanism_of: &'a [usize],
     pub(super) model: Model<Dd>,
     /// Body of each moving joint.
     pub(super) body_of: Vec<usize>,
@@ -305,6 +305,7 @@ impl<'a> Builder<'a> {
                 g,
                 independent,
                 dependent,
+                locked: Vec::new(),
                 independent_q,
                 dependent_q,
                 local_parent,
@@ -516,6 +517,7 @@ impl<'a> Builder<'a> {
         if !errors.is_empty() {
             return None;
         }
+        let branches = self.branches();
         let names = self.names;
         let loop_names = row_owner.iter().scan(0usize, |_, (s, of)| {
             Some(match of {
@@ -540,6 +542,7 @@ impl<'a> Builder<'a> {
             n_vy: names.independent.len(),
             n_u: names.active.len(),
             n_c: row_owner.len(),
+            n_branches: branches.len(),
         };
         let meta = Meta {
             name: self.description.name.clone(),
@@ -551,6 +554,7 @@ impl<'a> Builder<'a> {
             independent_q: names.independent_q,
             active: names.active,
             loops: loop_names,
+            branches,
             links: self.description.links.iter().map(|link| link.name.clone()).collect(),
             limits: names.limits,
             closures: Vec::new(),
@@ -576,6 +580,7 @@ impl Meta {
             independent_q: Vec::new(),
             active: Vec::new(),
             loops: Vec::new(),
+            branches: Vec::new(),
             links: Vec::new(),
             limits: Vec::new(),
             closures: Vec::new(),

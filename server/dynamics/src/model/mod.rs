@@ -12,6 +12,8 @@ mod compile;
 mod couplings;
 mod freedom;
 mod geometry;
+mod idle;
+mod open;
 mod orders;
 mod terms;
 mod tree;
@@ -21,13 +23,14 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
+pub(crate) use geometry::{pose as pose_of, unit_of};
 pub(crate) use terms::{JointTerms, Rotor};
 
 use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut};
 use crate::description::Limits;
 use crate::fault::Fault;
-use crate::scalar::Dd;
+use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
 
 pub(crate) use freedom::{Freedom, Motion};
@@ -89,6 +92,7 @@ pub(crate) struct Meta {
     pub(crate) independent_q: Vec<String>,
     pub(crate) active: Vec<String>,
     pub(crate) loops: Vec<String>,
+    pub(crate) branches: Vec<String>,
     pub(crate) links: Vec<String>,
     pub(crate) limits: Vec<Option<Limits>>,
     pub(crate) closures: Vec<ClosureInfo>,
@@ -111,6 +115,8 @@ pub(crate) struct Order {
     pub(crate) v_external: Vec<usize>,
     pub(crate) vy_external: Vec<usize>,
     pub(crate) vy_internal: Vec<usize>,
+    /// The tied clusters that have a branch, in the order of their submechanisms.
+    pub(crate) branches: Vec<usize>,
 }
 
 /// A moving body and the joint that carries it.
@@ -162,6 +168,8 @@ pub(crate) struct Cluster<C> {
     pub(crate) dependent: Vec<usize>,
     pub(crate) independent_q: Vec<usize>,
     pub(crate) dependent_q: Vec<usize>,
+    /// Idle velocities, which stand still; they are in neither list.
+    pub(crate) locked: Vec<usize>,
     /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
     pub(crate) local_parent: Vec<usize>,
     /// Actuators: (index in u, local velocity).
@@ -188,6 +196,10 @@ pub struct ClosureInfo {
     pub rows: usize,
     /// How many of them are independent.
     pub rank: usize,
+    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value that they start with.
+    pub idle: Vec<String>,
+    /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without loops.
+    pub length: f64,
     /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
     pub misfit: f64,
 }
@@ -262,6 +274,10 @@ impl<C> Model<C> {
     pub fn loop_names(&self) -> &[String] {
         &self.meta.loops
     }
+    /// Names of what has a branch: the submechanism of each tied cluster that is not a pure coupling (n_branches).
+    pub fn branch_names(&self) -> &[String] {
+        &self.meta.branches
+    }
     /// Names of the links; an index into them names a frame in a plan.
     pub fn link_names(&self) -> &[String] {
         &self.meta.links
@@ -273,6 +289,13 @@ impl<C> Model<C> {
     /// Limits in the order of q̇ (n_v).
     pub fn tree_limits(&self) -> &[Option<Limits>] {
         &self.meta.limits
+    }
+}
+
+impl<C: Real> Model<C> {
+    /// The same model over another scalar, every constant converted by `f`; a new scalar needs no new compilation. Allocates.
+    pub fn convert<D: Real>(&self, f: impl Fn(C) -> D + Copy) -> Model<D> {
+        self.map(f)
     }
 }
 
@@ -342,6 +365,7 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
             g: self.g,
             independent: self.independent.clone(),
             dependent: self.dependent.clone(),
+            locked: self.locked.clone(),
             independent_q: self.independent_q.clone(),
             dependent_q: self.dependent_q.clone(),
             local_parent: self.local_parent.clone(),

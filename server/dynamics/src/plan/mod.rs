@@ -1,11 +1,14 @@
 //! A plan: the steps that a set of wanted outputs needs on a model, and no others.
 
 mod conditions;
+mod failure;
 mod forces;
 mod kkt;
 mod method;
+mod nearest;
 mod output;
 mod run;
+mod singular;
 mod state;
 
 pub use method::Method;
@@ -127,7 +130,8 @@ impl Plan {
         let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
         let frames =
             wanted.n_frames > 0 && want.has_any(&[FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator]);
-        let conditions = want.has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy]);
+        let conditions = want.has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy])
+            || want.has_any(&[Branch, LambdaDeterminate, GoodIndependents, Uncontrolled]);
         let wants_velocity = want.has_any(&[Qd, Yd, Ud, FrameTwist, FrameAcc, KBias]);
         let wants_acceleration = want.has_any(&[Qdd, Ydd, Udd, FrameAcc]);
         let wants_bias = want.has_any(&[GBias, GUBias]) && velocity.is_some();
@@ -139,7 +143,7 @@ impl Plan {
             || request == Request::Map
             || (moving && wants_velocity)
             || acceleration.is_some()
-            || want.has_any(&[G, GU, CondGu, JacobianIndependent, JacobianActuator])
+            || want.has_any(&[G, GU, CondGu, Uncontrolled, JacobianIndependent, JacobianActuator])
             || given.has_any(&[U, Ud, Udd])
         {
             Level::Velocity

@@ -1,0 +1,121 @@
+//! What acts in a joint besides its actuator: `<dynamics>` of a joint, and the rotor that a `<transmission>` states for one.
+
+use roxmltree::Node;
+use sarrus_dynamics::description::{JointKind, Terms};
+
+use super::xml::{Reader, Shape};
+use crate::report::{Place, quoted};
+
+const DYNAMICS: Shape = Shape {
+    attributes: &["damping", "friction", "spring_stiffness", "spring_reference", "rotor_inertia", "gear_ratio"],
+    once: &[],
+    many: &[],
+    ignored: &[],
+};
+
+/// The rotor of an actuator.
+pub(crate) struct Rotor {
+    pub(crate) joint: String,
+    pub(crate) place: Place,
+    inertia: f64,
+    ratio: f64,
+}
+
+impl Rotor {
+    /// Puts the rotor into the terms of its joint; false when there is one already.
+    pub(super) fn join(&self, terms: &mut Terms) -> bool {
+        let is_first = terms.rotor_inertia == 0.0;
+        if is_first {
+            (terms.rotor_inertia, terms.gear_ratio) = (self.inertia, self.ratio);
+        }
+        is_first
+    }
+}
+
+/// Reads `<dynamics>` of a joint.
+pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, joint: &str) -> Terms {
+    reader.children(node, &DYNAMICS);
+    reader.unread.push(node.range());
+    let mut number = |name: &str| reader.numbers::<1>(node, name).map(|[number]| number);
+    let [damping, friction, stiffness, rotor_inertia] =
+        ["damping", "friction", "spring_stiffness", "rotor_inertia"].map(|name| number(name).unwrap_or(0.0));
+    let (rest, ratio) = (number("spring_reference").unwrap_or(0.0), number("gear_ratio").unwrap_or(1.0));
+    for (name, value) in [("damping", damping), ("friction", friction), ("spring_stiffness", stiffness), ("rotor_inertia", rotor_inertia)] {
+        if value < 0.0 {
+            let found = format!("`{name}` of `dynamics` is {value}");
+            reader.findings.error(reader.place(node), found, "zero or more", "correct the value");
+        }
+    }
+    if friction > 0.0 {
+        let found = format!("the joint {} has dry friction, which is not modelled", quoted(joint));
+        reader.findings.warning(reader.place(node), found, "`damping`", "add it to the forces of the actuators, or remove it");
+    }
+    let rotor_inertia = rotor(reader, node, rotor_inertia, ratio);
+    let terms = Terms { damping, stiffness, rest, rotor_inertia, gear_ratio: ratio };
+    if accepts(reader, reader.place(node), kind, joint, &terms) { terms } else { Terms::default() }
+}
+
+/// The rotors that the actuators of a transmission have; most have none, and are not looked at.
+pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Rotor> {
+    let child = |node: Node<'_, 't>, name: &str| node.children().any(|child| is_named(child, name));
+    let actuators = node.children().filter(|actuator| actuator.has_tag_name("actuator") && child(*actuator, "rotor_inertia"));
+    let actuators: Vec<Node<'_, 't>> = actuators.collect();
+    let joints: Vec<Node<'_, 't>> = node.children().filter(|child| child.has_tag_name("joint")).collect();
+    let ([actuator], [joint]) = (&actuators[..], &joints[..]) else {
+        if let Some(second) = actuators.first() {
+            let found = format!("the transmission has {} rotors and {} joints", actuators.len(), joints.len());
+            reader.findings.error(reader.place(*second), found, "one of each", "write a transmission for each rotor");
+        }
+        return Vec::new();
+    };
+    let mut value = |names: &[&str]| {
+        let found = names.iter().find_map(|name| actuator.children().find(|child| is_named(*child, name)))?;
+        let attribute = found.attribute("value").is_some();
+        let number = if attribute { reader.required_number(found, "value") } else { reader.number_of_text(found) };
+        number.map(|number| (number, reader.place(found)))
+    };
+    let inertia = value(&["rotor_inertia"]);
+    let ratio = value(&["gear_ratio", "mechanicalReduction"]).map_or(1.0, |(ratio, _)| ratio);
+    let name = reader.required(*joint, "name");
+    let (Some((inertia, place)), Some((joint, _))) = (inertia, name) else { return Vec::new() };
+    if inertia < 0.0 {
+        reader.findings.error(place, format!("the rotor inertia is {inertia}"), "zero or more", "correct the value");
+    }
+    let inertia = rotor(reader, *actuator, inertia, ratio);
+    Vec::from_iter((inertia > 0.0).then_some(Rotor { joint, place, inertia, ratio }))
+}
+
+/// Whether a joint of this kind can have these terms; tells it if not.
+pub(super) fn accepts(reader: &mut Reader<'_, '_>, place: Place, kind: Option<JointKind>, joint: &str, terms: &Terms) -> bool {
+    let is_empty = terms.damping == 0.0 && terms.stiffness == 0.0 && terms.rotor_inertia == 0.0;
+    let help = "remove it, or change the type of the joint";
+    match kind {
+        _ if is_empty => true,
+        Some(JointKind::Fixed) => {
+            let found = format!("the fixed joint {} has damping, a spring or a rotor, which is not read", quoted(joint));
+            reader.findings.warning(place, found, "a joint that moves", help);
+            false
+        }
+        Some(JointKind::Floating | JointKind::Spherical) => {
+            let found = format!("the joint {} of several freedoms has damping, a spring or a rotor", quoted(joint));
+            reader.findings.error(place, found, "a joint of one freedom", help);
+            false
+        }
+        _ => true,
+    }
+}
+
+/// The inertia of a rotor whose ratio is good; its sign is that of the motor's coordinate and counts for nothing.
+fn rotor<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, inertia: f64, ratio: f64) -> f64 {
+    if inertia > 0.0 && ratio == 0.0 {
+        let found = "the gear ratio of a rotor is zero";
+        reader.findings.error(reader.place(node), found, "how often it turns while the joint turns once", "correct the value");
+    }
+    inertia
+}
+
+/// An element by its name, with Drake's prefix, whether it is declared or not, or without.
+fn is_named(node: Node<'_, '_>, name: &str) -> bool {
+    let written = node.tag_name().name();
+    node.is_element() && (written == name || written.strip_prefix("drake_") == Some(name))
+}
