@@ -101,10 +101,11 @@ impl Draft {
         };
         let back = |v: &Vector| x_cut.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(self.at.direction(*v));
         let angular = angular.iter().map(|v| (back(v), [0.0; 3]));
-        let rows = angular
-            .chain(linear.iter().map(|v| ([0.0; 3], back(v))))
-            .enumerate()
-            .map(|(k, (w, v))| Row { name: format!("row{k}"), axis: [w[0], w[1], w[2], v[0], v[1], v[2]] });
+        let rows = angular.chain(linear.iter().map(|v| ([0.0; 3], back(v)))).enumerate().map(|(k, (w, v))| Row {
+            name: format!("row{k}"),
+            axis: [w[0], w[1], w[2], v[0], v[1], v[2]],
+            against: None,
+        });
         let of = Loop {
             name: format!("cut{predecessor}"),
             predecessor,
