@@ -5,6 +5,8 @@
 
 mod agreement;
 mod allocation;
+mod assembly;
+mod closures;
 mod commands;
 mod derivatives;
 mod determinism;
@@ -12,10 +14,15 @@ mod documents;
 mod duals;
 mod energy;
 mod failures;
+mod forward;
 mod hyrodyn;
 mod laws;
 mod published;
+<<<<<<< HEAD
 mod scaling;
 mod targets;
+=======
+mod safeguards;
+>>>>>>> main
 mod vectors;
 mod wire;
