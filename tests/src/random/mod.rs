@@ -16,7 +16,7 @@ pub const NEW_TYPES: bool = false;
 /// Rods may spin about themselves.
 pub const IDLE: bool = false;
 /// Joints have damping, springs and rotors now and then.
-pub const TERMS: bool = false;
+pub const TERMS: bool = true;
 /// Chains hold ball joints now and then.
 pub const BALLS: bool = true;
 
