@@ -5,6 +5,7 @@
 //! cargo run --release -p sarrus-benches -- --quick            # the same with fewer repetitions, up to 1 minute
 //! cargo run --release -p sarrus-benches -- --only upper_body/analytic --format markdown
 //! cargo run --release -p sarrus-benches -- --list             # the names of the cases
+//! cargo run --release -p sarrus-benches -- --forward          # forward dynamics by each method, beside what the cost model predicts
 //! benches/count.sh --check                                    # instructions per call against benches/instructions.tsv
 //! ```
 //!
@@ -16,8 +17,10 @@
 //! To add a robot or a way to close its loops: one line in `cases.rs`.
 
 mod cases;
+mod chain;
 mod count;
 mod error;
+mod forward;
 mod progress;
 mod report;
 mod round_trip;
@@ -61,6 +64,9 @@ struct Flags {
     /// Go this many times through 16 states of one case and end; for counting instructions.
     #[arg(long, num_args = 2, value_names = ["CASE", "REPEATS"])]
     count: Option<Vec<String>>,
+    /// Forward dynamics by each method, predicted beside measured, and end.
+    #[arg(long)]
+    forward: bool,
     #[arg(long, hide = true)]
     child: Option<round_trip::Role>,
     /// Processors of the child: it inherits the one that its parent is tied to.
@@ -79,6 +85,7 @@ fn main() -> ExitCode {
     let outcome = match Flags::parse() {
         Flags { child: Some(role), processors, .. } => round_trip::child(role, &processors),
         Flags { count: Some(count), .. } => count::run(&count),
+        Flags { forward: true, .. } => forward::run(),
         flags => run(&flags),
     };
     match outcome {

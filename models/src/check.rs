@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::assembly::AssemblyReport;
+use crate::closures;
 use crate::load::{LoadError, Loaded};
 use crate::report::{Finding, Report};
 
@@ -29,6 +31,9 @@ pub struct CheckReport {
     pub warnings: Vec<Finding>,
     /// What must be mended.
     pub errors: Vec<Finding>,
+    /// What came of an assembly, if one was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub assembled: Option<AssemblyReport>,
 }
 
 /// How a submechanism is closed.
@@ -48,6 +53,24 @@ pub struct ClosureReport {
     pub rank: usize,
     /// How far the geometry is from the closed form's assumptions, relative to the mechanism's size.
     pub misfit: f64,
+    /// Rows that say nothing new.
+    pub redundant: Vec<String>,
+    /// Idle joints, which keep the value that they start with.
+    pub idle: Vec<String>,
+    /// Branch of each of its clusters at the zero pose, 1 or −1; 0 where that is singular.
+    pub branch: Vec<f64>,
+    /// Least singular value of the scaled K_d at the zero pose; 1 without loops.
+    pub sigma_min: f64,
+    /// Condition number of the scaled K_d at the zero pose; `null` where that is singular.
+    #[serde(rename = "cond_Kd", serialize_with = "finite")]
+    pub cond: f64,
+    /// Where a closure of this type is singular, in words; empty where nothing general can be said.
+    pub singular: &'static str,
+}
+
+/// A number, or null for what JSON has no word for.
+fn finite<S: serde::Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    number.is_finite().then_some(number).serialize(serializer)
 }
 
 impl CheckReport {
@@ -74,13 +97,21 @@ impl CheckReport {
 
     fn of_model(loaded: &Loaded) -> CheckReport {
         let model = &loaded.compiled.model;
-        let closures = model.closures().iter().map(|info| ClosureReport {
+        let at_zero = model.closures_at_zero();
+        let kinds = loaded.description.submechanisms.iter().map(|of| of.kind);
+        let closures = model.closures().iter().zip(at_zero).zip(kinds).map(|((info, at_zero), kind)| ClosureReport {
             name: info.name.clone(),
             type_name: info.type_name.clone(),
             kind: info.kind.name(),
             rows: info.rows,
             rank: info.rank,
             misfit: info.misfit,
+            redundant: at_zero.redundant,
+            idle: info.idle.clone(),
+            branch: at_zero.branch,
+            sigma_min: at_zero.sigma_min,
+            cond: at_zero.cond_Kd,
+            singular: closures::singular(kind),
         });
         CheckReport {
             robot: Some(model.name().to_owned()),

@@ -39,20 +39,25 @@
 //! lists the first thousand errors and the first thousand warnings that were found, and the number of the others.
 #![forbid(unsafe_code)]
 
+mod assembly;
 mod build;
 mod bundled;
 mod check;
+pub mod closures;
 mod inertia;
 mod load;
 mod nearest;
 mod number;
+mod open;
 mod report;
 mod smurf;
 mod submechanisms;
 mod text;
 mod urdf;
 
+pub use assembly::{AssemblyReport, Moved, NewPlacements, assemble};
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use load::{LoadError, Loaded, Options, Source, load};
+pub use open::{Opened, load_open};
 pub use report::{Finding, Report};

@@ -115,7 +115,7 @@ pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     }
 }
 
-fn contents(source: &Source, findings: &mut Findings) -> Result<Option<Contents>, LoadError> {
+pub(crate) fn contents(source: &Source, findings: &mut Findings) -> Result<Option<Contents>, LoadError> {
     match source {
         Source::Bundled(name) => bundled::contents(name).map(Some),
         Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => smurf::contents(urdf, submechanisms.as_deref(), findings),
@@ -139,6 +139,18 @@ pub(crate) fn file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 
 /// Reads and compiles; `None` or errors in `findings` after a fault.
 fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &mut Option<String>) -> Option<(Description, Compiled)> {
+    let (description, places) = describe(contents, options, findings, robot)?;
+    let compiled = compile(&description, &places, findings)?;
+    Some((description, compiled))
+}
+
+/// Reads; `None` after a fault.
+pub(crate) fn describe(
+    contents: Contents,
+    options: &Options,
+    findings: &mut Findings,
+    robot: &mut Option<String>,
+) -> Option<(Description, Places)> {
     // every check of the text, as far as each file goes
     let (urdf_name, bytes) = contents.urdf;
     let mut urdf_text = Text::new(&urdf_name, bytes, findings);
@@ -180,9 +192,13 @@ fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &
         return None;
     };
 
-    // the model; its faults go back to their places
     let places = Places::new(&urdf, submechanisms.as_ref());
-    let (compiled, errors, warnings) = match Model::compile(&description) {
+    Some((description, places))
+}
+
+/// The model; its faults go back to their places.
+pub(crate) fn compile(description: &Description, places: &Places, findings: &mut Findings) -> Option<Compiled> {
+    let (compiled, errors, warnings) = match Model::compile(description) {
         Ok(compiled) => {
             let warnings = compiled.warnings.clone();
             (Some(compiled), Vec::new(), warnings)
@@ -195,7 +211,7 @@ fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &
     for fault in warnings {
         findings.warning(places.of(fault.site), fault.found, fault.expected, fault.help);
     }
-    compiled.map(|compiled| (description, compiled))
+    compiled
 }
 
 /// Takes the couplings of TRANSMISSION submechanisms from the files that they name, as HyRoDyn does, where the URDF has none.

@@ -70,7 +70,7 @@ impl Place {
 }
 
 /// Collects findings while the files are read.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Findings {
     files: Vec<String>,
     errors: Pile,
@@ -79,7 +79,7 @@ pub(crate) struct Findings {
     pub(crate) lenient: bool,
 }
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Pile {
     findings: Vec<(Place, Finding)>,
     dropped: usize,

@@ -102,6 +102,14 @@ fields! {
     JacobianActuator = 36, "jacobian_actuator", |s, f, w| (6 * f, s.n_u);
     /// 2-norm condition number of M_y (1).
     CondMy = 37, "cond_My", |s, f, w| (1, 1);
+    /// Branch of each tied cluster that is not a pure coupling: the sign of det K_d, 1 or −1 (n_branches).
+    Branch = 38, "branch", |s, f, w| (s.n_branches, 1);
+    /// 1 where a loop-closure force is determined by the motion, 0 where redundant rows share it (n_c).
+    LambdaDeterminate = 39, "lambda_determinate", |s, f, w| (s.n_c, 1);
+    /// 1 where a tree velocity belongs to a set of independents that is good at this pose, else 0 (n_v).
+    GoodIndependents = 40, "good_independents", |s, f, w| (s.n_v, 1);
+    /// The direction of ẏ, of unit length, that the actuators control least; after a singular actuation the one that none controls (n_vy).
+    Uncontrolled = 41, "uncontrolled", |s, f, w| (s.n_vy, 1);
 }
 
 impl Field {
@@ -112,7 +120,8 @@ impl Field {
 
     /// True for fields that a failed answer may still carry.
     pub const fn survives_failure(self) -> bool {
-        matches!(self, Field::Residual | Field::Iterations | Field::NearestY)
+        use Field::*;
+        matches!(self, Residual | Iterations | NearestY | SigmaMin | GoodIndependents | Uncontrolled)
     }
 }
 

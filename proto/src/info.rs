@@ -25,6 +25,8 @@ pub struct ModelInfo {
     pub active: Vec<String>,
     /// Order of the rows of K (n_c).
     pub loops: Vec<String>,
+    /// Clusters that have a branch (n_branches).
+    pub branches: Vec<String>,
     /// Links; a link's place is its number in [`crate::Wanted`].
     pub links: Vec<String>,
     /// Limits of the tree coordinates, in the order of q̇ (n_v).
@@ -50,17 +52,19 @@ pub struct ModelSizes {
     pub n_u: usize,
     /// Constraint rows.
     pub n_c: usize,
+    /// Tied clusters that are not pure couplings.
+    pub n_branches: usize,
 }
 
 impl From<Sizes> for ModelSizes {
-    fn from(Sizes { n_q, n_v, n_qy, n_vy, n_u, n_c }: Sizes) -> ModelSizes {
-        ModelSizes { n_q, n_v, n_qy, n_vy, n_u, n_c }
+    fn from(Sizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }: Sizes) -> ModelSizes {
+        ModelSizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }
     }
 }
 
 impl From<ModelSizes> for Sizes {
-    fn from(ModelSizes { n_q, n_v, n_qy, n_vy, n_u, n_c }: ModelSizes) -> Sizes {
-        Sizes { n_q, n_v, n_qy, n_vy, n_u, n_c }
+    fn from(ModelSizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }: ModelSizes) -> Sizes {
+        Sizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }
     }
 }
 

@@ -36,13 +36,13 @@ macro_rules! plain {
 }
 
 plain! {
-    Entry<RequestHead, N> = "sarrus.LaneRequest.v1", const N;
-    Entry<ResponseHead, N> = "sarrus.LaneResponse.v1", const N;
-    ComputeRequest = "sarrus.ComputeRequest.v1";
-    ControlRequest = "sarrus.ControlRequest.v1";
-    ControlResponse = "sarrus.ControlResponse.v1";
-    Heartbeat = "sarrus.Heartbeat.v1";
-    Statistics = "sarrus.Statistics.v1";
+    Entry<RequestHead, N> = "sarrus.LaneRequest.v2", const N;
+    Entry<ResponseHead, N> = "sarrus.LaneResponse.v2", const N;
+    ComputeRequest = "sarrus.ComputeRequest.v2";
+    ControlRequest = "sarrus.ControlRequest.v2";
+    ControlResponse = "sarrus.ControlResponse.v2";
+    Heartbeat = "sarrus.Heartbeat.v2";
+    Statistics = "sarrus.Statistics.v2";
 }
 
 /// The reading end of a board.

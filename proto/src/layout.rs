@@ -16,6 +16,8 @@ pub struct Sizes {
     pub n_u: usize,
     /// Constraint rows.
     pub n_c: usize,
+    /// Tied clusters that are not pure couplings.
+    pub n_branches: usize,
 }
 
 /// Where one field lies in the packed numbers.

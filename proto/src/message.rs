@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use crate::{LaneId, Status, Wanted, Warnings};
 
 /// Version of everything on the wire; a change of any payload raises it, together with the type names in `lane.rs`.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 /// Plans that one server holds.
 pub const MAX_PLANS: usize = 1024;
 /// Numbers that one request can carry through the requests door.
@@ -280,8 +280,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn payloads_keep_the_sizes_of_version_1() {
-        assert_eq!(PROTOCOL_VERSION, 1);
+    fn payloads_keep_the_sizes_of_version_2() {
+        assert_eq!(PROTOCOL_VERSION, 2);
         assert_eq!(size_of::<RequestHead>(), 24);
         assert_eq!(size_of::<ResponseHead>(), 16);
         assert_eq!(size_of::<LaneRequest<16>>(), 24 + 8 * 16);

@@ -229,6 +229,9 @@ impl Wanted {
             CondKd,
             CondGu,
             SigmaMin,
+            Branch,
+            GoodIndependents,
+            Uncontrolled,
             NearestY,
             FramePose,
             FrameTwist,
@@ -237,7 +240,7 @@ impl Wanted {
             JacobianIndependent,
             JacobianActuator,
         ]);
-        const DYNAMICS: FieldSet = FieldSet::of(&[Lambda, MY, CY, CondMy]);
+        const DYNAMICS: FieldSet = FieldSet::of(&[Lambda, LambdaDeterminate, MY, CY, CondMy]);
         let outputs = STATE.0
             | match request {
                 Request::Kinematics => 0,

@@ -37,7 +37,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-fn calls() -> u64 {
+/// Calls of the allocator by this thread.
+pub(crate) fn calls() -> u64 {
     CALLS.with(Cell::get)
 }
 

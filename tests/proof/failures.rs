@@ -254,5 +254,7 @@ fn a_failure_tells_how_open_the_loop_stayed_where_that_is_asked() {
     assert_ne!(x.answer.status, Status::Ok);
     assert!(x.get(Residual)[0] > 1e-6, "residual {:?}", x.get(Residual));
     let nearest = x.get(NearestY)[0];
-    assert!(robot.ask(Request::Kinematics, &[(Y, &[nearest])], &[Q]).answer.status == Status::Ok, "nearest y {nearest}");
+    // there the independents themselves fail; a little before, towards the guess, they do not
+    let before = nearest * (1.0 - 1e-6);
+    assert!(robot.ask(Request::Kinematics, &[(Y, &[before])], &[Q]).answer.status == Status::Ok, "nearest y {nearest}");
 }

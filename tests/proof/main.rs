@@ -5,6 +5,8 @@
 
 mod agreement;
 mod allocation;
+mod assembly;
+mod closures;
 mod commands;
 mod derivatives;
 mod determinism;
@@ -12,9 +14,11 @@ mod documents;
 mod duals;
 mod energy;
 mod failures;
+mod forward;
 mod hyrodyn;
 mod laws;
 mod published;
+mod safeguards;
 mod scaling;
 mod targets;
 mod vectors;

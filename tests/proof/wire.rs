@@ -22,7 +22,7 @@ fn a_wish_is_120_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 38] = [
+    const NAMES: [&str; 42] = [
         "y",
         "yd",
         "ydd",
@@ -61,6 +61,10 @@ fn fields_keep_their_numbers_and_names() {
         "jacobian_independent",
         "jacobian_actuator",
         "cond_My",
+        "branch",
+        "lambda_determinate",
+        "good_independents",
+        "uncontrolled",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -101,9 +105,9 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 
 #[test]
 fn fields_are_packed_in_the_order_of_their_numbers() {
-    let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2 };
+    let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4 };
     let given = FieldSet::of(&[Field::TauU, Field::Yd, Field::Y]);
-    let wanted = Wanted::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..38])).with_frames(&[1, 0]).with_wrenches(&[1]);
+    let wanted = Wanted::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42])).with_frames(&[1, 0]).with_wrenches(&[1]);
     let slots = |layout: Layout| layout.slots().iter().map(|slot| (slot.offset, slot.rows, slot.columns)).collect::<Vec<_>>();
     assert_eq!(slots(Layout::of_given(&wanted, &sizes)), [(0, 8, 1), (8, 7, 1), (15, 3, 1), (18, 1, 6)]);
     let shapes = [
@@ -145,6 +149,10 @@ fn fields_are_packed_in_the_order_of_their_numbers() {
         (12, 7),
         (12, 3),
         (1, 1),
+        (4, 1),
+        (2, 1),
+        (9, 1),
+        (7, 1),
     ];
     let mut offset = 0;
     for (slot, (rows, columns)) in slots(Layout::of_want(&wanted, &sizes)).into_iter().zip(shapes) {

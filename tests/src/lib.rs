@@ -5,6 +5,7 @@
 
 pub mod cases;
 pub mod compare;
+pub mod draft;
 pub mod dual;
 pub mod path;
 pub mod plans;

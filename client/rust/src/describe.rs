@@ -24,6 +24,7 @@ pub fn describe(loaded: &Loaded) -> ModelInfo {
         independent_q: model.independent_q_names().to_vec(),
         active: model.active_names().to_vec(),
         loops: model.loop_names().to_vec(),
+        branches: model.branch_names().to_vec(),
         links: model.link_names().to_vec(),
         limits: model.tree_limits().iter().map(|limits| limits.as_ref().map(finite)).collect(),
         closures: closures.collect(),

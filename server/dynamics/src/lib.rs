@@ -7,7 +7,10 @@
 // the symbols of the equations
 #![allow(non_snake_case)]
 
+mod assembly;
+mod branch_sparse;
 mod closure;
+mod closures_at_zero;
 pub mod description;
 mod fault;
 mod linear;
@@ -18,8 +21,10 @@ mod spatial;
 mod tree;
 mod workspace;
 
+pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use closures_at_zero::ClosureAtZero;
 pub use fault::{CompileError, Fault, Site};
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
-pub use plan::{Answer, Plan};
+pub use plan::{Answer, Method, Plan};
 pub use sarrus_proto::{Field, FieldSet, Layout, Request, Sizes, Slot, Status, Wanted, WantedError, Warnings};
 pub use workspace::Workspace;

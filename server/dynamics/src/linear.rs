@@ -27,11 +27,11 @@ pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: us
 }
 
 /// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the determinant, or `None` where a
-/// pivot is not above the rounding of the largest entry, or not a number.
+/// pivot is so small against the largest entry that the solution would have less than five digits, or not a number.
 pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
     let mut det = T::ONE;
     let largest = A[..m * m].iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
-    let floor = largest * T::from_f64(8.0 * T::EPSILON);
+    let floor = largest * T::from_f64(1e5 * T::EPSILON);
     for k in 0..m {
         let mut p = k;
         for i in k + 1..m {
@@ -89,64 +89,16 @@ fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize) {
     }
 }
 
-/// Factorises a symmetric matrix whose row i is zero left of the diagonal except at the ancestors of i: H = Lᵀ D L in place,
-/// no fill-in (Featherstone, Rigid Body Dynamics Algorithms, Table 6.3). `parent[i]` is the nearest ancestor of i or `usize::MAX`.
-///
-/// H is n×n row-major, lower triangle used. On return the strict lower triangle holds L, the diagonal 1/D. The mask tells
-/// where every D is positive.
-#[inline]
-pub(crate) fn factorise_ltdl<T: Real>(H: &mut [T], parent: &[usize], n: usize) -> T::Mask {
-    let mut positive = T::Mask::splat(true);
-    for k in (0..n).rev() {
-        let d = H[k * n + k];
-        positive = positive & T::ZERO.lt(d);
-        let inverse = T::ONE / d;
-        let mut i = parent[k];
-        while i != usize::MAX {
-            let l = H[k * n + i] * inverse;
-            let mut j = i;
-            while j != usize::MAX {
-                H[i * n + j] = (-l).mul_add(H[k * n + j], H[i * n + j]);
-                j = parent[j];
-            }
-            H[k * n + i] = l;
-            i = parent[i];
-        }
-        H[k * n + k] = inverse;
-    }
-    positive
-}
-
-/// Solves Lᵀ D L x = b in place after [`factorise_ltdl`].
-#[inline]
-pub(crate) fn solve_ltdl<T: Real>(H: &[T], parent: &[usize], n: usize, x: &mut [T]) {
-    for i in (0..n).rev() {
-        let xi = x[i];
-        let mut j = parent[i];
-        while j != usize::MAX {
-            x[j] = (-H[i * n + j]).mul_add(xi, x[j]);
-            j = parent[j];
-        }
-    }
-    for i in 0..n {
-        let mut xi = x[i] * H[i * n + i];
-        let mut j = parent[i];
-        while j != usize::MAX {
-            xi = (-H[i * n + j]).mul_add(x[j], xi);
-            j = parent[j];
-        }
-        x[i] = xi;
-    }
-}
-
-/// Largest and least singular value of the m×n row-major matrix A by one-sided Jacobi rotations; destroys A. When m < n the
-/// transpose must be passed. An empty matrix has (1, 1).
-pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, T) {
-    if n == 0 {
-        return (T::ONE, T::ONE);
-    }
+/// Singular value decomposition A = U Σ Vᵀ of the m×n row-major matrix A by one-sided Jacobi rotations (Hestenes 1958): A becomes U Σ, its
+/// column norms are the singular values, in no order. V (n×n) is filled, or left out where it is empty.
+pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize) {
     const SWEEPS: usize = 30;
     let tiny = T::from_f64(T::EPSILON);
+    for (k, x) in V.iter_mut().enumerate().take(n * n) {
+        *x = if k / n == k % n { T::ONE } else { T::ZERO };
+    }
+    // a column below the rounding of the largest is zero, and turns with nothing
+    let floor = (0..m * n).fold(T::ZERO, |sum, k| A[k].mul_add(A[k], sum)) * tiny * tiny;
     for _ in 0..SWEEPS {
         let mut turned = false;
         for p in 0..n {
@@ -159,7 +111,7 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
                     b = y.mul_add(y, b);
                     c = x.mul_add(y, c);
                 }
-                if !(tiny * (a * b).sqrt()).lt(c.abs()) {
+                if !(tiny * (a * b).sqrt()).lt(c.abs()) || !(floor * tiny).lt(c.abs()) {
                     continue;
                 }
                 turned = true;
@@ -168,10 +120,9 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
                 let t = if zeta < T::ZERO { -t } else { t };
                 let cosine = T::ONE / (T::ONE + t * t).sqrt();
                 let sine = t * cosine;
-                for i in 0..m {
-                    let (x, y) = (A[i * n + p], A[i * n + q]);
-                    A[i * n + p] = cosine * x - sine * y;
-                    A[i * n + q] = sine * x + cosine * y;
+                turn_columns(A, m, n, p, q, cosine, sine);
+                if !V.is_empty() {
+                    turn_columns(V, n, n, p, q, cosine, sine);
                 }
             }
         }
@@ -179,13 +130,34 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
             break;
         }
     }
+}
+
+fn turn_columns<T: Scalar>(A: &mut [T], m: usize, n: usize, p: usize, q: usize, cosine: T, sine: T) {
+    for i in 0..m {
+        let (x, y) = (A[i * n + p], A[i * n + q]);
+        A[i * n + p] = cosine * x - sine * y;
+        A[i * n + q] = sine * x + cosine * y;
+    }
+}
+
+/// Squared norm of column j of an m×n row-major matrix.
+pub(crate) fn column_square<T: Scalar>(A: &[T], m: usize, n: usize, j: usize) -> T {
+    (0..m).fold(T::ZERO, |sum, i| A[i * n + j].mul_add(A[i * n + j], sum))
+}
+
+/// Largest and least singular value of the m×n row-major matrix A; destroys A. When m < n the transpose must be passed. An empty matrix
+/// has (1, 1); numbers that are not finite have none.
+pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, T) {
+    if n == 0 {
+        return (T::ONE, T::ONE);
+    }
+    if !A[..m * n].iter().all(|x| x.is_finite()) {
+        return (T::from_f64(f64::NAN), T::from_f64(f64::NAN));
+    }
+    decompose(A, &mut [], m, n);
     let (mut largest, mut least) = (T::ZERO, T::from_f64(f64::INFINITY));
     for j in 0..n {
-        let mut square = T::ZERO;
-        for i in 0..m {
-            square = A[i * n + j].mul_add(A[i * n + j], square);
-        }
-        let sigma = square.sqrt();
+        let sigma = column_square(A, m, n, j).sqrt();
         if sigma > largest {
             largest = sigma;
         }
@@ -194,6 +166,34 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
         }
     }
     (largest, least)
+}
+
+/// Sign of the determinant of an m×m row-major matrix, by elimination with partial pivoting; destroys A. Zero where a pivot is exactly so.
+pub(crate) fn determinant_sign<T: Scalar>(A: &mut [T], m: usize) -> T {
+    let mut sign = T::ONE;
+    for k in 0..m {
+        let mut p = k;
+        for i in k + 1..m {
+            if A[i * m + k].abs() > A[p * m + k].abs() {
+                p = i;
+            }
+        }
+        if p != k {
+            for j in 0..m {
+                A.swap(k * m + j, p * m + j);
+            }
+            sign = -sign;
+        }
+        let pivot = A[k * m + k];
+        if pivot == T::ZERO {
+            return T::ZERO;
+        }
+        if pivot < T::ZERO {
+            sign = -sign;
+        }
+        eliminate(A, &mut [], m, 0, k);
+    }
+    sign
 }
 
 /// Least-squares solution of least norm of A x = b, A m×n row-major, by the normal equations of the smaller side (one step of

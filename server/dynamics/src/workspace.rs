@@ -2,9 +2,10 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Rate, Scratch};
 use crate::model::Model;
+use crate::plan::Plan;
 use crate::scalar::{Real, Scalar};
 use crate::spatial::{Pose, identity, zero};
-use crate::tree::Articulated;
+use crate::tree::{Embedding, Force};
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next one.
 #[derive(Clone, Debug)]
@@ -34,7 +35,7 @@ pub struct Workspace<T> {
     // recursions
     pub(crate) motion: Vec<BodyState<T>>,
     pub(crate) composite: Vec<Composite<T>>,
-    pub(crate) articulated: Vec<Articulated<T>>,
+    pub(crate) embedding: Embedding<T>,
     /// Pose of each body {root}.
     pub(crate) world: Vec<Pose<T>>,
     /// External wrench on each body, `[n; f]` at its origin {body}.
@@ -44,14 +45,19 @@ pub struct Workspace<T> {
     pub(crate) tau_y: Vec<T>,
     pub(crate) tau_u: Vec<T>,
     pub(crate) tau_rest: Vec<T>,
-    /// Reduced mass matrix and its factor (n_vy × n_vy), reduced bias force.
+    /// Reduced mass matrix and its factor, packed by `Model::branches`; reduced bias force.
     pub(crate) M_y: Vec<T>,
     pub(crate) C_y: Vec<T>,
     pub(crate) factor: Vec<T>,
     /// Force columns of the cluster that is carried towards the root: `[n; f]` for each of its independents.
-    pub(crate) columns: Vec<(Vector3<T>, Vector3<T>)>,
-    /// Mass matrix of one cluster (n × n).
-    pub(crate) cluster_mass: Vec<T>,
+    pub(crate) columns: Vec<Force<T>>,
+    /// The same inside one cluster, for each of its bodies (n × n_vy), and its block of the mass matrix (n_vy × n_vy).
+    pub(crate) inside: Vec<Force<T>>,
+    pub(crate) block: Vec<T>,
+    /// Matrix, right-hand side and scaling of the tree under its constraints; empty where no plan asks for that method.
+    pub(crate) kkt: Vec<T>,
+    pub(crate) kkt_rhs: Vec<T>,
+    pub(crate) kkt_scale: Vec<T>,
     /// Dense scratch for what is asked rarely: conditions, actuator maps, λ, Jacobians.
     pub(crate) dense: Vec<T>,
     pub(crate) dense_rhs: Vec<T>,
@@ -59,6 +65,25 @@ pub struct Workspace<T> {
     /// One frame's Jacobian (6 × n_vy), and the tree forces that only the loops can supply.
     pub(crate) jacobian: Vec<T>,
     pub(crate) loop_q: Vec<T>,
+    needs: Needs,
+}
+
+/// The square matrices that a plan needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Needs {
+    /// M_y and its factor.
+    pub(crate) mass_matrix: bool,
+    /// Dense scratch as wide as the robot, not only as its largest cluster.
+    pub(crate) dense: bool,
+    /// The tree under its constraints.
+    pub(crate) kkt: bool,
+}
+
+impl Needs {
+    /// What either needs.
+    fn and(self, other: Needs) -> Needs {
+        Needs { mass_matrix: self.mass_matrix | other.mass_matrix, dense: self.dense | other.dense, kkt: self.kkt | other.kkt }
+    }
 }
 
 /// What the recursions keep for one body, in its own axes at its origin.
@@ -101,8 +126,23 @@ pub(crate) struct Composite<T> {
 }
 
 impl<T: Scalar> Workspace<T> {
-    /// Scratch for every plan on this model. Allocates; nothing after it does.
+    /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates; nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
+        Workspace::sized(model, Needs { mass_matrix: true, dense: true, kkt: false })
+    }
+
+    /// Scratch for these plans on this model and for no others, without the square matrices that none of them needs: that of a robot with a
+    /// thousand joints is then a thousand times as small. Allocates; nothing after it does.
+    pub fn for_plans<'a>(model: &Model<T>, plans: impl IntoIterator<Item = &'a Plan>) -> Workspace<T> {
+        Workspace::sized(model, plans.into_iter().fold(Needs::default(), |needs, plan| needs.and(plan.needs())))
+    }
+
+    /// True where it is large enough for a plan that needs this.
+    pub(crate) fn serves(&self, needs: Needs) -> bool {
+        self.needs.and(needs) == self.needs
+    }
+
+    fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
         let sizes = model.sizes();
         let bodies = model.bodies.len();
         let at_rest = BodyState { R: identity(), p: zero(), w: zero(), v: zero(), alpha: zero(), a: zero(), n: zero(), f: zero() };
@@ -111,7 +151,10 @@ impl<T: Scalar> Workspace<T> {
         let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);
         let largest = clusters().map(|c| c.n_q).max().unwrap_or(0);
         let rows = clusters().map(|c| c.rows.len()).max().unwrap_or(0);
-        let side = largest.max(rows).max(sizes.n_vy).max(sizes.n_u) + 6;
+        let widest_u = clusters().map(|c| c.active.len()).max().unwrap_or(0);
+        let side = if needs.dense { sizes.n_vy.max(sizes.n_u) } else { widest_u }.max(largest).max(rows) + 6;
+        let packed = if needs.mass_matrix { model.branches.len } else { 0 };
+        let kkt = if needs.kkt { sizes.n_v + clusters().map(|c| c.used.len()).sum::<usize>() } else { 0 };
         Workspace {
             q: of(sizes.n_q),
             qd: of(sizes.n_v),
@@ -126,18 +169,23 @@ impl<T: Scalar> Workspace<T> {
             scratch: Scratch::new(largest, rows),
             motion: vec![at_rest; bodies],
             composite: vec![Composite { mass: T::ZERO, h: zero(), inertia: [T::ZERO; 6] }; bodies],
-            articulated: vec![Articulated::default(); bodies],
+            embedding: Embedding::new(model),
             world: vec![Pose::identity(); bodies],
             wrench: vec![(zero(), zero()); bodies],
             tau_q: of(sizes.n_v),
             tau_y: of(sizes.n_vy),
             tau_u: of(sizes.n_u),
             tau_rest: of(sizes.n_vy),
-            M_y: of(sizes.n_vy * sizes.n_vy),
+            M_y: of(packed),
             C_y: of(sizes.n_vy),
-            factor: of(sizes.n_vy * sizes.n_vy),
+            factor: of(packed),
             columns: vec![(zero(), zero()); widest],
-            cluster_mass: of(largest * largest),
+            inside: vec![(zero(), zero()); clusters().map(|c| c.n * c.n_vy).max().unwrap_or(0)],
+            block: of(widest * widest),
+            kkt: of(kkt * kkt),
+            kkt_rhs: of(kkt),
+            kkt_scale: of(kkt),
+            needs,
             dense: of(side * side),
             dense_rhs: of(side * side),
             dense_spare: of(side * side),

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{Finding, Loaded, load};
+use sarrus_models::{CheckReport, Finding, Loaded, assemble, load};
 
 /// Which robot, and how its files are read.
 #[derive(Args)]
@@ -48,11 +48,27 @@ fn gravity(text: &str) -> Result<Gravity, String> {
 impl RobotFlags {
     /// Reads and compiles the robot.
     pub(crate) fn load(&self) -> Result<Loaded, LoadError> {
-        let source = match (&self.source.robot, &self.source.urdf) {
+        load(&self.source(), &self.options())
+    }
+
+    /// Reads the robot and closes it near a pose; see [`sarrus_models::assemble`].
+    pub(crate) fn assemble<E>(
+        &self,
+        near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
+        weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
+    ) -> Result<Result<CheckReport, E>, LoadError> {
+        assemble(&self.source(), &self.options(), near, weights)
+    }
+
+    fn source(&self) -> Source {
+        match (&self.source.robot, &self.source.urdf) {
             (Some(name), _) => Source::Bundled(name.clone()),
             (None, urdf) => Source::Files { urdf: urdf.clone().unwrap_or_default(), submechanisms: self.submechanisms.clone() },
-        };
-        load(&source, &Options { gravity: self.gravity.0, lenient: self.lenient })
+        }
+    }
+
+    fn options(&self) -> Options {
+        Options { gravity: self.gravity.0, lenient: self.lenient }
     }
 }
 

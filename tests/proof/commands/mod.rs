@@ -1,7 +1,9 @@
 //! The binary `sarrus` as scripts meet it.
 
 mod answers;
+mod assemble;
 mod check;
+mod closures_page;
 mod lines;
 mod served;
 mod vectors;

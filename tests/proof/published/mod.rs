@@ -1,5 +1,7 @@
 //! Mechanisms with published numbers or with a closed form that is written here by itself: closures at 1e-14 by size, accelerations at 1e-11.
 
+#![allow(clippy::excessive_precision, reason = "published numbers stand as they were published")]
+
 mod bricard;
 mod cuts;
 mod planar;

@@ -12,11 +12,11 @@ use crate::seed::Seeded;
 use writer::Writer;
 
 /// Four-bars, slider-cranks and legs on arms are declared by their own types, else NUMERICAL.
-pub const NEW_TYPES: bool = false;
+pub const NEW_TYPES: bool = true;
 /// Rods may spin about themselves.
-pub const IDLE: bool = false;
+pub const IDLE: bool = true;
 /// Joints have damping, springs and rotors now and then.
-pub const TERMS: bool = false;
+pub const TERMS: bool = true;
 /// Chains hold ball joints now and then.
 pub const BALLS: bool = true;
 

@@ -4,6 +4,7 @@ use sarrus_proto::Status;
 
 use super::numerical::Numerical;
 use super::{Local, Outcome, between, constraint_jacobian, constraint_residual, local_poses};
+use super::{column_unit, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster};
 use crate::scalar::Scalar;
@@ -12,9 +13,16 @@ use crate::scalar::Scalar;
 const BUDGET: u32 = 1200;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
-const SHORTEST: f64 = 1.0 / 65536.0;
+const SHORTEST: f64 = 1e-12;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 200;
+/// Residual, in cluster lengths, from which on a redundant row is another closed pose's.
+const APART: f64 = 1e-3;
+/// Damping of the search below which it is not lightened.
+const LIGHTEST: f64 = 1e-9;
+/// Scaled residual at which the search has closed the loops, and slope, against the residual, at which it has come to rest.
+const FOUND: f64 = 1e-10;
+const LEVEL: f64 = 1e-6;
 /// Relative singular value below which K has lost rank where K_d could not be inverted.
 const LOST: f64 = 1e-3;
 /// The same for K_d at a pose that only the search could close: at a double root it is known to half the digits.
@@ -39,6 +47,7 @@ pub(super) fn follow<T: Scalar>(
     let (closed, count) = numerical.newton(cluster, bodies, local, true);
     iterations += count;
     if !closed {
+        local.scratch.goal[..n].copy_from_slice(local.start);
         return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
@@ -55,7 +64,7 @@ pub(super) fn follow<T: Scalar>(
         }
         let (good, count) = numerical.newton(cluster, bodies, local, true);
         iterations += count;
-        if good {
+        if good && redundant_rows_hold(cluster, local) {
             local.scratch.last[..n].copy_from_slice(local.q);
             numerical.remember(cluster, bodies, local);
             at = next;
@@ -69,6 +78,9 @@ pub(super) fn follow<T: Scalar>(
                 for &j in &cluster.dependent_q {
                     local.q[j] = local.scratch.last[j];
                 }
+                // the last closed pose stays to be read
+                let scratch = &mut *local.scratch;
+                scratch.goal[..n].copy_from_slice(&scratch.last[..n]);
                 return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
             }
         }
@@ -76,12 +88,22 @@ pub(super) fn follow<T: Scalar>(
     Outcome { status: Status::Ok, iterations }
 }
 
+/// True where the rows that the solution leaves out hold too, as closely as rounded files let them; the poses are fresh.
+pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
+    if cluster.used.len() == cluster.rows.len() {
+        return true;
+    }
+    let scratch = &mut *local.scratch;
+    constraint_residual(cluster, &scratch.pose, local.q, &mut scratch.phi);
+    largest_residual(cluster, &scratch.phi) < T::from_f64(APART)
+}
+
 /// Why the goal in `local.q` was not reached: some other closed pose has its y, none has, or the budget ran out.
 fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, iterations: u32) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
-        _ if iterations > BUDGET => Status::NotConverged,
         Some(true) if dependents_range(cluster, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
+        _ if iterations > BUDGET => Status::NotConverged,
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }
@@ -90,37 +112,31 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
 /// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close. `Some(false)`: a least distance was
 /// found that is not zero. `None`: neither within the steps allowed.
 fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Option<bool> {
-    let (n, m, rows) = (cluster.n_v, cluster.dependent.len(), cluster.rows.len());
-    let length = T::from_f64(cluster.length);
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     let mut cost = squared_residual(cluster, scratch, local.q);
     for _ in 0..SEARCH {
-        if cost < T::from_f64(1e-20) * length * length {
+        if cost < T::from_f64(FOUND * FOUND) {
             return Some(true);
         }
         constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-        constraint_residual(cluster, &scratch.pose, local.q, &mut scratch.phi);
+        squared_residual(cluster, scratch, local.q);
+        let J = &mut scratch.inverse;
+        scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| J[r * m + a] = x);
         // normal equations of the dependents, damped
         let mut slope = T::ZERO;
         for a in 0..m {
             for b in 0..m {
-                let mut x = T::ZERO;
-                for r in 0..rows {
-                    x = scratch.K[r * n + cluster.dependent[a]].mul_add(scratch.K[r * n + cluster.dependent[b]], x);
-                }
-                let unit = if cluster.freedoms[cluster.dependent[a]].slides() { T::ONE } else { length * length };
-                scratch.A[a * m + b] = if a == b { x + damping * unit } else { x };
+                let x = (0..rows).fold(T::ZERO, |sum, r| J[r * m + a].mul_add(J[r * m + b], sum));
+                scratch.A[a * m + b] = if a == b { x + damping } else { x };
             }
-            let mut x = T::ZERO;
-            for r in 0..rows {
-                x = scratch.K[r * n + cluster.dependent[a]].mul_add(scratch.phi[r], x);
-            }
+            let x = (0..rows).fold(T::ZERO, |sum, r| J[r * m + a].mul_add(scratch.phi[r], sum));
             scratch.B[a] = x;
             slope = x.mul_add(x, slope);
         }
-        if slope < T::from_f64(1e-12) * cost * length * length {
+        if slope < T::from_f64(LEVEL * LEVEL) * cost {
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
@@ -128,13 +144,13 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             scratch.last[i] = local.q[i];
         }
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            cluster.freedoms[j].advance(local.q, -scratch.B[a]);
+            cluster.freedoms[j].advance(local.q, -(scratch.B[a] * T::from_f64(column_unit(cluster, j))));
         }
         local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
         let next = squared_residual(cluster, scratch, local.q);
         if next < cost {
             cost = next;
-            damping *= T::from_f64(0.2);
+            damping = T::select(damping.lt(T::from_f64(LIGHTEST)), damping, damping * T::from_f64(0.2));
         } else {
             for &i in &cluster.dependent_q {
                 local.q[i] = scratch.last[i];
@@ -146,25 +162,24 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
     None
 }
 
-/// Σ φ².
+/// Σ φ² of the scaled φ, which stays in the scratch.
 fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratch<T>, q: &[T]) -> T {
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
-    scratch.phi[..cluster.rows.len()].iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum))
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
+        *phi = *phi * T::from_f64(row_unit(cluster, row));
+        phi.mul_add(*phi, sum)
+    })
 }
 
 /// σ_min / σ_max of the scaled K_d at the pose in `local.q`.
 fn dependents_range<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
-    let (n, m) = (cluster.n_v, cluster.dependent.len());
+    let m = cluster.dependent.len();
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-    let length = T::from_f64(cluster.length);
-    for (i, &r) in cluster.used.iter().enumerate() {
-        for (a, &j) in cluster.dependent.iter().enumerate() {
-            let unit = if cluster.freedoms[j].slides() { length } else { T::ONE };
-            scratch.A[i * m + a] = scratch.K[r * n + j] * unit;
-        }
-    }
-    let (largest, least) = singular_range(&mut scratch.A, m, m);
+    let A = &mut scratch.A;
+    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
+    let (largest, least) = singular_range(A, m, m);
     least / largest
 }
 
@@ -174,14 +189,12 @@ pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-    // the transpose of K, sliders in cluster lengths: rank = number of its columns that stand apart
-    let length = T::from_f64(cluster.length);
-    for j in 0..n {
-        let unit = if cluster.freedoms[j].slides() { length } else { T::ONE };
-        for (i, &r) in cluster.used.iter().enumerate() {
-            scratch.A[j * rows + i] = scratch.K[r * n + j] * unit;
-        }
+    // the transpose of the scaled K; idle joints stand still
+    let A = &mut scratch.A;
+    A[..n * rows].fill(T::ZERO);
+    for columns in [&cluster.independent, &cluster.dependent] {
+        scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| A[columns[a] * rows + i] = x);
     }
-    let (largest, least) = singular_range(&mut scratch.A, n, rows);
+    let (largest, least) = singular_range(A, n, rows);
     if least < T::from_f64(LOST) * largest { Status::SingularClosure } else { Status::SingularIndependents }
 }

@@ -1,6 +1,11 @@
-//! Linear couplings: dependents that are fixed combinations of the independents (`<mimic>`, geared transmissions).
+//! Linear couplings: dependents that are fixed combinations of the independents (`<mimic>`, geared transmissions, differentials,
+//! parallelograms).
+//!
+//! A bevel gear differential needs no closure of its own: with roll and pitch of the cage, its wheels turn by roll + pitch and
+//! roll − pitch, two couplings of two masters each. A file of type DIFFERENTIAL (or TRANSMISSION) holds one coupling for each dependent
+//! joint; whether it gives the wheels by the cage or the cage by the wheels does not matter.
 
-use super::{Level, Local};
+use super::{Level, Local, Numerical};
 use crate::model::{Body, Cluster, Motion};
 use crate::scalar::Real;
 
@@ -11,6 +16,8 @@ pub(crate) struct Coupling<C> {
     pub(crate) M: Vec<C>,
     /// b (n).
     pub(crate) b: Vec<C>,
+    /// Newton's method on the true rows, of loops that are only nearly parallelograms.
+    pub(crate) polish: Option<Numerical<C>>,
 }
 
 impl<C: nalgebra::Scalar + Copy> Coupling<C> {
@@ -43,6 +50,10 @@ impl<C: nalgebra::Scalar + Copy> Coupling<C> {
 
     /// The same coupling with every constant converted.
     pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Coupling<D> {
-        Coupling { M: self.M.iter().map(|x| f(*x)).collect(), b: self.b.iter().map(|x| f(*x)).collect() }
+        Coupling {
+            M: self.M.iter().map(|x| f(*x)).collect(),
+            b: self.b.iter().map(|x| f(*x)).collect(),
+            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
+        }
     }
 }

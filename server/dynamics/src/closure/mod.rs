@@ -9,8 +9,12 @@ mod careful;
 mod coupling;
 mod legs;
 mod numerical;
+mod offset_legs;
+mod planar;
 mod rows;
 mod rrpr;
+mod scaling;
+mod strut;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -18,8 +22,12 @@ pub(crate) use block::{Block, BlockCut};
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Leg, Legs};
 pub(crate) use numerical::Numerical;
+pub(crate) use offset_legs::{Arm, OffsetLeg, OffsetLegs};
+pub(crate) use planar::{Planar, Tie};
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
+pub(crate) use scaling::{column_unit, row_unit, scaled};
+pub(crate) use strut::Strut;
 
 use crate::Status;
 use crate::model::{Body, Cluster, Motion};
@@ -31,12 +39,16 @@ use crate::spatial::{Pose, column, from_quaternion, lift, lift_mat, mul_add, mul
 pub(crate) enum Closure<C> {
     /// One free joint.
     Serial,
-    /// Linear couplings.
+    /// Linear couplings, and parallelograms.
     Coupling(Coupling<C>),
     /// Lambda.
     Rrpr(Rrpr<C>),
     /// A chain of independent joints that carries a platform on UPS legs (2SPU+1U).
     Legs(Legs<C>),
+    /// The same with legs of which one end is off a crossing of axes (2SPRR+1U).
+    OffsetLegs(OffsetLegs<C>),
+    /// A plane loop of four joints (four-bar, slider-crank).
+    Planar(Planar<C>),
     /// Newton's method on the rows.
     Numerical(Numerical<C>),
 }
@@ -180,20 +192,41 @@ pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: 
         Closure::Serial => Outcome::FINE,
         Closure::Coupling(coupling) => {
             coupling.close(cluster, bodies, local, level);
-            Outcome::FINE
+            match &coupling.polish {
+                None => Outcome::FINE,
+                Some(numerical) => polished(Outcome::FINE, numerical, cluster, bodies, local, level),
+            }
         }
+        Closure::Planar(planar) => match &planar.polish {
+            None => told(planar.close(local, level), cluster, bodies, local),
+            Some(numerical) => polished(planar.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
+        },
+        Closure::OffsetLegs(legs) => match &legs.polish {
+            None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
+            Some(numerical) => {
+                polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
+            }
+        },
         Closure::Rrpr(rrpr) => match &rrpr.polish {
-            None => rrpr.close(local, level).into(),
+            None => told(rrpr.close(local, level), cluster, bodies, local),
             Some(numerical) => polished(rrpr.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
         },
         Closure::Legs(legs) => match &legs.polish {
-            None => legs.close(cluster, bodies, local, level).into(),
+            None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
             Some(numerical) => {
                 polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
             }
         },
         Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
     }
+}
+
+/// How a closed form ended; where it is singular, whether K lost rank there or only its part K_d.
+fn told<T: Scalar>(verdict: Verdict<bool>, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Outcome {
+    if verdict.singular && !verdict.unreachable && local.q.iter().all(|q| q.is_finite()) {
+        return Outcome::failed(careful::singular_status(cluster, bodies, local), 0);
+    }
+    verdict.into()
 }
 
 /// The closed form starts Newton's method on the true rows of a mechanism that is only nearly of its type.
@@ -220,6 +253,8 @@ impl<C: nalgebra::Scalar + Copy> Closure<C> {
             Closure::Coupling(coupling) => Closure::Coupling(coupling.map(f)),
             Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
             Closure::Legs(legs) => Closure::Legs(legs.map(f)),
+            Closure::OffsetLegs(legs) => Closure::OffsetLegs(legs.map(f)),
+            Closure::Planar(planar) => Closure::Planar(planar.map(f)),
             Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
         }
     }

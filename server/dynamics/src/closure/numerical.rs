@@ -108,6 +108,7 @@ impl<C: Scalar> Numerical<C> {
             local.q[i] = local.start[i];
         }
         let (good, iterations) = self.newton(cluster, bodies, local, false);
+        let good = good && careful::redundant_rows_hold(cluster, local);
         let outcome =
             if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
         if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }

@@ -5,6 +5,11 @@
 //!   d = R(θ) (ℓ t₀ + ε b₀)     slider length ℓ, eccentricity ε of the pin across the slider
 //! ```
 //! t₀ is the slider's direction at zero, b₀ is t₀ turned by a right angle. All in the plane perpendicular to the rocker's axis n.
+//!
+//! Any plane loop of three turns and a slider is one of these when the joint opposite to the slider is independent; "stator" is the other
+//! turn of the tree beside the slider. The branch is the sign of ℓ, for every y that of the zero pose: the closed form knows no path, so
+//! where |d| < |ε| makes a gap, the target beyond it is answered on the same side of the slider's root. Newton's method, which follows the
+//! path, calls that target unreachable. The stator's coordinate lies in (−π, π].
 
 use super::{Level, Local, Numerical, Verdict};
 use crate::scalar::Real;

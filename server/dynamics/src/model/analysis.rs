@@ -3,11 +3,14 @@
 use faer::Mat;
 
 use super::blocks::blocks;
+use super::idle::Drift;
 use super::{Body, Cluster, Model};
-use crate::closure::{Block, Closure, Level, Local, Numerical, Scratch, constraint_jacobian, constraint_residual, local_poses};
+use crate::branch_sparse::factorise_branches;
+use crate::closure::{
+    Block, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian, constraint_residual, local_poses, scaled,
+};
 use crate::description::Description;
 use crate::fault::{Fault, Site};
-use crate::linear::factorise_ltdl;
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
@@ -26,49 +29,104 @@ const OPEN: f64 = 1e-6;
 pub(super) struct Analysis {
     pub(super) used: Vec<usize>,
     pub(super) blocks: Vec<Block>,
+    /// Idle dependents that keep the value that they start with.
+    pub(super) locked: Vec<usize>,
 }
 
-/// A cluster at one closed pose: scaled K (rows × n, row-major).
+/// A cluster at one closed pose: scaled K (rows × n_v, row-major) and the poses of its bodies.
 struct Sample {
     K: Vec<f64>,
+    pose: Vec<Pose<f64>>,
 }
 
-/// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared independents.
+/// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared independents. `carries` tells which of its bodies
+/// carry other clusters.
 pub(super) fn analyse(
     cluster: &Cluster<f64>,
     bodies: &[Body<f64>],
+    carries: &[bool],
     names: &[String],
     row_names: &[String],
     site: Site,
     errors: &mut Vec<Fault>,
     warnings: &mut Vec<Fault>,
 ) -> Option<Analysis> {
-    let (n, rows, n_dependent) = (cluster.n_v, cluster.rows.len(), cluster.dependent.len());
+    let (n, rows) = (cluster.n_v, cluster.rows.len());
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
 
     // the pose of highest rank is generic
     let (rank, generic) =
         samples.iter().map(|sample| (rank(&matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>())), sample)).max_by_key(|x| x.0)?;
     let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
-    let rank_d = self::rank(&K_d);
-    if n - rank != cluster.n_vy || rank_d != n_dependent {
+    let drift = null_space(&K_d);
+    let excess = (n - rank).checked_sub(cluster.n_vy);
+    if excess != Some(drift.len()) || drift.iter().any(|of| !is_idle(cluster, bodies, carries, generic, of)) {
         errors.push(wrong_mobility(cluster, &K_d, rank, names, row_names, site));
         return None;
     }
+
+    // one joint of each idle motion stands still: the one that moves most
+    let locked = locks(&drift).iter().map(|a| cluster.dependent[*a]).collect::<Vec<_>>();
+    let mut cluster = cluster.clone();
+    cluster.dependent.retain(|v| !locked.contains(v));
+    if !locked.is_empty() {
+        let name = |v: &usize| names[cluster.freedoms[*v].body].as_str();
+        warnings.push(Fault {
+            site,
+            found: format!("idle joints, which turn a rod between its ball joints and nothing else: {}", list(&locked, name)),
+            expected: format!("{} joints that the independents determine", drift.len() + cluster.dependent.len()),
+            help: "they keep the value of the guess, zero without one, and have no velocity".into(),
+        });
+    }
+
+    let n_dependent = cluster.dependent.len();
+    let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
     let used = independent_rows(&K_d, n_dependent);
     if used.len() < rows {
         let dropped = (0..rows)
             .filter(|r| !used.contains(r))
-            .map(|r| format!("{} (off by {:.1e} along the motion)", row_names[r], off_by(&samples, cluster, r, n)));
+            .map(|r| format!("{} (off by {:.1e} along the motion)", row_names[r], off_by(&samples, &cluster, r, n)));
         warnings.push(Fault {
             site,
             found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
             expected: format!("{n_dependent} independent axes for {n_dependent} dependent joints"),
-            help: "they are left out of the solution and carry no force".into(),
+            help: "they are left out of the solution; what the loop-closure forces share is the least norm".into(),
         });
     }
-    let blocks = blocks(cluster, &used, &generic.K);
-    Some(Analysis { used, blocks })
+    let blocks = blocks(&cluster, &used, &generic.K);
+    Some(Analysis { used, blocks, locked })
+}
+
+/// Directions of the dependents that K_d does not see, of unit length in the scaling.
+fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
+    let m = K_d.ncols();
+    if m == 0 {
+        return Vec::new();
+    }
+    let Ok(svd) = K_d.svd() else { return Vec::new() };
+    let (S, V) = (svd.S().column_vector(), svd.V());
+    let lost = |a: usize| a >= S.nrows() || S[a] <= RANK_GAP * S[0];
+    (0..m).filter(|a| lost(*a)).map(|a| (0..m).map(|i| V[(i, a)]).collect()).collect()
+}
+
+/// True where a direction of the dependents is idle at a sample.
+fn is_idle(cluster: &Cluster<f64>, bodies: &[Body<f64>], carries: &[bool], at: &Sample, direction: &[f64]) -> bool {
+    let mut rate = vec![0.0; cluster.n_v];
+    cluster.dependent.iter().zip(direction).for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
+    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(carries)
+}
+
+/// As many places as there are directions, by pivoted QR: the largest component first.
+fn locks(directions: &[Vec<f64>]) -> Vec<usize> {
+    let Some(m) = directions.first().map(Vec::len) else { return Vec::new() };
+    let qr = Mat::from_fn(directions.len(), m, |a, i| directions[a][i]).col_piv_qr();
+    let mut locked = qr.P().arrays().0[..directions.len()].to_vec();
+    locked.sort_unstable();
+    locked
+}
+
+fn list<'a>(of: &[usize], name: impl Fn(&usize) -> &'a str) -> String {
+    of.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 /// Finds the closed pose at y = 0 to the last digit: the zero pose of the joints, unless couplings have offsets. A fault where the loops are
@@ -147,12 +205,14 @@ pub(super) fn check_mass(model: &Model<f64>, description: &Description, errors: 
         }
         let ws = &mut workspace;
         crate::tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
-        crate::tree::reduced_mass_matrix(model, &ws.motion, &ws.G, &mut ws.composite, &mut ws.columns, &mut ws.cluster_mass, &mut ws.M_y);
-        let scale = (0..n).map(|i| ws.M_y[i * n + i]).fold(0.0, f64::max);
-        ws.factor.copy_from_slice(&ws.M_y);
-        factorise_ltdl(&mut ws.factor, &model.y_parent, n);
+        let crate::Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
+        crate::tree::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
+        let diagonal = |i: usize| model.branches.start[i] + model.branches.depth[i];
+        let scale = (0..n).map(|i| ws.M_y[diagonal(i)]).fold(0.0, f64::max);
+        factorise_branches(&model.branches, &mut ws.M_y);
         // the factor's diagonal is 1/D
-        let bad = (0..n).filter(|i| !(ws.factor[i * n + i] > 0.0 && ws.factor[i * n + i] * scale < 1e18)).collect::<Vec<_>>();
+        let inverse = |i: usize| ws.M_y[diagonal(i)];
+        let bad = (0..n).filter(|i| !(inverse(*i) > 0.0 && inverse(*i) * scale < 1e18)).collect::<Vec<_>>();
         if !bad.is_empty() {
             let names = bad.iter().map(|i| model.meta.independent[model.order.vy_external[*i]].as_str()).collect::<Vec<_>>().join(", ");
             let site = description
@@ -243,19 +303,9 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     }
     local_poses(cluster, bodies, &closed, &mut turn, &mut pose);
     constraint_jacobian(cluster, &pose, &mut K);
-    // lengths in units of the cluster's, so that rows and columns compare
-    let mut r = 0;
-    for cut in &cluster.cuts {
-        for row in &cut.rows {
-            let unit = if row.terms.is_empty() && row.linear.norm() > 0.0 { 1.0 / (cluster.length * row.linear.norm()) } else { 1.0 };
-            for j in 0..n {
-                let column = if cluster.freedoms[j].slides() { cluster.length } else { 1.0 };
-                K[r * n + j] *= unit * column;
-            }
-            r += 1;
-        }
-    }
-    Sample { K }
+    let mut scaled_K = vec![0.0; rows * n];
+    scaled(cluster, &K, 0..rows, &(0..n).collect::<Vec<_>>(), |r, v, x| scaled_K[r * n + v] = x);
+    Sample { K: scaled_K, pose }
 }
 
 /// The same numbers for the same cluster and pose: a fixed sequence in [−1, 1].
@@ -322,14 +372,11 @@ fn wrong_mobility(cluster: &Cluster<f64>, K_d: &Mat<f64>, rank: usize, names: &[
         found += &format!("; redundant rows: {}", redundant.join(", "));
     }
     // joints that can still move when all independents stand still
-    if let Ok(svd) = K_d.svd() {
-        let (S, V) = (svd.S().column_vector(), svd.V());
-        let free = |a: usize| a >= S.nrows() || S[a] <= RANK_GAP * S[0];
-        let idle = cluster.dependent.iter().enumerate().filter(|(i, _)| (0..V.ncols()).any(|a| free(a) && V[(*i, a)].abs() > 1e-3));
-        let idle = idle.map(|(_, j)| names[*j].as_str()).collect::<Vec<_>>();
-        if !idle.is_empty() {
-            found += &format!("; joints that the independents do not determine: {}", idle.join(", "));
-        }
+    let drift = null_space(K_d);
+    let moving = cluster.dependent.iter().enumerate().filter(|(i, _)| drift.iter().any(|of| of[*i].abs() > 1e-3));
+    let moving = moving.map(|(_, v)| names[cluster.freedoms[*v].body].as_str()).collect::<Vec<_>>();
+    if !moving.is_empty() {
+        found += &format!("; joints that the independents do not determine: {}", moving.join(", "));
     }
     Fault {
         site,

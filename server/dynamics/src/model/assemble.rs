@@ -9,7 +9,8 @@ use super::couplings::{characteristic_length, couplings};
 use super::geometry::{inertia, onto_z, pose, unit, vector};
 use super::orders::Names;
 use super::tree::{Partition, Skeleton};
-use super::{Body, Cluster, Frame, Freedom, Meta, Model, Motion, Order};
+use super::{Body, Cluster, Frame, Freedom, JointTerms, Meta, Model, Motion, Order};
+use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut, CutRow};
 use crate::description::{self as written, Description, JointKind, Loop, SubmechanismKind};
 use crate::fault::{Fault, Site};
@@ -66,6 +67,8 @@ impl Assembly {
         builder.frames();
         let row_owner = builder.rows(&loops, &moving_of);
         builder.orders(&moving_of);
+        builder.terms(&moving_of, errors);
+        builder.carriers();
         let (model, meta) = builder.finish(&row_owner, &loops, errors)?;
         let owner = partition.members.iter().map(|joints| submechanism_of[skeleton.moving[joints[0]]]).collect();
         let members = partition.members.iter().map(|joints| joints.iter().map(|m| skeleton.moving[*m]).collect()).collect();
@@ -162,9 +165,9 @@ struct Roles {
 /// A model under construction.
 pub(super) struct Builder<'a> {
     pub(super) description: &'a Description,
-    skeleton: &'a Skeleton,
-    partition: &'a Partition,
-    submechanism_of: &'a [usize],
+    pub(super) skeleton: &'a Skeleton,
+    pub(super) partition: &'a Partition,
+    pub(super) submechanism_of: &'a [usize],
     pub(super) model: Model<Dd>,
     /// Body of each moving joint.
     pub(super) body_of: Vec<usize>,
@@ -221,7 +224,9 @@ impl<'a> Builder<'a> {
             cluster_of_v: Vec::new(),
             frames: Vec::new(),
             n_g: 0,
-            y_parent: Vec::new(),
+            branches: Branches::default(),
+            carries: Vec::new(),
+            terms: JointTerms::none(),
             order: Order::default(),
             zero: Vec::new(),
             limits: Vec::new(),
@@ -284,7 +289,7 @@ impl<'a> Builder<'a> {
             // the nearest independent that carries each independent
             let carrier = self.last_independent(parent);
             for k in 0..n_vy {
-                self.model.y_parent.push(if k == 0 { carrier } else { vy + k - 1 });
+                self.model.branches.push(if k == 0 { carrier } else { vy + k - 1 });
             }
             self.model.clusters.push(Cluster {
                 parent,
@@ -300,6 +305,7 @@ impl<'a> Builder<'a> {
                 g,
                 independent,
                 dependent,
+                locked: Vec::new(),
                 independent_q,
                 dependent_q,
                 local_parent,
@@ -511,6 +517,7 @@ impl<'a> Builder<'a> {
         if !errors.is_empty() {
             return None;
         }
+        let branches = self.branches();
         let names = self.names;
         let loop_names = row_owner.iter().scan(0usize, |_, (s, of)| {
             Some(match of {
@@ -535,6 +542,7 @@ impl<'a> Builder<'a> {
             n_vy: names.independent.len(),
             n_u: names.active.len(),
             n_c: row_owner.len(),
+            n_branches: branches.len(),
         };
         let meta = Meta {
             name: self.description.name.clone(),
@@ -546,6 +554,7 @@ impl<'a> Builder<'a> {
             independent_q: names.independent_q,
             active: names.active,
             loops: loop_names,
+            branches,
             links: self.description.links.iter().map(|link| link.name.clone()).collect(),
             limits: names.limits,
             closures: Vec::new(),
@@ -571,6 +580,7 @@ impl Meta {
             independent_q: Vec::new(),
             active: Vec::new(),
             loops: Vec::new(),
+            branches: Vec::new(),
             links: Vec::new(),
             limits: Vec::new(),
             closures: Vec::new(),

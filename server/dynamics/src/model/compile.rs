@@ -42,6 +42,8 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
             kind: if rows == 0 { ClosureKind::Serial } else { ClosureKind::Analytic },
             rows,
             rank: 0,
+            idle: Vec::new(),
+            length: 0.0,
             misfit: 0.0,
         });
     }
@@ -54,15 +56,21 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         let names = assembly.names(c);
         let site = Site::Submechanism(assembly.owner[c]);
         let row_names = cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
-        let Some(Analysis { used, blocks }) = analysis::analyse(cluster, bodies, &names, &row_names, site, errors, warnings) else {
-            continue;
-        };
+        let carries: Vec<bool> = (0..cluster.n).map(|b| rough.clusters.iter().any(|of| of.parent == cluster.body + b)).collect();
+        let analysis = analysis::analyse(cluster, bodies, &carries, &names, &row_names, site, errors, warnings);
+        let Some(Analysis { used, blocks, locked }) = analysis else { continue };
         for &r in &used {
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
         }
         let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
         let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec() };
         exact.clusters[c].used = used;
+        for (s, _) in assembly.owners(c) {
+            info[s].length = f64::max(info[s].length, cluster.length);
+        }
+        info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[cluster.freedoms[*v].body].clone()));
+        exact.clusters[c].dependent.retain(|v| !locked.contains(v));
+        exact.clusters[c].locked = locked;
         if let Some(fault) = analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site) {
             errors.push(fault);
             continue;
@@ -74,7 +82,11 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
             continue;
         }
-        let kind = assembly.kind(description, c);
+        if exact.clusters[c].cuts.iter().flat_map(|cut| &cut.rows).all(|row| !row.terms.is_empty()) {
+            errors.push(contradicting_couplings(&names, site));
+            continue;
+        }
+        let kind = kind(&assembly, description, c);
         let closure = match closed_forms::build(kind, &exact.clusters[c], &exact_bodies, &assembly.local_order(description, c)) {
             None => {
                 if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
@@ -96,6 +108,17 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
                 for (s, _) in assembly.owners(c) {
                     info[s].misfit = f64::max(info[s].misfit, misfit);
                 }
+                if misfit > POLISHABLE && kind == SubmechanismKind::ParallelogramChain {
+                    warnings.push(Fault {
+                        site,
+                        found: format!("{worst} by {misfit:.3e} of the mechanism's size"),
+                        expected: "opposite sides equal and axes parallel, or type FOURBAR".into(),
+                        help: "it is closed numerically".into(),
+                    });
+                    exact.clusters[c].closure = Closure::Numerical(numerical);
+                    set_numerical(&mut info, &assembly, c);
+                    continue;
+                }
                 if misfit > POLISHABLE {
                     errors.push(Fault {
                         site,
@@ -115,11 +138,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
             }
         };
         if matches!(closure, Closure::Numerical(_)) {
-            for (s, _) in assembly.owners(c) {
-                if info[s].rows > 0 {
-                    info[s].kind = ClosureKind::Numerical;
-                }
-            }
+            set_numerical(&mut info, &assembly, c);
         }
         exact.clusters[c].closure = closure;
     }
@@ -132,13 +151,49 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
     Some(Compiled { model, exact, warnings: Vec::new() })
 }
 
-/// A type with a closed form elsewhere, but not here yet.
+/// A cluster is of its submechanism's type where it is all of it; parallelograms of one chain may be clusters of their own.
+fn kind(assembly: &Assembly, description: &Description, c: usize) -> SubmechanismKind {
+    match assembly.owners(c).as_slice() {
+        [(s, _)] if description.submechanisms[*s].kind == SubmechanismKind::ParallelogramChain => SubmechanismKind::ParallelogramChain,
+        _ => assembly.kind(description, c),
+    }
+}
+
+/// The submechanisms of this cluster are closed numerically.
+fn set_numerical(info: &mut [ClosureInfo], assembly: &Assembly, c: usize) {
+    for (s, _) in assembly.owners(c) {
+        if info[s].rows > 0 {
+            info[s].kind = ClosureKind::Numerical;
+        }
+    }
+}
+
+/// Couplings of full rank that no pose satisfies.
+fn contradicting_couplings(names: &[String], site: Site) -> Fault {
+    Fault {
+        site,
+        found: format!("couplings between {} that contradict each other", names.join(", ")),
+        expected: "as many couplings as dependent joints, or more that repeat them".into(),
+        help: "take out a coupling, or correct its multipliers and offset".into(),
+    }
+}
+
+/// A type that has no closed form, or whose closed form these loops are not.
 fn not_closed_form(kind: SubmechanismKind, description: &Description, s: usize) -> Option<Fault> {
-    let numerical = matches!(kind, SubmechanismKind::Numerical | SubmechanismKind::Serial);
-    (!numerical).then(|| Fault {
+    let (expected, help) = match kind {
+        SubmechanismKind::Numerical | SubmechanismKind::Serial => return None,
+        SubmechanismKind::Transmission | SubmechanismKind::Differential => {
+            ("couplings (<mimic>, <transmission>) and no loops", "write NUMERICAL to say so")
+        }
+        _ => (
+            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 6UPS, FOURBAR, SLIDERCRANK, PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
+            "nothing to do: it is closed numerically from its loops",
+        ),
+    };
+    Some(Fault {
         site: Site::Submechanism(s),
         found: format!("type {}", description.submechanisms[s].type_name),
-        expected: "a type with a closed form (RRPR, 2SPU+1U, 6UPS, TRANSMISSION, <mimic>)".into(),
-        help: "nothing to do: it is closed numerically from its loops".into(),
+        expected: expected.into(),
+        help: help.into(),
     })
 }

@@ -39,6 +39,11 @@ pub(crate) fn unit(v: &Vector3<Dd>) -> Option<Vector3<Dd>> {
     (length > Dd::ZERO && length.is_finite()).then(|| v.map(|x| x / length))
 }
 
+/// A direction as written, of unit length.
+pub(crate) fn unit_of(x: [f64; 3]) -> Option<Vector3<Dd>> {
+    unit(&vector(x))
+}
+
 /// A rotation whose third column is the unit vector z; a permutation where z is along an axis.
 pub(crate) fn onto_z(z: &Vector3<Dd>) -> Matrix3<Dd> {
     // start from the axis that is farthest from z

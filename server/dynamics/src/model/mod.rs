@@ -12,7 +12,10 @@ mod compile;
 mod couplings;
 mod freedom;
 mod geometry;
+mod idle;
+mod open;
 mod orders;
+mod terms;
 mod tree;
 
 use std::sync::Arc;
@@ -20,6 +23,10 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
+pub(crate) use geometry::{pose as pose_of, unit_of};
+pub(crate) use terms::{JointTerms, Rotor};
+
+use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut};
 use crate::description::Limits;
 use crate::fault::Fault;
@@ -49,8 +56,12 @@ pub struct Model<C = f64> {
     pub(crate) frames: Vec<Frame<C>>,
     /// Numbers in all G blocks together.
     pub(crate) n_g: usize,
-    /// For each independent velocity the nearest one that carries it, or `usize::MAX`.
-    pub(crate) y_parent: Vec<usize>,
+    /// Which independent velocity carries which.
+    pub(crate) branches: Branches,
+    /// Bodies that carry another cluster, or a body of their own that does.
+    pub(crate) carries: Vec<bool>,
+    /// What acts in joints besides their actuators.
+    pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
     /// The closed pose at y = 0, quaternions at rest (n_q).
     pub(crate) zero: Vec<C>,
@@ -81,6 +92,7 @@ pub(crate) struct Meta {
     pub(crate) independent_q: Vec<String>,
     pub(crate) active: Vec<String>,
     pub(crate) loops: Vec<String>,
+    pub(crate) branches: Vec<String>,
     pub(crate) links: Vec<String>,
     pub(crate) limits: Vec<Option<Limits>>,
     pub(crate) closures: Vec<ClosureInfo>,
@@ -103,6 +115,8 @@ pub(crate) struct Order {
     pub(crate) v_external: Vec<usize>,
     pub(crate) vy_external: Vec<usize>,
     pub(crate) vy_internal: Vec<usize>,
+    /// The tied clusters that have a branch, in the order of their submechanisms.
+    pub(crate) branches: Vec<usize>,
 }
 
 /// A moving body and the joint that carries it.
@@ -154,6 +168,8 @@ pub(crate) struct Cluster<C> {
     pub(crate) dependent: Vec<usize>,
     pub(crate) independent_q: Vec<usize>,
     pub(crate) dependent_q: Vec<usize>,
+    /// Idle velocities, which stand still; they are in neither list.
+    pub(crate) locked: Vec<usize>,
     /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
     pub(crate) local_parent: Vec<usize>,
     /// Actuators: (index in u, local velocity).
@@ -180,6 +196,10 @@ pub struct ClosureInfo {
     pub rows: usize,
     /// How many of them are independent.
     pub rank: usize,
+    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value that they start with.
+    pub idle: Vec<String>,
+    /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without loops.
+    pub length: f64,
     /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
     pub misfit: f64,
 }
@@ -254,6 +274,10 @@ impl<C> Model<C> {
     pub fn loop_names(&self) -> &[String] {
         &self.meta.loops
     }
+    /// Names of what has a branch: the submechanism of each tied cluster that is not a pure coupling (n_branches).
+    pub fn branch_names(&self) -> &[String] {
+        &self.meta.branches
+    }
     /// Names of the links; an index into them names a frame in a plan.
     pub fn link_names(&self) -> &[String] {
         &self.meta.links
@@ -293,7 +317,9 @@ impl<C: Copy> Model<C> {
             cluster_of_v: self.cluster_of_v.clone(),
             frames: self.frames.iter().map(|frame| Frame { body: frame.body, x_body_frame: map_pose(&frame.x_body_frame, f) }).collect(),
             n_g: self.n_g,
-            y_parent: self.y_parent.clone(),
+            branches: self.branches.clone(),
+            carries: self.carries.clone(),
+            terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),
             limits: self.limits.clone(),
@@ -339,6 +365,7 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
             g: self.g,
             independent: self.independent.clone(),
             dependent: self.dependent.clone(),
+            locked: self.locked.clone(),
             independent_q: self.independent_q.clone(),
             dependent_q: self.dependent_q.clone(),
             local_parent: self.local_parent.clone(),

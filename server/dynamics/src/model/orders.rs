@@ -3,6 +3,7 @@
 use super::Limit;
 use super::Motion;
 use super::assemble::Builder;
+use crate::closure::Closure;
 use crate::description::{self as written, JointKind};
 
 /// Names and limits in external order.
@@ -81,6 +82,26 @@ impl Builder<'_> {
         order.vy_external = vec![0; order.vy.len()];
         order.vy.iter().enumerate().for_each(|(e, k)| order.vy_external[*k] = e);
         order.vy_internal = (0..order.vy.len()).collect();
+    }
+
+    /// Names of the tied clusters that are not pure couplings, in the order of their submechanisms; the second of one submechanism is
+    /// `name/2`.
+    pub(super) fn branches(&mut self) -> Vec<String> {
+        let mut owned: Vec<(usize, usize)> = self
+            .model
+            .tied
+            .iter()
+            .filter(|c| !matches!(self.model.clusters[**c].closure, Closure::Coupling(_)))
+            .map(|c| (self.submechanism_of[self.skeleton.moving[self.partition.members[*c][0]]], *c))
+            .collect();
+        owned.sort_unstable();
+        self.model.order.branches = owned.iter().map(|(_, c)| *c).collect();
+        let name = |(k, (s, _)): (usize, &(usize, usize))| {
+            let before = owned[..k].iter().filter(|of| of.0 == *s).count();
+            let name = &self.description.submechanisms[*s].name;
+            if before == 0 { name.clone() } else { format!("{name}/{}", before + 1) }
+        };
+        owned.iter().enumerate().map(name).collect()
     }
 }
 

@@ -2,12 +2,16 @@
 
 use sarrus_proto::{Field, Status};
 
-use super::Plan;
+use super::{Plan, singular};
+use crate::closure::{Scratch, column_unit, row_unit, scaled};
 use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
-use crate::linear::{singular_range, solve_pivoted};
+use crate::linear::{column_square, decompose, singular_range, solve_pivoted};
 use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
+
+/// Component of a row's unit vector in the null space of K_dᵀ from which on redundant rows share its reaction; as rank is judged at load.
+const SHARED: f64 = 1e-4;
 
 /// The figures of a closed state.
 #[derive(Clone, Copy)]
@@ -25,8 +29,12 @@ impl Plan {
         let sizes = model.sizes();
         let slot = |field| self.want().slot(field).map(|slot| slot.range());
         let (K, k_bias, lambda) = (slot(Field::K), slot(Field::KBias), slot(Field::Lambda));
+        let (branch, determinate, good) = (slot(Field::Branch), slot(Field::LambdaDeterminate), slot(Field::GoodIndependents));
         if let Some(range) = &K {
             output[range.clone()].fill(T::ZERO);
+        }
+        if let Some(range) = &good {
+            singular::declared_independents(model, &mut output[range.clone()]);
         }
         let mut residual = T::ZERO;
         let (mut unscaled, mut scaled) = (Range::none(), Range::none());
@@ -57,12 +65,25 @@ impl Plan {
                 cluster.rows.iter().enumerate().for_each(|(r, row)| k[*row] = scratch.phi[r]);
             }
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
-                unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A, false));
-                scaled.add(K_d(cluster, &scratch.K, &mut scratch.A, true));
+                unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
+                scaled.add(singular::dependents_range(cluster, scratch));
+            }
+            if let (Some(range), Some(place)) = (&branch, model.order.branches.iter().position(|of| *of == c)) {
+                output[range.start + place] = singular::branch(cluster, scratch);
+            }
+            if let Some(range) = &good {
+                let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
+                singular::good_independents(model, cluster, &scratch.K, dense, &mut output[range.clone()]);
             }
             if let Some(range) = &lambda {
-                loop_forces(cluster, &ws.loop_q[v..v + n], &scratch.K, &mut scratch.A, &mut scratch.B, &mut output[range.clone()])?;
+                loop_forces(cluster, &ws.loop_q[v..v + n], scratch, &mut output[range.clone()])?;
             }
+            if let Some(range) = &determinate {
+                determinate_forces(cluster, scratch, &mut output[range.clone()]);
+            }
+        }
+        if let Some(range) = slot(Field::Uncontrolled) {
+            singular::uncontrolled(model, ws, model.tied.len(), &mut output[range]);
         }
         Ok(Conditions {
             residual,
@@ -95,31 +116,76 @@ impl<T: Scalar> Range<T> {
     }
 }
 
-/// Range of the singular values of K_d; scaled: lengths in units of the cluster's length.
-fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T], scaled: bool) -> (T, T) {
+/// Range of the singular values of K_d in the units of the model.
+fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
     let m = cluster.dependent.len();
     for (i, &r) in cluster.used.iter().enumerate() {
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            let unit = if scaled && !cluster.freedoms[j].slides() { 1.0 / cluster.length } else { 1.0 };
-            A[i * m + a] = K[r * cluster.n_v + j] * T::from_f64(unit);
+            A[i * m + a] = K[r * cluster.n_v + j];
         }
     }
     singular_range(A, m, m)
 }
 
-/// λ from K_dᵀ λ = rest_d, the tree forces of the dependents that nothing else supplies; rows that were dropped at load carry none.
-fn loop_forces<T: Scalar>(cluster: &Cluster<T>, rest: &[T], K: &[T], A: &mut [T], B: &mut [T], lambda: &mut [T]) -> Result<(), Status> {
-    let m = cluster.dependent.len();
-    for (a, &j) in cluster.dependent.iter().enumerate() {
-        for (i, &r) in cluster.used.iter().enumerate() {
-            A[a * m + i] = K[r * cluster.n_v + j];
+/// λ from K_dᵀ λ = rest_d, the tree forces of the dependents that nothing else supplies. Where rows are redundant λ is the one of least norm
+/// in the scaling: with K_d = U Σ Vᵀ scaled, λ_s = U Σ⁻¹ Vᵀ rest.
+fn loop_forces<T: Scalar>(cluster: &Cluster<T>, rest: &[T], scratch: &mut Scratch<T>, lambda: &mut [T]) -> Result<(), Status> {
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    if rows == m {
+        for (a, &j) in cluster.dependent.iter().enumerate() {
+            for r in 0..rows {
+                scratch.A[a * m + r] = scratch.K[r * cluster.n_v + j];
+            }
+            scratch.B[a] = rest[j];
         }
-        B[a] = rest[j];
+        solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1).ok_or(Status::SingularClosure)?;
+        cluster.rows.iter().enumerate().for_each(|(r, row)| lambda[*row] = scratch.B[r]);
+        return Ok(());
     }
-    solve_pivoted(A, B, m, 1).ok_or(Status::SingularClosure)?;
-    cluster.rows.iter().for_each(|row| lambda[*row] = T::ZERO);
-    cluster.used.iter().enumerate().for_each(|(i, r)| lambda[cluster.rows[*r]] = B[i]);
+    decompose_dependents(cluster, scratch);
+    let (A, V) = (&scratch.A, &scratch.B);
+    // Σ⁻² Vᵀ rest
+    for a in 0..m {
+        let along = cluster.dependent.iter().enumerate().fold(T::ZERO, |sum, (b, &j)| {
+            let unit = T::from_f64(column_unit(cluster, j));
+            (V[b * m + a] * unit).mul_add(rest[j], sum)
+        });
+        let square = column_square(A, rows, m, a);
+        if !T::ZERO.lt(square) {
+            return Err(Status::SingularClosure);
+        }
+        scratch.step[a] = along / square;
+    }
+    for (r, (row, of)) in cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate() {
+        let x = (0..m).fold(T::ZERO, |sum, a| A[r * m + a].mul_add(scratch.step[a], sum));
+        lambda[*row] = x * T::from_f64(row_unit(cluster, of));
+    }
     Ok(())
+}
+
+/// 1 for each row whose λ every solution of K_dᵀ λ = rest_d shares: its unit vector lies in the range of K_d.
+fn determinate_forces<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, determinate: &mut [T]) {
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    if rows == m {
+        return cluster.rows.iter().for_each(|row| determinate[*row] = T::ONE);
+    }
+    decompose_dependents(cluster, scratch);
+    for (r, row) in cluster.rows.iter().enumerate() {
+        let inside = (0..m).fold(T::ZERO, |sum, a| {
+            let x = scratch.A[r * m + a];
+            sum + x * x / column_square(&scratch.A, rows, m, a)
+        });
+        let shared = T::from_f64(SHARED * SHARED).lt(T::ONE - inside);
+        determinate[*row] = if shared { T::ZERO } else { T::ONE };
+    }
+}
+
+/// The scaled K_d of all rows as U Σ in `A` and V in `B`.
+fn decompose_dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let A = &mut scratch.A;
+    scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * m + a] = x);
+    decompose(&mut scratch.A, &mut scratch.B, rows, m);
 }
 
 /// Condition of G_u over all clusters.
@@ -146,9 +212,9 @@ fn cond_My<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
     let n = model.sizes().n_vy;
     for i in 0..n {
         for j in 0..=i {
-            // the triangle is filled by internal order, which is all that matters here
-            ws.dense[i * n + j] = ws.M_y[i * n + j];
-            ws.dense[j * n + i] = ws.M_y[i * n + j];
+            // internal order, as the order does not matter here
+            let entry = model.branches.entry(i, j).map_or(T::ZERO, |at| ws.M_y[at]);
+            (ws.dense[i * n + j], ws.dense[j * n + i]) = (entry, entry);
         }
     }
     let (largest, least) = singular_range(&mut ws.dense, n, n);

@@ -1,10 +1,11 @@
-//! Forces: inverse dynamics, forward dynamics by projection, maps between the spaces, loop-closure forces.
+//! Forces: inverse and forward dynamics, maps between the spaces, loop-closure forces.
 
 use sarrus_proto::{Field, Slot, Status};
 
-use super::Plan;
 use super::state::tree_accelerations;
-use crate::linear::{factorise_ltdl, least_norm, solve_ltdl, solve_pivoted};
+use super::{Method, Plan};
+use crate::branch_sparse::{factorise_branches, solve_branches};
+use crate::linear::{least_norm, solve_pivoted};
 use crate::model::{Cluster, Model};
 use crate::scalar::{Mask, Scalar};
 use crate::spatial::zero;
@@ -19,7 +20,7 @@ impl Plan {
         }
         if self.steps.newton_euler {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-            tree::newton_euler(model, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+            tree::newton_euler(model, &ws.q, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.tau_q);
             to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
@@ -48,14 +49,21 @@ impl Plan {
         if self.wants(Field::CY) && self.wanted.given.has(Field::Wrenches) {
             self.bias_force(model, ws, input, false);
         }
-        let positive = if self.steps.articulated {
-            tree::articulated_solve(model, &ws.motion, &mut ws.articulated, &mut ws.ydd)
-        } else {
+        if self.steps.mass_matrix {
             self.mass_matrix(model, ws);
-            ws.factor.copy_from_slice(&ws.M_y);
-            let positive = factorise_ltdl(&mut ws.factor, &model.y_parent, n);
-            solve_ltdl(&ws.factor, &model.y_parent, n, &mut ws.ydd);
-            positive
+        }
+        let positive = match self.method {
+            Method::Recursion => {
+                let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
+                tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd)
+            }
+            Method::Projection => {
+                ws.factor.copy_from_slice(&ws.M_y);
+                let positive = factorise_branches(&model.branches, &mut ws.factor);
+                solve_branches(&model.branches, &ws.factor, &mut ws.ydd);
+                positive
+            }
+            Method::Kkt => return self.tree_forward_dynamics(model, ws, input),
         };
         if !positive.all() {
             return Err(Status::MassNotPositive);
@@ -71,17 +79,31 @@ impl Plan {
         if self.wants(Field::Lambda) {
             // τ_q of the motion less the given forces is what the loops supply
             let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
-            tree::newton_euler(model, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.loop_q);
-            let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
-            if let Some(tau) = slot(Field::TauU) {
-                tau.iter().zip(&model.order.u_v).for_each(|(x, v)| ws.loop_q[*v] -= *x);
-            } else if let Some(tau) = slot(Field::TauY) {
-                tau.iter().zip(&model.order.vy_v).for_each(|(x, v)| ws.loop_q[*v] -= *x);
-            } else if let Some(tau) = slot(Field::TauQ) {
-                tau.iter().zip(&model.order.v).for_each(|(x, v)| ws.loop_q[*v] -= *x);
-            }
+            tree::newton_euler(model, &ws.q, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.loop_q);
+            self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
+    }
+
+    /// q̈ of the tree under its constraints.
+    fn tree_forward_dynamics<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+        let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
+        ws.qdd.fill(T::ZERO);
+        tree::newton_euler(model, &ws.q, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+        ws.loop_q.fill(T::ZERO);
+        self.each_given_force(model, input, |v, tau| ws.loop_q[v] = tau);
+        self.kkt(model, ws)
+    }
+
+    /// The given forces by internal tree velocity; a force on an independent is one on its joint.
+    fn each_given_force<T: Scalar>(&self, model: &Model<T>, input: &[T], mut each: impl FnMut(usize, T)) {
+        let order = &model.order;
+        for (field, order) in [(Field::TauU, &order.u_v), (Field::TauY, &order.vy_v), (Field::TauQ, &order.v)] {
+            if let Some(slot) = self.given.slot(field) {
+                input[slot.range()].iter().zip(order).for_each(|(tau, v)| each(*v, *tau));
+                return;
+            }
+        }
     }
 
     /// Forces from one space to the others at the closed state.
@@ -99,13 +121,14 @@ impl Plan {
     fn bias_force<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], with_wrenches: bool) {
         // q̈ = g
         let wrench = (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
-        tree::newton_euler(model, &ws.qd, &ws.g, wrench, &mut ws.motion, &mut ws.tau_q);
+        tree::newton_euler(model, &ws.q, &ws.qd, &ws.g, wrench, &mut ws.motion, &mut ws.tau_q);
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
     }
 
-    /// M_y, lower triangle.
+    /// M_y, packed.
     fn mass_matrix<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
-        tree::reduced_mass_matrix(model, &ws.motion, &ws.G, &mut ws.composite, &mut ws.columns, &mut ws.cluster_mass, &mut ws.M_y);
+        let Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
+        tree::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
     }
 
     /// The given forces as τ_y.
@@ -174,6 +197,13 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<()
                     None => ws.tau_rest[cluster.vy + k] = tau,
                 }
             }
+        } else if (m, n_u) == (1, 1) {
+            let (u, j) = cluster.active[0];
+            let tau = ws.tau_y[cluster.vy] / ws.G[cluster.g + j];
+            if !tau.is_finite() {
+                return Err(Status::SingularActuation);
+            }
+            ws.tau_u[u] = tau;
         } else if n_u == m {
             actuator_matrix(cluster, ws);
             solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;

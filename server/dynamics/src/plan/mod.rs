@@ -1,17 +1,24 @@
 //! A plan: the steps that a set of wanted outputs needs on a model, and no others.
 
 mod conditions;
+mod failure;
 mod forces;
+mod kkt;
+mod method;
+mod nearest;
 mod output;
 mod run;
+mod singular;
 mod state;
 
+pub use method::Method;
 pub(crate) use state::local;
 
 use sarrus_proto::{Field, FieldSet, Layout, Request, Status, Wanted, WantedError, Warnings};
 
 use crate::closure::Level;
 use crate::model::Model;
+use crate::workspace::Needs;
 
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.
 ///
@@ -53,6 +60,8 @@ pub struct Plan {
     want: Layout,
     fingerprint: u64,
     steps: Steps,
+    /// How forward dynamics is done.
+    method: Method,
     /// Links whose frames are asked, bodies on the way to them and to the links with wrenches; parents first.
     frames: Vec<usize>,
     wrench_links: Vec<usize>,
@@ -84,8 +93,6 @@ struct Steps {
     frame_velocities: bool,
     newton_euler: bool,
     mass_matrix: bool,
-    /// Forward dynamics by articulated bodies: nothing is tied and nobody asks for M_y.
-    articulated: bool,
     /// K or what follows from it.
     conditions: bool,
 }
@@ -100,8 +107,15 @@ pub struct Answer {
 }
 
 impl Plan {
-    /// The plan for `wanted` on `model`. Allocates; errors name the field that does not fit.
+    /// The plan for `wanted` on `model`. Forward dynamics goes by the model's choice ([`Model::forward_method`]), or by projection where M_y is
+    /// wanted too. Allocates; errors name the field that does not fit.
     pub fn new<C>(model: &Model<C>, wanted: &Wanted) -> Result<Plan, WantedError> {
+        let with_mass_matrix = wanted.want.has_any(&[Field::MY, Field::CondMy]);
+        Plan::with_method(model, wanted, if with_mass_matrix { Method::Projection } else { model.forward_method() })
+    }
+
+    /// The plan for `wanted` on `model` with forward dynamics by this method; [`Method::Kkt`] needs [`crate::Workspace::for_plans`].
+    pub fn with_method<C>(model: &Model<C>, wanted: &Wanted, method: Method) -> Result<Plan, WantedError> {
         use Field::*;
         let request = wanted.check(model.meta.links.len())?;
         let sizes = model.meta.sizes;
@@ -116,7 +130,8 @@ impl Plan {
         let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
         let frames =
             wanted.n_frames > 0 && want.has_any(&[FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator]);
-        let conditions = want.has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy]);
+        let conditions = want.has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy])
+            || want.has_any(&[Branch, LambdaDeterminate, GoodIndependents, Uncontrolled]);
         let wants_velocity = want.has_any(&[Qd, Yd, Ud, FrameTwist, FrameAcc, KBias]);
         let wants_acceleration = want.has_any(&[Qdd, Ydd, Udd, FrameAcc]);
         let wants_bias = want.has_any(&[GBias, GUBias]) && velocity.is_some();
@@ -128,18 +143,14 @@ impl Plan {
             || request == Request::Map
             || (moving && wants_velocity)
             || acceleration.is_some()
-            || want.has_any(&[G, GU, CondGu, JacobianIndependent, JacobianActuator])
+            || want.has_any(&[G, GU, CondGu, Uncontrolled, JacobianIndependent, JacobianActuator])
             || given.has_any(&[U, Ud, Udd])
         {
             Level::Velocity
         } else {
             Level::Position
         };
-        let articulated = request == Request::ForwardDynamics
-            && model.tied.is_empty()
-            && model.bodies.iter().all(|body| body.motion != crate::model::Motion::Spherical)
-            && !want.has_any(&[MY, CondMy]);
-        let mass_matrix = want.has_any(&[MY, CondMy]) || request == Request::ForwardDynamics && !articulated;
+        let mass_matrix = want.has_any(&[MY, CondMy]) || request == Request::ForwardDynamics && method == Method::Projection;
         let newton_euler =
             dynamics && (request == Request::ForwardDynamics || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));
         let steps = Steps {
@@ -153,7 +164,6 @@ impl Plan {
             frame_velocities: want.has(FrameTwist),
             newton_euler,
             mass_matrix,
-            articulated,
             conditions,
         };
         let of = |links: &[u16]| links.iter().map(|link| *link as usize).collect::<Vec<_>>();
@@ -165,6 +175,7 @@ impl Plan {
             want: Layout::of_want(wanted, &sizes),
             fingerprint: model.meta.fingerprint,
             steps,
+            method,
             frame_bodies: supports(model, &frame_links),
             wrench_bodies: supports(model, &wrench_links),
             frames: frame_links,
@@ -185,6 +196,17 @@ impl Plan {
     /// What the plan was made for.
     pub fn wanted(&self) -> &Wanted {
         &self.wanted
+    }
+
+    /// How forward dynamics is done.
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
+    /// The square matrices that a workspace has to have.
+    pub(crate) fn needs(&self) -> Needs {
+        let kkt = self.method == Method::Kkt && self.request == Request::ForwardDynamics;
+        Needs { mass_matrix: self.steps.mass_matrix, dense: self.steps.conditions, kkt }
     }
 
     fn wants(&self, field: Field) -> bool {

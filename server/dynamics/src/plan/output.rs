@@ -2,8 +2,8 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use super::Plan;
 use super::run::Findings;
+use super::{Plan, singular};
 use crate::linear::solve_pivoted;
 use crate::model::{Frame, Model};
 use crate::scalar::Scalar;
@@ -58,13 +58,22 @@ impl Plan {
     }
 
     /// NaN everywhere, but for what survives a failure.
-    pub(super) fn write_failure<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>, found: &Findings<T>, output: &mut [T]) {
+    pub(super) fn write_failure<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, found: &Findings<T>, output: &mut [T]) {
         output.fill(T::from_f64(f64::NAN));
-        if let (Some(slot), true) = (self.want().slot(Field::NearestY), found.nearest) {
-            output[slot.range()].iter_mut().zip(&model.order.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
+        let slot = |field| self.want().slot(field).map(Slot::range);
+        if let (Some(range), true) = (slot(Field::NearestY), found.nearest) {
+            output[range].iter_mut().zip(&model.order.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
         }
         self.write_figure(Field::Residual, found.residual, output);
+        self.write_figure(Field::SigmaMin, self.distance_after(model, ws, found), output);
         self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
+        if let (Some(range), true) = (slot(Field::GoodIndependents), found.failed) {
+            output[range].copy_from_slice(&ws.loop_q);
+        }
+        if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), found.status) {
+            // the one that failed was closed as far as it matters here
+            singular::uncontrolled(model, ws, found.closed + 1, &mut output[range]);
+        }
     }
 
     fn write_figure<T: Scalar>(&self, field: Field, value: T, output: &mut [T]) {
@@ -99,7 +108,7 @@ impl Plan {
                 let n = order.vy.len();
                 for (i, &a) in order.vy.iter().enumerate() {
                     for (j, &b) in order.vy.iter().enumerate() {
-                        out[i * n + j] = ws.M_y[a.max(b) * n + a.min(b)];
+                        out[i * n + j] = model.branches.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
                     }
                 }
             }

@@ -13,6 +13,11 @@ pub(super) struct Findings<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
     pub(super) residual: T,
+    /// Distance to singularity of the cluster that could not be closed, if there is one; its good independents are in the workspace.
+    pub(super) sigma_min: T,
+    pub(super) failed: bool,
+    /// How many of the tied clusters were closed.
+    pub(super) closed: usize,
     /// The independents in q are the nearest ones to an unreachable target.
     pub(super) nearest: bool,
 }
@@ -21,9 +26,13 @@ impl Plan {
     /// Answers one request.
     ///
     /// `input` holds the given fields packed by [`Plan::given`], `output` receives the wanted fields packed by [`Plan::want`]. The answer
-    /// depends on model, plan and input alone. Allocates never; panics never. A failed answer is NaN wherever its status forbids a number.
+    /// depends on model, plan and input alone. A workspace without room for the plan is of the wrong size. Allocates never; panics never. A failed answer is NaN wherever its status forbids a number.
     pub fn run<T: Scalar>(&self, model: &Model<T>, workspace: &mut Workspace<T>, input: &[T], output: &mut [T]) -> Answer {
         if input.len() != self.given.len() || output.len() != self.want.len() {
+            output.fill(T::from_f64(f64::NAN));
+            return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
+        }
+        if !workspace.serves(self.needs()) {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
         }
@@ -31,7 +40,9 @@ impl Plan {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
-        let mut found = Findings { status: Status::Ok, iterations: 0, residual: T::from_f64(f64::NAN), nearest: false };
+        let nan = T::from_f64(f64::NAN);
+        let mut found =
+            Findings { status: Status::Ok, iterations: 0, residual: nan, sigma_min: nan, failed: false, closed: 0, nearest: false };
         found.status = match self.compute(model, workspace, input, &mut found) {
             Ok(()) => self.write(model, workspace, &found, output),
             Err(status) => status,

@@ -4,14 +4,12 @@ use sarrus_proto::{Field, Slot, Status};
 
 use super::run::Findings;
 use super::{Plan, Space};
-use crate::closure::{Closure, Level, Local, Outcome, between, close, constraint_residual, largest_residual, local_poses};
+use crate::closure::{Level, Local, Outcome, close};
 use crate::linear::solve_pivoted;
 use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
-/// Halvings of the path to an unreachable target.
-const BISECTIONS: u32 = 50;
 /// Newton steps from actuator to independent coordinates.
 const STEPS: u32 = 60;
 /// Longest of these steps, in radians or cluster lengths.
@@ -76,6 +74,7 @@ impl Plan {
         for &c in &model.tied {
             let cluster = &model.clusters[c];
             self.close_cluster(model, cluster, ws, input, found)?;
+            found.closed += 1;
             if self.steps.tree_acceleration && self.steps.level >= Level::Velocity {
                 tree_accelerations(cluster, ws);
             }
@@ -109,6 +108,7 @@ impl Plan {
         let given = |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
         let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
         let actuated = self.steps.position == Space::Actuation;
+        hold_idle(cluster, ws);
         let mut outcome = if actuated {
             from_actuators(cluster, bodies, ws, found)?
         } else {
@@ -117,18 +117,7 @@ impl Plan {
         };
         found.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
-            if self.wants(Field::Residual) {
-                found.residual = residual(cluster, bodies, ws);
-            }
-            if self.wants(Field::NearestY) {
-                found.nearest = true;
-                if actuated {
-                    // the last pose that was good
-                    cluster.independent_q.iter().for_each(|i| ws.q[cluster.q + i] = ws.start[cluster.q + i]);
-                } else {
-                    nearest_independents(cluster, bodies, ws);
-                }
-            }
+            self.remember_failure(model, cluster, ws, actuated, found);
             return Err(outcome.status);
         }
         if self.actuated_rates() || actuated {
@@ -185,41 +174,11 @@ impl Plan {
     }
 }
 
-/// Largest scaled residual of one cluster at whatever pose stands in q; an unreachable target leaves the nearest one found there.
-fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], ws: &mut Workspace<T>) -> T {
-    let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-    let turn = &mut ws.turn[cluster.body..cluster.body + cluster.n];
-    local_poses(cluster, bodies, q, turn, &mut ws.scratch.pose);
-    constraint_residual(cluster, &ws.scratch.pose, q, &mut ws.scratch.phi);
-    largest_residual(cluster, &ws.scratch.phi)
-}
-
-/// Puts into q the last independents of one cluster that the straight path to an unreachable target reaches: a numerical closure has just
-/// followed it, a closed form is bisected.
-fn nearest_independents<T: Scalar>(cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], ws: &mut Workspace<T>) {
-    let q = cluster.q;
-    if !matches!(cluster.closure, Closure::Numerical(_)) {
-        let (mut low, mut high) = (0.0, 1.0);
-        for &j in &cluster.independent_q {
-            ws.scratch.goal[j] = ws.q[q + j];
-            ws.scratch.last[j] = ws.start[q + j];
-        }
-        for _ in 0..BISECTIONS {
-            let part = 0.5 * (low + high);
-            let of = q..q + cluster.n_q;
-            between(cluster, &ws.start[of.clone()], &ws.scratch.goal, T::from_f64(part), &mut ws.q[of]);
-            if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
-                low = part;
-                for &j in &cluster.independent_q {
-                    ws.scratch.last[j] = ws.q[q + j];
-                }
-            } else {
-                high = part;
-            }
-        }
-    }
-    for &j in &cluster.independent_q {
-        ws.q[q + j] = ws.scratch.last[j];
+/// Idle joints stand still; where, the closure reads off its start.
+fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    for &v in &cluster.locked {
+        ws.qd[cluster.v + v] = T::ZERO;
+        ws.qdd[cluster.v + v] = T::ZERO;
     }
 }
 

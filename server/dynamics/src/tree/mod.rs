@@ -1,11 +1,16 @@
 //! Recursions over the spanning tree: one algorithm, one file.
 
-mod aba;
+mod columns;
 mod crba;
+mod embedding;
 mod frames;
+mod mass_matrix;
 mod rnea;
+mod terms;
 
-pub(crate) use aba::{Articulated, articulated_solve};
+pub(crate) use columns::Force;
 pub(crate) use crba::reduced_mass_matrix;
+pub(crate) use embedding::{Embedding, embedded_solve};
 pub(crate) use frames::{frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities, world_poses};
+pub(crate) use mass_matrix::tree_mass_matrix;
 pub(crate) use rnea::{joint_poses, newton_euler};

@@ -5,6 +5,7 @@
 
 use nalgebra::Vector3;
 
+use super::terms::joint_forces;
 use crate::model::{Body, Model, Motion};
 use crate::scalar::Real;
 use crate::spatial::{column, cross, cross_add, from_quaternion, lift, lift_mat, mul, mul_add, mul_mat, scale_add, t_mul, turn_z, zero};
@@ -36,6 +37,7 @@ pub(crate) fn joint_poses<T: Real>(model: &Model<T::Const>, q: &[T], turn: &[(T,
 #[inline]
 pub(crate) fn newton_euler<T: Real>(
     model: &Model<T::Const>,
+    q: &[T],
     qd: &[T],
     qdd: &[T],
     wrench: Option<&[(Vector3<T>, Vector3<T>)]>,
@@ -63,7 +65,8 @@ pub(crate) fn newton_euler<T: Real>(
     // forces, back towards the root
     for i in (1..model.bodies.len()).rev() {
         let body = &model.bodies[i];
-        let state = motion[i];
+        let (before, state) = motion.split_at_mut(i);
+        let state = &state[0];
         match body.motion {
             Motion::Revolute => tau[body.v] = state.n[2],
             Motion::Prismatic => tau[body.v] = state.f[2],
@@ -77,11 +80,14 @@ pub(crate) fn newton_euler<T: Real>(
         }
         if body.parent != 0 {
             let f = mul(&state.R, &state.f);
-            let parent = &mut motion[body.parent];
+            let parent = &mut before[body.parent];
             parent.n = cross_add(&state.p, &f, &mul_add(&state.R, &state.n, &parent.n));
             parent.f += f;
         }
     }
+
+    // what acts in the joints themselves
+    joint_forces(model, q, qd, qdd, tau);
 }
 
 /// ω, α, a of a body from those of its parent and the rates of its joint.

@@ -18,8 +18,17 @@ pub(super) fn bad_request(out: &mut Vec<u8>, remark: &Remark) {
     foot(out, Some(remark));
 }
 
-/// The answer to a request: `numbers` are packed as `layout` says, wanted fields that are not in it are null.
-pub(super) fn answer(out: &mut Vec<u8>, asked: &Asked, answer: Answer, layout: &Layout, numbers: &[f64], remark: Option<&Remark>) {
+/// The answer to a request: `numbers` are packed as `layout` says, wanted fields that are not in it are null; `tree` names the tree
+/// velocities.
+pub(super) fn answer(
+    out: &mut Vec<u8>,
+    asked: &Asked,
+    tree: &[String],
+    answer: Answer,
+    layout: &Layout,
+    numbers: &[f64],
+    remark: Option<&Remark>,
+) {
     let names: Vec<&str> = answer.warnings.names().collect();
     head(out, answer.status, &names);
     let of = |field| {
@@ -33,7 +42,7 @@ pub(super) fn answer(out: &mut Vec<u8>, asked: &Asked, answer: Answer, layout: &
         key(out, output.name(), false);
         match output {
             Output::Field(field) => match of(*field) {
-                Some((slot, numbers)) => value(out, slot, numbers),
+                Some((slot, numbers)) => value(out, slot, numbers, tree),
                 None => null(out),
             },
             Output::Frames => {
@@ -104,16 +113,26 @@ fn by_link<P: Copy, R: Clone>(
 }
 
 /// The numbers of a field: a plain number, a list, or a list of rows.
-fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64]) {
+fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], tree: &[String]) {
     match slot.field {
         Field::Residual | Field::CondKd | Field::CondGu | Field::CondMy | Field::SigmaMin => {
             numbers.iter().for_each(|x| number(out, x));
         }
         // a count: it is far below the largest whole number of a double
         Field::Iterations => numbers.iter().for_each(|x| write(out, &(*x as u64))),
+        // a sign
+        Field::Branch => list(out, numbers.iter(), |out, x| write(out, &(*x as i64))),
+        Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
+        Field::GoodIndependents => list(out, chosen(numbers, tree), write),
         Field::G | Field::GU | Field::K | Field::MY => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
+}
+
+/// The names at which 1 stands.
+fn chosen<'a>(numbers: &[f64], names: &'a [String]) -> impl Iterator<Item = &'a String> {
+    let chosen: Vec<bool> = numbers.iter().map(|x| *x == 1.0).collect();
+    names.iter().zip(chosen).filter(|(_, chosen)| *chosen).map(|(name, _)| name)
 }
 
 fn rows(out: &mut Vec<u8>, n_rows: usize, columns: usize, numbers: &[f64]) {

@@ -153,7 +153,7 @@ impl Session {
         if let Some(problem) = asked.doubt.take() {
             let failed = Answer { status: problem.status, warnings: Warnings::NONE };
             let nothing = Layout::of_want(&sarrus_client::Wanted::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY), &self.model.sizes());
-            answer::answer(out, &asked, failed, &nothing, &[], Some(&remark(problem)));
+            answer::answer(out, &asked, &self.model.tree, failed, &nothing, &[], Some(&remark(problem)));
             return failed.status;
         }
 
@@ -166,7 +166,7 @@ impl Session {
             answer::bad_request(out, &remark(Problem { status: Status::BadRequest, offset: place, words }));
         } else {
             let remark = reply.words.map(|words| Remark { column: None, words });
-            answer::answer(out, &asked, reply.answer, &layout, &numbers, remark.as_ref());
+            answer::answer(out, &asked, &self.model.tree, reply.answer, &layout, &numbers, remark.as_ref());
         }
         reply.answer.status
     }

@@ -1,0 +1,209 @@
+//! What `check --assemble` finds: a closed pose of a robot, or of files whose loops are open at zero.
+
+use sarrus_dynamics::description::{Cut, Description, Placement};
+use sarrus_dynamics::{AssembleError, Assembled, closing_placements, rezeroed};
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+use crate::check::CheckReport;
+use crate::load::{LoadError, Options, Source, load};
+use crate::open::load_open;
+
+/// Residual up to which a loop is closed at zero; as the compiler has it.
+const OPEN: f64 = 1e-6;
+
+/// What came of an assembly.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct AssemblyReport {
+    /// Why there is no closed pose, in words; then `q` is the nearest that was found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// The pose by coordinate.
+    #[serde(serialize_with = "by_name")]
+    pub q: Vec<Moved>,
+    /// Largest scaled loop residual.
+    pub residual: f64,
+    /// The same at the given pose.
+    pub residual_before: f64,
+    /// Weighted way from the given pose.
+    pub distance: f64,
+    /// Steps taken.
+    pub iterations: u32,
+    /// Branch of each tied cluster that is not a pure coupling; empty for files that are open at zero.
+    pub branch: Vec<f64>,
+    /// Of files that are open at zero: what to write so that the found pose is the zero pose.
+    #[serde(skip_serializing_if = "NewPlacements::is_empty")]
+    pub new_zero: NewPlacements,
+    /// Of the same files, where the joints are right: placements that coincide at the zero pose as it is.
+    #[serde(skip_serializing_if = "NewPlacements::is_empty")]
+    pub at_zero: NewPlacements,
+}
+
+/// One coordinate of the pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moved {
+    /// Its name.
+    pub name: String,
+    /// Where it was given.
+    pub given: f64,
+    /// Where it is.
+    pub found: f64,
+}
+
+/// Numbers to write into the files.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct NewPlacements {
+    /// Origins of joints, by name.
+    #[serde(serialize_with = "placements")]
+    pub origins: Vec<(String, Placement)>,
+    /// Predecessor's placements, by submechanism and cut joint.
+    #[serde(serialize_with = "placements")]
+    pub predecessors: Vec<(String, Placement)>,
+    /// Successor's placements, by the same.
+    #[serde(serialize_with = "placements")]
+    pub successors: Vec<(String, Placement)>,
+}
+
+impl NewPlacements {
+    /// True where nothing is to be written.
+    pub fn is_empty(&self) -> bool {
+        self.origins.is_empty() && self.predecessors.is_empty() && self.successors.is_empty()
+    }
+}
+
+fn by_name<S: Serializer>(q: &[Moved], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(q.iter().map(|of| (&of.name, of.found)))
+}
+
+fn placements<S: Serializer>(of: &[(String, Placement)], serializer: S) -> Result<S::Ok, S::Error> {
+    struct Written<'a>(&'a Placement);
+    impl Serialize for Written<'_> {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            let mut map = serializer.serialize_map(Some(2))?;
+            map.serialize_entry("xyz", &self.0.xyz)?;
+            map.serialize_entry("rpy", &self.0.rpy)?;
+            map.end()
+        }
+    }
+    serializer.collect_map(of.iter().map(|(name, placement)| (name, Written(placement))))
+}
+
+/// Reads a robot and closes it near a pose.
+///
+/// `near` and `weights` make the lists from the names of the coordinates and of the velocities, and the zero pose; their error is handed on.
+/// The report is that of the robot; of files that are open at zero it is that of the robot whose zero pose is the found one, and their
+/// faults as they are become warnings.
+///
+/// # Errors
+/// Sources that cannot be read at all; and what `near` and `weights` say.
+pub fn assemble<E>(
+    source: &Source,
+    options: &Options,
+    near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
+    weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
+) -> Result<Result<CheckReport, E>, LoadError> {
+    let loaded = load(source, options);
+    let mut report = CheckReport::new(&loaded)?;
+    let Err(LoadError::Faults(_)) = loaded else {
+        let Ok(loaded) = loaded else { return Ok(Ok(report)) };
+        let model = &loaded.compiled.model;
+        let given = near(model.tree_q_names(), model.tree_zero()).and_then(|near| Ok((near, weights(model.tree_names())?)));
+        let (near, weights) = match given {
+            Ok(given) => given,
+            Err(error) => return Ok(Err(error)),
+        };
+        report.assembled = Some(AssemblyReport::new(model.tree_q_names(), &near, model.assemble(&near, &weights)));
+        return Ok(Ok(report));
+    };
+
+    // perhaps all that is wrong with the files is that they are open at zero
+    let Ok(opened) = load_open(source, options) else { return Ok(Ok(report)) };
+    let model = &opened.model;
+    let given = near(model.tree_q_names(), model.tree_zero()).and_then(|near| Ok((near, weights(model.tree_names())?)));
+    let (near, weights) = match given {
+        Ok(given) => given,
+        Err(error) => return Ok(Err(error)),
+    };
+    let residual_at = |pose: &[f64]| match model.assemble(pose, &vec![f64::INFINITY; weights.len()]) {
+        Ok(found) => found.residual,
+        Err(AssembleError::Unreachable { residual, .. }) => residual,
+        Err(_) => f64::NAN,
+    };
+    let is_open = residual_at(&model.tree_zero()) > OPEN;
+    let found = model.assemble(&near, &weights);
+    let closed = found.as_ref().ok().and_then(|found| rezeroed(&opened.description, &found.q));
+    let mut assembled = AssemblyReport::new(model.tree_q_names(), &near, found);
+    if let (true, Some(closed)) = (is_open, closed) {
+        assembled.new_zero = changes(&opened.description, &closed);
+        let name = |(s, l, placement)| (loop_name(&opened.description, s, l), placement);
+        assembled.at_zero.successors = closing_placements(&opened.description).into_iter().map(name).collect();
+        let as_it_is = report;
+        report = CheckReport::new(&opened.compile(closed))?;
+        // a fingerprint would be that of other files
+        report.fingerprint = None;
+        if report.errors.is_empty() {
+            report.warnings = [as_it_is.errors, report.warnings].concat();
+        }
+    }
+    report.assembled = Some(assembled);
+    Ok(Ok(report))
+}
+
+/// What differs between two descriptions of the same robot.
+fn changes(old: &Description, new: &Description) -> NewPlacements {
+    let mut found = NewPlacements::default();
+    for (old, new) in old.joints.iter().zip(&new.joints) {
+        if old.origin != new.origin {
+            found.origins.push((new.name.clone(), new.origin));
+        }
+    }
+    for (s, (of_old, of_new)) in old.submechanisms.iter().zip(&new.submechanisms).enumerate() {
+        for (l, (old, new_loop)) in of_old.loops.iter().zip(&of_new.loops).enumerate() {
+            if let (true, Cut::Placed { predecessor, successor }) = (old.cut != new_loop.cut, &new_loop.cut) {
+                found.predecessors.push((loop_name(new, s, l), *predecessor));
+                found.successors.push((loop_name(new, s, l), *successor));
+            }
+        }
+    }
+    found
+}
+
+fn loop_name(description: &Description, s: usize, l: usize) -> String {
+    let of = description.submechanisms.get(s);
+    let cut = of.and_then(|of| of.loops.get(l));
+    format!("{}/{}", of.map_or("", |of| &of.name), cut.map_or("", |cut| &cut.name))
+}
+
+impl AssemblyReport {
+    fn new(names: &[String], near: &[f64], found: Result<Assembled, AssembleError>) -> AssemblyReport {
+        let error = found.as_ref().err().map(ToString::to_string);
+        let none = Assembled {
+            q: near.to_vec(),
+            residual: f64::NAN,
+            residual_before: f64::NAN,
+            distance: f64::NAN,
+            iterations: 0,
+            branch: Vec::new(),
+        };
+        let found = match found {
+            Ok(found) => found,
+            Err(AssembleError::Unreachable { residual, nearest } | AssembleError::NotConverged { residual, nearest, .. }) => {
+                Assembled { q: nearest, residual, ..none }
+            }
+            Err(_) => none,
+        };
+        let moved = names.iter().zip(near).zip(&found.q);
+        AssemblyReport {
+            error,
+            q: moved.map(|((name, given), found)| Moved { name: name.clone(), given: *given, found: *found }).collect(),
+            residual: found.residual,
+            residual_before: found.residual_before,
+            distance: found.distance,
+            iterations: found.iterations,
+            branch: found.branch,
+            new_zero: NewPlacements::default(),
+            at_zero: NewPlacements::default(),
+        }
+    }
+}

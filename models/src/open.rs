@@ -1,0 +1,60 @@
+//! Files whose loops may be open at zero: read for assembly, and compiled with another zero pose.
+
+use sarrus_dynamics::OpenModel;
+use sarrus_dynamics::description::Description;
+
+use crate::build::Places;
+use crate::load::{LoadError, Loaded, Options, Source, compile, contents, describe};
+use crate::report::{Findings, Report};
+
+/// A robot that was read but not judged.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Opened {
+    /// What the files say.
+    pub description: Description,
+    /// The model, for assembly only.
+    pub model: OpenModel,
+    robot: Option<String>,
+    places: Places,
+    findings: Findings,
+}
+
+/// Reads a robot whose loops may be open at its zero pose.
+///
+/// # Errors
+/// As [`crate::load`], but for what can only be judged of closed loops: rank, mobility, masses.
+pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
+    let mut findings = Findings::new(options.lenient);
+    let mut robot = None;
+    let described = contents(source, &mut findings)?.and_then(|contents| describe(contents, options, &mut findings, &mut robot));
+    if let Some((description, places)) = described
+        && !findings.has_errors()
+    {
+        match OpenModel::compile(&description) {
+            Ok(model) => return Ok(Opened { description, model, robot, places, findings }),
+            Err(error) => {
+                for fault in error.errors {
+                    findings.error(places.of(fault.site), fault.found, fault.expected, fault.help);
+                }
+            }
+        }
+    }
+    Err(LoadError::Faults(Report { robot, ..findings.into_report() }))
+}
+
+impl Opened {
+    /// Compiles the robot with another zero pose, as [`sarrus_dynamics::rezeroed`] gives it; faults stand where the files have their parts.
+    ///
+    /// # Errors
+    /// [`LoadError::Faults`].
+    pub fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
+        let mut findings = self.findings.clone();
+        let compiled = compile(&description, &self.places, &mut findings);
+        let report = Report { robot: self.robot.clone(), ..findings.into_report() };
+        match compiled {
+            Some(compiled) if report.errors.is_empty() => Ok(Loaded { description, compiled, report }),
+            _ => Err(LoadError::Faults(report)),
+        }
+    }
+}

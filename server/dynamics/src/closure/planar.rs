@@ -1,0 +1,249 @@
+//! A plane loop of four joints, at most one of them a slider: four-bar and slider-crank.
+//!
+//! ```text
+//!   J0 ──a── J1 ──b── J2 ──c── J3 ──d── J0        J0 is the independent joint, one of J1 to J3 is cut
+//! ```
+//! Seen from link d, J0 turns (or slides) link a by y and carries J1 along; the other two links follow from where J1 is:
+//!
+//! ```text
+//!   two links    b − c = D                b = κ D + η J D,  κ = (|D|² + |b|² − |c|²) / 2|D|²,  W = b × c = η |D|²
+//!   slider       b = L t + ε J t          L = ±√(|b|² − ε²)
+//! ```
+//! with D from J1 to J3, t the direction of the slider J3 in link d, ε what J1 lies beside the line on which J2 slides, J a turn by a
+//! right angle. The branch is the sign of W or of L, which is that of det K_d: it is that of the zero pose for every y. A closed form
+//! knows no path: beyond a gap that cannot be reached it answers on the same side again. The coordinates of the turning dependents lie in
+//! (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see [`super::Rrpr`].
+
+use super::{Level, Local, Numerical, Verdict};
+use crate::scalar::Real;
+
+/// Geometry of a plane loop, origin in J0 where it turns {plane of link d}.
+#[derive(Clone, Debug)]
+pub(crate) struct Planar<C> {
+    /// The independent joint, and whether it slides.
+    pub(crate) joint: usize,
+    pub(crate) slides: bool,
+    /// J1 at zero, J3; direction of the slider if there is one.
+    pub(crate) a: [C; 2],
+    pub(crate) d: [C; 2],
+    pub(crate) t: [C; 2],
+    /// Links b and c at zero, from J1 and from J3 to J2, and their squares.
+    pub(crate) b: [C; 2],
+    pub(crate) c: [C; 2],
+    pub(crate) b_square: C,
+    pub(crate) c_square: C,
+    /// J3 is the slider, c its bearing.
+    pub(crate) slider: bool,
+    /// ±1, the sign of W or of L.
+    pub(crate) side: C,
+    /// The dependent joints of the tree.
+    pub(crate) others: [Tie<C>; 2],
+    /// Newton's method on the true rows, where the geometry is only nearly plane.
+    pub(crate) polish: Option<Numerical<C>>,
+}
+
+/// A local joint and which one of the loop it is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tie<C> {
+    pub(crate) joint: usize,
+    /// 1 to 3.
+    pub(crate) place: usize,
+    /// +1 where the joint's coordinate grows as the link after it turns against the one before it, else −1.
+    pub(crate) sense: C,
+}
+
+/// Where the links b and c stand: turns, slide, and the first and second derivatives by y.
+struct Links<T> {
+    turn_b: (T, T),
+    turn_c: (T, T),
+    slide: T,
+    first: [T; 3],
+    second: [T; 3],
+}
+
+type Plane<T> = [T; 2];
+
+#[inline(always)]
+fn dot<T: Real>(x: &Plane<T>, y: &Plane<T>) -> T {
+    x[0].mul_add(y[0], x[1] * y[1])
+}
+
+/// x × y = J x · y.
+#[inline(always)]
+fn cross<T: Real>(x: &Plane<T>, y: &Plane<T>) -> T {
+    x[0].mul_add(y[1], -(x[1] * y[0]))
+}
+
+/// y + s x.
+#[inline(always)]
+fn add<T: Real>(x: &Plane<T>, s: T, y: &Plane<T>) -> Plane<T> {
+    [x[0].mul_add(s, y[0]), x[1].mul_add(s, y[1])]
+}
+
+/// J x.
+#[inline(always)]
+fn right<T: Real>(x: &Plane<T>) -> Plane<T> {
+    [-x[1], x[0]]
+}
+
+impl<C: nalgebra::Scalar + Copy> Planar<C> {
+    /// The position, velocity and acceleration level in closed form.
+    #[inline]
+    pub(crate) fn close<T: Real<Const = C>>(&self, local: &mut Local<'_, T>, level: Level) -> Verdict<T::Mask> {
+        let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
+        let (a, t) = (lift(&self.a), lift(&self.t));
+        let y = local.q[self.joint];
+
+        // J1, its first and second derivative by y, and the turn of link a
+        let (turn_a, p, p1, p2) = if self.slides {
+            ((T::ONE, T::ZERO), add(&t, y, &a), t, [T::ZERO, T::ZERO])
+        } else {
+            let (s, c) = y.sin_cos();
+            local.turn[self.joint] = (c, s);
+            let p = [c.mul_add(a[0], -(s * a[1])), s.mul_add(a[0], c * a[1])];
+            ((c, s), p, right(&p), [-p[0], -p[1]])
+        };
+        let (links, verdict) = if self.slider { self.slider(&p, &p1, &p2, level) } else { self.two_links(&p, &p1, &p2, level) };
+
+        // joints stand between their links: b − a, c − b, d − c
+        let minus = |x: (T, T), y: (T, T)| (x.0.mul_add(y.0, x.1 * y.1), x.1.mul_add(y.0, -(x.0 * y.1)));
+        for tie in &self.others {
+            let sense = T::lift(tie.sense);
+            if self.slider && tie.place == 3 {
+                local.q[tie.joint] = -(sense * links.slide);
+                continue;
+            }
+            let (c, s) = match tie.place {
+                1 => minus(links.turn_b, turn_a),
+                2 => minus(links.turn_c, links.turn_b),
+                _ => (links.turn_c.0, -links.turn_c.1),
+            };
+            local.turn[tie.joint] = (c, sense * s);
+            local.q[tie.joint] = (sense * s).atan2(c);
+        }
+        if level == Level::Position {
+            return verdict;
+        }
+        local.G[self.joint] = T::ONE;
+        local.g[self.joint] = T::ZERO;
+        let yd = local.qd[self.joint];
+        let turn_rate = if self.slides { T::ZERO } else { T::ONE };
+        let [b1, c1, s1] = links.first;
+        let [b2, c2, s2] = links.second;
+        for tie in &self.others {
+            let sense = T::lift(tie.sense);
+            let (first, second) = match tie.place {
+                1 => (b1 - turn_rate, b2),
+                2 => (c1 - b1, c2 - b2),
+                _ if self.slider => (-s1, -s2),
+                _ => (-c1, -c2),
+            };
+            local.G[tie.joint] = sense * first;
+            local.qd[tie.joint] = sense * first * yd;
+            local.g[tie.joint] = sense * second * (yd * yd);
+        }
+        verdict
+    }
+
+    /// Links b and c turn: where circles about J1 and J3 meet.
+    #[inline(always)]
+    fn two_links<T: Real<Const = C>>(&self, p: &Plane<T>, p1: &Plane<T>, p2: &Plane<T>, level: Level) -> (Links<T>, Verdict<T::Mask>) {
+        let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
+        let (b0, c0, d) = (lift(&self.b), lift(&self.c), lift(&self.d));
+        let (b_square, c_square) = (T::lift(self.b_square), T::lift(self.c_square));
+        let half = T::from_f64(0.5);
+
+        // D, b · D, W
+        let D = [d[0] - p[0], d[1] - p[1]];
+        let square = dot(&D, &D);
+        let along = half * (square + (b_square - c_square));
+        let W_square = b_square.mul_add(square, -(along * along));
+        let W = T::lift(self.side) * W_square.sqrt();
+        let inverse = T::ONE / square;
+        let b = add(&right(&D), W * inverse, &[along * inverse * D[0], along * inverse * D[1]]);
+        let c = [b[0] - D[0], b[1] - D[1]];
+        let (inverse_b, inverse_c) = (T::ONE / b_square, T::ONE / c_square);
+        let floor = T::from_f64(1e-24);
+        let verdict = Verdict {
+            unreachable: W_square.lt(T::ZERO),
+            singular: W_square.lt(floor * b_square * c_square) | square.lt(floor * (b_square + c_square)),
+        };
+        let mut links = Links {
+            turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
+            turn_c: (dot(&c0, &c) * inverse_c, cross(&c0, &c) * inverse_c),
+            slide: T::ZERO,
+            first: [T::ZERO; 3],
+            second: [T::ZERO; 3],
+        };
+        if level == Level::Position {
+            return (links, verdict);
+        }
+
+        // b′ J b − c′ J c = D′, then the same with what the turning adds
+        let inverse_W = T::ONE / W;
+        let solve = |x: &Plane<T>| (dot(x, &c) * inverse_W, dot(x, &b) * inverse_W);
+        let (b1, c1) = solve(&[-p1[0], -p1[1]]);
+        let x = add(&b, b1 * b1, &add(&c, -(c1 * c1), &[-p2[0], -p2[1]]));
+        let (b2, c2) = solve(&x);
+        (links.first, links.second) = ([b1, c1, T::ZERO], [b2, c2, T::ZERO]);
+        (links, verdict)
+    }
+
+    /// Link c slides on link d along t and does not turn.
+    #[inline(always)]
+    fn slider<T: Real<Const = C>>(&self, p: &Plane<T>, p1: &Plane<T>, p2: &Plane<T>, level: Level) -> (Links<T>, Verdict<T::Mask>) {
+        let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
+        let (a, b0, t) = (lift(&self.a), lift(&self.b), lift(&self.t));
+        let b_square = T::lift(self.b_square);
+        let n = right(&t);
+
+        // ε, L; PRECISION: the slide is made of changes since zero, so that it is exact there
+        let (length0, beside0) = (dot(&t, &b0), dot(&n, &b0));
+        let moved = [p[0] - a[0], p[1] - a[1]];
+        let change = -dot(&n, &moved);
+        let beside = beside0 + change;
+        let L_square = b_square - beside * beside;
+        let L = T::lift(self.side) * L_square.sqrt();
+        let stretch = -(change * (beside + beside0)) / (L + length0);
+        let b = [L.mul_add(t[0], beside * n[0]), L.mul_add(t[1], beside * n[1])];
+        let inverse_b = T::ONE / b_square;
+        let verdict = Verdict { unreachable: L_square.lt(T::ZERO), singular: L_square.lt(T::from_f64(1e-24) * b_square) };
+        let mut links = Links {
+            turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
+            turn_c: (T::ONE, T::ZERO),
+            slide: stretch + dot(&t, &moved),
+            first: [T::ZERO; 3],
+            second: [T::ZERO; 3],
+        };
+        if level == Level::Position {
+            return (links, verdict);
+        }
+
+        // b′ J b − s′ t = −p′, then the same with what the turning adds
+        let inverse_L = T::ONE / L;
+        let solve = |x: &Plane<T>| (dot(x, &n) * inverse_L, -(dot(x, &b) * inverse_L));
+        let (b1, s1) = solve(&[-p1[0], -p1[1]]);
+        let (b2, s2) = solve(&add(&b, b1 * b1, &[-p2[0], -p2[1]]));
+        (links.first, links.second) = ([b1, T::ZERO, s1], [b2, T::ZERO, s2]);
+        (links, verdict)
+    }
+
+    /// The same geometry with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Planar<D> {
+        Planar {
+            joint: self.joint,
+            slides: self.slides,
+            a: self.a.map(f),
+            d: self.d.map(f),
+            t: self.t.map(f),
+            b: self.b.map(f),
+            c: self.c.map(f),
+            b_square: f(self.b_square),
+            c_square: f(self.c_square),
+            slider: self.slider,
+            side: f(self.side),
+            others: self.others.each_ref().map(|tie| Tie { joint: tie.joint, place: tie.place, sense: f(tie.sense) }),
+            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! What an assembly found, and what to do with it.
+
+use sarrus_dynamics::description::Placement;
+use sarrus_models::{AssemblyReport, Moved};
+
+use crate::commands::output::table;
+
+/// The pose, and for files that are open at zero the numbers to write into them.
+pub(super) fn in_words(of: &AssemblyReport) -> String {
+    let mut text = match &of.error {
+        None => format!(
+            "assembled: residual {:.1e} before, {:.1e} after, distance {:.6}, {} steps\n",
+            of.residual_before, of.residual, of.distance, of.iterations
+        ),
+        Some(error) => format!("not assembled: {error}\n"),
+    };
+    let row = |moved: &Moved| {
+        let Moved { name, given, found } = moved;
+        vec![name.clone(), given.to_string(), found.to_string(), format!("{:+.3e}", found - given)]
+    };
+    text += &table(&["joint", "given", "found", "moved"], &of.q.iter().map(row).collect::<Vec<_>>());
+    if of.error.is_some() {
+        return text;
+    }
+    if of.new_zero.is_empty() {
+        return text + "use it as q_guess of a request, or as q\n";
+    }
+
+    // either way the files are closed at zero afterwards
+    text += "\nto make it the zero pose, write these origins into the URDF and take off what each joint moved from its limits and its spring's rest\n";
+    let list = |x: [f64; 3], between: &str| x.map(|x| x.to_string()).join(between);
+    for (joint, origin) in &of.new_zero.origins {
+        text += &format!("  {joint}: <origin xyz=\"{}\" rpy=\"{}\"/>\n", list(origin.xyz, " "), list(origin.rpy, " "));
+    }
+    let yaml = |key: &str, placements: &[(String, Placement)]| {
+        let line = |(name, at): &(String, Placement)| {
+            format!("  {name}: {key}: {{xyz: [{}], rpy: [{}]}}\n", list(at.xyz, ", "), list(at.rpy, ", "))
+        };
+        placements.iter().map(line).collect::<String>()
+    };
+    if !of.new_zero.predecessors.is_empty() {
+        text += "and these placements into the submechanism file\n";
+        text += &yaml("predecessor_placement", &of.new_zero.predecessors);
+        text += &yaml("successor_placement", &of.new_zero.successors);
+    }
+    text += "or, where the joints are right and the placements are not, write placements that coincide at the zero pose as it is\n";
+    text + &yaml("successor_placement", &of.at_zero.successors)
+}

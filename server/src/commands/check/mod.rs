@@ -1,0 +1,128 @@
+//! `sarrus check`.
+
+mod assembled;
+mod closures;
+mod pose;
+
+use std::process::ExitCode;
+
+use clap::Args;
+use sarrus_models::CheckReport;
+
+use super::output::{Format, FormatFlag, finish, json_line};
+use super::robot::{RobotFlags, findings, refuse};
+use pose::Numbers;
+
+/// Flags of `check`.
+#[derive(Args)]
+pub(crate) struct Check {
+    #[command(flatten)]
+    robot: RobotFlags,
+    #[command(flatten)]
+    format: FormatFlag,
+    /// Find a closed pose near the given one and print it; also for files whose loops are open at the zero pose.
+    #[arg(long)]
+    assemble: bool,
+    /// The pose: q=X,Y,… in the order of `tree_q`, NAME=X,… (zero elsewhere), or a JSON file: a list, an object by name, or one with a `q`.
+    /// Default: the zero pose.
+    #[arg(long, value_name = "FILE|q=…", requires = "assemble", allow_hyphen_values = true)]
+    near: Option<Numbers>,
+    /// What each joint's way costs: NAME=W,… (1 elsewhere), W,W,… in the order of `tree`, or a JSON file. 0: free, inf: kept fixed.
+    #[arg(long, value_name = "FILE|NAME=W,…", requires = "assemble", allow_hyphen_values = true)]
+    weights: Option<Numbers>,
+}
+
+impl Check {
+    pub(crate) fn run(self) -> ExitCode {
+        let report =
+            if self.assemble { self.assembled() } else { CheckReport::new(&self.robot.load()).map_err(|error| refuse("check", &error)) };
+        let report = match report {
+            Ok(report) => report,
+            Err(code) => return code,
+        };
+        let failure = report.assembled.as_ref().and_then(|of| of.error.as_ref());
+        if let Some(failure) = failure {
+            eprintln!("sarrus check: {failure}");
+        }
+        let code = if report.errors.is_empty() && failure.is_none() { 0 } else { 1 };
+        let results = match self.format.format {
+            Format::Json => json_line(&report),
+            Format::Text if report.errors.is_empty() => in_words(&report),
+            Format::Text => {
+                findings(&report.errors, &report.warnings) + &report.assembled.as_ref().map(assembled::in_words).unwrap_or_default()
+            }
+        };
+        finish("check", &results, code)
+    }
+
+    /// The report with an assembly, or the code of what stands in its way.
+    fn assembled(&self) -> Result<CheckReport, ExitCode> {
+        let near = |names: &[String], zero: Vec<f64>| self.near.as_ref().map_or(Ok(zero.clone()), |near| near.resolve(names, zero));
+        let weights = |names: &[String]| {
+            let ones = vec![1.0; names.len()];
+            let weights = self.weights.as_ref().map_or(Ok(ones.clone()), |weights| weights.resolve(names, ones))?;
+            match weights.iter().zip(names).find(|(weight, _)| **weight < 0.0) {
+                Some((weight, name)) => {
+                    Err(self.weights.as_ref().map(|of| of.fault(&format!("weight {weight} of {name}, expected 0 or more"))))
+                }
+                None => Ok(weights),
+            }
+        };
+        match self.robot.assemble(near, weights) {
+            Ok(Ok(report)) => Ok(report),
+            Ok(Err(fault)) => {
+                let fault = fault.unwrap_or_default();
+                eprintln!("sarrus check: {}", fault.words);
+                Err(ExitCode::from(fault.code))
+            }
+            Err(error) => Err(refuse("check", &error)),
+        }
+    }
+}
+
+/// A valid robot: what it is called, what it has and in which order, how it is closed, what is remarkable.
+fn in_words(report: &CheckReport) -> String {
+    let mut text = format!("robot        {}\n", report.robot.as_deref().unwrap_or_default());
+    text += &format!("fingerprint  {}\n\n", report.fingerprint.as_deref().unwrap_or("none, the files are open at zero"));
+    text += &names("tree", &report.tree);
+    if report.tree_q.len() != report.tree.len() {
+        text += &names("tree q", &report.tree_q);
+    }
+    text += &names("independent", &report.independent);
+    text += &names("active", &report.active);
+    text += &names("loop rows", &report.loops);
+
+    if !report.closures.is_empty() {
+        text += "\n";
+        text += &closures::in_words(&report.closures);
+    }
+    if let Some(assembled) = &report.assembled {
+        text += "\n";
+        text += &assembled::in_words(assembled);
+    }
+    text += "\n";
+    text += &match report.warnings.len() {
+        0 => "valid, no warnings\n".to_owned(),
+        1 => "valid, 1 warning\n".to_owned(),
+        n => format!("valid, {n} warnings\n"),
+    };
+    text + &findings(&[], &report.warnings)
+}
+
+/// A count and the names that are counted, in lines of about a hundred letters.
+fn names(what: &str, names: &[String]) -> String {
+    const WIDTH: usize = 84;
+    let mut text = format!("{what:<11}  {:>4} ", names.len());
+    let mut width = 0;
+    for name in names {
+        let length = name.chars().count() + 1;
+        if width > 0 && width + length > WIDTH {
+            text += &format!("\n{:18}", "");
+            width = 0;
+        }
+        text += " ";
+        text += name;
+        width += length;
+    }
+    text.trim_end().to_owned() + "\n"
+}

@@ -1,0 +1,76 @@
+//! The page of closures in the documentation says what `sarrus check` prints.
+//!
+//! After a change: `SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof closures_page`.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::run;
+
+const PATH: &str = "../models/src/closures.md";
+const HEAD: &str = "\
+# Closures
+
+How the loops of each bundled robot are closed. The tables are what `sarrus check --robot NAME` prints, and a test compares them.
+
+- `closure`: `analytic` by a closed form, `numerical` by Newton's method on the rows, `serial` without loops.
+- `rows` are the constraint rows, `rank` says how many of them are independent; `redundant` ones say nothing new and are left out.
+- `idle` joints turn a rod between its ball joints and nothing else; they keep the value that they start with.
+- `branch` is the sign of det K_d at the zero pose, one for each cluster that can be assembled in two ways, 0 where the pose is singular.
+- `misfit` is how far the geometry is from what the closed form assumes, relative to the mechanism's size.
+- `sigma` and `cond` are the least singular value and the condition number of the scaled K_d at the zero pose.
+- Singular poses are those of the type: where the dependents cannot be told from the independents.
+
+";
+
+/// The table of one robot and the lines under it.
+fn printed(robot: &str) -> String {
+    let run = run(&["check", "--robot", robot], b"");
+    assert_eq!(run.code, Some(0), "{robot} {run:?}");
+    let lines = run.out.lines().skip_while(|line| !line.starts_with("submechanism ")).take_while(|line| !line.is_empty());
+    lines.fold(String::new(), |text, line| text + line + "\n")
+}
+
+/// The first submechanism of each type among the bundled robots.
+fn types() -> String {
+    let mut text =
+        "| type | robot | closure | rows | rank | redundant | idle | branches | singular poses |\n|---|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+    let mut known = Vec::new();
+    for (robot, _) in sarrus_models::bundled() {
+        let report = run(&["check", "--format", "json", "--robot", robot], b"").json().remove(0);
+        for of in report["closures"].as_array().unwrap() {
+            let word = |key: &str| of[key].as_str().unwrap().to_owned();
+            let count = |key: &str| of[key].as_array().unwrap().len();
+            let kind = (word("type"), word("kind"), of["rows"].clone());
+            if of["rows"] == 0 || known.contains(&kind) {
+                continue;
+            }
+            let (branches, singular) = (["none", "±"][count("branch").min(1)], word("singular"));
+            let singular = if singular.is_empty() { "no general rule" } else { &singular };
+            let numbers = format!("{} | {} | {} | {}", of["rows"], of["rank"], count("redundant"), count("idle"));
+            writeln!(text, "| {} | `{robot}` | {} | {numbers} | {branches} | {singular} |", kind.0, kind.1).unwrap();
+            known.push(kind);
+        }
+    }
+    text
+}
+
+fn page() -> String {
+    let mut page = format!("{HEAD}## Types\n\n{}", types());
+    for (robot, about) in sarrus_models::bundled() {
+        write!(page, "\n## `{robot}`\n\n{about}\n\n```text\n{}```\n", printed(robot)).unwrap();
+    }
+    page
+}
+
+#[test]
+fn closures_page_is_what_check_prints() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(PATH);
+    let page = page();
+    if std::env::var_os("SARRUS_UPDATE").is_some() {
+        std::fs::write(&path, &page).unwrap();
+    }
+    let written = std::fs::read_to_string(&path).unwrap();
+    assert!(written == page, "the page is stale: SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof closures_page");
+}
