@@ -193,13 +193,15 @@ impl<'a> Check<'a, '_> {
             return;
         }
         if let Some(known) = KNOWN.iter().find(|known| known.name == type_name.0) {
-            if !known.tree.is_empty() && !known.tree.contains(&tree.len()) {
-                let found = format!("{written} with {}", counted(tree.len(), "spanning-tree joint"));
+            // a joint of several freedoms stands for as many joints
+            let [in_tree, in_independent] = [tree, independent].map(|names| self.freedoms(names));
+            if !known.tree.is_empty() && !known.tree.contains(&in_tree) {
+                let found = format!("{written} with {}", counted(in_tree, "spanning-tree joint"));
                 let expected = known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
                 self.findings.error(place, found, expected, "correct jointnames_spanningtree or use NUMERICAL");
             }
-            if let Some(count) = known.independent.filter(|count| *count != independent.len()) {
-                let found = format!("{written} with {}", counted(independent.len(), "independent joint"));
+            if let Some(count) = known.independent.filter(|count| *count != in_independent) {
+                let found = format!("{written} with {}", counted(in_independent, "independent joint"));
                 self.findings.error(place, found, count.to_string(), "correct jointnames_independent");
             }
         }
@@ -261,6 +263,17 @@ impl<'a> Check<'a, '_> {
         } else {
             self.findings.error(place, found, expected, "correct the type or jointnames_spanningtree");
         }
+    }
+
+    /// How many freedoms these joints have; a joint that is not known counts one.
+    fn freedoms(&self, names: &[Named]) -> usize {
+        let kind = |name: &String| self.urdf.and_then(|urdf| urdf.joint(name)?.kind);
+        let of = |(name, _): &Named| match kind(name) {
+            Some(JointKind::Spherical) => 3,
+            Some(JointKind::Floating) => 6,
+            _ => 1,
+        };
+        names.iter().map(of).sum()
     }
 
     /// How many of these joints follow others.

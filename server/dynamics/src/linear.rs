@@ -27,11 +27,21 @@ pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: us
 }
 
 /// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the determinant, or `None` where a
-/// pivot is so small against the largest entry that the solution would have less than five digits, or not a number.
+/// pivot is not above the rounding of the largest entry, or not a number.
 pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
+    solve_above(A, B, m, n, 8.0)
+}
+
+/// The same, but `None` already where the solution of a matrix of like entries would have less than five digits.
+pub(crate) fn solve_sound<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
+    solve_above(A, B, m, n, 1e5)
+}
+
+/// `roundings`: how many unit roundoffs of the largest entry a pivot must have.
+fn solve_above<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, roundings: f64) -> Option<T> {
     let mut det = T::ONE;
     let largest = A[..m * m].iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
-    let floor = largest * T::from_f64(1e5 * T::EPSILON);
+    let floor = largest * T::from_f64(roundings * T::EPSILON);
     for k in 0..m {
         let mut p = k;
         for i in k + 1..m {

@@ -167,7 +167,7 @@ fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratc
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
-        *phi = *phi * T::from_f64(row_unit(cluster, row));
+        *phi *= T::from_f64(row_unit(cluster, row));
         phi.mul_add(*phi, sum)
     })
 }

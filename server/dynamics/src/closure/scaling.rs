@@ -28,6 +28,9 @@ pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 
     }
     let linear = norm(row.linear[0].to_f64(), row.linear[1].to_f64(), row.linear[2].to_f64());
     let angular = norm(row.angular[0].to_f64(), row.angular[1].to_f64(), row.angular[2].to_f64());
+    if let Some(b) = &row.against {
+        return 1.0 / (angular * norm(b[0].to_f64(), b[1].to_f64(), b[2].to_f64()));
+    }
     if linear > 0.0 { 1.0 / (cluster.length * linear) } else { 1.0 / angular }
 }
 

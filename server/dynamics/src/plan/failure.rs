@@ -41,7 +41,7 @@ impl Plan {
         }
         if actuated {
             ws.q[at.clone()].copy_from_slice(&ws.start[at]);
-        } else if !(residual(cluster, bodies, ws) < T::from_f64(CLOSED)) {
+        } else if !residual(cluster, bodies, ws).lt(T::from_f64(CLOSED)) {
             last_on_path(cluster, bodies, ws);
         }
         residual(cluster, bodies, ws);

@@ -5,7 +5,7 @@ use sarrus_proto::{Field, Slot, Status};
 use super::state::tree_accelerations;
 use super::{Method, Plan};
 use crate::branch_sparse::{factorise_branches, solve_branches};
-use crate::linear::{least_norm, solve_pivoted};
+use crate::linear::{least_norm, solve_sound};
 use crate::model::{Cluster, Model};
 use crate::scalar::{Mask, Scalar};
 use crate::spatial::zero;
@@ -206,7 +206,7 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<()
             ws.tau_u[u] = tau;
         } else if n_u == m {
             actuator_matrix(cluster, ws);
-            solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 if !(ws.dense_rhs[r].is_finite()) {
                     return Err(Status::SingularActuation);

@@ -60,7 +60,7 @@ impl Plan {
             }
         }
         let det = solve_pivoted(&mut A, &mut x, n, 1);
-        let positive = det.is_some_and(|det| T::ZERO.lt(if n_rows % 2 == 0 { det } else { -det }));
+        let positive = det.is_some_and(|det| T::ZERO.lt(if n_rows.is_multiple_of(2) { det } else { -det }));
         x.iter_mut().zip(&scale).for_each(|(x, scale)| *x *= *scale);
 
         // q̈, and Kᵀ λ

@@ -31,7 +31,7 @@ impl Method {
 }
 
 /// Nanoseconds of each operation.
-const NS: Count = Count { rigid: 20.0, articulated: 50.0, force: 7.0, update: 8.0, entry: 0.3 };
+const NS: Count = Count { rigid: 20.0, articulated: 40.0, force: 7.0, update: 8.0, entry: 0.3 };
 
 /// How often each operation runs, or what it takes.
 #[derive(Clone, Copy, Debug, Default)]

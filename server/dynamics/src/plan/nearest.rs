@@ -168,7 +168,7 @@ impl<T: Scalar> Search<'_, T> {
             size = T::select(size.lt(x), x, size);
         }
         if size > T::from_f64(LONGEST) {
-            (0..m).for_each(|a| ws.scratch.step[a] = ws.scratch.step[a] * (T::from_f64(LONGEST) / size));
+            (0..m).for_each(|a| ws.scratch.step[a] *= T::from_f64(LONGEST) / size);
         }
         fine && T::from_f64(16.0 * T::EPSILON) < size
     }
@@ -225,7 +225,7 @@ impl<T: Scalar> Search<'_, T> {
                 return true;
             }
             // rounded files hold redundant rows open: then what is left stays
-            if !(residual < last * T::from_f64(0.9)) {
+            if !residual.lt(last * T::from_f64(0.9)) {
                 return residual < T::from_f64(T::EPSILON.sqrt());
             }
             last = residual;
@@ -252,7 +252,7 @@ impl<T: Scalar> Search<'_, T> {
 fn solve_positive<T: Scalar>(H: &mut [T], b: &mut [T], m: usize) -> bool {
     for j in 0..m {
         let d = (0..j).fold(H[j * m + j], |d, k| (-H[j * m + k]).mul_add(H[j * m + k], d));
-        if !(T::from_f64(CURVATURE) < d) {
+        if !T::from_f64(CURVATURE).lt(d) {
             return false;
         }
         let root = d.sqrt();

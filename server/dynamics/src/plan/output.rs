@@ -4,7 +4,7 @@ use sarrus_proto::{Field, Slot, Status};
 
 use super::run::Findings;
 use super::{Plan, singular};
-use crate::linear::solve_pivoted;
+use crate::linear::solve_sound;
 use crate::model::{Frame, Model};
 use crate::scalar::Scalar;
 use crate::tree;
@@ -180,7 +180,7 @@ impl Plan {
                         ws.dense_rhs[k * 6 + row] = spare[row * n_vy + cluster.vy + k];
                     }
                 }
-                if solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 6).is_none() {
+                if solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 6).is_none() {
                     status = Status::SingularActuation;
                     break;
                 }

@@ -5,7 +5,7 @@ use sarrus_proto::{Field, Slot, Status};
 use super::run::Findings;
 use super::{Plan, Space};
 use crate::closure::{Level, Local, Outcome, close};
-use crate::linear::solve_pivoted;
+use crate::linear::solve_sound;
 use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -165,7 +165,7 @@ impl Plan {
             // the closure has overwritten what stood at dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
-        solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+        solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
             to[cluster.v + j] = ws.dense_rhs[k];
@@ -242,7 +242,7 @@ fn from_actuators<T: Scalar>(
             }
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.freedoms[j].q];
         }
-        let det = if outcome.status == Status::Ok { solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
+        let det = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
         let at = cluster.q..cluster.q + cluster.n_q;
         match det {
             // another branch, or no pose at all: half the way from the last good one
