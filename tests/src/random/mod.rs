@@ -13,8 +13,8 @@ use writer::Writer;
 
 /// Four-bars, slider-cranks and legs on arms are declared by their own types, else NUMERICAL.
 pub const NEW_TYPES: bool = true;
-/// Rods may spin about themselves.
-pub const IDLE: bool = true;
+/// Couplers may hang between two ball joints.
+pub const SPINNING: bool = false;
 /// Joints have damping, springs and rotors now and then.
 pub const TERMS: bool = true;
 /// Chains hold ball joints now and then.
