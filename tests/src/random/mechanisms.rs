@@ -1,7 +1,7 @@
 //! The mechanisms that random robots are made of. Each is drawn in a frame of its own, x, y, z, that is put anywhere on a link.
 
 use super::writer::{Entry, Kind, Link, Writer};
-use super::{BALLS, IDLE};
+use super::{BALLS, SPINNING};
 use crate::rigid::{Pose, Vector, add};
 
 pub(super) const X: Vector = [1.0, 0.0, 0.0];
@@ -43,7 +43,7 @@ impl Writer {
             26 => self.bricard(on, at),
             27..29 => self.spherical_four_bar(on, at),
             29 => self.bennett(on, at),
-            30 if IDLE => self.rssr(on, at),
+            30 if SPINNING => self.rssr(on, at),
             30..33 => self.rusr(on, at),
             33..35 => self.seven_revolutes(on, at),
             _ => self.coupled(on, at),

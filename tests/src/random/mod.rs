@@ -12,9 +12,9 @@ use crate::seed::Seeded;
 use writer::Writer;
 
 /// Four-bars, slider-cranks and legs on arms are declared by their own types, else NUMERICAL.
-pub const NEW_TYPES: bool = false;
-/// Rods may spin about themselves.
-pub const IDLE: bool = false;
+pub const NEW_TYPES: bool = true;
+/// Couplers may hang between two ball joints.
+pub const SPINNING: bool = false;
 /// Joints have damping, springs and rotors now and then.
 pub const TERMS: bool = true;
 /// Chains hold ball joints now and then.

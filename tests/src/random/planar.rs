@@ -142,8 +142,10 @@ impl Writer {
         let active = vec![if self.seeded.chance(0.5) { slider.clone() } else { crank.clone() }];
         let type_name = if NEW_TYPES && !self.numerical { "SLIDERCRANK" } else { "NUMERICAL" };
         let tree = vec![crank.clone(), coupler, slider];
-        // where the slider drives, the crank must not stand in its direction
-        let active = if crank_pin[1].abs() > 0.15 * size { active } else { vec![crank.clone()] };
+        // where the slider drives, crank and coupler must not stand in one line
+        let along_coupler = add(pin, -1.0, crank_pin);
+        let apart = cross(crank_pin, along_coupler)[2].abs() / (norm(crank_pin) * norm(along_coupler));
+        let active = if apart > 0.7 { active } else { vec![crank.clone()] };
         self.submechanism("slider-crank", Entry { type_name, tree, independent: vec![(crank, 0.3)], active, loops });
     }
 
