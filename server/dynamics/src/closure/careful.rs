@@ -9,8 +9,8 @@ use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster};
 use crate::scalar::Scalar;
 
-/// Newton steps that one request may cost.
-const BUDGET: u32 = 1200;
+/// Attempts at a substep that one request may cost; each takes at most ten Newton steps a block.
+const ATTEMPTS: u32 = 200;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;
@@ -48,12 +48,13 @@ pub(super) fn follow<T: Scalar>(
     iterations += count;
     if !closed {
         local.scratch.goal[..n].copy_from_slice(local.start);
-        return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
+        return Outcome::failed(stalled(cluster, bodies, local), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
     numerical.remember(cluster, bodies, local);
-    let (mut at, mut step) = (0.0, FIRST);
+    let (mut at, mut step, mut attempts) = (0.0, FIRST, 0);
     while at < 1.0 {
+        attempts += 1;
         let next = f64::min(1.0, at + step);
         between(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
         if next == 1.0 {
@@ -71,7 +72,7 @@ pub(super) fn follow<T: Scalar>(
             step *= 2.0;
         } else {
             step *= 0.5;
-            if step < SHORTEST || iterations > BUDGET {
+            if step < SHORTEST || attempts > ATTEMPTS {
                 for &j in &cluster.independent_q {
                     local.q[j] = local.scratch.goal[j];
                 }
@@ -81,7 +82,8 @@ pub(super) fn follow<T: Scalar>(
                 // the last closed pose stays to be read
                 let scratch = &mut *local.scratch;
                 scratch.goal[..n].copy_from_slice(&scratch.last[..n]);
-                return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
+                let status = if attempts > ATTEMPTS { Status::NotConverged } else { stalled(cluster, bodies, local) };
+                return Outcome::failed(status, iterations);
             }
         }
     }
@@ -98,12 +100,11 @@ pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut L
     largest_residual(cluster, &scratch.phi) < T::from_f64(APART)
 }
 
-/// Why the goal in `local.q` was not reached: some other closed pose has its y, none has, or the budget ran out.
-fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, iterations: u32) -> Status {
+/// Why the path to the goal in `local.q` ended: some other closed pose has its y, or none has.
+fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
         Some(true) if dependents_range(cluster, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
-        _ if iterations > BUDGET => Status::NotConverged,
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }
