@@ -129,6 +129,7 @@ fn table_lambda(arm: f64, base: f64, out_of_plane: f64) -> Compiled {
     compile(&draft.description)
 }
 
+#[allow(clippy::excessive_precision, reason = "published numbers stand as they were published")]
 #[test]
 fn the_lambda_has_the_lengths_and_rates_of_its_closed_form() {
     const TABLE: [[f64; 7]; 3] = [
