@@ -18,6 +18,7 @@ mod forward;
 mod hyrodyn;
 mod laws;
 mod published;
+mod regressions;
 mod safeguards;
 mod scaling;
 mod targets;

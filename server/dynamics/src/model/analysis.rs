@@ -70,7 +70,7 @@ pub(super) fn analyse(
     let mut cluster = cluster.clone();
     cluster.dependent.retain(|v| !locked.contains(v));
     if !locked.is_empty() {
-        let name = |v: &usize| names[cluster.freedoms[*v].body].as_str();
+        let name = |v: &usize| names[*v].as_str();
         warnings.push(Fault {
             site,
             found: format!("idle joints, which turn a rod between its ball joints and nothing else: {}", list(&locked, name)),
@@ -374,7 +374,7 @@ fn wrong_mobility(cluster: &Cluster<f64>, K_d: &Mat<f64>, rank: usize, names: &[
     // joints that can still move when all independents stand still
     let drift = null_space(K_d);
     let moving = cluster.dependent.iter().enumerate().filter(|(i, _)| drift.iter().any(|of| of[*i].abs() > 1e-3));
-    let moving = moving.map(|(_, v)| names[cluster.freedoms[*v].body].as_str()).collect::<Vec<_>>();
+    let moving = moving.map(|(_, v)| names[*v].as_str()).collect::<Vec<_>>();
     if !moving.is_empty() {
         found += &format!("; joints that the independents do not determine: {}", moving.join(", "));
     }

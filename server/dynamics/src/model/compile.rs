@@ -68,7 +68,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         for (s, _) in assembly.owners(c) {
             info[s].length = f64::max(info[s].length, cluster.length);
         }
-        info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[cluster.freedoms[*v].body].clone()));
+        info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[*v].clone()));
         exact.clusters[c].dependent.retain(|v| !locked.contains(v));
         exact.clusters[c].locked = locked;
         if let Some(fault) = analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site) {
@@ -104,7 +104,8 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
                 Closure::Numerical(numerical)
             }
             Some(Ok(mut form)) => {
-                let (worst, misfit) = form.misfit(&names);
+                let of_bodies: Vec<String> = bodies.iter().map(|body| names[body.v - cluster.v].clone()).collect();
+                let (worst, misfit) = form.misfit(&of_bodies);
                 for (s, _) in assembly.owners(c) {
                     info[s].misfit = f64::max(info[s].misfit, misfit);
                 }

@@ -72,6 +72,7 @@ impl Plan {
                 output[range.start + place] = singular::branch(cluster, scratch);
             }
             if let Some(range) = &good {
+                // where none is good by this measure those declared stand, which did close the loop
                 let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
                 singular::good_independents(model, cluster, &scratch.K, dense, &mut output[range.clone()]);
             }

@@ -53,7 +53,9 @@ impl Plan {
             found.failed = true;
             singular::declared_independents(model, &mut ws.loop_q);
             let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
-            singular::good_independents(model, cluster, &ws.scratch.K, dense, &mut ws.loop_q);
+            if !singular::good_independents(model, cluster, &ws.scratch.K, dense, &mut ws.loop_q) {
+                ws.loop_q.fill(T::from_f64(f64::NAN));
+            }
         }
         if self.wants(Field::NearestY) {
             found.nearest = true;

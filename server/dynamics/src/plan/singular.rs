@@ -36,14 +36,15 @@ pub(super) fn declared_independents<T: Scalar>(model: &Model<T>, good: &mut [T])
 }
 
 /// A set of good independents of one cluster at a pose: those that pivoted QR of the scaled K leaves over when it takes, one after the other,
-/// the column that stands farthest off those before as a dependent. NaN where K has lost rank, so that no set is good.
+/// the column that stands farthest off those before as a dependent. False where K has lost rank, so that no set is good; nothing is written
+/// then.
 pub(super) fn good_independents<T: Scalar>(
     model: &Model<T>,
     cluster: &Cluster<T>,
     K: &[T],
     (A, taken): (&mut [T], &mut [T]),
     good: &mut [T],
-) {
+) -> bool {
     let (n, rows) = (cluster.n_v, cluster.rows.len());
     // one column after the other; −1 marks a column that cannot be had
     for v in 0..n {
@@ -73,10 +74,10 @@ pub(super) fn good_independents<T: Scalar>(
             }
         }
     }
-    for v in 0..n {
-        let free = if taken[v] == T::ZERO { T::ONE } else { T::ZERO };
-        good[model.order.v_external[cluster.v + v]] = if sound { free } else { T::from_f64(f64::NAN) };
+    for v in (0..n).filter(|_| sound) {
+        good[model.order.v_external[cluster.v + v]] = if taken[v] == T::ZERO { T::ONE } else { T::ZERO };
     }
+    sound
 }
 
 /// The direction of ẏ, of unit length, that the actuators move least in the scaling: the last right singular vector of the scaled G_u of the

@@ -30,7 +30,7 @@ enum Subject {
 }
 
 impl Form {
-    /// The worst deviation and what it is about.
+    /// The worst deviation and what it is about; a name for each local body.
     pub(super) fn misfit(&self, names: &[String]) -> (String, f64) {
         let worst = self.deviations.iter().max_by(|a, b| a.2.total_cmp(&b.2));
         worst.map_or((String::new(), 0.0), |(what, subject, size)| match subject {

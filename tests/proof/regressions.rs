@@ -1,0 +1,49 @@
+//! Faults that were found from outside, each by the smallest robot that shows it.
+
+use sarrus_dynamics::description::{JointKind, SubmechanismKind};
+use sarrus_dynamics::{Field, Model, Request};
+use sarrus_tests::cases::Case;
+use sarrus_tests::draft::Draft;
+use sarrus_tests::run::Robot;
+
+use Field::*;
+
+#[test]
+fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
+    // a universal joint on two struts, each between two balls
+    let mut draft = Draft::new(5, SubmechanismKind::Numerical, true);
+    let (first, link) = draft.turn(0, [0.0; 3], [1.0, 0.0, 0.0]);
+    let (second, platform) = draft.turn(link, [0.0; 3], [0.0, 1.0, 0.0]);
+    let mut sliders = vec![];
+    for side in [1.0, -1.0] {
+        let (foot, head) = ([0.2 * side, 0.2, -0.5], [0.23 * side, 0.25, 0.1]);
+        let (_, rod) = draft.joint(JointKind::Spherical, 0, foot, [0.0, 0.0, 1.0]);
+        let (slider, end) = draft.slide(rod, foot, [0.03 * side, 0.05, 0.6]);
+        draft.cut(end, platform, head, &[], &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        sliders.push(slider);
+    }
+    draft.roles(&[(first, 0.2), (second, 0.2)], &sliders);
+    let model = Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}")).model;
+
+    let mut robot = Robot::new(model);
+    let [one, other] = [[0.11, -0.07], [-0.05, 0.13]].map(|y| robot.ask(Request::Kinematics, &[(Y, &y)], &[G]).ok());
+    let still = |v: usize| [&one, &other].iter().all(|answer| answer.get(G)[2 * v..2 * v + 2] == [0.0, 0.0]);
+    let names = robot.model.tree_names();
+    let locked: Vec<&String> = (0..names.len()).filter(|v| still(*v)).map(|v| &names[v]).collect();
+    let mut told: Vec<&String> = robot.model.closures()[0].idle.iter().collect();
+    told.sort_by_key(|name| names.iter().position(|of| of == *name));
+    assert_eq!((told.len(), told), (2, locked));
+}
+
+#[test]
+fn wishing_for_good_independents_does_not_take_an_answer_away() {
+    // nearly flat, K has nearly lost rank; and a platform far out
+    let flat = [1e-3, 1e-4, 1e-6].map(|off| ("four_bars_2", vec![off - std::f64::consts::FRAC_PI_2]));
+    let far = [("stewart", vec![1e4; 6])];
+    for (name, y) in flat.into_iter().chain(far) {
+        let mut robot = Robot::new(Case::bundled(name).compiled.model);
+        let answer = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q, GoodIndependents]).ok();
+        let good = answer.get(GoodIndependents).iter().filter(|x| **x == 1.0).count();
+        assert_eq!(good, y.len(), "{name} at {y:?}");
+    }
+}
