@@ -11,12 +11,10 @@ use sarrus_dynamics::{Field, FieldSet, Method, Model, Plan, Request, Status, Wan
 use sarrus_models::{Options, Source, load};
 
 use crate::Outcome;
+use crate::cases::BUNDLED;
 use crate::chain::chain_of_lambdas;
 use crate::table::{Table, ns};
 
-/// Robots beside the chains.
-const ROBOTS: [&str; 9] =
-    ["lambda", "parallelogram", "torso", "ankle", "wrist", "r3_lambda_r", "stewart", "rh5v2_upper_body", "rh5v2_full"];
 /// Lambdas in a chain.
 const CHAINS: [usize; 3] = [10, 100, 1000];
 /// Rounds of batches, and how long a batch takes at least.
@@ -74,7 +72,7 @@ impl Run {
 /// Prints the table; fails where the chosen method is more than 15 % slower than the other on a bundled robot.
 pub(crate) fn run() -> Outcome {
     let mut models = Vec::new();
-    for name in ROBOTS {
+    for name in BUNDLED {
         models.push(load(&Source::Bundled(name.to_owned()), &Options::default())?.compiled.model);
     }
     for n in CHAINS {
@@ -93,7 +91,7 @@ pub(crate) fn run() -> Outcome {
         let predicted = [Method::Recursion, Method::Projection].map(|method| model.predicted_cost(method).unwrap_or(f64::NAN));
         let chosen = model.forward_method();
         let (mine, other) = if chosen == Method::Recursion { (times[0], times[1]) } else { (times[1], times[0]) };
-        if mine > 1.15 * other && ROBOTS.contains(&model.name()) {
+        if mine > 1.15 * other && BUNDLED.contains(&model.name()) {
             slow.push(model.name().to_owned());
         }
         rows.push(vec![
