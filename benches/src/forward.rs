@@ -1,8 +1,10 @@
 //! Forward dynamics by each method: what the cost model predicts beside what is measured (`--forward`).
 //!
-//! Every robot as it is given, in one state, by recursion and by projection, in batches that take turns. Closures are the
-//! the same for both; what differs is shown by the column `less`, the time without what both have in common (the same request with inverse
-//! dynamics). `kkt` is measured where the robot is small.
+//! Every robot as it is given, in one state, by recursion and by projection, in batches that take turns. Closures and bias forces are the
+//! same for both, so the predicted difference stands beside the measured one. `kkt` is measured where the robot is small.
+//!
+//! The prediction is calibrated by times: the recursion has fewer instructions than the projection of the same length of time, for each of
+//! them waits for more of the others.
 
 use std::hint::black_box;
 use std::time::Instant;

@@ -14,7 +14,11 @@
 //!   same answers against double-double.
 //! - Round trip (`round_trip/`): both doors of a server process, between two runs of plain shared memory that carries the same bytes.
 //!
-//! To add a robot or a way to close its loops: one line in `cases.rs`.
+//! - Cases are named `robot/closures[/start]/asked`: `FD` goes by the method that the model chooses, `FD-recursion`, `FD-projection` and
+//!   `FD-kkt` by that one; `chain/N/FD` is a row of N lambdas, whose instructions per lambda must not grow with N.
+//!
+//! To add a bundled robot or a way to close its loops: one line in `cases.rs`. A small robot as text: `extra.rs`. A case of the regression
+//! gate: one line in `count.sh`, then `benches/count.sh --update`.
 
 mod cases;
 mod chain;
