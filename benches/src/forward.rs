@@ -3,8 +3,8 @@
 //! Every robot as it is given, in one state, by recursion and by projection, in batches that take turns. Closures and bias forces are the
 //! same for both, so the predicted difference stands beside the measured one. `kkt` is measured where the robot is small.
 //!
-//! The prediction is calibrated by times: the recursion has fewer instructions than the projection of the same length of time, for each of
-//! them waits for more of the others.
+//! The prediction is calibrated by times, not by instructions: on long robots the recursion takes more time for each of its instructions
+//! than the projection.
 
 use std::hint::black_box;
 use std::time::Instant;
