@@ -165,7 +165,7 @@ fn closed_forms_agree_with_newtons_method() {
         if let Some(numerical) = random_robot_numerical(seed) {
             let text = random_robot(seed);
             // a rounded cut frame is not where the type defines it
-            let same = !(text.rounded && text.holds.contains("by type"));
+            let same = !(text.rounded && (text.holds.contains("by type") || text.holds.contains("legs on arms")));
             let [a, b] = [&text, &numerical].map(|text| Case::of_text(text, seed, &Options::default()).unwrap());
             // a coupling to a mechanism makes one larger mechanism, which has no closed form
             let kinds = |case: &Case| case.compiled.model.closures().iter().map(|x| x.kind).collect::<Vec<_>>();

@@ -2,12 +2,14 @@
 //!
 //! An answer with status ok is finite, closed, and on the branch of its guess: every det K_d has the sign that it has there, and a path
 //! follower that shares no code with the program arrives at the same pose. A closed form keeps the sign of its root, whatever lies between:
-//! where the follower is stopped on its way to such an answer, the signs alone decide.
+//! where the follower is stopped on its way to such an answer, the signs alone decide. A parallelogram in closed form is linear and has
+//! no root.
 
 use std::fmt::Write as _;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 use sarrus_dynamics::{ClosureKind, Field, Request, Status};
 use sarrus_tests::cases::{Case, robots};
 use sarrus_tests::path::{End, Paths, eliminated};
@@ -64,6 +66,12 @@ impl Signs {
         let (n_v, n_c) = (model.sizes().n_v, model.sizes().n_c);
         let independent = model.independent_names();
         let dependent: Vec<usize> = (0..n_v).filter(|v| !independent.contains(&model.tree_names()[*v])).collect();
+        // a parallelogram stays one where its links lie in one line, though K_d changes its sign there
+        let linear: Vec<usize> = (case.description.submechanisms.iter().zip(model.closures()))
+            .filter(|(of, closure)| of.kind == SubmechanismKind::ParallelogramChain && closure.kind == ClosureKind::Analytic)
+            .flat_map(|(of, _)| &of.spanning_tree)
+            .filter_map(|j| model.tree_names().iter().position(|name| *name == case.description.joints[*j].name))
+            .collect();
         let touches = |r: usize, v: usize| some.iter().any(|of| of[r * n_v + v] != 0.0);
         let mut of_row: Vec<usize> = (0..n_c).collect();
         for &v in &dependent {
@@ -75,7 +83,7 @@ impl Signs {
         for label in (0..n_c).filter(|r| of_row[*r] == *r) {
             let rows: Vec<usize> = (0..n_c).filter(|r| of_row[*r] == label).collect();
             let columns: Vec<usize> = dependent.iter().copied().filter(|v| rows.iter().any(|r| touches(*r, *v))).collect();
-            if rows.len() == columns.len() {
+            if rows.len() == columns.len() && !columns.iter().any(|v| linear.contains(v)) {
                 parts.push((rows, columns));
             }
         }
@@ -108,9 +116,7 @@ struct Counts {
 /// A target: near by as often as far away.
 fn target(case: &Case, seeded: &mut Seeded, far: bool) -> Vec<f64> {
     let model = &case.compiled.model;
-    let slides = |name: &String| {
-        case.description.joints.iter().any(|x| x.name == *name && x.kind == sarrus_dynamics::description::JointKind::Prismatic)
-    };
+    let slides = |name: &String| case.description.joints.iter().any(|x| x.name == *name && x.kind == JointKind::Prismatic);
     let mut y = case.state::<f64>(seeded.bits() % 1000).y;
     let names = model.independent_q_names();
     for (k, name) in names.iter().enumerate() {
@@ -179,12 +185,7 @@ fn go(case: &Case) -> Counts {
     // where the tree coordinates of y stand in q
     let places: Vec<usize> =
         model.independent_q_names().iter().map(|name| model.tree_q_names().iter().position(|x| x == name).unwrap()).collect();
-    let turns = |k: usize| {
-        case.description
-            .joints
-            .iter()
-            .any(|x| x.name == model.tree_q_names()[k] && x.kind != sarrus_dynamics::description::JointKind::Prismatic)
-    };
+    let turns = |k: usize| case.description.joints.iter().any(|x| x.name == model.tree_q_names()[k] && x.kind != JointKind::Prismatic);
     let every = TARGETS / (1500 / model.link_names().len()).clamp(20, 60);
     let mut counts = Counts::default();
     for k in 0..TARGETS {

@@ -30,6 +30,7 @@ pub struct Paths<'a> {
 }
 
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "a robot has few rows, most of them loops")]
 enum Row {
     Loop { predecessor: (usize, Pose), successor: (usize, Pose), axis: [f64; 6], against: Option<Vector> },
     Coupling { joint: usize, terms: Vec<(usize, f64)>, offset: f64 },

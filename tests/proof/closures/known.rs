@@ -109,7 +109,7 @@ fn couplings_that_determine_nothing_or_contradict_each_other_are_faults() {
     assert!(Model::compile(&idle).is_err());
     let contradicting = geared(3, &[(1, &[(0, 1.0)], 0.0), (2, &[(1, 1.0)], 0.0), (0, &[(2, 1.0)], 0.1)], &[0], &[0]);
     let error = Model::compile(&contradicting).unwrap_err();
-    assert!(error.errors.iter().any(|x| x.to_string().contains("contradict")), "{error:?}");
+    assert!(error.errors.iter().any(|x| x.to_string().contains("correct the offsets of the couplings")), "{error:?}");
 }
 
 /// A lambda in the plane x, y whose slider turns about the pin on the arm and is cut at the base; the arm stands at a right angle to the

@@ -351,7 +351,7 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
             let finite = x.get(Q).iter().chain(x.get(G)).all(|x| x.is_finite());
             let truth = exact.ask(Request::Kinematics, &[(Y, &[Dd::from(y)])], &[Q]);
             let near = truth.answer.status == Status::Ok && {
-                let truth: Vec<f64> = truth.get(Q).iter().map(|q| f64::from(q.hi())).collect();
+                let truth: Vec<f64> = truth.get(Q).iter().map(|q| q.hi()).collect();
                 error_by_size(x.get(Q), &truth, 1.0) < 1e-15 * x.get(CondKd)[0].powi(2).max(10.0)
             };
             if !finite || x.get(Branch) != branch || x.get(Residual)[0] > 1e-12 || !near {

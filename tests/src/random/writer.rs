@@ -28,6 +28,7 @@ pub(super) struct Writer {
     pub(super) links: Vec<(String, Pose)>,
     /// Names of independent joints so far, for couplings.
     pub(super) masters: Vec<String>,
+    slides: Vec<String>,
     urdf: String,
     yaml: String,
     holds: Vec<String>,
@@ -63,6 +64,7 @@ impl Writer {
             floats: false,
             links: Vec::new(),
             masters: Vec::new(),
+            slides: Vec::new(),
             urdf: String::new(),
             yaml: String::new(),
             holds: Vec::new(),
@@ -175,7 +177,11 @@ impl Writer {
             Kind::Turn if self.seeded.chance(0.3) => "continuous",
             Kind::Turn => "revolute",
         };
-        self.place(type_name, parent, at, Some(axis), mass)
+        let placed = self.place(type_name, parent, at, Some(axis), mass);
+        if kind == Kind::Slide {
+            self.slides.push(placed.0.clone());
+        }
+        placed
     }
 
     /// A ball joint at a point.
@@ -233,8 +239,9 @@ impl Writer {
             }
         }
         self.square &= entry.active.len() == entry.independent.len();
-        // a ball joint cannot lead others
-        self.masters.extend(entry.independent.iter().filter(|x| x.1 > 0.0).map(|x| x.0.clone()));
+        // a ball joint cannot lead others, and a slider would turn them by its length in metres
+        let leads = |x: &&(String, f64)| x.1 > 0.0 && !self.slides.contains(&x.0);
+        self.masters.extend(entry.independent.iter().filter(leads).map(|x| x.0.clone()));
         self.holds.push(what.into());
         self.reach.extend(entry.independent);
     }

@@ -11,8 +11,9 @@ use crate::spatial::{Pose, dot, zero};
 
 /// Largest first step, in radians or cluster lengths.
 const TRUST: f64 = 0.5;
-/// Part of a block's distance to singularity (its determinant against its column norms) that a first step may go without knowing the old sign.
-const CAUTION: f64 = 0.5;
+/// Part of a block's distance to singularity that independents and first step may go: a longer way could lead through a place where the
+/// loops do not close, and out of it on the other side.
+const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
 /// Least pivot of a wide block against its row.
@@ -72,8 +73,8 @@ macro_rules! by_width {
 }
 
 impl Block {
-    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after. `branch` is the
-    /// determinant at the old pose; without it a block that would need it takes only steps too short to pass a singularity.
+    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after a good end. `branch` is
+    /// the determinant at the old pose, `moved` how far the independents are from it, in radians or cluster lengths.
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
@@ -81,9 +82,10 @@ impl Block {
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
         branch: Option<T>,
+        moved: T,
         steps: u32,
     ) -> (T::Mask, u32) {
-        by_width!(self.newton_of_width(cluster, bodies, local, branch, steps))
+        by_width!(self.newton_of_width(cluster, bodies, local, branch, moved, steps))
     }
 
     /// The determinant at the closed pose in `local`, whose poses are fresh.
@@ -115,6 +117,7 @@ impl Block {
         bodies: &[Body<T::Const>],
         local: &mut Local<'_, T>,
         branch: Option<T>,
+        moved: T,
         steps: u32,
     ) -> (T::Mask, u32) {
         let m = self.width::<M>();
@@ -126,22 +129,24 @@ impl Block {
         let chord = T::from_f64(T::EPSILON.sqrt().sqrt() * T::EPSILON.sqrt().sqrt().sqrt());
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
         let mut previous = T::from_f64(TRUST / CONTRACTION);
-        let (mut last_det, mut reach) = (T::ZERO, T::from_f64(TRUST));
+        let (mut last_det, mut nearness) = (T::ZERO, T::ZERO);
         let mut taken = 0;
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
             let fresh = k == 0 || !previous.lt(chord).all();
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if fresh {
-                let squares = if k == 0 && self.remember { column_squares(&local.scratch.A[..m * m], m) } else { T::ONE };
+                if k == 0 {
+                    let scratch = &mut *local.scratch;
+                    (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, i));
+                }
                 let (fine, det) = self.invert::<T, M>(local.scratch);
                 if k == 0 {
-                    last_det = det;
-                    match branch {
-                        Some(branch) if self.remember => last_det = branch,
-                        None if self.remember => reach = T::from_f64(CAUTION) * (det * det / squares).sqrt(),
-                        _ => {}
-                    }
+                    last_det = match branch {
+                        Some(branch) if self.remember => branch,
+                        _ => det,
+                    };
+                    nearness = self.nearness::<T, M>(local.scratch);
                 }
                 let same_branch = T::ZERO.lt(det * last_det);
                 last_det = det;
@@ -167,11 +172,15 @@ impl Block {
             }
             taken += 1;
             if k == 0 {
-                good = good & size.lt(reach);
+                let way = T::select(size.lt(moved), moved, size);
+                good = good & size.lt(T::from_f64(TRUST)) & (way * way * nearness).lt(T::from_f64(CAUTION * CAUTION));
             }
             let at_floor = size.lt(converged) | residual.lt(floor);
             good = good & (done | at_floor | size.lt(previous * T::from_f64(CONTRACTION)));
             done = done | at_floor;
+            if !good.any() {
+                break;
+            }
             previous = size;
             // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
             let tiny = size.lt(converged).all();
@@ -190,6 +199,20 @@ impl Block {
             }
         }
         (good & done, taken)
+    }
+
+    /// 1/sin² of the least angle between a column of the block, whose squared norms stand in `step`, and the span of the others: the inverse's
+    /// row i is 1/sin over the column's norm.
+    #[inline(always)]
+    fn nearness<T: Real, const M: usize>(&self, scratch: &Scratch<T>) -> T {
+        let m = self.width::<M>();
+        let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+        let mut nearness = T::ZERO;
+        for i in 0..m {
+            let row = inverse[i * m..(i + 1) * m].iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)) * scratch.step[i];
+            nearness = T::select(nearness.lt(row), row, nearness);
+        }
+        nearness
     }
 
     /// φ into the scratch and, if wanted, K of the unknowns; returns the largest |φ|.
@@ -400,8 +423,13 @@ impl BlockCut {
 /// Product of the squared column norms of a square matrix: turning and sliding joints have columns of different units.
 #[inline(always)]
 fn column_squares<T: Real>(A: &[T], m: usize) -> T {
-    let square = |j: usize| (0..m).fold(T::ZERO, |sum, i| A[i * m + j].mul_add(A[i * m + j], sum));
-    (0..m).fold(T::ONE, |product, j| product * square(j))
+    (0..m).fold(T::ONE, |product, j| product * column_square(A, m, j))
+}
+
+/// Squared norm of column j of a square matrix.
+#[inline(always)]
+fn column_square<T: Real>(A: &[T], m: usize, j: usize) -> T {
+    (0..m).fold(T::ZERO, |sum, i| A[i * m + j].mul_add(A[i * m + j], sum))
 }
 
 /// |det| against the product of the column norms.

@@ -6,11 +6,11 @@ use super::numerical::Numerical;
 use super::{Local, Outcome, between, constraint_jacobian, constraint_residual, local_poses};
 use super::{column_unit, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
-use crate::model::{Body, Cluster};
+use crate::model::{Body, Cluster, Freedom};
 use crate::scalar::Scalar;
 
-/// Newton steps that one request may cost.
-const BUDGET: u32 = 1200;
+/// Attempts at a substep that one request may cost; each takes at most ten Newton steps a block.
+const ATTEMPTS: u32 = 300;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;
@@ -44,16 +44,18 @@ pub(super) fn follow<T: Scalar>(
     local.scratch.last[..n].copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
     numerical.remember(cluster, bodies, local);
-    let (closed, count) = numerical.newton(cluster, bodies, local, true);
+    let (closed, count) = numerical.newton(cluster, bodies, local, true, T::ZERO);
     iterations += count;
     if !closed {
         local.scratch.goal[..n].copy_from_slice(local.start);
-        return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
+        return Outcome::failed(stalled(cluster, bodies, local), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
     numerical.remember(cluster, bodies, local);
-    let (mut at, mut step) = (0.0, FIRST);
+    let whole = way(cluster, local.start, &local.scratch.goal);
+    let (mut at, mut step, mut attempts, mut failed) = (0.0, FIRST, 0, false);
     while at < 1.0 {
+        attempts += 1;
         let next = f64::min(1.0, at + step);
         between(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
         if next == 1.0 {
@@ -62,16 +64,19 @@ pub(super) fn follow<T: Scalar>(
         for &j in &cluster.dependent_q {
             local.q[j] = local.scratch.last[j];
         }
-        let (good, count) = numerical.newton(cluster, bodies, local, true);
+        let (good, count) = numerical.newton(cluster, bodies, local, true, whole * T::from_f64(next - at));
         iterations += count;
         if good && redundant_rows_hold(cluster, local) {
             local.scratch.last[..n].copy_from_slice(local.q);
             numerical.remember(cluster, bodies, local);
             at = next;
-            step *= 2.0;
+            // right after a failure the same step again
+            step *= if failed { 1.0 } else { 2.0 };
+            failed = false;
         } else {
             step *= 0.5;
-            if step < SHORTEST || iterations > BUDGET {
+            failed = true;
+            if step < SHORTEST || attempts > ATTEMPTS {
                 for &j in &cluster.independent_q {
                     local.q[j] = local.scratch.goal[j];
                 }
@@ -81,11 +86,38 @@ pub(super) fn follow<T: Scalar>(
                 // the last closed pose stays to be read
                 let scratch = &mut *local.scratch;
                 scratch.goal[..n].copy_from_slice(&scratch.last[..n]);
-                return Outcome::failed(stalled(cluster, bodies, local, iterations), iterations);
+                let status = if attempts > ATTEMPTS { Status::NotConverged } else { stalled(cluster, bodies, local) };
+                return Outcome::failed(status, iterations);
             }
         }
     }
     Outcome { status: Status::Ok, iterations }
+}
+
+/// How far the independents of a pose are from those of another, in radians or cluster lengths: the sum over all of them.
+pub(super) fn way<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
+    let mut way = T::ZERO;
+    for of in cluster.independent.iter().map(|v| &cluster.freedoms[*v]) {
+        if of.single {
+            let step = (to[of.q] - from[of.q]).abs();
+            way += if of.slides() { step * T::from_f64(1.0 / cluster.length) } else { step };
+        } else if of.k == 0 {
+            way += free_way(cluster, of, from, to);
+        }
+    }
+    way
+}
+
+/// The same of a joint of several freedoms: the angle of the turn and the distance.
+fn free_way<T: Scalar>(cluster: &Cluster<T>, of: &Freedom, from: &[T], to: &[T]) -> T {
+    let square = |range: core::ops::Range<usize>| range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum));
+    let four = of.q + of.motion.n_q() - 4;
+    // |q − p|² = 2 (1 − cos ½ angle), of q or −q
+    let chord = square(four..four + 4);
+    let other = T::from_f64(4.0) - chord;
+    let chord = T::select(other.lt(chord), other, chord);
+    let half_angle = (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt()) * T::from_f64(2.0);
+    half_angle * T::from_f64(2.0) + square(of.q..four).sqrt() * T::from_f64(1.0 / cluster.length)
 }
 
 /// True where the rows that the solution leaves out hold too, as closely as rounded files let them; the poses are fresh.
@@ -98,12 +130,11 @@ pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut L
     largest_residual(cluster, &scratch.phi) < T::from_f64(APART)
 }
 
-/// Why the goal in `local.q` was not reached: some other closed pose has its y, none has, or the budget ran out.
-fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, iterations: u32) -> Status {
+/// Why the path to the goal in `local.q` ended: some other closed pose has its y, or none has.
+fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
         Some(true) if dependents_range(cluster, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
-        _ if iterations > BUDGET => Status::NotConverged,
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }

@@ -31,13 +31,15 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     }
 
     /// Closes every block from the dependents in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes converged
-    /// without a doubtful step and without a change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`.
+    /// without a doubtful step and without a change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`;
+    /// `moved` is how far the independents are from the pose that the dependents are of.
     pub(super) fn newton<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
         remembered: bool,
+        moved: T,
     ) -> (T::Mask, u32) {
         local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
         let mut good = T::Mask::splat(true);
@@ -47,9 +49,12 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
             let branch = remembered.then_some(local.scratch.branch[b]);
-            let (fine, count) = block.newton(cluster, bodies, local, branch, STEPS);
+            let (fine, count) = block.newton(cluster, bodies, local, branch, moved, STEPS);
             good = good & fine;
             taken += count;
+            if !good.any() {
+                break;
+            }
         }
         (good, taken)
     }
@@ -107,7 +112,8 @@ impl<C: Scalar> Numerical<C> {
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
         }
-        let (good, iterations) = self.newton(cluster, bodies, local, false);
+        let moved = careful::way(cluster, local.start, local.q);
+        let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
         let good = good && careful::redundant_rows_hold(cluster, local);
         let outcome =
             if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
@@ -117,7 +123,7 @@ impl<C: Scalar> Numerical<C> {
     /// Newton steps from a closed form's answer, on its branch.
     pub(crate) fn polish(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>) -> Outcome {
         self.remember(cluster, bodies, local);
-        let (good, iterations) = self.newton(cluster, bodies, local, true);
+        let (good, iterations) = self.newton(cluster, bodies, local, true, C::ZERO);
         Outcome { status: if good { Status::Ok } else { Status::NotConverged }, iterations }
     }
 

@@ -299,6 +299,14 @@ impl<C: Real> Model<C> {
     }
 }
 
+impl<C> Model<C> {
+    /// True where the joint of a body is independent.
+    pub(crate) fn is_independent(&self, i: usize) -> bool {
+        let cluster = &self.clusters[self.cluster_of[i]];
+        cluster.independent.contains(&(self.bodies[i].v - cluster.v))
+    }
+}
+
 impl<C: Copy> Model<C> {
     /// The same model with every constant converted.
     pub(crate) fn map<D>(&self, f: impl Fn(C) -> D + Copy) -> Model<D>

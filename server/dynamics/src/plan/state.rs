@@ -33,7 +33,10 @@ impl Plan {
         // where closures start: the guess, or the given q itself, or their own zero
         let start = slot(Field::Q).or(slot(Field::QGuess));
         match start {
-            Some(start) => scatter(start, &mut ws.start, &order.q),
+            Some(start) => {
+                scatter(start, &mut ws.start, &order.q);
+                normalise_quaternions(model, &mut ws.start, |_| true)?;
+            }
             None => ws.start.copy_from_slice(&model.zero),
         }
 
@@ -46,9 +49,9 @@ impl Plan {
                 scatter(slot(Field::U).unwrap_or(&[]), &mut ws.q, &order.u_q);
             }
         }
-        normalise_quaternions(model, &mut ws.q)?;
-        if start.is_some() {
-            normalise_quaternions(model, &mut ws.start)?;
+        // of what was given; the dependents are not known yet
+        if self.steps.position == Space::Independent {
+            normalise_quaternions(model, &mut ws.q, |i| model.is_independent(i))?;
         }
 
         // velocities and accelerations of the independents; what is not given is zero
@@ -279,8 +282,8 @@ fn from_actuators<T: Scalar>(
 }
 
 /// Quaternions within 1e-6 of unit length are normalised, others refused.
-fn normalise_quaternions<T: Scalar>(model: &Model<T>, q: &mut [T]) -> Result<(), Status> {
-    for body in model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
+fn normalise_quaternions<T: Scalar>(model: &Model<T>, q: &mut [T], of: impl Fn(usize) -> bool) -> Result<(), Status> {
+    for (_, body) in model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && of(*i)) {
         let of = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
         let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
         if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
