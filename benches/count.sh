@@ -10,19 +10,25 @@ baseline=benches/instructions.tsv
 cases="
 lambda/analytic/state
 lambda/numerical/warm/state
+parallelogram/analytic/state
+ankle/analytic/state
 torso/analytic/state
 torso/numerical/warm/state
 stewart/analytic/ID
 stewart/numerical/warm/state
+stewart_floating/analytic/ID
 wrist/numerical/warm/state
 rh5v2_upper_body/analytic/state
 rh5v2_upper_body/analytic/ID
 rh5v2_upper_body/analytic/FD
+rh5v2_upper_body/analytic/FD-recursion
+rh5v2_upper_body/analytic/FD-projection
 rh5v2_upper_body/numerical/warm/state
 rh5v2_upper_body/numerical/cold/state
 rh5v2_full/hybrid/warm/state
 rh5v2_full/hybrid/warm/ID
 rh5v2_full/hybrid/warm/FD
+chain/100/FD
 "
 
 mode=${1:---print}

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use crate::Outcome;
-use crate::cases::{self, Case, ROBOTS};
+use crate::cases::{self, Case, What};
 use crate::states::Robot;
 
 /// States that the calls go through in turn.
@@ -16,9 +16,9 @@ pub(crate) fn run(count: &[String]) -> Outcome {
     let unknown = || format!("no case `{name}`; `--list` names them all");
     let mut parts = name.split('/');
     let (robot, closures) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
-    let robot = ROBOTS.into_iter().find(|known| *known == robot).ok_or_else(unknown)?;
+    let what = What::all().find(|what| what.name() == robot && what.may_have(name)).ok_or_else(unknown)?;
 
-    let robot = Robot::load_some(robot, STATES, |variant| variant == closures)?;
+    let robot = Robot::load_some(what, STATES, |variant| variant == closures)?;
     let mut case = cases::of_robot(&robot)?.into_iter().find(|case| case.name() == *name).ok_or_else(unknown)?;
     passes(&mut case, repeats)
 }

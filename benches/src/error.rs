@@ -1,10 +1,10 @@
 //! Errors against double-double: the same model, the same inputs, the same code over another scalar.
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Method, Plan, Request, Status, Wanted, Workspace};
 
 use crate::Outcome;
-use crate::cases::{Case, Question, Start};
+use crate::cases::{Case, Question, Start, What};
 
 /// The error of a case over all its states.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,17 +18,24 @@ pub(crate) struct Errors {
     pub(crate) newton: Option<(f64, f64)>,
 }
 
-/// Measures a case on every state; a state without an answer is an error.
-pub(crate) fn measure(case: &mut Case<'_>) -> Outcome<Errors> {
-    let mut truth = Truth::new(case)?;
+/// Measures a case on every state; a state without an answer is an error. `kept` holds the exact answers of the case before: those to
+/// forward dynamics serve every method, those from a warm start the cold one.
+pub(crate) fn measure(case: &mut Case<'_>, kept: &mut Kept) -> Outcome<Errors> {
+    let key = (case.robot.name, case.variant.closures, [case.question, Question::ForwardDynamics][case.question.is_forward() as usize]);
+    if !kept.iter().any(|(of, _)| *of == key) {
+        kept.retain(|((robot, closures, _), _)| (*robot, *closures) == (key.0, key.1));
+        kept.push((key, Truth::new(case)?));
+    }
+    let truth = kept.iter_mut().find(|(of, _)| *of == key).map(|(_, truth)| truth).ok_or("no exact answers")?;
     let mut sizes = Vec::new();
     let mut backward: Option<f64> = None;
     for state in 0..case.inputs.len() {
-        let exact = truth.answer(case, state)?;
+        truth.compute(case, state)?;
+        let exact = truth.exact(case, state);
         let answer = case.answer(state)?;
         let error = exact.fields.iter().fold(0.0, |worst: f64, field| worst.max(field.error(answer)));
         sizes.push(error);
-        if case.question == Question::ForwardDynamics {
+        if case.question.is_forward() {
             let error = exact.backward_error(&case.output);
             backward = Some(backward.map_or(error, |worst| worst.max(error)));
         }
@@ -39,13 +46,15 @@ pub(crate) fn measure(case: &mut Case<'_>) -> Outcome<Errors> {
     Ok(Errors { worst, median: sizes[sizes.len() / 2], backward, newton })
 }
 
+/// Exact answers that may serve again: robot, how its loops are closed, question.
+pub(crate) type Kept = Vec<((&'static str, &'static str, Question), Truth)>;
+
 /// The same question in double-double.
-struct Truth {
+pub(crate) struct Truth {
     plan: Plan,
     workspace: Workspace<Dd>,
-    output: Vec<Dd>,
-    /// Place of the case's variant among those of its robot.
-    variant: usize,
+    /// The answer on each state, once it is known.
+    outputs: Vec<Vec<Dd>>,
 }
 
 /// The exact answer on one state.
@@ -70,24 +79,37 @@ impl Truth {
         if case.start != Start::None {
             wanted.given = wanted.given.with(Field::QGuess);
         }
-        if case.question == Question::ForwardDynamics {
+        if case.question.is_forward() {
             wanted.want = [Field::MY, Field::CY, Field::TauY].into_iter().fold(wanted.want, FieldSet::with);
         }
         let model = &case.variant.compiled.exact;
-        let plan = Plan::new(model, &wanted)?;
-        let output = vec![Dd::from(0.0); plan.want().len()];
-        let variant = case.robot.variants.iter().position(|variant| std::ptr::eq(variant, case.variant)).unwrap_or(0);
-        Ok(Truth { workspace: Workspace::new(model), plan, output, variant })
+        // M_y of a chain is only read, not factorised: that would take n³
+        let plan = match case.robot.what {
+            What::Chain(_) => Plan::with_method(model, &wanted, Method::Recursion)?,
+            _ => Plan::new(model, &wanted)?,
+        };
+        Ok(Truth { workspace: Workspace::for_plans(model, [&plan]), plan, outputs: Vec::new() })
     }
 
-    fn answer(&mut self, case: &Case<'_>, state: usize) -> Outcome<Exact<'_>> {
-        let input = crate::cases::packed(&self.plan, &case.robot.states[state], self.variant);
+    /// Answers on this state, where that was not done before.
+    fn compute(&mut self, case: &Case<'_>, state: usize) -> Outcome {
+        if state < self.outputs.len() {
+            return Ok(());
+        }
+        let input = crate::cases::packed(&self.plan, &case.robot.states[state], case.place);
         let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
-        let status = self.plan.run(&case.variant.compiled.exact, &mut self.workspace, &input, &mut self.output).status;
+        let mut output = vec![Dd::from(0.0); self.plan.want().len()];
+        let status = self.plan.run(&case.variant.compiled.exact, &mut self.workspace, &input, &mut output).status;
         if status != Status::Ok {
             return Err(format!("{}, state {state}: {status} in double-double", case.name()).into());
         }
-        let numbers = |field| self.plan.want().slot(field).map_or(&[][..], |slot| &self.output[slot.range()]);
+        self.outputs.push(output);
+        Ok(())
+    }
+
+    fn exact(&self, case: &Case<'_>, state: usize) -> Exact<'_> {
+        let output = &self.outputs[state];
+        let numbers = |field| self.plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
         let speed = largest(numbers(Field::Qd));
         let fields = case.plan.want().slots().iter().map(|slot| {
             let least = match slot.field {
@@ -97,7 +119,7 @@ impl Truth {
             };
             ExactField { range: slot.range(), numbers: numbers(slot.field), least }
         });
-        Ok(Exact { fields: fields.collect(), m_y: numbers(Field::MY), c_y: numbers(Field::CY), tau_y: numbers(Field::TauY) })
+        Exact { fields: fields.collect(), m_y: numbers(Field::MY), c_y: numbers(Field::CY), tau_y: numbers(Field::TauY) }
     }
 }
 

@@ -1,24 +1,21 @@
 //! Forward dynamics by each method: what the cost model predicts beside what is measured (`--forward`).
 //!
-//! The bundled robots and chains of 10, 100 and 1000 lambdas, by recursion and by projection, in batches that take turns. Closures are the
-//! the same for both; what differs is shown by the column `less`, the time without what both have in common (the same request with inverse
-//! dynamics). `kkt` is measured where the robot is small.
+//! Every robot as it is given, in one state, by recursion and by projection, in batches that take turns. Closures and bias forces are the
+//! same for both, so the predicted difference stands beside the measured one. `kkt` is measured where the robot is small.
+//!
+//! The prediction is calibrated by times, not by instructions: on long robots the recursion takes more time for each of its instructions
+//! than the projection.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-use sarrus_dynamics::{Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Workspace};
-use sarrus_models::{Options, Source, load};
+use sarrus_dynamics::{Method, Model, Plan, Status, Workspace};
 
 use crate::Outcome;
-use crate::chain::chain_of_lambdas;
+use crate::cases::{Question, What, packed};
+use crate::states::Robot;
 use crate::table::{Table, ns};
 
-/// Robots beside the chains.
-const ROBOTS: [&str; 9] =
-    ["lambda", "parallelogram", "torso", "ankle", "wrist", "r3_lambda_r", "stewart", "rh5v2_upper_body", "rh5v2_full"];
-/// Lambdas in a chain.
-const CHAINS: [usize; 3] = [10, 100, 1000];
 /// Rounds of batches, and how long a batch takes at least.
 const ROUNDS: usize = 60;
 const BATCH_NS: u128 = 200_000;
@@ -35,14 +32,11 @@ struct Run {
 }
 
 impl Run {
-    fn new(model: &Model<f64>, method: Method) -> Outcome<Run> {
-        let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Field::Y, Field::Yd, Field::TauU]), FieldSet::of(&[Field::Ydd]));
-        let plan = Plan::with_method(model, &wanted, method)?;
+    fn new(robot: &Robot, method: Method) -> Outcome<Run> {
+        let model = &robot.variants[0].compiled.model;
+        let plan = Plan::with_method(model, &Question::ForwardDynamics.wanted(), method)?;
         let workspace = Workspace::for_plans(model, [&plan]);
-        let mut input = vec![0.0; plan.given().len()];
-        for slot in plan.given().slots().iter().filter(|slot| slot.field != Field::Y) {
-            input[slot.range()].iter_mut().enumerate().for_each(|(k, x)| *x = 0.3 + 0.1 * (k % 7) as f64);
-        }
+        let input = packed(&plan, &robot.states[0], 0);
         let output = vec![0.0; plan.want().len()];
         let mut run = Run { model: model.clone(), plan, workspace, input, output, calls: 1, ns: Vec::new() };
         let status = run.plan.run(&run.model, &mut run.workspace, &run.input, &mut run.output).status;
@@ -73,18 +67,17 @@ impl Run {
 
 /// Prints the table; fails where the chosen method is more than 15 % slower than the other on a bundled robot.
 pub(crate) fn run() -> Outcome {
-    let mut models = Vec::new();
-    for name in ROBOTS {
-        models.push(load(&Source::Bundled(name.to_owned()), &Options::default())?.compiled.model);
-    }
-    for n in CHAINS {
-        models.push(Model::compile(&chain_of_lambdas(n))?.model);
+    let mut robots = Vec::new();
+    for what in What::all() {
+        // as it is given, in one state
+        robots.push(Robot::load(what, 1)?);
     }
     let (mut rows, mut slow) = (Vec::new(), Vec::new());
-    for model in &models {
-        let mut runs = vec![Run::new(model, Method::Recursion)?, Run::new(model, Method::Projection)?];
+    for robot in &robots {
+        let model = &robot.variants[0].compiled.model;
+        let mut runs = vec![Run::new(robot, Method::Recursion)?, Run::new(robot, Method::Projection)?];
         if model.sizes().n_v <= 100 {
-            runs.push(Run::new(model, Method::Kkt)?);
+            runs.push(Run::new(robot, Method::Kkt)?);
         }
         for _ in 0..ROUNDS {
             runs.iter_mut().for_each(Run::batch);
@@ -93,7 +86,7 @@ pub(crate) fn run() -> Outcome {
         let predicted = [Method::Recursion, Method::Projection].map(|method| model.predicted_cost(method).unwrap_or(f64::NAN));
         let chosen = model.forward_method();
         let (mine, other) = if chosen == Method::Recursion { (times[0], times[1]) } else { (times[1], times[0]) };
-        if mine > 1.15 * other && ROBOTS.contains(&model.name()) {
+        if mine > 1.15 * other && !matches!(robot.what, What::Chain(_)) {
             slow.push(model.name().to_owned());
         }
         rows.push(vec![

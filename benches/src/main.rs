@@ -14,12 +14,17 @@
 //!   same answers against double-double.
 //! - Round trip (`round_trip/`): both doors of a server process, between two runs of plain shared memory that carries the same bytes.
 //!
-//! To add a robot or a way to close its loops: one line in `cases.rs`.
+//! - Cases are named `robot/closures[/start]/asked`: `FD` goes by the method that the model chooses, `FD-recursion`, `FD-projection` and
+//!   `FD-kkt` by that one; `chain/N/FD` is a row of N lambdas, whose instructions per lambda must not grow with N.
+//!
+//! To add a bundled robot or a way to close its loops: one line in `cases.rs`. A small robot as text: `extra.rs`. A case of the regression
+//! gate: one line in `count.sh`, then `benches/count.sh --update`.
 
 mod cases;
 mod chain;
 mod count;
 mod error;
+mod extra;
 mod forward;
 mod progress;
 mod report;
@@ -105,9 +110,13 @@ fn run(flags: &Flags) -> Outcome {
 
     // the same states for every way to close a robot's loops
     let mut robots = Vec::new();
-    for (k, robot) in cases::ROBOTS.into_iter().enumerate() {
-        progress.show(robot, k as f64 / cases::ROBOTS.len() as f64);
-        robots.push(states::Robot::load(robot, effort.states)?);
+    let whats: Vec<cases::What> = cases::What::all().filter(|what| what.may_have(&flags.only)).collect();
+    for (k, what) in whats.iter().enumerate() {
+        progress.show(what.name(), k as f64 / whats.len() as f64);
+        match states::Robot::load(*what, what.states(if flags.list { 0 } else { effort.states })) {
+            Ok(robot) => robots.push(robot),
+            Err(error) => eprintln!("not measured: {error}"),
+        }
     }
     let mut cases = Vec::new();
     for robot in &robots {
@@ -120,11 +129,11 @@ fn run(flags: &Flags) -> Outcome {
     }
 
     // errors first: a case that does not answer is not timed
-    let mut errors = Vec::new();
+    let (mut errors, mut kept) = (Vec::new(), Vec::new());
     let n_cases = cases.len();
     for (k, case) in cases.iter_mut().enumerate() {
         progress.show("errors", k as f64 / n_cases as f64);
-        errors.push(error::measure(case)?);
+        errors.push(error::measure(case, &mut kept)?);
     }
     let samples = timing::interleaved(&mut cases, &effort, &progress)?;
     let trips = if trips { round_trip::measure(&robots, &cores, &effort, &flags.only, &progress)? } else { Vec::new() };

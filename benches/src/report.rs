@@ -5,6 +5,8 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::Outcome;
+use sarrus_dynamics::Method;
+
 use crate::cases::{Case, Question, Start};
 use crate::error::Errors;
 use crate::round_trip::{Cores, Trip};
@@ -37,6 +39,7 @@ impl Report {
         let mut tables = Vec::new();
         if !cases.is_empty() {
             tables.push(overview(cases, errors, samples));
+            tables.push(methods(cases, errors, samples));
             tables.push(in_process(robots, cases, errors, samples));
         }
         if !trips.is_empty() {
@@ -88,8 +91,14 @@ fn overview(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table
         if rows.last().is_none_or(|row| row[..3] != key) {
             rows.push(key.into_iter().chain((0..4).map(|_| String::new())).collect());
         }
+        let column = match case.question {
+            Question::State => 3,
+            Question::InverseDynamics => 4,
+            Question::ForwardDynamics => 5,
+            Question::Forced(_) => continue,
+        };
         if let Some(row) = rows.last_mut() {
-            row[3 + case.question as usize] = format!("{} ({})", ns(samples.median()), error(errors.worst));
+            row[column] = format!("{} ({})", ns(samples.median()), error(errors.worst));
             row[6] = newton(errors);
         }
     }
@@ -99,6 +108,40 @@ fn overview(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table
         n_text: 3,
         rows,
         notes: Vec::new(),
+    }
+}
+
+/// Forward dynamics by each method, one line for each way to close a robot's loops.
+fn methods(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table {
+    let all: Vec<(&Case<'_>, &Errors, &Samples)> = cases.iter().zip(errors).zip(samples).map(|((a, b), c)| (a, b, c)).collect();
+    let mut rows = Vec::new();
+    for group in all.chunk_by(|a, b| std::ptr::eq(a.0.variant, b.0.variant)) {
+        let of = |method: Method| group.iter().find(|(case, ..)| case.question == Question::Forced(method));
+        let Some((case, ..)) = of(Method::Recursion) else { continue };
+        let chosen = case.variant.compiled.model.forward_method();
+        let mut row: Vec<String> = [case.robot.name, case.variant.closures, start(case)].map(str::to_owned).into();
+        for method in Method::ALL {
+            row.push(of(method).map_or("-".to_owned(), |(_, errors, samples)| {
+                let mark = if method == chosen { "* " } else { "" };
+                format!("{mark}{} ({}, {})", ns(samples.median()), error(errors.worst), errors.backward.map_or("-".to_owned(), error))
+            }));
+        }
+        // batches that others disturb only take longer
+        let quarter = |method| of(method).map(|(.., samples)| samples.at(0.25));
+        let other = if chosen == Method::Recursion { Method::Projection } else { Method::Recursion };
+        let ratio = quarter(chosen).zip(quarter(other)).map_or("-".to_owned(), |(chosen, other)| format!("{:.2}", chosen / other));
+        row.push(ratio);
+        rows.push(row);
+    }
+    Table {
+        title: "Forward dynamics by each method: median ns per call (largest error by size, largest backward error)".to_owned(),
+        columns: vec!["robot", "closures", "start", "recursion", "projection", "kkt", "chosen/other"],
+        n_text: 3,
+        rows,
+        notes: vec![
+            "*: what the model chooses; chosen/other: its lower quartile against that of the other fast method, above 1 a wrong choice."
+                .to_owned(),
+        ],
     }
 }
 
@@ -125,6 +168,9 @@ fn in_process(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: 
     ];
     for robot in robots.iter().filter(|robot| robot.left_out > 0) {
         notes.push(format!("{}: {} random states left out, some way to close the loops has no answer there.", robot.name, robot.left_out));
+    }
+    for robot in robots.iter().filter(|robot| robot.reach < 1.0) {
+        notes.push(format!("{}: positions from {} of the usual reach.", robot.name, robot.reach));
     }
     Table {
         title: "In process, in full".to_owned(),
@@ -190,8 +236,9 @@ fn case_value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
         "case": case.name(), "median_ns": samples.median(), "min_ns": samples.at(0.0), "p99_ns": samples.at(0.99),
         "batches": samples.count(), "states": case.inputs.len(), "error": errors.worst, "median_error": errors.median,
     });
-    if case.question == Question::ForwardDynamics {
+    if case.question.is_forward() {
         value["backward_error"] = json!(errors.backward);
+        value["method"] = json!(case.plan.method().name());
     }
     if let Some((mean, most)) = errors.newton {
         value["newton_steps"] = json!({ "mean": mean, "most": most });

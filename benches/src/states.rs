@@ -1,10 +1,10 @@
 //! Random states, the same in every run.
 
-use sarrus_dynamics::description::JointKind;
-use sarrus_dynamics::{Field, FieldSet, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::description::{Description, JointKind};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Request, Status, Wanted, Workspace};
 
 use crate::Outcome;
-use crate::cases::{self, Question, Variant, packed};
+use crate::cases::{self, Question, Variant, What, packed};
 
 /// Positions within ± this many radians or metres, velocities (1/s), accelerations (1/s²), actuator forces (N or N m).
 const ANGLE: f64 = 0.25;
@@ -15,13 +15,19 @@ const FORCE: f64 = 10.0;
 /// How long before a state its guess was closed, in seconds.
 const EARLIER: f64 = 1e-3;
 
+/// Where more than half of the states have no answer, the positions are drawn within a half of the reach, this often.
+const HALVINGS: u32 = 5;
+
 /// A robot with its variants and the states that all of them can take.
 pub(crate) struct Robot {
+    pub(crate) what: What,
     pub(crate) name: &'static str,
     pub(crate) variants: Vec<Variant>,
     pub(crate) states: Vec<State>,
     /// States that were drawn and left out because some variant has no answer there.
     pub(crate) left_out: usize,
+    /// The share of the usual reach that the positions are drawn from.
+    pub(crate) reach: f64,
 }
 
 /// One state and, for each variant, the closed pose shortly before it.
@@ -36,64 +42,164 @@ pub(crate) struct State {
 
 impl Robot {
     /// Loads every variant and draws the states.
-    pub(crate) fn load(name: &'static str, n_states: usize) -> Outcome<Robot> {
-        Robot::load_some(name, n_states, |_| true)
+    pub(crate) fn load(what: What, n_states: usize) -> Outcome<Robot> {
+        Robot::load_some(what, n_states, |_| true)
     }
 
     /// The same with the variants of some names only.
-    pub(crate) fn load_some(name: &'static str, n_states: usize, wanted: impl Fn(&str) -> bool) -> Outcome<Robot> {
-        let (bundled, variants) = cases::variants(name, wanted)?;
-        let sliding = |joint: &String| {
-            bundled.description.joints.iter().any(|candidate| candidate.name == *joint && candidate.kind == JointKind::Prismatic)
-        };
-        let reach: Vec<f64> =
-            bundled.compiled.model.independent_names().iter().map(|joint| if sliding(joint) { LENGTH } else { ANGLE }).collect();
-        let n_u = bundled.compiled.model.sizes().n_u;
+    pub(crate) fn load_some(what: What, n_states: usize, wanted: impl Fn(&str) -> bool) -> Outcome<Robot> {
+        let (description, variants) = cases::variants(what, wanted)?;
+        let mut robot = Robot { what, name: what.name(), variants, states: Vec::new(), left_out: 0, reach: 1.0 };
+        let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
+        let model = &compiled.model;
+        let freedoms = freedoms(model, &description);
+        let mut checks = robot.variants.iter().map(|variant| Check::new(&variant.compiled.model)).collect::<Outcome<Vec<_>>>()?;
 
         let mut random = Random(0);
-        let (mut states, mut left_out) = (Vec::new(), 0);
-        while states.len() < n_states {
-            let mut state = State {
-                y: reach.iter().map(|reach| reach * random.next()).collect(),
-                yd: reach.iter().map(|_| VELOCITY * random.next()).collect(),
-                ydd: reach.iter().map(|_| ACCELERATION * random.next()).collect(),
-                tau_u: (0..n_u).map(|_| FORCE * random.next()).collect(),
-                guesses: Vec::new(),
-            };
-            if fits(&variants, &mut state)? {
-                states.push(state);
-            } else {
-                left_out += 1;
+        while robot.states.len() < n_states {
+            let mut state = drawn(&freedoms, robot.reach, model.sizes().n_u, &mut random);
+            let earlier = earlier(&freedoms, &state);
+            let mut fits = true;
+            for (k, check) in checks.iter_mut().enumerate() {
+                fits = fits && check.fits(k, &earlier, &mut state);
             }
-            if left_out > n_states {
-                return Err(format!("{name}: more than half of the random states have no answer").into());
+            if fits {
+                robot.states.push(state);
+            } else {
+                robot.left_out += 1;
+            }
+            if robot.left_out > n_states.max(16) {
+                robot.reach /= 2.0;
+                (robot.states, robot.left_out, random) = (Vec::new(), 0, Random(0));
+            }
+            if robot.reach < 0.5_f64.powi(HALVINGS as i32) {
+                return Err(format!("{}: more than half of the random states have no answer", robot.name).into());
             }
         }
-        Ok(Robot { name, variants, states, left_out })
+        Ok(robot)
     }
 }
 
-/// Finds the guesses; false where some variant cannot close its loops or has no forward dynamics.
-fn fits(variants: &[Variant], state: &mut State) -> Outcome<bool> {
-    let earlier: Vec<f64> = state.y.iter().zip(&state.yd).map(|(y, yd)| y - EARLIER * yd).collect();
-    for (k, Variant { compiled, .. }) in variants.iter().enumerate() {
-        let model = &compiled.model;
-        let mut workspace = Workspace::new(model);
-        let close = Plan::new(model, &Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])))?;
-        let mut q = vec![0.0; model.sizes().n_q];
-        if close.run(model, &mut workspace, &earlier, &mut q).status != Status::Ok {
-            return Ok(false);
-        }
-        state.guesses.push(q);
-        for question in [Question::InverseDynamics, Question::ForwardDynamics] {
-            let plan = Plan::new(model, &question.wanted())?;
-            let mut output = vec![0.0; plan.want().len()];
-            if plan.run(model, &mut workspace, &packed(&plan, state, k), &mut output).status != Status::Ok {
-                return Ok(false);
+/// What an independent velocity moves.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Freedom {
+    Angle,
+    Length,
+    /// The first of six of a floating joint, whose place comes before its quaternion, or of three of a ball.
+    Turn {
+        floating: bool,
+    },
+    /// The others of these.
+    Rest,
+}
+
+/// The freedoms of y in the caller's order.
+fn freedoms(model: &Model, description: &Description) -> Vec<Freedom> {
+    let names = model.independent_names();
+    let slides = |name: &String| description.joints.iter().any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic);
+    let freedom = |name: &String| match name.strip_suffix("/rx") {
+        Some(joint) => Freedom::Turn { floating: names.contains(&format!("{joint}/tx")) },
+        None if name.contains('/') => Freedom::Rest,
+        None if slides(name) => Freedom::Length,
+        None => Freedom::Angle,
+    };
+    names.iter().map(freedom).collect()
+}
+
+/// A random state without guesses.
+fn drawn(freedoms: &[Freedom], reach: f64, n_u: usize, random: &mut Random) -> State {
+    let mut y = Vec::new();
+    for freedom in freedoms {
+        match freedom {
+            Freedom::Angle => y.push(reach * ANGLE * random.next()),
+            Freedom::Length => y.push(reach * LENGTH * random.next()),
+            Freedom::Turn { floating } => {
+                if *floating {
+                    y.extend([(); 3].map(|()| reach * LENGTH * random.next()));
+                }
+                let [a, b, c] = [(); 3].map(|()| 0.5 * reach * ANGLE * random.next());
+                y.extend(unit([a, b, c, 1.0]));
             }
+            Freedom::Rest => {}
         }
     }
-    Ok(true)
+    State {
+        y,
+        yd: freedoms.iter().map(|_| VELOCITY * random.next()).collect(),
+        ydd: freedoms.iter().map(|_| ACCELERATION * random.next()).collect(),
+        tau_u: (0..n_u).map(|_| FORCE * random.next()).collect(),
+        guesses: Vec::new(),
+    }
+}
+
+/// y shortly before a state.
+fn earlier(freedoms: &[Freedom], state: &State) -> Vec<f64> {
+    let mut y = state.y.clone();
+    let mut at = 0;
+    for (k, freedom) in freedoms.iter().enumerate() {
+        let step = |j: usize| -EARLIER * state.yd[k + j];
+        match freedom {
+            Freedom::Angle | Freedom::Length => {
+                y[at] += step(0);
+                at += 1;
+            }
+            Freedom::Turn { floating } => {
+                if *floating {
+                    // the body is nearly parallel to its parent
+                    (0..3).for_each(|j| y[at + j] += step(3 + j));
+                    at += 3;
+                }
+                // q + q ω dt / 2
+                let [a, b, c] = [0, 1, 2].map(|j| 0.5 * step(j));
+                let [x, y_, z, w] = [0, 1, 2, 3].map(|j| state.y[at + j]);
+                let turned =
+                    unit([x + w * a + y_ * c - z * b, y_ + w * b + z * a - x * c, z + w * c + x * b - y_ * a, w - x * a - y_ * b - z * c]);
+                y[at..at + 4].copy_from_slice(&turned);
+                at += 4;
+            }
+            Freedom::Rest => {}
+        }
+    }
+    y
+}
+
+/// A quaternion of unit length.
+fn unit(q: [f64; 4]) -> [f64; 4] {
+    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    q.map(|x| x / length)
+}
+
+/// Whether a variant has answers.
+struct Check<'a> {
+    model: &'a Model,
+    /// Closing, inverse and forward dynamics.
+    plans: [Plan; 3],
+    workspace: Workspace<f64>,
+}
+
+impl<'a> Check<'a> {
+    fn new(model: &'a Model) -> Outcome<Check<'a>> {
+        let close = Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
+        let plans = [
+            Plan::new(model, &close)?,
+            Plan::new(model, &Question::InverseDynamics.wanted())?,
+            Plan::new(model, &Question::ForwardDynamics.wanted())?,
+        ];
+        Ok(Check { model, workspace: Workspace::for_plans(model, &plans), plans })
+    }
+
+    /// Finds the guess; false where the variant of this place cannot close its loops or has no dynamics.
+    fn fits(&mut self, variant: usize, earlier: &[f64], state: &mut State) -> bool {
+        let Check { model, plans: [close, dynamics @ ..], workspace } = self;
+        let mut q = vec![0.0; model.sizes().n_q];
+        let mut fits = close.run(model, workspace, earlier, &mut q).status == Status::Ok;
+        state.guesses.push(q);
+        for plan in dynamics {
+            let mut output = vec![0.0; plan.want().len()];
+            fits = fits && plan.run(model, workspace, &packed(plan, state, variant), &mut output).status == Status::Ok;
+        }
+        fits
+    }
 }
 
 /// SplitMix64.

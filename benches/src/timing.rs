@@ -22,12 +22,14 @@ pub(crate) struct Effort {
 }
 
 impl Effort {
-    pub(crate) const QUICK: Effort = Effort { states: 256, rounds: Duration::from_secs(20), segments: 6, trips: 15_000 };
+    pub(crate) const QUICK: Effort = Effort { states: 256, rounds: Duration::from_secs(15), segments: 6, trips: 15_000 };
     pub(crate) const FULL: Effort = Effort { states: 1024, rounds: Duration::from_secs(120), segments: 10, trips: 100_000 };
 }
 
-/// States that a batch goes through.
+/// States that the batches of a case go through.
 const STATES: usize = 64;
+/// A batch takes no longer than this where four states do not: long ones are interrupted on a machine that others use too.
+const LONGEST: Duration = Duration::from_micros(200);
 /// A batch takes at least this long: the clock's own time is then below a percent.
 const BATCH: Duration = Duration::from_micros(15);
 /// Untimed calls before each batch take this long: the other cases had the caches and the branch predictor.
@@ -64,42 +66,59 @@ impl Samples {
     }
 }
 
+/// What a batch of a case goes through.
+#[derive(Clone, Copy)]
+struct Batch {
+    /// The first state; the next batch goes on after the last one.
+    first: usize,
+    states: usize,
+    /// Calls before it that are not timed.
+    warm_up: usize,
+    /// How often it goes through its states.
+    passes: usize,
+}
+
 /// Runs a batch of every case in turn, again and again; gives the nanoseconds per call of each batch.
 pub(crate) fn interleaved(cases: &mut [Case<'_>], effort: &Effort, progress: &Progress) -> Outcome<Vec<Samples>> {
-    // passes through the states that a warm-up and a batch take
-    let mut passes = Vec::new();
+    let mut batches = Vec::new();
     for case in cases.iter_mut() {
-        let once = batch(case, 1, 1)? * STATES as f64;
-        passes.push([WARM_UP, BATCH].map(|time| (time.as_nanos() as f64 / once).ceil() as usize));
+        let few = Batch { first: 0, states: case.inputs.len().min(4), warm_up: 1, passes: 1 };
+        let call = few.run(case)?.max(1.0);
+        let states = (LONGEST.as_nanos() as f64 / call) as usize;
+        let states = states.clamp(4, STATES).min(case.inputs.len());
+        let passes = (BATCH.as_nanos() as f64 / (call * states as f64)).ceil() as usize;
+        batches.push(Batch { first: 0, states, warm_up: (WARM_UP.as_nanos() as f64 / call).ceil() as usize, passes });
     }
     let mut ns = vec![Vec::new(); cases.len()];
     let start = Instant::now();
     while !cases.is_empty() && start.elapsed() < effort.rounds {
         progress.show("in process", start.elapsed().as_secs_f64() / effort.rounds.as_secs_f64());
-        for (k, case) in cases.iter_mut().enumerate() {
-            let [warm_up, timed] = passes[k];
-            ns[k].push(batch(case, warm_up, timed)?);
+        for ((case, batch), ns) in cases.iter_mut().zip(&mut batches).zip(&mut ns) {
+            ns.push(batch.run(case)?);
+            batch.first = (batch.first + batch.states) % STATES.min(case.inputs.len());
         }
     }
     Ok(ns.into_iter().map(Samples::new).collect())
 }
 
-/// Nanoseconds per call of some passes through the first states, after some that are not timed.
-fn batch(case: &mut Case<'_>, warm_up: usize, passes: usize) -> Outcome<f64> {
-    let states = case.inputs.len().min(STATES);
-    let mut failed = false;
-    for k in 0..warm_up * states {
-        failed |= case.run(k % states).status != Status::Ok;
-    }
-    let start = Instant::now();
-    for _ in 0..passes {
-        for state in 0..states {
+impl Batch {
+    /// Nanoseconds per call.
+    fn run(&self, case: &mut Case<'_>) -> Outcome<f64> {
+        let all = STATES.min(case.inputs.len());
+        let mut failed = false;
+        for k in 0..self.warm_up {
+            failed |= case.run((self.first + k) % all).status != Status::Ok;
+        }
+        let mut state = self.first;
+        let start = Instant::now();
+        for _ in 0..self.passes * self.states {
             failed |= case.run(state).status != Status::Ok;
             black_box(&case.output);
+            state = if state + 1 == all { 0 } else { state + 1 };
         }
+        let elapsed = start.elapsed().as_nanos() as f64;
+        if failed { Err(format!("{} fails", case.name()).into()) } else { Ok(elapsed / (self.passes * self.states) as f64) }
     }
-    let elapsed = start.elapsed();
-    if failed { Err(format!("{} fails", case.name()).into()) } else { Ok(elapsed.as_nanos() as f64 / (passes * states) as f64) }
 }
 
 /// What reading the clock twice takes, in nanoseconds: a part of every round trip that is shown.
