@@ -253,8 +253,8 @@ fn the_published_full_robot_loads_and_its_idle_rods_are_named() {
         let loaded = files(&folder, "rh5v2/derived/RH5v2.urdf", yaml, false).unwrap();
         for side in ["AL", "AR"] {
             let idle = ["BL0", "BL2", "BR0", "BR2"].map(|joint| format!("{side}Wrist{joint}"));
-            let named = loaded.warnings.iter().filter(|warning| idle.iter().all(|joint| warning.found.contains(joint.as_str())));
-            assert_eq!(named.count(), 1, "{:?}", loaded.warnings);
+            let named = loaded.compiled.warnings.iter().filter(|warning| idle.iter().all(|joint| warning.found.contains(joint.as_str())));
+            assert_eq!(named.count(), 1, "{:?}", loaded.compiled.warnings);
             assert!(loaded.compiled.model.closures().iter().any(|closure| closure.idle == idle), "{side}");
         }
     }

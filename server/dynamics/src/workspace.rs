@@ -213,6 +213,7 @@ impl<T: Real> Scratch<T> {
         let side = n.max(rows);
         Scratch {
             pose: vec![Pose::identity(); n + 1],
+            base: vec![Pose::identity(); n],
             rate: vec![Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }; n + 1],
             K: of(rows * n),
             phi: of(side),

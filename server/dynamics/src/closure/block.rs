@@ -1,10 +1,10 @@
-//! One block of a numerical closure: Newton's method, its inverse, G and g.
+//! One block of a numerical closure: Newton's method, G and g.
 
 use nalgebra::Vector3;
 
-use super::rows::{CutState, cos_sin, place, row_acceleration};
-use super::{Cut, Local, Scratch};
-use crate::linear::solve_unpivoted;
+use super::inverse::{ANY, column_square, invert, nearness};
+use super::rows::{CutState, base, cos_sin, place, row_acceleration, single_pose};
+use super::{Cut, Local};
 use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
@@ -16,11 +16,15 @@ const TRUST: f64 = 0.5;
 const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
-/// Least pivot of a wide block against its row.
-const SINGULAR: f64 = 1e-12;
-/// Least determinant of a narrow block against the product of its column norms, in roots of the unit roundoff: a pose closer to
-/// singularity than that is known to no digit.
-const ROOTS: f64 = 10.0;
+
+/// The blocks of a cluster in the order of solution.
+#[derive(Clone, Debug)]
+pub(crate) struct Blocks {
+    pub(crate) blocks: Vec<Block>,
+    /// Bodies on the way to the cluster's cuts, in tree order, and those among them that the blocks leave without their pose.
+    pub(crate) on_way: Vec<usize>,
+    pub(crate) after: Vec<usize>,
+}
 
 /// A smallest set of rows that determines as many joints.
 #[derive(Clone, Debug)]
@@ -29,10 +33,10 @@ pub(crate) struct Block {
     pub(crate) unknowns: Vec<Freedom>,
     /// The cuts whose rows it holds.
     pub(crate) cuts: Vec<BlockCut>,
-    /// Bodies that move with the unknowns and matter to the block, in tree order.
-    pub(crate) bodies: Vec<usize>,
-    /// Bodies on the way that earlier blocks moved.
-    pub(crate) stale: Vec<usize>,
+    /// Bodies that move with the unknowns and matter to the block, in tree order; true where the parent stands still and there is one freedom.
+    pub(crate) bodies: Vec<(usize, bool)>,
+    /// The other bodies on the way whose pose is not yet that of their coordinates, in tree order.
+    pub(crate) before: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
     /// True when the determinant at the old unknowns changes with the new y, so that the first step does not show its old sign.
@@ -48,17 +52,25 @@ pub(crate) struct BlockCut {
     pub(crate) rows: Vec<(usize, usize)>,
     /// The length that makes each of them a length, angles among them; empty where all are.
     pub(crate) units: Vec<f64>,
-    /// True when the rows are a whole ball joint: then the axes do not matter and those of the cluster's parent body are taken.
-    pub(crate) ball: bool,
+    /// What the rows have in common.
+    pub(crate) kind: RowKind,
     /// Freedoms of the cut's path that the block determines, side (true = successor's), column.
     pub(crate) solve: Vec<(Freedom, bool, usize)>,
-    /// Freedoms of the path that are known before, and those among them that an earlier block determined.
-    pub(crate) known: Vec<(Freedom, bool)>,
+    /// Freedoms of the path that an earlier block determined, and the independents with their number.
     pub(crate) earlier: Vec<(Freedom, bool)>,
+    pub(crate) independent: Vec<(Freedom, bool, usize)>,
 }
 
-/// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the block.
-const ANY: usize = 0;
+/// What rows of one cut have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RowKind {
+    /// A whole ball joint: the axes do not matter and those of the cluster's parent body are taken.
+    Ball,
+    /// Directions of the predecessor along which the points coincide.
+    Linear,
+    /// Angular rows or couplings among them.
+    Any,
+}
 
 /// Calls a method with the block's width as a constant.
 macro_rules! by_width {
@@ -91,7 +103,7 @@ impl Block {
     /// The determinant at the closed pose in `local`, whose poses are fresh.
     pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> T {
         self.evaluate::<T, ANY>(cluster, local, true);
-        self.invert::<T, ANY>(local.scratch).1
+        self.invert::<T, ANY>(local).1
     }
 
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
@@ -104,6 +116,14 @@ impl Block {
     #[inline]
     pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {
         by_width!(self.bias_of_width(cuts, local));
+    }
+
+    /// Inverse of A into the block's place; where it is sound, and the determinant.
+    #[inline(always)]
+    fn invert<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) -> (T::Mask, T) {
+        let m = self.width::<M>();
+        let scratch = &mut *local.scratch;
+        invert::<T, M>(&mut scratch.A[..m * m], &mut scratch.inverse[self.offset..self.offset + m * m], m)
     }
 
     #[inline(always)]
@@ -131,6 +151,14 @@ impl Block {
         let mut previous = T::from_f64(TRUST / CONTRACTION);
         let (mut last_det, mut nearness) = (T::ZERO, T::ZERO);
         let mut taken = 0;
+        // poses at the start; where the parent stands still, what a step does not change
+        for &(j, held) in &self.bodies {
+            let scratch = &mut *local.scratch;
+            if held {
+                scratch.base[j] = base(cluster, bodies, j, &scratch.pose);
+            }
+        }
+        self.place(cluster, bodies, local);
         for k in 0..steps {
             // residual, and unless the last step was tiny the inverse
             let fresh = k == 0 || !previous.lt(chord).all();
@@ -140,13 +168,14 @@ impl Block {
                     let scratch = &mut *local.scratch;
                     (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, i));
                 }
-                let (fine, det) = self.invert::<T, M>(local.scratch);
+                let (fine, det) = self.invert::<T, M>(local);
                 if k == 0 {
                     last_det = match branch {
                         Some(branch) if self.remember => branch,
                         _ => det,
                     };
-                    nearness = self.nearness::<T, M>(local.scratch);
+                    let scratch = &*local.scratch;
+                    nearness = self::nearness(&scratch.inverse[self.offset..self.offset + m * m], &scratch.step[..m], m);
                 }
                 let same_branch = T::ZERO.lt(det * last_det);
                 last_det = det;
@@ -191,9 +220,7 @@ impl Block {
                     local.turn[of.body] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[of.q]) };
                 }
             }
-            for &j in &self.bodies {
-                place(cluster, bodies, j, local.q, local.turn, &mut scratch.pose);
-            }
+            self.place(cluster, bodies, local);
             if done.all() {
                 break;
             }
@@ -201,18 +228,18 @@ impl Block {
         (good & done, taken)
     }
 
-    /// 1/sin² of the least angle between a column of the block, whose squared norms stand in `step`, and the span of the others: the inverse's
-    /// row i is 1/sin over the column's norm.
+    /// Poses of the block's bodies from coordinates and turns.
     #[inline(always)]
-    fn nearness<T: Real, const M: usize>(&self, scratch: &Scratch<T>) -> T {
-        let m = self.width::<M>();
-        let inverse = &scratch.inverse[self.offset..self.offset + m * m];
-        let mut nearness = T::ZERO;
-        for i in 0..m {
-            let row = inverse[i * m..(i + 1) * m].iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)) * scratch.step[i];
-            nearness = T::select(nearness.lt(row), row, nearness);
+    fn place<T: Real>(&self, cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
+        let scratch = &mut *local.scratch;
+        for &(j, held) in &self.bodies {
+            if held {
+                let body = &bodies[j];
+                scratch.pose[j + 1] = single_pose(body, &scratch.base[j], local.q[body.q - cluster.q], local.turn[j]);
+            } else {
+                place(cluster, bodies, j, local.q, local.turn, &mut scratch.pose);
+            }
         }
-        nearness
     }
 
     /// φ into the scratch and, if wanted, K of the unknowns; returns the largest |φ|.
@@ -228,67 +255,23 @@ impl Block {
         for of in &self.cuts {
             let cut = &cluster.cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose);
+            let directions = of.directions(cut, &state);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
-                let value = if of.ball { state.d[k] } else { of.in_lengths(k, state.value(cluster, &cut.rows[r], local.q)) };
+                let value = match of.kind {
+                    RowKind::Ball => state.d[k],
+                    RowKind::Linear => dot(&directions.linear[k], &state.d),
+                    RowKind::Any => of.in_lengths(k, state.value(cluster, &cut.rows[r], local.q)),
+                };
                 phi[i] = value;
                 largest = T::select(largest.lt(value.abs()), value.abs(), largest);
             }
             if jacobian {
-                let directions = of.directions(cut, &state);
                 for (on, side, column) in &of.solve {
                     of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| A[i * m + column] = x);
                 }
             }
         }
         largest
-    }
-
-    /// Inverse of A into the scratch: closed form up to 3×3, elimination in the order fixed at load beyond. Returns where it is sound,
-    /// and the determinant.
-    #[inline(always)]
-    fn invert<T: Real, const M: usize>(&self, scratch: &mut Scratch<T>) -> (T::Mask, T) {
-        let m = self.width::<M>();
-        let A = &mut scratch.A[..m * m];
-        let inverse = &mut scratch.inverse[self.offset..self.offset + m * m];
-        match m {
-            1 => {
-                inverse[0] = T::ONE / A[0];
-                (T::ZERO.lt(A[0].abs()), A[0])
-            }
-            2 => {
-                let det = A[0].mul_add(A[3], -(A[1] * A[2]));
-                let d = T::ONE / det;
-                (inverse[0], inverse[1], inverse[2], inverse[3]) = (A[3] * d, -(A[1] * d), -(A[2] * d), A[0] * d);
-                (sound(A, 2, det), det)
-            }
-            3 => {
-                let minor = |a: usize, b: usize, c: usize, d: usize, A: &[T]| A[a].mul_add(A[d], -(A[b] * A[c]));
-                let (c0, c1, c2) = (minor(4, 5, 7, 8, A), minor(5, 3, 8, 6, A), minor(3, 4, 6, 7, A));
-                let det = A[0].mul_add(c0, A[1].mul_add(c1, A[2] * c2));
-                let d = T::ONE / det;
-                let adjugate = [
-                    c0,
-                    minor(2, 1, 8, 7, A),
-                    minor(1, 2, 4, 5, A),
-                    c1,
-                    minor(0, 2, 6, 8, A),
-                    minor(2, 0, 5, 3, A),
-                    c2,
-                    minor(1, 0, 7, 6, A),
-                    minor(0, 1, 3, 4, A),
-                ];
-                for (x, y) in inverse.iter_mut().zip(adjugate) {
-                    *x = y * d;
-                }
-                (sound(A, 3, det), det)
-            }
-            _ => {
-                for (k, x) in inverse.iter_mut().enumerate() {
-                    *x = if k / m == k % m { T::ONE } else { T::ZERO };
-                }
-                solve_unpivoted(A, inverse, m, m, SINGULAR)
-            }
-        }
     }
 
     fn jacobian_of_width<T: Real, const M: usize>(&self, n_vy: usize, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) -> T::Mask {
@@ -304,7 +287,11 @@ impl Block {
             for (on, side, column) in &of.solve {
                 of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| scratch.A[i * m + column] = x);
             }
-            for (on, side) in &of.known {
+            // an independent's row of G is a unit vector
+            for (on, side, column) in &of.independent {
+                of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| scratch.B[i * n_vy + column] = x);
+            }
+            for (on, side) in &of.earlier {
                 let of_joint = &G[on.v * n_vy..(on.v + 1) * n_vy];
                 of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| {
                     for (b, g) in scratch.B[i * n_vy..(i + 1) * n_vy].iter_mut().zip(of_joint) {
@@ -313,14 +300,17 @@ impl Block {
                 });
             }
         }
-        let (good, _) = self.invert::<T, M>(local.scratch);
-        for (i, of) in self.unknowns.iter().enumerate() {
+        let (good, _) = self.invert::<T, M>(local);
+        let scratch = &*local.scratch;
+        let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+        for (i, of) in self.unknowns[..m].iter().enumerate() {
+            let row = &mut local.G[of.v * n_vy..(of.v + 1) * n_vy];
             for k in 0..n_vy {
                 let mut x = T::ZERO;
                 for r in 0..m {
-                    x = local.scratch.inverse[self.offset + i * m + r].mul_add(local.scratch.B[r * n_vy + k], x);
+                    x = inverse[i * m + r].mul_add(scratch.B[r * n_vy + k], x);
                 }
-                local.G[of.v * n_vy + k] = -x;
+                row[k] = -x;
             }
         }
         good
@@ -333,9 +323,9 @@ impl Block {
         for of in &self.cuts {
             let cut = &cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose);
-            let second = state.acceleration(cut, &scratch.pose, &scratch.rate, of.ball);
+            let second = state.acceleration(cut, &scratch.pose, &scratch.rate, of.kind == RowKind::Ball);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
-                scratch.B[i] = if of.ball {
+                scratch.B[i] = if of.kind == RowKind::Ball {
                     -second.0[k]
                 } else {
                     -of.in_lengths(k, row_acceleration(cut, &cut.rows[r], &state, &second, &scratch.rate))
@@ -350,10 +340,11 @@ impl Block {
                 }
             }
         }
-        for (i, of) in self.unknowns.iter().enumerate() {
+        let (inverse, B) = (&scratch.inverse[self.offset..self.offset + m * m], &scratch.B[..m]);
+        for (i, of) in self.unknowns[..m].iter().enumerate() {
             let mut x = T::ZERO;
             for r in 0..m {
-                x = scratch.inverse[self.offset + i * m + r].mul_add(scratch.B[r], x);
+                x = inverse[i * m + r].mul_add(B[r], x);
             }
             g[of.v] = x;
         }
@@ -371,7 +362,7 @@ impl BlockCut {
     #[inline(always)]
     fn directions<T: Real>(&self, cut: &Cut<T::Const>, state: &CutState<'_, T>) -> Directions<T> {
         let mut directions = Directions { linear: [zero(); 6], angular: [zero(); 6] };
-        if !self.ball {
+        if self.kind != RowKind::Ball {
             for (k, &(r, _)) in self.rows.iter().enumerate() {
                 (directions.linear[k], directions.angular[k]) = state.directions(&cut.rows[r]);
             }
@@ -401,11 +392,20 @@ impl BlockCut {
         mut each: impl FnMut(usize, T),
     ) {
         let (w, v) = state.twist(on, pose, on_successor);
-        if self.ball {
-            for (k, &(_, i)) in self.rows.iter().enumerate() {
-                each(i, v[k]);
+        match self.kind {
+            RowKind::Ball => {
+                for (k, &(_, i)) in self.rows.iter().enumerate() {
+                    each(i, v[k]);
+                }
+                return;
             }
-            return;
+            RowKind::Linear => {
+                for (k, &(_, i)) in self.rows.iter().enumerate() {
+                    each(i, dot(&directions.linear[k], &v));
+                }
+                return;
+            }
+            RowKind::Any => {}
         }
         for (k, &(r, i)) in self.rows.iter().enumerate() {
             let terms = &cut.rows[r].terms;
@@ -418,22 +418,4 @@ impl BlockCut {
             each(i, self.in_lengths(k, entry));
         }
     }
-}
-
-/// Product of the squared column norms of a square matrix: turning and sliding joints have columns of different units.
-#[inline(always)]
-fn column_squares<T: Real>(A: &[T], m: usize) -> T {
-    (0..m).fold(T::ONE, |product, j| product * column_square(A, m, j))
-}
-
-/// Squared norm of column j of a square matrix.
-#[inline(always)]
-fn column_square<T: Real>(A: &[T], m: usize, j: usize) -> T {
-    (0..m).fold(T::ZERO, |sum, i| A[i * m + j].mul_add(A[i * m + j], sum))
-}
-
-/// |det| against the product of the column norms.
-#[inline]
-fn sound<T: Real>(A: &[T], m: usize, det: T) -> T::Mask {
-    (column_squares(&A[..m * m], m) * T::from_f64(ROOTS * ROOTS * T::EPSILON)).lt(det * det)
 }

@@ -7,6 +7,7 @@
 mod block;
 mod careful;
 mod coupling;
+mod inverse;
 mod legs;
 mod numerical;
 mod offset_legs;
@@ -18,7 +19,7 @@ mod strut;
 
 use nalgebra::{Matrix3, Vector3};
 
-pub(crate) use block::{Block, BlockCut};
+pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Leg, Legs};
 pub(crate) use numerical::Numerical;
@@ -114,6 +115,8 @@ pub(crate) struct Local<'a, T> {
 pub(crate) struct Scratch<T> {
     /// Pose of each local body in the cluster's parent body; entry 0 is that body (n + 1).
     pub(crate) pose: Vec<Pose<T>>,
+    /// The same at zero of the body's own joint, of bodies whose parent stands still within a block (n).
+    pub(crate) base: Vec<Pose<T>>,
     /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the origin (n + 1).
     pub(crate) rate: Vec<Rate<T>>,
     /// Constraint Jacobian (n_c × n_v).

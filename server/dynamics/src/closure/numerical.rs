@@ -7,11 +7,12 @@
 
 use sarrus_proto::Status;
 
-use super::block::Block;
-use super::rows::{local_poses, local_rates, refresh};
-use super::{Level, Local, Outcome, careful};
-use crate::model::{Body, Cluster, Freedom};
+use super::block::{Block, Blocks};
+use super::rows::{cos_sin, local_poses, place, rate_of};
+use super::{Level, Local, Outcome, Rate, careful};
+use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::{Mask, Real, Scalar};
+use crate::spatial::Pose;
 
 /// Newton steps that one straight attempt may take.
 const STEPS: u32 = 10;
@@ -20,19 +21,32 @@ const STEPS: u32 = 10;
 #[derive(Clone, Debug)]
 pub(crate) struct Numerical<C> {
     pub(crate) blocks: Vec<Block>,
+    /// Bodies on the way to the cuts, in tree order, and those among them that the blocks leave without their pose.
+    pub(crate) on_way: Vec<usize>,
+    pub(crate) after: Vec<usize>,
     /// The closed pose at y = 0 from which a request without a guess starts (n_q).
     pub(crate) zero: Vec<C>,
 }
 
 impl<C: nalgebra::Scalar + Copy> Numerical<C> {
-    /// The same blocks with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Numerical<D> {
-        Numerical { blocks: self.blocks.clone(), zero: self.zero.iter().map(|x| f(*x)).collect() }
+    /// From the blocks and a closed pose.
+    pub(crate) fn new(Blocks { blocks, on_way, after }: Blocks, zero: Vec<C>) -> Numerical<C> {
+        Numerical { blocks, on_way, after, zero }
     }
 
-    /// Closes every block from the dependents in `local.q`; poses of all bodies are fresh afterwards. The mask tells which lanes converged
-    /// without a doubtful step and without a change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`;
-    /// `moved` is how far the independents are from the pose that the dependents are of.
+    /// The same blocks with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Numerical<D> {
+        Numerical {
+            blocks: self.blocks.clone(),
+            on_way: self.on_way.clone(),
+            after: self.after.clone(),
+            zero: self.zero.iter().map(|x| f(*x)).collect(),
+        }
+    }
+
+    /// Closes every block from the dependents in `local.q`; poses on the way to all cuts are fresh after a good end. The mask tells which lanes
+    /// converged without a doubtful step and without a change of sign of any block's determinant, against [`Numerical::remember`] if
+    /// `remembered`; `moved` is how far the independents are from the pose that the dependents are of.
     pub(super) fn newton<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
@@ -41,12 +55,17 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         remembered: bool,
         moved: T,
     ) -> (T::Mask, u32) {
-        local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
+        local.scratch.pose[0] = Pose::identity();
+        for (body, turn) in bodies.iter().zip(&mut *local.turn) {
+            if body.motion == Motion::Revolute {
+                *turn = cos_sin(local.q[body.q - cluster.q]);
+            }
+        }
         let mut good = T::Mask::splat(true);
         let mut taken = 0;
         for (b, block) in self.blocks.iter().enumerate() {
-            for &j in &block.stale {
-                refresh(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+            for &j in &block.before {
+                place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
             let branch = remembered.then_some(local.scratch.branch[b]);
             let (fine, count) = block.newton(cluster, bodies, local, branch, moved, STEPS);
@@ -55,6 +74,9 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             if !good.any() {
                 break;
             }
+        }
+        for &j in &self.after {
+            place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
         }
         (good, taken)
     }
@@ -97,7 +119,10 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         }
         if level >= Level::Acceleration {
             let scratch = &mut *local.scratch;
-            local_rates(cluster, bodies, local.qd, &scratch.pose, &mut scratch.rate);
+            scratch.rate[0] = Rate::at_rest();
+            for &j in &self.on_way {
+                rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
+            }
             for block in &self.blocks {
                 block.bias(&cluster.cuts, local);
             }

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{Cut, CutRow, Rate, joint_pose};
 use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
+use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, turn_z, zero};
 
 /// Sines, cosines and pose of one local body from its coordinates.
 #[inline]
@@ -37,7 +37,7 @@ pub(super) fn cos_sin<T: Real>(x: T) -> (T, T) {
 }
 
 /// Pose of one local body from its coordinates and turn.
-#[inline]
+#[inline(always)]
 pub(super) fn place<T: Real>(
     cluster: &Cluster<T::Const>,
     bodies: &[Body<T::Const>],
@@ -46,9 +46,35 @@ pub(super) fn place<T: Real>(
     turn: &[(T, T)],
     pose: &mut [Pose<T>],
 ) {
-    let in_parent = joint_pose(&bodies[j], &q[bodies[j].q - cluster.q..], turn[j]);
+    let body = &bodies[j];
+    let q = &q[body.q - cluster.q..];
+    pose[j + 1] = match body.motion {
+        Motion::Revolute | Motion::Prismatic => single_pose(body, &base(cluster, bodies, j, pose), q[0], turn[j]),
+        Motion::Spherical | Motion::Floating => place_freely(body, q, &pose[cluster.local_parent[j]]),
+    };
+}
+
+/// Pose of one local body at zero of its own joint.
+#[inline(always)]
+pub(super) fn base<T: Real>(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], j: usize, pose: &[Pose<T>]) -> Pose<T> {
+    let at_zero = Pose { R: lift_mat(&bodies[j].E), p: lift(&bodies[j].r) };
     let parent = cluster.local_parent[j];
-    pose[j + 1] = if parent == 0 { in_parent } else { pose[parent].then(&in_parent) };
+    if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
+}
+
+/// Pose of a body with one freedom from that at zero of its joint.
+#[inline(always)]
+pub(super) fn single_pose<T: Real>(body: &Body<T::Const>, base: &Pose<T>, q: T, turn: (T, T)) -> Pose<T> {
+    if body.motion == Motion::Revolute {
+        Pose { R: turn_z(&base.R, turn.0, turn.1), p: base.p }
+    } else {
+        Pose { R: base.R, p: scale_add(&column(&base.R, 2), q, &base.p) }
+    }
+}
+
+#[inline(never)]
+fn place_freely<T: Real>(body: &Body<T::Const>, q: &[T], parent: &Pose<T>) -> Pose<T> {
+    parent.then(&joint_pose(body, q, (T::ONE, T::ZERO)))
 }
 
 /// One cut at one pose: what all of its rows share.
@@ -74,7 +100,7 @@ struct Angular<T> {
 
 impl<'a, T: Real> CutState<'a, T> {
     /// The state of a cut.
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(cut: &Cut<T::Const>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
         let (p, s) = (&pose[cut.predecessor], &pose[cut.successor]);
         let point = s.point(&lift(&cut.x_s_cut.p));
@@ -98,7 +124,7 @@ impl<'a, T: Real> CutState<'a, T> {
     }
 
     /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the motion of S against P.
-    #[inline]
+    #[inline(always)]
     pub(super) fn directions(&self, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
         let linear = mul(self.R_p, &lift(&row.linear_p));
         match (&self.angular, &row.against) {
@@ -109,7 +135,7 @@ impl<'a, T: Real> CutState<'a, T> {
     }
 
     /// Twist of S against P for a unit rate of one freedom: (ω, v).
-    #[inline]
+    #[inline(always)]
     pub(super) fn twist(&self, of: &Freedom, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
         let z = if of.single { column(&pose.R, 2) } else { column(&pose.R, of.axis()) };
         let z = if on_successor { z } else { -z };
@@ -146,6 +172,7 @@ impl<'a, T: Real> CutState<'a, T> {
 }
 
 impl<T: Real> Angular<T> {
+    #[inline(never)]
     fn new(cut: &Cut<T::Const>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
         let R_P = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
         let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
@@ -251,9 +278,22 @@ pub(crate) fn local_rates<T: Real>(
 ) {
     rate[0] = Rate::at_rest();
     for j in 0..cluster.n {
-        let (body, parent) = (&bodies[j], cluster.local_parent[j]);
-        rate[j + 1] = rate[parent].moved(body.motion, &(pose[j + 1].p - pose[parent].p), &pose[j + 1].R, &qd[body.v - cluster.v..]);
+        rate_of(cluster, bodies, j, qd, pose, rate);
     }
+}
+
+/// Rates of one local body at q̈ = 0 from those of its parent.
+#[inline(always)]
+pub(super) fn rate_of<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    qd: &[T],
+    pose: &[Pose<T>],
+    rate: &mut [Rate<T>],
+) {
+    let (body, parent) = (&bodies[j], cluster.local_parent[j]);
+    rate[j + 1] = rate[parent].moved(body.motion, &(pose[j + 1].p - pose[parent].p), &pose[j + 1].R, &qd[body.v - cluster.v..]);
 }
 
 impl<T: Real> Rate<T> {

@@ -7,7 +7,7 @@ use super::idle::Drift;
 use super::{Body, Cluster, Model};
 use crate::branch_sparse::factorise_branches;
 use crate::closure::{
-    Block, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian, constraint_residual, local_poses, scaled,
+    Blocks, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian, constraint_residual, local_poses, scaled,
 };
 use crate::description::Description;
 use crate::fault::{Fault, Site};
@@ -28,7 +28,7 @@ const OPEN: f64 = 1e-6;
 /// The result for one cluster.
 pub(super) struct Analysis {
     pub(super) used: Vec<usize>,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Blocks,
     /// Idle dependents that keep the value that they start with.
     pub(super) locked: Vec<usize>,
 }

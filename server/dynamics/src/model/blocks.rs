@@ -1,10 +1,10 @@
 //! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many joints, in the order of solution.
 
 use super::Cluster;
-use crate::closure::{Block, BlockCut, Cut, CutRow};
+use crate::closure::{Block, BlockCut, Blocks, Cut, CutRow, RowKind};
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
-pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<Block> {
+pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Blocks {
     let (n, m) = (cluster.n_v, cluster.dependent.len());
     let of = |v: usize| cluster.freedoms[v];
     // which dependent each row can see
@@ -29,6 +29,7 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
     let sets = strongly_connected(m, |a| (0..m).filter(|b| *b != a && sees[row_of[a]][*b]).collect());
 
     let mut known = vec![false; n];
+    let mut placed = vec![false; cluster.n];
     let mut offset = 0;
     let mut blocks = Vec::new();
     for set in sets {
@@ -42,61 +43,64 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Vec<B
                 None => {
                     let path = &cluster.cuts[c].path;
                     let column = |j: &usize| unknowns.iter().position(|u| u == j);
+                    let independent = |j: &usize| cluster.independent.iter().position(|i| i == j);
                     cuts.push(BlockCut {
                         cut: c,
                         rows: vec![(k, i)],
                         units: Vec::new(),
-                        ball: false,
+                        kind: RowKind::Any,
                         solve: path.iter().filter_map(|(j, side)| column(j).map(|a| (of(*j), *side, a))).collect(),
-                        known: path
-                            .iter()
-                            .filter(|(j, _)| known[*j] || cluster.independent.contains(j))
-                            .map(|(j, side)| (of(*j), *side))
-                            .collect(),
+                        independent: path.iter().filter_map(|(j, side)| independent(j).map(|k| (of(*j), *side, k))).collect(),
                         earlier: path.iter().filter(|(j, _)| known[*j]).map(|(j, side)| (of(*j), *side)).collect(),
                     });
                 }
             }
         }
         for cut in &mut cuts {
-            cut.ball = is_ball(&cluster.cuts[cut.cut], &cut.rows);
+            cut.kind = row_kind(&cluster.cuts[cut.cut], &cut.rows);
             let unit = |r: usize| if is_length(cluster, &cluster.cuts[cut.cut].rows[r]) { 1.0 } else { cluster.length };
             if cut.rows.iter().any(|(r, _)| unit(*r) != 1.0) {
                 cut.units = cut.rows.iter().map(|(r, _)| unit(*r)).collect();
             }
         }
-        // bodies on the way to the block's cuts that its unknowns, or those before it, move
         let mut on_way = vec![false; cluster.n];
-        for cut in &cuts {
-            for mut at in [cluster.cuts[cut.cut].predecessor, cluster.cuts[cut.cut].successor] {
-                while at != 0 {
-                    on_way[at - 1] = true;
-                    at = cluster.local_parent[at - 1];
-                }
-            }
+        cuts.iter().for_each(|cut| mark_way(cluster, &cluster.cuts[cut.cut], &mut on_way));
+        // bodies that the unknowns carry or move; what is on the way and not one of them is placed before, where it is not yet
+        let carried = |body: usize| unknowns.iter().any(|v| cluster.freedoms[*v].body == body);
+        let mut moves = vec![false; cluster.n];
+        for j in 0..cluster.n {
+            let parent = cluster.local_parent[j];
+            moves[j] = carried(j) || parent != 0 && moves[parent - 1];
         }
-        let moves = |known: &dyn Fn(usize) -> bool, j: usize| {
-            let mut at = j + 1;
-            while at != 0 {
-                if known(at - 1) {
-                    return true;
-                }
-                at = cluster.local_parent[at - 1];
-            }
-            false
-        };
-        let carried = |set: &dyn Fn(usize) -> bool, body: usize| (0..n).any(|v| cluster.freedoms[v].body == body && set(v));
-        let unknown = |body: usize| carried(&|v| unknowns.contains(&v), body);
-        let bodies = (0..cluster.n).filter(|j| unknown(*j) || on_way[*j] && moves(&unknown, *j)).collect();
-        let stale = (0..cluster.n).filter(|j| on_way[*j] && moves(&|body| carried(&|v| known[v], body), *j)).collect();
+        let single = |body: usize| cluster.freedoms.iter().all(|at| at.body != body || at.single);
+        let held = |body: usize| single(body) && !(cluster.local_parent[body] != 0 && moves[cluster.local_parent[body] - 1]);
+        let bodies: Vec<(usize, bool)> = (0..cluster.n).filter(|j| carried(*j) || on_way[*j] && moves[*j]).map(|j| (j, held(j))).collect();
+        let before: Vec<usize> = (0..cluster.n).filter(|j| on_way[*j] && !moves[*j] && !placed[*j]).collect();
+        (0..cluster.n).filter(|j| moves[*j]).for_each(|j| placed[j] = false);
+        before.iter().chain(bodies.iter().map(|(j, _)| j)).for_each(|j| placed[*j] = true);
         unknowns.iter().for_each(|j| known[*j] = true);
         let size = unknowns.len();
         let unknowns = unknowns.into_iter().map(of).collect();
         let remember = cuts.iter().any(|cut| !one_sided(cut));
-        blocks.push(Block { unknowns, cuts, bodies, stale, offset, remember });
+        blocks.push(Block { unknowns, cuts, bodies, before, offset, remember });
         offset += size * size;
     }
-    blocks
+    // bodies on the way to any cut, and those that the blocks leave without a fresh pose
+    let mut on_way = vec![false; cluster.n];
+    cluster.cuts.iter().for_each(|cut| mark_way(cluster, cut, &mut on_way));
+    let on_way: Vec<usize> = (0..cluster.n).filter(|j| on_way[*j]).collect();
+    let after = on_way.iter().copied().filter(|j| !placed[*j]).collect();
+    Blocks { blocks, on_way, after }
+}
+
+/// Marks the bodies between the cluster's parent body and the two of a cut.
+fn mark_way(cluster: &Cluster<f64>, cut: &Cut<f64>, on_way: &mut [bool]) {
+    for mut at in [cut.predecessor, cut.successor] {
+        while at != 0 {
+            on_way[at - 1] = true;
+            at = cluster.local_parent[at - 1];
+        }
+    }
 }
 
 /// True when the value of a row is a length; else it is an angle.
@@ -111,6 +115,16 @@ fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
 /// alone, whose cut point the velocities are those of.
 fn one_sided(cut: &BlockCut) -> bool {
     cut.solve.iter().all(|(_, on_successor, _)| *on_successor)
+}
+
+/// What is common to a block's rows of a cut.
+fn row_kind(cut: &Cut<f64>, rows: &[(usize, usize)]) -> RowKind {
+    let linear = rows.iter().all(|(r, _)| cut.rows[*r].terms.is_empty() && cut.rows[*r].linear.norm() > 0.0);
+    match is_ball(cut, rows) {
+        true => RowKind::Ball,
+        false if linear && !cut.angular => RowKind::Linear,
+        false => RowKind::Any,
+    }
 }
 
 /// True when the block's rows of a cut, one after the other, tie all three directions of a point.

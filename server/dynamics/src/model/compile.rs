@@ -63,7 +63,7 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
         }
         let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
-        let mut numerical = Numerical { blocks, zero: exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec() };
+        let mut numerical = Numerical::new(blocks, exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec());
         exact.clusters[c].used = used;
         for (s, _) in assembly.owners(c) {
             info[s].length = f64::max(info[s].length, cluster.length);

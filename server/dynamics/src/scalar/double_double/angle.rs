@@ -67,9 +67,9 @@ fn reduce(x: Dd) -> (Dd, i64) {
     (Dd { hi, lo }, n.rem_euclid(4.0) as i64)
 }
 
-/// (sin x, cos x) to about 2⁻¹⁰⁴; from 2⁴⁵ on the angle counts as zero, as in the `f64` kernel.
+/// (sin x, cos x) to about 2⁻¹⁰⁴; NaN from 2⁴⁵ on, as in the `f64` kernel.
 pub(super) fn sin_cos(x: Dd) -> (Dd, Dd) {
-    let x = if x.hi.abs() < elementary::RANGE { x } else { Dd::from(x.hi * 0.0) };
+    let x = if x.hi.abs() < elementary::RANGE { x } else { Dd::from(f64::NAN) };
     let (r, quadrant) = reduce(x);
 
     // the Taylor series of (sin r − r) / r³ and (cos r − 1 + r²/2) / r⁴ in −z = −r², |r| ≤ π/4

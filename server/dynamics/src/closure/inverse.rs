@@ -1,0 +1,82 @@
+//! The inverse of a block, with its determinant.
+
+use crate::linear::solve_unpivoted;
+use crate::scalar::Real;
+
+/// Least pivot of a wide block against its row.
+const SINGULAR: f64 = 1e-12;
+/// Least determinant of a narrow block against the product of its column norms, in roots of the unit roundoff: a pose closer to
+/// singularity than that is known to no digit.
+const ROOTS: f64 = 10.0;
+/// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the block.
+pub(super) const ANY: usize = 0;
+
+/// Inverse of A (m × m): closed form up to 3×3, elimination in the order fixed at load beyond. Returns where it is sound, and the
+/// determinant.
+#[inline(always)]
+pub(super) fn invert<T: Real, const M: usize>(A: &mut [T], inverse: &mut [T], m: usize) -> (T::Mask, T) {
+    match if M == ANY { m } else { M } {
+        1 => {
+            inverse[0] = T::ONE / A[0];
+            (T::ZERO.lt(A[0].abs()), A[0])
+        }
+        2 => {
+            let det = A[0].mul_add(A[3], -(A[1] * A[2]));
+            let d = T::ONE / det;
+            (inverse[0], inverse[1], inverse[2], inverse[3]) = (A[3] * d, -(A[1] * d), -(A[2] * d), A[0] * d);
+            (sound(A, 2, det), det)
+        }
+        3 => {
+            let minor = |a: usize, b: usize, c: usize, d: usize, A: &[T]| A[a].mul_add(A[d], -(A[b] * A[c]));
+            let (c0, c1, c2) = (minor(4, 5, 7, 8, A), minor(5, 3, 8, 6, A), minor(3, 4, 6, 7, A));
+            let det = A[0].mul_add(c0, A[1].mul_add(c1, A[2] * c2));
+            let d = T::ONE / det;
+            let adjugate = [
+                c0,
+                minor(2, 1, 8, 7, A),
+                minor(1, 2, 4, 5, A),
+                c1,
+                minor(0, 2, 6, 8, A),
+                minor(2, 0, 5, 3, A),
+                c2,
+                minor(1, 0, 7, 6, A),
+                minor(0, 1, 3, 4, A),
+            ];
+            for (x, y) in inverse.iter_mut().zip(adjugate) {
+                *x = y * d;
+            }
+            (sound(A, 3, det), det)
+        }
+        _ => {
+            for (k, x) in inverse.iter_mut().enumerate() {
+                *x = if k / m == k % m { T::ONE } else { T::ZERO };
+            }
+            solve_unpivoted(A, inverse, m, m, SINGULAR)
+        }
+    }
+}
+
+/// 1/sin² of the least angle between a column of the matrix, whose squared norms are given, and the span of the others: row i of the
+/// inverse has the norm 1/sin over that of column i.
+#[inline(always)]
+pub(super) fn nearness<T: Real>(inverse: &[T], squares: &[T], m: usize) -> T {
+    let mut nearness = T::ZERO;
+    for (row, square) in inverse.chunks_exact(m).zip(squares) {
+        let x = row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)) * *square;
+        nearness = T::select(nearness.lt(x), x, nearness);
+    }
+    nearness
+}
+
+/// Squared norm of column j of a square matrix.
+#[inline(always)]
+pub(super) fn column_square<T: Real>(A: &[T], m: usize, j: usize) -> T {
+    (0..m).fold(T::ZERO, |sum, i| A[i * m + j].mul_add(A[i * m + j], sum))
+}
+
+/// |det| against the product of the column norms: turning and sliding joints have columns of different units.
+#[inline(always)]
+fn sound<T: Real>(A: &[T], m: usize, det: T) -> T::Mask {
+    let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, j));
+    (squares * T::from_f64(ROOTS * ROOTS * T::EPSILON)).lt(det * det)
+}
