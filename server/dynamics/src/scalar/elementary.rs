@@ -258,12 +258,11 @@ mod tests {
 
     #[test]
     fn special_values_are_those_of_ieee_754() {
-        for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, RANGE, -f64::MAX] {
             let (s, c) = sin_cos(x);
             assert!(s.is_nan() && c.is_nan());
         }
-        assert_eq!(sin_cos(RANGE), (0.0, 1.0));
-        assert_eq!(sin_cos(-f64::MAX), (0.0, 1.0));
+        assert!(sin_cos(RANGE.next_down()).0.is_finite());
 
         let values = [0.0, 5e-324, 1.0, f64::MAX, f64::INFINITY, f64::NAN].map(|v: f64| [v, -v]);
         for (&y, &x) in values.iter().flatten().flat_map(|y| values.iter().flatten().map(move |x| (y, x))) {

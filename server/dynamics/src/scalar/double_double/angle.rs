@@ -179,6 +179,6 @@ mod tests {
             assert!(own.hi.to_bits() == std.to_bits() || (own.hi.is_nan() && std.is_nan()), "atan2({y}, {x}) = {own:?}, not {std}");
         }
         assert!(sin_cos(Dd::from(f64::NAN)).0.hi.is_nan() && sin_cos(Dd::from(f64::INFINITY)).1.hi.is_nan());
-        assert_eq!(sin_cos(Dd::from(elementary::RANGE)), (Dd::ZERO, Dd::ONE));
+        assert!(sin_cos(Dd::from(elementary::RANGE)).0.hi.is_nan());
     }
 }
