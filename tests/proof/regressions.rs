@@ -1,7 +1,7 @@
 //! Faults that were found from outside, each by the smallest robot that shows it.
 
 use sarrus_dynamics::description::{JointKind, SubmechanismKind};
-use sarrus_dynamics::{Field, Model, Request};
+use sarrus_dynamics::{Field, Model, Request, Status};
 use sarrus_tests::cases::Case;
 use sarrus_tests::draft::Draft;
 use sarrus_tests::run::Robot;
@@ -46,4 +46,31 @@ fn wishing_for_good_independents_does_not_take_an_answer_away() {
         let good = answer.get(GoodIndependents).iter().filter(|x| **x == 1.0).count();
         assert_eq!(good, y.len(), "{name} at {y:?}");
     }
+}
+
+#[test]
+fn a_loop_that_is_singular_at_zero_is_warned_of_and_called_singular() {
+    // rod and rocker in one line
+    let mut draft = Draft::new(6, SubmechanismKind::Numerical, true);
+    let (up, along) = ([0.0, 0.0, 1.0], [0.25, 0.125, 0.0]);
+    let (crank, arm) = draft.turn(0, [0.0; 3], up);
+    let (_, rod) = draft.turn(arm, [0.0, 0.125, 0.0], up);
+    let (_, rocker) = draft.turn(0, [0.5, 0.125, 0.0], up);
+    draft.cut(rod, rocker, along, &[], &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    draft.roles(&[(crank, 0.2)], &[crank]);
+    let compiled = Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}"));
+    assert!(compiled.warnings.iter().any(|warning| warning.found.contains("singular at the zero pose")), "{:?}", compiled.warnings);
+
+    let mut robot = Robot::new(compiled.model);
+    for y in [0.0, 0.1, -0.1] {
+        let status = robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q]).answer.status;
+        assert_eq!(status, Status::SingularIndependents, "{y}");
+    }
+}
+
+#[test]
+fn an_angle_of_which_a_double_knows_nothing_is_no_finite_input() {
+    let mut robot = Robot::new(Case::bundled("lambda").compiled.model);
+    let status = robot.ask(Request::InverseDynamics, &[(Y, &[1e14])], &[TauY]).answer.status;
+    assert_eq!(status, Status::NonFiniteInput);
 }

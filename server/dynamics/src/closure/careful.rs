@@ -47,6 +47,7 @@ pub(super) fn follow<T: Scalar>(
     let (closed, count) = numerical.newton(cluster, bodies, local, true, T::ZERO);
     iterations += count;
     if !closed {
+        local.q.copy_from_slice(local.start);
         local.scratch.goal[..n].copy_from_slice(local.start);
         return Outcome::failed(stalled(cluster, bodies, local), iterations);
     }

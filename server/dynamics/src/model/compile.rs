@@ -12,6 +12,8 @@ use crate::scalar::{Dd, Scalar};
 
 /// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.
 const ROUNDING: f64 = 1e-13;
+/// Scaled distance to singularity below which the zero pose is warned of.
+const SINGULAR: f64 = 1e-9;
 /// Misfit up to which a closed form starts Newton's method on the true rows.
 const POLISHABLE: f64 = 1e-3;
 
@@ -149,6 +151,14 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
     exact.meta = Arc::new(Meta { closures: info, ..assembly.meta.clone() });
     let model = exact.map(Dd::to_f64);
     analysis::check_mass(&model, description, errors);
+    for (s, of) in model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR) {
+        warnings.push(Fault {
+            site: Site::Submechanism(s),
+            found: format!("loops that are singular at the zero pose (sigma {:.1e})", of.sigma_min),
+            expected: "a zero pose from which requests without a guess can go on".into(),
+            help: "move the joints' origins away from the toggle, or give q_guess with every request".into(),
+        });
+    }
     Some(Compiled { model, exact, warnings: Vec::new() })
 }
 
