@@ -230,7 +230,7 @@ mod tests {
     fn sums_products_quotients_and_roots_undo_each_other() {
         let mut random = Random(SEED);
         for _ in 0..20_000 {
-            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 44.0));
+            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 60.0));
             let size = a.hi.abs().max(b.hi.abs());
             assert!((((a + b) - a) - b).hi.abs() <= 4.0 * EPSILON * size, "{a:?} {b:?}");
             assert!(relative((a * b) / b, a) <= 2.0 * EPSILON, "{a:?} {b:?}");
@@ -254,7 +254,7 @@ mod tests {
     fn results_are_normalised() {
         let mut random = Random(SEED);
         for _ in 0..20_000 {
-            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 60.0));
+            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 44.0));
             let (s, c) = b.sin_cos();
             for v in [a + b, a - b, a * b, a / b, a.abs().sqrt(), s, c, a.atan2(b)] {
                 assert_eq!(v.hi + v.lo, v.hi, "{a:?} {b:?}");
