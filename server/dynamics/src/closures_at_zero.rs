@@ -1,8 +1,7 @@
 //! What a person wants to know about the loops of each submechanism at the zero pose.
 
-use crate::assembly::Problem;
-use crate::linear::solve_pivoted;
-use crate::model::Model;
+use crate::closure::{Scratch, branch, dependents_range};
+use crate::model::{Body, Cluster, Model};
 
 /// The loops of one submechanism at the zero pose; where its loops are tied to those of another, those of both.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,7 +17,7 @@ pub struct ClosureAtZero {
 }
 
 impl Model<f64> {
-    /// The loops of each submechanism at the zero pose, in the order of [`Model::closures`]. Rows are scaled as in [`Model::assemble`].
+    /// The loops of each submechanism at the zero pose, in the order of [`Model::closures`]. Scaled as the field `sigma_min` is.
     /// Allocates.
     pub fn closures_at_zero(&self) -> Vec<ClosureAtZero> {
         let mut first = 0;
@@ -42,23 +41,21 @@ impl Model<f64> {
             let unused = (0..cluster.rows.len()).filter(|r| !cluster.used.contains(r)).map(|r| cluster.rows[r]);
             found.redundant.extend(unused.filter(|row| own.contains(row)).map(|row| self.meta.loops[row].clone()));
 
-            let problem = Problem::new(cluster, bodies, zero, &vec![1.0; cluster.n_v]);
-            let K = problem.scaled_jacobian(zero);
-            let (rows, m) = (K.nrows(), cluster.dependent.len());
-            let K_d = faer::Mat::from_fn(rows, m, |r, a| K[(r, cluster.dependent[a])]);
-            let Ok(svd) = K_d.thin_svd() else { continue };
-            let S = svd.S().column_vector();
-            if let Some(last) = S.nrows().checked_sub(1) {
-                found.sigma_min = found.sigma_min.min(S[last]);
-                let cond = if S[last] > f64::EPSILON * S[0] { S[0] / S[last] } else { f64::INFINITY };
-                found.cond_Kd = found.cond_Kd.max(cond);
-            }
+            let ((largest, least), branch) = judge(cluster, bodies, zero);
+            found.sigma_min = found.sigma_min.min(least);
+            found.cond_Kd = found.cond_Kd.max(if branch == 0.0 { f64::INFINITY } else { largest / least });
             if self.order.branches.contains(&c) {
-                let singular = !found.cond_Kd.is_finite() || rows != m;
-                let mut A: Vec<f64> = (0..rows * m).map(|i| K_d[(i / m, i % m)]).collect();
-                found.branch.push(if singular { 0.0 } else { solve_pivoted(&mut A, &mut [], m, 0).map_or(0.0, f64::signum) });
+                found.branch.push(branch);
             }
         }
         found
     }
+}
+
+/// Largest and least singular value of the scaled K_d of one cluster at a pose, and its branch, 0 where the pose is singular. Allocates.
+pub(crate) fn judge(cluster: &Cluster<f64>, bodies: &[Body<f64>], q: &[f64]) -> ((f64, f64), f64) {
+    let mut scratch = Scratch::at(cluster, bodies, q);
+    let (largest, least) = dependents_range(cluster, &mut scratch);
+    let branch = if least <= f64::EPSILON * largest { 0.0 } else { branch(cluster, &mut scratch) };
+    ((largest, least), branch)
 }

@@ -43,19 +43,7 @@ fn solve_above<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, rounding
     let largest = A[..m * m].iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
     let floor = largest * T::from_f64(roundings * T::EPSILON);
     for k in 0..m {
-        let mut p = k;
-        for i in k + 1..m {
-            if A[i * m + k].abs() > A[p * m + k].abs() {
-                p = i;
-            }
-        }
-        if p != k {
-            for j in 0..m {
-                A.swap(k * m + j, p * m + j);
-            }
-            for j in 0..n {
-                B.swap(k * n + j, p * n + j);
-            }
+        if exchange(A, B, m, n, k) {
             det = -det;
         }
         let pivot = A[k * m + k];
@@ -67,6 +55,26 @@ fn solve_above<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, rounding
     }
     substitute_back(A, B, m, n);
     Some(det)
+}
+
+/// Brings the largest entry of column k, on or below the diagonal, to its place; true where rows changed places.
+fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> bool {
+    let mut p = k;
+    for i in k + 1..m {
+        if A[i * m + k].abs() > A[p * m + k].abs() {
+            p = i;
+        }
+    }
+    if p == k {
+        return false;
+    }
+    for j in 0..m {
+        A.swap(k * m + j, p * m + j);
+    }
+    for j in 0..n {
+        B.swap(k * n + j, p * n + j);
+    }
+    true
 }
 
 /// Clears column k below its pivot, which becomes its inverse.
@@ -151,7 +159,8 @@ fn turn_columns<T: Scalar>(A: &mut [T], m: usize, n: usize, p: usize, q: usize, 
 }
 
 /// Squared norm of column j of an m×n row-major matrix.
-pub(crate) fn column_square<T: Scalar>(A: &[T], m: usize, n: usize, j: usize) -> T {
+#[inline(always)]
+pub(crate) fn column_square<T: Real>(A: &[T], m: usize, n: usize, j: usize) -> T {
     (0..m).fold(T::ZERO, |sum, i| A[i * n + j].mul_add(A[i * n + j], sum))
 }
 
@@ -182,16 +191,7 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
 pub(crate) fn determinant_sign<T: Scalar>(A: &mut [T], m: usize) -> T {
     let mut sign = T::ONE;
     for k in 0..m {
-        let mut p = k;
-        for i in k + 1..m {
-            if A[i * m + k].abs() > A[p * m + k].abs() {
-                p = i;
-            }
-        }
-        if p != k {
-            for j in 0..m {
-                A.swap(k * m + j, p * m + j);
-            }
+        if exchange(A, &mut [], m, 0, k) {
             sign = -sign;
         }
         let pivot = A[k * m + k];

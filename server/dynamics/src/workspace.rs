@@ -1,7 +1,7 @@
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Rate, Scratch};
-use crate::model::Model;
+use crate::closure::{Rate, Scratch, constraint_jacobian, local_poses};
+use crate::model::{Body, Cluster, Model};
 use crate::plan::Plan;
 use crate::scalar::{Real, Scalar};
 use crate::spatial::{Pose, identity, zero};
@@ -207,6 +207,14 @@ fn free_jacobians<T: Scalar>(model: &Model<T>) -> Vec<T> {
 }
 
 impl<T: Real> Scratch<T> {
+    /// Poses and K of one cluster at a pose, outside any workspace. Allocates.
+    pub(crate) fn at(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], q: &[T]) -> Scratch<T> {
+        let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
+        local_poses(cluster, bodies, q, &mut vec![(T::ONE, T::ZERO); cluster.n], &mut scratch.pose);
+        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+        scratch
+    }
+
     /// For clusters of up to n joints and this many rows.
     pub(crate) fn new(n: usize, rows: usize) -> Scratch<T> {
         let of = |n: usize| vec![T::ZERO; n];

@@ -15,11 +15,11 @@ mod rezero;
 
 use problem::Place;
 
-use crate::linear::solve_pivoted;
-use crate::model::{Cluster, Model, Motion};
+use crate::closures_at_zero::judge;
+use crate::model::{Model, Motion};
 
 pub use open::OpenModel;
-pub(crate) use problem::Problem;
+use problem::Problem;
 pub use rezero::{closing_placements, rezeroed};
 
 /// A closed pose near a given one.
@@ -176,7 +176,7 @@ fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembl
         found.residual = found.residual.max(place.residual);
         q[range].copy_from_slice(&place.q);
         if let Some(at) = branches.iter().position(|of| *of == c) {
-            found.branch[at] = branch(cluster, &problem, &place);
+            found.branch[at] = judge(cluster, bodies, &place.q).1;
         }
         // the square of what the joints that may move have gone
         let gone = problem.away(&place.q);
@@ -230,16 +230,4 @@ fn checked(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<(Vec<f64
         }
     }
     Ok((q, w))
-}
-
-/// The sign of det K_d; 0 where it is not a number of full rank.
-fn branch(cluster: &Cluster<f64>, problem: &Problem<'_>, place: &Place) -> f64 {
-    let m = cluster.dependent.len();
-    if cluster.used.len() != m {
-        return 0.0;
-    }
-    let K = problem.jacobian(&place.q);
-    let entry = |i: usize| K[cluster.used[i / m] * cluster.n_v + cluster.dependent[i % m]];
-    let mut A: Vec<f64> = (0..m * m).map(entry).collect();
-    solve_pivoted(&mut A, &mut [], m, 0).map_or(0.0, f64::signum)
 }

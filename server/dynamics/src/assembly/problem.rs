@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::{column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses, row_unit};
+use crate::closure::{Scratch, column_unit, constraint_residual, largest_residual, local_poses, row_unit};
 use crate::model::{Body, Cluster, Motion};
 use crate::spatial::{Pose, cross, from_quaternion, mul, t_mul};
 
@@ -69,7 +69,7 @@ impl Place {
 }
 
 impl<'a> Problem<'a> {
-    pub(crate) fn new(cluster: &'a Cluster<f64>, bodies: &'a [Body<f64>], near: &'a [f64], weights: &[f64]) -> Problem<'a> {
+    pub(super) fn new(cluster: &'a Cluster<f64>, bodies: &'a [Body<f64>], near: &'a [f64], weights: &[f64]) -> Problem<'a> {
         let unit = units(cluster);
         let free: Vec<usize> = (0..cluster.n_v).filter(|v| weights[*v].is_finite()).collect();
         let heaviest = free.iter().map(|v| weights[*v]).fold(0.0, f64::max);
@@ -93,13 +93,11 @@ impl<'a> Problem<'a> {
 
     /// K of all rows, unscaled (rows × n_v).
     pub(super) fn jacobian(&self, q: &[f64]) -> Vec<f64> {
-        let mut K = vec![0.0; self.cluster.rows.len() * self.cluster.n_v];
-        constraint_jacobian(self.cluster, &self.poses(q), &mut K);
-        K
+        Scratch::at(self.cluster, self.bodies, q).K
     }
 
     /// K of the rows that count and the velocities that may move, scaled.
-    pub(crate) fn scaled_jacobian(&self, q: &[f64]) -> faer::Mat<f64> {
+    pub(super) fn scaled_jacobian(&self, q: &[f64]) -> faer::Mat<f64> {
         let K = self.jacobian(q);
         faer::Mat::from_fn(self.rows.len(), self.free.len(), |r, a| {
             K[self.rows[r] * self.cluster.n_v + self.free[a]] * self.scale[r] * self.unit[self.free[a]]

@@ -2,10 +2,11 @@
 
 use nalgebra::Vector3;
 
-use super::inverse::{ANY, column_square, invert, nearness};
-use super::rows::{CutState, base, cos_sin, place, row_acceleration, single_pose};
+use super::inverse::{ANY, invert, nearness};
+use super::rows::{CutState, base, cos_sin, place, row_acceleration};
 use super::{Cut, Local};
-use crate::model::{Body, Cluster, Freedom, Motion};
+use crate::linear::column_square;
+use crate::model::{Body, Cluster, Freedom, Motion, single_pose};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
 
@@ -166,7 +167,7 @@ impl Block {
             if fresh {
                 if k == 0 {
                     let scratch = &mut *local.scratch;
-                    (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, i));
+                    (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
                 }
                 let (fine, det) = self.invert::<T, M>(local);
                 if k == 0 {

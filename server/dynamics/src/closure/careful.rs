@@ -4,7 +4,7 @@ use sarrus_proto::Status;
 
 use super::numerical::Numerical;
 use super::{Local, Outcome, between, constraint_jacobian, constraint_residual, local_poses};
-use super::{column_unit, largest_residual, row_unit, scaled};
+use super::{column_unit, dependents_range, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster, Freedom};
 use crate::scalar::Scalar;
@@ -135,7 +135,7 @@ pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut L
 fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
-        Some(true) if dependents_range(cluster, local) < T::from_f64(DOUBTFUL) => singular_status(cluster, bodies, local),
+        Some(true) if nearly_singular(cluster, local) => singular_status(cluster, bodies, local),
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }
@@ -204,15 +204,12 @@ fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratc
     })
 }
 
-/// σ_min / σ_max of the scaled K_d at the pose in `local.q`.
-fn dependents_range<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
-    let m = cluster.dependent.len();
+/// True where K_d is near a loss of rank at the pose that the search found, whose poses are fresh.
+fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-    let A = &mut scratch.A;
-    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
-    let (largest, least) = singular_range(A, m, m);
-    least / largest
+    let (largest, least) = dependents_range(cluster, scratch);
+    least / largest < T::from_f64(DOUBTFUL)
 }
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.

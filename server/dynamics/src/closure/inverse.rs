@@ -1,6 +1,6 @@
 //! The inverse of a block, with its determinant.
 
-use crate::linear::solve_unpivoted;
+use crate::linear::{column_square, solve_unpivoted};
 use crate::scalar::Real;
 
 /// Least pivot of a wide block against its row.
@@ -68,15 +68,9 @@ pub(super) fn nearness<T: Real>(inverse: &[T], squares: &[T], m: usize) -> T {
     nearness
 }
 
-/// Squared norm of column j of a square matrix.
-#[inline(always)]
-pub(super) fn column_square<T: Real>(A: &[T], m: usize, j: usize) -> T {
-    (0..m).fold(T::ZERO, |sum, i| A[i * m + j].mul_add(A[i * m + j], sum))
-}
-
 /// |det| against the product of the column norms: turning and sliding joints have columns of different units.
 #[inline(always)]
 fn sound<T: Real>(A: &[T], m: usize, det: T) -> T::Mask {
-    let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, j));
+    let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
     (squares * T::from_f64(ROOTS * ROOTS * T::EPSILON)).lt(det * det)
 }

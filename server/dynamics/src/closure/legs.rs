@@ -6,10 +6,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Level, Local, Numerical, Rate, Verdict, joint_pose};
-use crate::model::{Body, Cluster, Freedom, Motion};
+use super::{Level, Local, Numerical, Rate, Verdict};
+use crate::model::{Body, Cluster, Freedom, Motion, joint_pose};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, scale_add, t_mul, zero};
+use crate::spatial::{Pose, cross, cross_add, dot, lift, lift_mat, scale_add, t_mul, zero};
 
 /// A platform and its legs.
 #[derive(Clone, Debug)]
@@ -176,7 +176,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         // velocity of the pin for each independent coordinate
         for (at, k) in &of.chain {
             let pose = &local.scratch.pose[at.body + 1];
-            let z = column(&pose.R, at.axis());
+            let z = at.axis(&pose.R);
             let x = t_mul(&L, &if at.slides() { z } else { cross(&z, &(pin - pose.p)) });
             local.G[j1.v * n_vy + k] = dot(&r1, &x) * inverse_det;
             local.G[j2.v * n_vy + k] = dot(&r2, &x) * inverse_det;

@@ -17,7 +17,7 @@ mod rrpr;
 mod scaling;
 mod strut;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use coupling::Coupling;
@@ -27,13 +27,13 @@ pub(crate) use offset_legs::{Arm, OffsetLeg, OffsetLegs};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
-pub(crate) use scaling::{column_unit, row_unit, scaled};
+pub(crate) use scaling::{branch, column_unit, dependents_range, row_unit, scaled};
 pub(crate) use strut::Strut;
 
 use crate::Status;
-use crate::model::{Body, Cluster, Motion};
-use crate::scalar::{Mask, Real, Scalar};
-use crate::spatial::{Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z};
+use crate::model::{Body, Cluster};
+use crate::scalar::{Mask, Scalar};
+use crate::spatial::Pose;
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
@@ -284,29 +284,6 @@ impl<C: nalgebra::Scalar + Copy> Cut<C> {
             angular: self.angular,
         }
     }
-}
-
-/// Pose of a local body in its parent from the turn and the coordinates of its joint, which come first in `q`.
-#[inline(always)]
-pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], turn: (T, T)) -> Pose<T> {
-    let E: Matrix3<T> = lift_mat(&body.E);
-    let r = lift(&body.r);
-    match body.motion {
-        Motion::Revolute => Pose { R: turn_z(&E, turn.0, turn.1), p: r },
-        Motion::Prismatic => Pose { p: scale_add(&column(&E, 2), q[0], &r), R: E },
-        Motion::Spherical | Motion::Floating => free_pose(body, q),
-    }
-}
-
-/// The same of a joint of several freedoms.
-#[inline(never)]
-fn free_pose<T: Real>(body: &Body<T::Const>, q: &[T]) -> Pose<T> {
-    let E: Matrix3<T> = lift_mat(&body.E);
-    if body.motion == Motion::Spherical {
-        return Pose { R: mul_mat(&E, &from_quaternion(q[0], q[1], q[2], q[3])), p: lift(&body.r) };
-    }
-    let p = mul_add(&E, &Vector3::new(q[0], q[1], q[2]), &lift(&body.r));
-    Pose { R: mul_mat(&E, &from_quaternion(q[3], q[4], q[5], q[6])), p }
 }
 
 /// A share of the way between two poses of a cluster's independents: straight in single coordinates, along the great circle in quaternions.

@@ -124,7 +124,7 @@ impl<C: nalgebra::Scalar + Copy> OffsetLeg<C> {
         let center = self.arm.as_ref().map_or(zero(), |arm| lift(&arm.center));
         for (at, k) in &carrier.chain {
             let pose = &local.scratch.pose[at.body + 1];
-            let z = column(&pose.R, at.axis());
+            let z = at.axis(&pose.R);
             let moves = |x: &Vector3<T>| if at.slides() { z } else { cross(&z, &(x - pose.p)) };
             let mut velocity = moves(&pin.point);
             if let Some(arm) = &self.arm {

@@ -8,10 +8,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Cut, CutRow, Rate, joint_pose};
-use crate::model::{Body, Cluster, Freedom, Motion};
+use super::{Cut, CutRow, Rate};
+use crate::model::{Body, Cluster, Freedom, Motion, joint_pose, single_pose};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, turn_z, zero};
+use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
 
 /// Sines, cosines and pose of one local body from its coordinates.
 #[inline]
@@ -60,16 +60,6 @@ pub(super) fn base<T: Real>(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const
     let at_zero = Pose { R: lift_mat(&bodies[j].E), p: lift(&bodies[j].r) };
     let parent = cluster.local_parent[j];
     if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
-}
-
-/// Pose of a body with one freedom from that at zero of its joint.
-#[inline(always)]
-pub(super) fn single_pose<T: Real>(body: &Body<T::Const>, base: &Pose<T>, q: T, turn: (T, T)) -> Pose<T> {
-    if body.motion == Motion::Revolute {
-        Pose { R: turn_z(&base.R, turn.0, turn.1), p: base.p }
-    } else {
-        Pose { R: base.R, p: scale_add(&column(&base.R, 2), q, &base.p) }
-    }
 }
 
 #[inline(never)]
@@ -137,7 +127,7 @@ impl<'a, T: Real> CutState<'a, T> {
     /// Twist of S against P for a unit rate of one freedom: (ω, v).
     #[inline(always)]
     pub(super) fn twist(&self, of: &Freedom, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
-        let z = if of.single { column(&pose.R, 2) } else { column(&pose.R, of.axis()) };
+        let z = of.axis(&pose.R);
         let z = if on_successor { z } else { -z };
         if of.slides() { (zero(), z) } else { (z, cross(&z, &(self.point - pose.p))) }
     }

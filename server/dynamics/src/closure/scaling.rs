@@ -7,7 +7,8 @@
 //! and gives couplings unit norm. So K_s is a matrix of pure numbers that a change of units leaves as it is, and λ_s holds moments: forces
 //! times the cluster's length.
 
-use super::CutRow;
+use super::{CutRow, Scratch};
+use crate::linear::{determinant_sign, singular_range};
 use crate::model::Cluster;
 use crate::scalar::Scalar;
 
@@ -49,4 +50,24 @@ pub(crate) fn scaled<T: Scalar>(
             put(i, a, K[r * cluster.n_v + v] * T::from_f64(unit * column_unit(cluster, v)));
         }
     }
+}
+
+/// Largest and least singular value of the scaled K_d; K is that of the pose in question.
+pub(crate) fn dependents_range<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
+    let m = cluster.dependent.len();
+    dependents(cluster, scratch);
+    singular_range(&mut scratch.A, m, m)
+}
+
+/// The branch of a closed pose: the sign of det K_d, scaled.
+pub(crate) fn branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
+    dependents(cluster, scratch);
+    determinant_sign(&mut scratch.A, cluster.dependent.len())
+}
+
+/// The scaled K_d of the used rows.
+fn dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
+    let m = cluster.dependent.len();
+    let A = &mut scratch.A;
+    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
 }

@@ -1,7 +1,10 @@
-//! The freedoms of joints: what moves, along which axis, and how a step changes the coordinates.
+//! The freedoms of joints: what moves, along which axis, the pose that coordinates give, and how a step changes them.
 
+use nalgebra::{Matrix3, Vector3};
+
+use super::Body;
 use crate::scalar::Real;
-use crate::spatial::from_quaternion;
+use crate::spatial::{Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z};
 
 /// What motion a body's joint allows, along or about its z axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,10 +54,10 @@ impl Freedom {
         self.motion == Motion::Prismatic || self.k >= 3
     }
 
-    /// The axis of its body along or about which it moves.
+    /// The axis of its body along or about which it moves, from the body's axes.
     #[inline(always)]
-    pub(crate) fn axis(&self) -> usize {
-        if self.single { 2 } else { self.k % 3 }
+    pub(crate) fn axis<T: Real>(&self, R: &Matrix3<T>) -> Vector3<T> {
+        if self.single { column(R, 2) } else { column(R, self.k % 3) }
     }
 
     /// Moves the freedom by a step in the cluster's coordinates.
@@ -65,6 +68,36 @@ impl Freedom {
         } else {
             advance(self.motion, self.k, &mut q[self.q..], step);
         }
+    }
+}
+
+/// Pose of a body in its parent from the turn and the coordinates of its joint, which come first in `q`.
+#[inline(always)]
+pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], turn: (T, T)) -> Pose<T> {
+    match body.motion {
+        Motion::Revolute | Motion::Prismatic => single_pose(body, &Pose { R: lift_mat(&body.E), p: lift(&body.r) }, q[0], turn),
+        Motion::Spherical | Motion::Floating => free_pose(body, q),
+    }
+}
+
+/// The same of a joint of several freedoms.
+#[inline(never)]
+fn free_pose<T: Real>(body: &Body<T::Const>, q: &[T]) -> Pose<T> {
+    let E: Matrix3<T> = lift_mat(&body.E);
+    if body.motion == Motion::Spherical {
+        return Pose { R: mul_mat(&E, &from_quaternion(q[0], q[1], q[2], q[3])), p: lift(&body.r) };
+    }
+    let p = mul_add(&E, &Vector3::new(q[0], q[1], q[2]), &lift(&body.r));
+    Pose { R: mul_mat(&E, &from_quaternion(q[3], q[4], q[5], q[6])), p }
+}
+
+/// Pose of a body with one freedom from that at zero of its joint.
+#[inline(always)]
+pub(crate) fn single_pose<T: Real>(body: &Body<T::Const>, base: &Pose<T>, q: T, turn: (T, T)) -> Pose<T> {
+    if body.motion == Motion::Revolute {
+        Pose { R: turn_z(&base.R, turn.0, turn.1), p: base.p }
+    } else {
+        Pose { R: base.R, p: scale_add(&column(&base.R, 2), q, &base.p) }
     }
 }
 

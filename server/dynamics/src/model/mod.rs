@@ -33,7 +33,7 @@ use crate::fault::Fault;
 use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
 
-pub(crate) use freedom::{Freedom, Motion};
+pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
 
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]

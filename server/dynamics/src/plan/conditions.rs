@@ -3,7 +3,7 @@
 use sarrus_proto::{Field, Status};
 
 use super::{Plan, singular};
-use crate::closure::{Scratch, column_unit, row_unit, scaled};
+use crate::closure::{self, Scratch, column_unit, dependents_range, row_unit, scaled};
 use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 use crate::linear::{column_square, decompose, singular_range, solve_pivoted};
 use crate::model::{Cluster, Model};
@@ -66,10 +66,10 @@ impl Plan {
             }
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
                 unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
-                scaled.add(singular::dependents_range(cluster, scratch));
+                scaled.add(dependents_range(cluster, scratch));
             }
             if let (Some(range), Some(place)) = (&branch, model.order.branches.iter().position(|of| *of == c)) {
-                output[range.start + place] = singular::branch(cluster, scratch);
+                output[range.start + place] = closure::branch(cluster, scratch);
             }
             if let Some(range) = &good {
                 // where none is good by this measure those declared stand, which did close the loop

@@ -4,7 +4,9 @@ use sarrus_proto::{Field, Status};
 
 use super::run::Findings;
 use super::{Plan, local, nearest, singular};
-use crate::closure::{Closure, Level, between, close, constraint_jacobian, constraint_residual, largest_residual, local_poses};
+use crate::closure::{
+    Closure, Level, between, close, constraint_jacobian, constraint_residual, dependents_range, largest_residual, local_poses,
+};
 use crate::model::{Body, Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -47,7 +49,7 @@ impl Plan {
         residual(cluster, bodies, ws);
         constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
         if self.wants(Field::SigmaMin) {
-            found.sigma_min = singular::dependents_range(cluster, &mut ws.scratch).1;
+            found.sigma_min = dependents_range(cluster, &mut ws.scratch).1;
         }
         if self.wants(Field::GoodIndependents) {
             found.failed = true;
@@ -76,7 +78,7 @@ impl Plan {
             let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
             residual(cluster, bodies, ws);
             constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
-            let of = singular::dependents_range(cluster, &mut ws.scratch).1;
+            let of = dependents_range(cluster, &mut ws.scratch).1;
             // what is not a number yet is greater than any
             least = if of < least || !least.is_finite() { of } else { least };
         }

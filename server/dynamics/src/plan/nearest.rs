@@ -10,8 +10,7 @@
 //! ```
 //! (Nocedal and Wright, Numerical Optimization, 18.1). Needs no independents, so it works where these fail, which is where it is needed.
 
-use super::singular;
-use crate::closure::{column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses, scaled};
+use crate::closure::{branch, column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses, row_unit, scaled};
 use crate::linear::{column_square, decompose};
 use crate::model::{Body, Cluster};
 use crate::scalar::Scalar;
@@ -45,7 +44,7 @@ pub(super) fn nearest_pose<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], 
     let (m, rows) = (cluster.n_vy, cluster.rows.len());
     let search = Search { cluster, bodies, m, n: m + cluster.dependent.len(), rows };
     search.jacobian(ws);
-    let sign = singular::branch(cluster, &mut ws.scratch);
+    let sign = branch(cluster, &mut ws.scratch);
     for _ in 0..STEPS {
         search.tangents(ws);
         if !search.newton_step(ws) || !search.advance(ws, sign) {
@@ -197,7 +196,7 @@ impl<T: Scalar> Search<'_, T> {
             self.turn(ws, base, |i, V| (0..m).fold(T::ZERO, |sum, a| V[i * n + a].mul_add(step[a] * part, sum)));
             if self.project(ws) && self.cost(ws) < before {
                 self.jacobian(ws);
-                if singular::branch(cluster, &mut ws.scratch) == sign {
+                if branch(cluster, &mut ws.scratch) == sign {
                     nearer = true;
                     break;
                 }
@@ -234,7 +233,7 @@ impl<T: Scalar> Search<'_, T> {
                 let mut along = T::ZERO;
                 let all = cluster.cuts.iter().flat_map(|cut| &cut.rows).enumerate();
                 for (r, row) in all {
-                    let unit = T::from_f64(crate::closure::row_unit(cluster, row));
+                    let unit = T::from_f64(row_unit(cluster, row));
                     along = ws.dense[r * n + b].mul_add(ws.scratch.phi[r] * unit, along);
                 }
                 let along = if T::ZERO.lt(square) { along / square } else { T::ZERO };

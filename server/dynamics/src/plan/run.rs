@@ -26,7 +26,8 @@ impl Plan {
     /// Answers one request.
     ///
     /// `input` holds the given fields packed by [`Plan::given`], `output` receives the wanted fields packed by [`Plan::want`]. The answer
-    /// depends on model, plan and input alone. A workspace without room for the plan is of the wrong size. Allocates never; panics never. A failed answer is NaN wherever its status forbids a number.
+    /// depends on model, plan and input alone. A workspace without room for the plan is of the wrong size. Allocates never; panics never. A
+    /// failed answer is NaN wherever its status forbids a number.
     pub fn run<T: Scalar>(&self, model: &Model<T>, workspace: &mut Workspace<T>, input: &[T], output: &mut [T]) -> Answer {
         if input.len() != self.given.len() || output.len() != self.want.len() {
             output.fill(T::from_f64(f64::NAN));

@@ -1,33 +1,13 @@
-//! How near a pose is to a singular one and what can be done there: branch, distance, good independents, what no actuator controls.
+//! What can be done at a singular pose: good independents, what no actuator controls.
 
-use crate::closure::{Scratch, column_unit, scaled};
-use crate::linear::{column_square, decompose, determinant_sign, singular_range};
+use crate::closure::{column_unit, scaled};
+use crate::linear::{column_square, decompose};
 use crate::model::{Cluster, Model};
 use crate::scalar::{Real, Scalar};
 use crate::workspace::Workspace;
 
 /// Least size of a scaled pivot of K, against the first, with which a dependent is determined by the others.
 const DETERMINED: f64 = 1e-4;
-
-/// Largest and least singular value of the scaled K_d; K is that of the pose in question.
-pub(super) fn dependents_range<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
-    let m = cluster.dependent.len();
-    dependents(cluster, scratch);
-    singular_range(&mut scratch.A, m, m)
-}
-
-/// The branch of a closed pose: the sign of det K_d, scaled.
-pub(super) fn branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
-    dependents(cluster, scratch);
-    determinant_sign(&mut scratch.A, cluster.dependent.len())
-}
-
-/// The scaled K_d of the used rows.
-fn dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
-    let m = cluster.dependent.len();
-    let A = &mut scratch.A;
-    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
-}
 
 /// 1 at the tree velocities that are declared independent.
 pub(super) fn declared_independents<T: Scalar>(model: &Model<T>, good: &mut [T]) {

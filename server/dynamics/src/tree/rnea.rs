@@ -6,30 +6,17 @@
 use nalgebra::Vector3;
 
 use super::terms::joint_forces;
-use crate::model::{Body, Model, Motion};
+use crate::model::{Body, Model, Motion, joint_pose};
 use crate::scalar::Real;
-use crate::spatial::{column, cross, cross_add, from_quaternion, lift, lift_mat, mul, mul_add, mul_mat, scale_add, t_mul, turn_z, zero};
+use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
 use crate::workspace::{BodyState, Rates};
 
 /// Pose of every body in its parent, from the coordinates and the turns.
 #[inline]
 pub(crate) fn joint_poses<T: Real>(model: &Model<T::Const>, q: &[T], turn: &[(T, T)], motion: &mut [BodyState<T>]) {
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        let state = &mut motion[i];
-        let (E, r) = (lift_mat(&body.E), lift(&body.r));
-        match body.motion {
-            Motion::Revolute => (state.R, state.p) = (turn_z(&E, turn[i].0, turn[i].1), r),
-            Motion::Prismatic => (state.R, state.p) = (E, scale_add(&column(&E, 2), q[body.q], &r)),
-            Motion::Spherical => {
-                let of = &q[body.q..body.q + 4];
-                (state.R, state.p) = (mul_mat(&E, &from_quaternion(of[0], of[1], of[2], of[3])), r);
-            }
-            Motion::Floating => {
-                let of = &q[body.q..body.q + 7];
-                state.R = mul_mat(&E, &from_quaternion(of[3], of[4], of[5], of[6]));
-                state.p = mul_add(&E, &Vector3::new(of[0], of[1], of[2]), &r);
-            }
-        }
+        let pose = joint_pose(body, &q[body.q..], turn[i]);
+        (motion[i].R, motion[i].p) = (pose.R, pose.p);
     }
 }
 
