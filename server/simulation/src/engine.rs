@@ -2,8 +2,10 @@
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::Dual;
-use sarrus_dynamics::{Model, Status};
+use sarrus_dynamics::{Field, FieldSet, Model, Request, Status, Wanted, Workspace};
 
+
+use crate::asked::Asked;
 use crate::error::SimulationError;
 use crate::input::OnTree;
 use crate::rates::{Mechanism, Rates};
@@ -41,6 +43,8 @@ pub(crate) struct Engine {
     pub(crate) counts: Counts,
     /// Why the last evaluation that failed did, until it is taken.
     failure: Option<Status>,
+    /// The last of them.
+    pub(crate) last_failure: Option<Status>,
 }
 
 /// The last accepted state.
@@ -77,7 +81,7 @@ impl Engine {
         let q = q.map_or_else(|| mechanism.q.zero(), <[f64]>::to_vec);
         let (guess, qd, rate) = (q.clone(), vec![0.0; mechanism.sizes.n_v], vec![0.0; mechanism.n()]);
         let anchor = Anchor { t: 0.0, q, qd, rate, springs: rates.effect() };
-        Ok(Engine { description, model, mechanism, rates, duals: None, anchor, guess, counts: Counts::default(), failure: None })
+        Ok(Engine { description, model, mechanism, rates, duals: None, anchor, guess, counts: Counts::default(), failure: None, last_failure: None })
     }
 
     /// ẋ at t and x; NaN, and noted, where it has no answer.
@@ -91,7 +95,7 @@ impl Engine {
             status = self.rates.evaluate(&self.mechanism, t, x, (&self.anchor.q, &self.anchor.qd), rate);
         }
         if status != Status::Ok {
-            self.failure = Some(status);
+            (self.failure, self.last_failure) = (Some(status), Some(status));
         }
         status
     }
@@ -99,6 +103,18 @@ impl Engine {
     /// Why an evaluation failed since this was last asked.
     pub(crate) fn take_failure(&mut self) -> Option<Status> {
         self.failure.take()
+    }
+
+    /// The first state of all where no closed pose is known: closures start from their own zero.
+    pub(crate) fn settle_from_zero(&mut self, x: &mut [f64]) -> Result<Status, SimulationError> {
+        let mut asked = Asked::new(&self.model, &Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])))?;
+        asked.give(Field::Y, &x[..self.mechanism.sizes.n_qy]);
+        let status = asked.run(&self.model, &mut Workspace::for_plans(&self.model, [asked.plan()]));
+        if status != Status::Ok {
+            return Ok(status);
+        }
+        self.anchor.q.copy_from_slice(asked.get(Field::Q));
+        Ok(self.settle(0.0, x))
     }
 
     /// Accepts a state: quaternions to unit length, ẋ, q and q̇ there; nothing changes where it has no answer.
@@ -123,17 +139,18 @@ impl Engine {
     }
 
     /// ∂ẋ/∂x at t and x, row by row, by dual numbers: one evaluation for each column.
-    pub(crate) fn jacobian(&mut self, t: f64, x: &[f64], jacobian: &mut [f64]) -> Result<Status, SimulationError> {
+    pub(crate) fn jacobian(&mut self, t: f64, x: &[f64], jacobian: &mut [f64]) -> Status {
         self.extrapolate(t);
         self.counts.jacobians += 1;
         let n = x.len();
         if self.duals.is_none() {
-            let rates = Rates::new(self.model.convert(Dual::constant), &self.mechanism)?;
+            // what could be planned over doubles can be over duals
+            let Ok(rates) = Rates::new(self.model.convert(Dual::constant), &self.mechanism) else { return Status::BadRequest };
             let zero = |n: usize| vec![Dual::constant(0.0); n];
             let (q, qd) = (zero(self.mechanism.sizes.n_q), zero(self.mechanism.sizes.n_v));
             self.duals = Some(Box::new(Tangent { rates, x: zero(n), rate: zero(n), q, qd }));
         }
-        let Some(tangent) = &mut self.duals else { return Ok(Status::Ok) };
+        let Some(tangent) = &mut self.duals else { return Status::BadRequest };
         let constant = |from: &[f64], to: &mut [Dual<f64>]| to.iter_mut().zip(from).for_each(|(to, x)| *to = Dual::constant(*x));
         constant(&self.guess, &mut tangent.q);
         constant(&self.anchor.qd, &mut tangent.qd);
@@ -142,12 +159,12 @@ impl Engine {
             tangent.x[j].du = 1.0;
             let status = tangent.rates.evaluate(&self.mechanism, t, &tangent.x, (&tangent.q, &tangent.qd), &mut tangent.rate);
             if status != Status::Ok {
-                self.failure = Some(status);
-                return Ok(status);
+                (self.failure, self.last_failure) = (Some(status), Some(status));
+                return status;
             }
             (0..n).for_each(|i| jacobian[i * n + j] = tangent.rate[i].du);
         }
-        Ok(Status::Ok)
+        Status::Ok
     }
 
     /// The guess at a time: the accepted pose moved along its velocity.

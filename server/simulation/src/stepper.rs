@@ -31,11 +31,6 @@ pub(crate) trait Stepper {
     }
 }
 
-/// Error of a vector against tolerances: root of the mean square of e / (atol + rtol |x|), the work left out.
-pub(crate) struct Tolerances {
-    pub(crate) rtol: f64,
-    pub(crate) atol: f64,
-}
 
 /// What a component that is not controlled is allowed.
 pub(crate) const FREE: f64 = 1e100;
