@@ -1,7 +1,7 @@
 //! A plan with room for its numbers, by field.
 
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Field, Model, Plan, Status, Wanted, Workspace};
+use sarrus_dynamics::{Answer, Field, Model, Plan, Wanted, Workspace};
 
 use crate::error::SimulationError;
 
@@ -31,8 +31,8 @@ impl<T: Scalar> Asked<T> {
         }
     }
 
-    pub(crate) fn run(&mut self, model: &Model<T>, workspace: &mut Workspace<T>) -> Status {
-        self.plan.run(model, workspace, &self.input, &mut self.output).status
+    pub(crate) fn run(&mut self, model: &Model<T>, workspace: &mut Workspace<T>) -> Answer {
+        self.plan.run(model, workspace, &self.input, &mut self.output)
     }
 
     /// The numbers of a wanted field; none where it was not wanted.

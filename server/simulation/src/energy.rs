@@ -1,7 +1,7 @@
 //! Energy of a robot from masses, poses and twists of its links, with rotors and springs in joints; without any mass matrix.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::scalar::Real;
+use sarrus_dynamics::scalar::{Real, Scalar};
 use sarrus_dynamics::{Field, FieldSet, Model, Request, Status, Wanted, Workspace};
 
 use crate::asked::Asked;
@@ -32,20 +32,20 @@ struct Mass {
     inertia: [[f64; 3]; 3],
 }
 
-/// Measures energies.
+/// Measures energies, in the precision in which loops are closed.
 #[derive(Clone, Debug)]
-pub(crate) struct Meter {
+pub(crate) struct Meter<T> {
     masses: Vec<Mass>,
-    plans: Vec<Asked<f64>>,
-    workspace: Workspace<f64>,
+    plans: Vec<Asked<T>>,
+    workspace: Workspace<T>,
     gravity: [f64; 3],
     /// Velocity and inertia of each rotor; coordinate, stiffness and rest of each joint's spring.
     rotors: Vec<(usize, f64)>,
     springs: Vec<(usize, f64, f64)>,
 }
 
-impl Meter {
-    pub(crate) fn new(model: &Model<f64>, description: &Description, tree: &Coordinates) -> Result<Meter, SimulationError> {
+impl<T: Scalar> Meter<T> {
+    pub(crate) fn new(model: &Model<T>, description: &Description, tree: &Coordinates) -> Result<Meter<T>, SimulationError> {
         let (mut links, mut masses) = (Vec::new(), Vec::new());
         for (k, link) in description.links.iter().enumerate() {
             if let Some(inertial) = &link.inertial {
@@ -76,26 +76,28 @@ impl Meter {
     }
 
     /// Energies at y and ẏ on the branch of a guess, without springs between links.
-    pub(crate) fn measure(&mut self, model: &Model<f64>, [y, yd]: [&[f64]; 2], [q, qd]: [&[f64]; 2]) -> Result<Energy, Status> {
+    pub(crate) fn measure(&mut self, model: &Model<T>, [y, yd]: [&[f64]; 2], [q, qd]: [&[f64]; 2]) -> Result<Energy, Status> {
+        let of = |numbers: &[f64]| numbers.iter().map(|x| T::from_f64(*x)).collect::<Vec<T>>();
+        let back = |numbers: &[T]| numbers.iter().map(|x| x.to_f64()).collect::<Vec<f64>>();
         let mut energy = Energy::default();
         let mut masses = self.masses.iter();
         for plan in &mut self.plans {
             for (field, numbers) in [(Field::Y, y), (Field::Yd, yd), (Field::QGuess, q), (Field::QdGuess, qd)] {
-                plan.give(field, numbers);
+                plan.give(field, &of(numbers));
             }
-            let status = plan.run(model, &mut self.workspace);
+            let status = plan.run(model, &mut self.workspace).status;
             if status != Status::Ok {
                 return Err(status);
             }
-            energy.residual += plan.get(Field::Residual).iter().sum::<f64>();
-            let (poses, twists) = (plan.get(Field::FramePose).chunks_exact(7), plan.get(Field::FrameTwist).chunks_exact(6));
-            for ((pose, twist), mass) in poses.zip(twists).zip(&mut masses) {
+            energy.residual += plan.get(Field::Residual).iter().map(|x| x.to_f64()).sum::<f64>();
+            let (poses, twists) = (back(plan.get(Field::FramePose)), back(plan.get(Field::FrameTwist)));
+            for ((pose, twist), mass) in poses.chunks_exact(7).zip(twists.chunks_exact(6)).zip(&mut masses) {
                 let (kinetic, potential) = mass.energy(pose, twist, self.gravity);
                 energy.kinetic += kinetic;
                 energy.potential += potential;
             }
         }
-        let (q, qd) = self.plans.first().map_or((&[] as &[f64], &[] as &[f64]), |plan| (plan.get(Field::Q), plan.get(Field::Qd)));
+        let (q, qd) = self.plans.first().map_or((Vec::new(), Vec::new()), |plan| (back(plan.get(Field::Q)), back(plan.get(Field::Qd))));
         energy.kinetic += self.rotors.iter().map(|(v, inertia)| 0.5 * inertia * qd[*v] * qd[*v]).sum::<f64>();
         energy.potential += self.springs.iter().map(|(i, k, rest)| 0.5 * k * (q[*i] - rest) * (q[*i] - rest)).sum::<f64>();
         Ok(energy)

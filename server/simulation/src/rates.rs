@@ -8,13 +8,16 @@
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Field, FieldSet, Model, Request, Sizes, Status, Wanted, Workspace};
+use sarrus_dynamics::{Answer, Field, FieldSet, Model, Request, Sizes, Status, Wanted, Warnings, Workspace};
 
 use crate::asked::Asked;
 use crate::coordinates::Coordinates;
 use crate::error::SimulationError;
 use crate::input::OnTree;
 use crate::springs::{Effect, Springs};
+
+/// Numbers of G up to which it is asked for to continue closures along.
+const LARGEST: usize = 1 << 16;
 
 /// What acts on a robot, and how its coordinates are made up.
 #[derive(Clone, Debug)]
@@ -52,6 +55,11 @@ impl Mechanism {
         self.sizes.n_qy + self.sizes.n_vy + usize::from(self.works())
     }
 
+    /// True where closures continue along G: a robot with loops that is not too large.
+    pub(crate) fn follows_G(&self) -> bool {
+        self.sizes.n_c > 0 && self.sizes.n_v * self.sizes.n_vy <= LARGEST
+    }
+
     /// True where the forces depend on where the robot is.
     fn feels(&self) -> bool {
         !self.springs.is_empty() || self.inputs.iter().any(OnTree::is_feedback)
@@ -85,7 +93,8 @@ impl<T: Scalar> Rates<T> {
         } else {
             None
         };
-        let mut wanted = Wanted::new(Request::ForwardDynamics, given.with(TauQ), FieldSet::of(&[Ydd, Q, Qd]));
+        let want = FieldSet::of(if mechanism.follows_G() { &[Ydd, Q, Qd, G] } else { &[Ydd, Q, Qd] });
+        let mut wanted = Wanted::new(Request::ForwardDynamics, given.with(TauQ), want);
         if !links.is_empty() {
             wanted = wanted.with_wrenches(links);
         }
@@ -105,12 +114,12 @@ impl<T: Scalar> Rates<T> {
     }
 
     /// ẋ at t and x, with a guess of q and q̇; NaN where the status is not ok.
-    pub(crate) fn evaluate(&mut self, mechanism: &Mechanism, t: f64, x: &[T], guess: (&[T], &[T]), rate: &mut [T]) -> Status {
+    pub(crate) fn evaluate(&mut self, mechanism: &Mechanism, t: f64, x: &[T], guess: (&[T], &[T]), rate: &mut [T]) -> Answer {
         let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
-        let status = self.accelerate(mechanism, t, x, guess);
-        if status != Status::Ok {
+        let answer = self.accelerate(mechanism, t, x, guess);
+        if answer.status != Status::Ok {
             rate.fill(T::from_f64(f64::NAN));
-            return status;
+            return answer;
         }
         mechanism.y.rate(&x[..n_qy], &self.y, &x[n_qy..n_qy + n_vy], &mut rate[..n_qy]);
         rate[n_qy..n_qy + n_vy].copy_from_slice(self.forward.get(Field::Ydd));
@@ -124,14 +133,14 @@ impl<T: Scalar> Rates<T> {
             rate[n_qy + n_vy] = power;
         }
         // an overflow is no motion either
-        if rate.iter().all(|x| x.is_finite()) { Status::Ok } else { Status::NonFiniteInput }
+        if rate.iter().all(|x| x.is_finite()) { answer } else { failed(Status::NonFiniteInput) }
     }
 
-    fn accelerate(&mut self, mechanism: &Mechanism, t: f64, x: &[T], (q, qd): (&[T], &[T])) -> Status {
+    fn accelerate(&mut self, mechanism: &Mechanism, t: f64, x: &[T], (q, qd): (&[T], &[T])) -> Answer {
         let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
         // a number that is none would not have a unit quaternion
         if !x.iter().all(|x| x.is_finite()) {
-            return Status::NonFiniteInput;
+            return failed(Status::NonFiniteInput);
         }
         self.y.copy_from_slice(&x[..n_qy]);
         mechanism.y.normalise(&mut self.y);
@@ -142,9 +151,9 @@ impl<T: Scalar> Rates<T> {
             asked.give(Field::QdGuess, qd);
         }
         if let Some(pose) = &mut self.pose {
-            let status = pose.run(&self.model, &mut self.workspace);
-            if status != Status::Ok {
-                return status;
+            let answer = pose.run(&self.model, &mut self.workspace);
+            if answer.status != Status::Ok {
+                return answer;
             }
             self.forward.give(Field::QGuess, pose.get(Field::Q));
         }
@@ -170,8 +179,13 @@ impl<T: Scalar> Rates<T> {
         self.effect
     }
 
-    /// q and q̇ of the last good evaluation.
-    pub(crate) fn tree(&self) -> (&[T], &[T]) {
-        (self.forward.get(Field::Q), self.forward.get(Field::Qd))
+    /// q, q̇ or G of the last good evaluation.
+    pub(crate) fn get(&self, field: Field) -> &[T] {
+        self.forward.get(field)
     }
+}
+
+/// No answer, for this reason.
+fn failed(status: Status) -> Answer {
+    Answer { status, warnings: Warnings::NONE }
 }

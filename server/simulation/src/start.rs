@@ -76,7 +76,7 @@ fn closed(model: &Model<f64>, q: &[f64], qd: &[f64], tree: &Coordinates) -> Resu
     let mut workspace = Workspace::for_plans(model, [asked.plan()]);
     asked.give(Q, q);
     asked.give(Qd, qd);
-    let status = asked.run(model, &mut workspace);
+    let status = asked.run(model, &mut workspace).status;
     if status != Status::Ok {
         let residual = asked.get(Residual).iter().copied().find(|x| x.is_finite());
         return Err(SimulationError::Start { status, detail: residual.unwrap_or(0.0) });

@@ -73,7 +73,7 @@ impl Watch {
         self.asked.give(Field::Y, &x[..engine.mechanism.sizes.n_qy]);
         self.asked.give(Field::QGuess, &engine.anchor.q);
         self.asked.give(Field::QdGuess, &engine.anchor.qd);
-        let status = self.asked.run(&engine.model, &mut self.workspace);
+        let status = self.asked.run(&engine.model, &mut self.workspace).status;
         let distance = self.asked.get(Field::SigmaMin).first().copied()?;
         (status == Status::Ok && distance.is_finite()).then_some(distance)
     }
