@@ -65,7 +65,7 @@ fn top(report: &Report) -> Markup {
                 h2 id="places" { "Pareto places" }
                 p.soft { "Fastest and most exact point of each front: method (place to the right; error). Peers: the least time factor at which one of ours makes no larger error." }
                 div.scroll {
-                    table {
+                    table.places {
                         thead { tr { th { "figure" } th { "on the front, ours of all" } th { "fastest" } th { "most exact" } th { "peers" } } }
                         tbody {
                             @for place in &places {
@@ -187,7 +187,8 @@ fn verdicts(section: &Section) -> Markup {
                     @for family in rows {
                         tr {
                             td { (family.unwrap_or("all")) }
-                            @for verdict in Verdict::ALL { td.number { (count(family, Some(verdict))) } }
+                            @for verdict in Verdict::ALL { @let n = count(family, Some(verdict));
+                                td.number.bad[verdict == Verdict::FailedSilently && n > 0] { (n) } }
                             td.number { (count(family, None)) }
                         }
                     }
