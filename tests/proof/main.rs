@@ -21,6 +21,7 @@ mod published;
 mod regressions;
 mod safeguards;
 mod scaling;
+mod simulation;
 mod targets;
 mod vectors;
 mod wire;

@@ -32,7 +32,8 @@ impl Coordinates {
             let joint = rates.get(v).and_then(|name| name.strip_suffix("/rx"));
             let follows = |parts: &[&str]| {
                 joint.is_some_and(|joint| {
-                    let is = |(name, part): (&String, &&str)| name.strip_prefix(joint).and_then(|rest| rest.strip_prefix('/')) == Some(part);
+                    let is =
+                        |(name, part): (&String, &&str)| name.strip_prefix(joint).and_then(|rest| rest.strip_prefix('/')) == Some(part);
                     names.get(q..q + parts.len()).is_some_and(|names| names.iter().zip(parts).all(is))
                 })
             };

@@ -143,15 +143,14 @@ impl Engine {
             return (self.note(Status::NonFiniteInput), false);
         }
         self.extrapolate(t, x);
-        let may_be_precise = self.may_be_precise && self.mechanism.sizes.n_c > 0;
-        if !(may_be_precise && self.is_delicate) {
+        if !(self.may_be_precise && self.is_delicate) {
             let answer = self.rates.evaluate(&self.mechanism, t, x, (&self.guess, &self.anchor.qd), rate);
-            let fine = answer.status == Status::Ok && !(may_be_precise && answer.warnings.contains(Warnings(2)));
+            let fine = answer.status == Status::Ok && !(self.may_be_precise && answer.warnings.contains(Warnings(2)));
             if fine || answer.status == Status::NonFiniteInput {
                 return (self.note(answer.status), false);
             }
         }
-        if may_be_precise {
+        if self.may_be_precise {
             let status = self.evaluate_precisely(t, x, rate);
             if status == Status::Ok {
                 return (status, true);

@@ -85,7 +85,10 @@ impl OnTree {
             Source::Constant(forces) => sized("the forces", forces)?,
             Source::Table { times, forces } => {
                 if times.is_empty() || times.len() != forces.len() {
-                    return Err(SimulationError::Table { row: forces.len().min(times.len()), found: "a table without a force for each time" });
+                    return Err(SimulationError::Table {
+                        row: forces.len().min(times.len()),
+                        found: "a table without a force for each time",
+                    });
                 }
                 forces.iter().try_for_each(|row| sized("the forces of the table", row))?;
                 if let Some(row) = times.iter().position(|time| !time.is_finite()) {

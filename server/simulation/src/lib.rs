@@ -24,8 +24,8 @@
 //!     }],
 //!     gravity: [0.0, 0.0, -9.81],
 //! };
-//! let model = Model::compile(&description)?.model;
-//! let setup = Setup { description: &description, model: &model, springs: &[], inputs: &[] };
+//! let compiled = Model::compile(&description)?;
+//! let setup = Setup { description: &description, compiled: &compiled, springs: &[], inputs: &[] };
 //! let start = Start::Independent { y: vec![0.1], yd: vec![0.0], guess: None };
 //! let settings = Settings { step: Some(1e-3), ..Settings::new(Method::RungeKutta, 1.0) };
 //! let run = simulate(&setup, &start, &settings, &mut |_| ())?;

@@ -67,6 +67,11 @@ pub enum EventKind {
         /// Why.
         status: Status,
     },
+    /// The simulation ended near a singularity.
+    NearSingular {
+        /// Distance to it.
+        distance: f64,
+    },
     /// The problem is stiff for an explicit method.
     Stiff,
 }

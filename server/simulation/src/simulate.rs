@@ -1,10 +1,11 @@
 //! From a start through a span of time.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::{Model, Status};
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Compiled, Model, Status};
 
 use crate::coordinates::Coordinates;
-use crate::energy::Meter;
+use crate::energy::{Energy, Meter};
 use crate::engine::Engine;
 use crate::error::SimulationError;
 use crate::fixed::{Fixed, Rule};
@@ -14,10 +15,15 @@ use crate::run::{End, Event, EventKind, Run, Sample};
 use crate::springs::{Spring, Springs};
 use crate::start::Start;
 use crate::stepper::{Attempt, Stepper};
-use crate::switch::Watch;
+use crate::switch::{NEAR, Watch};
 
 /// Steps of a fixed length that one simulation may have.
 const MOST: f64 = 1e9;
+/// Distance to singularity below which double precision is not trusted with many digits.
+const DELICATE: f64 = 3e-3;
+/// Attempts after which the time has to have moved on by a part of the duration.
+const STALLED: u64 = 2000;
+const MOVED: f64 = 1e-6;
 /// Switches of independents without a step between them.
 const IN_VAIN: u32 = 2;
 
@@ -27,7 +33,7 @@ pub struct Setup<'a> {
     /// What the robot's files say: masses for the energy, and what is compiled anew with other independents.
     pub description: &'a Description,
     /// The same, compiled.
-    pub model: &'a Model<f64>,
+    pub compiled: &'a Compiled,
     /// Springs and dampers between links.
     pub springs: &'a [Spring],
     /// What pushes the joints.
@@ -84,24 +90,42 @@ pub struct Settings {
     pub every: Option<f64>,
     /// Goes on with other independents near a singularity of those in use.
     pub switching: bool,
-    /// Estimates the error by a second, coarser simulation.
+    /// Computes in double-double near singular closures and where the robot is ill-conditioned, which costs some thirty times as much there.
+    pub precise: bool,
+    /// Estimates the error by a second simulation with other steps.
     pub estimate: bool,
     /// The most steps and rejected steps.
     pub most_steps: u64,
 }
 
 impl Settings {
-    /// Tolerances of 1e-8, every step a sample, switching, no estimate.
+    /// Tolerances of 1e-8, every step a sample, switching, double-double where it is needed, no estimate.
     pub fn new(method: Method, duration: f64) -> Settings {
         let most_steps = MOST as u64;
-        Settings { method, duration, step: None, rtol: 1e-8, atol: 1e-8, every: None, switching: true, estimate: false, most_steps }
+        Settings {
+            method,
+            duration,
+            step: None,
+            rtol: 1e-8,
+            atol: 1e-8,
+            every: None,
+            switching: true,
+            precise: true,
+            estimate: false,
+            most_steps,
+        }
     }
 
     fn check(&self) -> Result<(), SimulationError> {
         let check = SimulationError::check_setting;
         check("the duration", self.duration, self.duration > 0.0, "a positive number of seconds")?;
         if let Some(step) = self.step {
-            check("the step", step, step > 0.0 && self.duration / step < MOST, "a positive number of seconds, a thousand-millionth of the duration or more")?;
+            check(
+                "the step",
+                step,
+                step > 0.0 && self.duration / step < MOST,
+                "a positive number of seconds, a thousand-millionth of the duration or more",
+            )?;
         } else if self.method.is_fixed() {
             return Err(SimulationError::Setting { what: "the step", found: 0.0, expected: "a step; this method does not find its own" });
         }
@@ -128,13 +152,17 @@ impl Settings {
         })
     }
 
-    /// The same, coarser, and by how much the error should have grown.
-    fn coarser(&self) -> (Settings, f64) {
+    /// The same with other steps, and the ratio of the larger of both errors to their difference, plus one.
+    fn other(&self) -> (Settings, f64) {
         let once = Settings { estimate: false, ..*self };
         match self.method {
             Method::Euler => (Settings { step: self.step.map(|step| 2.0 * step), ..once }, 2.0),
             Method::RungeKutta => (Settings { step: self.step.map(|step| 2.0 * step), ..once }, 16.0),
-            _ => (Settings { rtol: (10.0 * self.rtol).min(0.5), atol: 10.0 * self.atol, ..once }, 10.0),
+            // finer, and with a first step that leads to other steps
+            _ => {
+                let step = self.step.unwrap_or(self.duration / 37.0).min(self.duration / 37.0);
+                (Settings { rtol: (0.01 * self.rtol).max(1e-14), atol: 0.01 * self.atol, step: Some(step), ..once }, 2.0)
+            }
         }
     }
 }
@@ -148,10 +176,12 @@ pub fn simulate(setup: &Setup<'_>, start: &Start, settings: &Settings, progress:
     settings.check()?;
     let mut run = Simulator::new(setup, start, settings)?.run(progress)?;
     if settings.estimate {
-        let (coarser, growth) = settings.coarser();
-        let other = Simulator::new(setup, start, &Settings { duration: run.time.max(f64::MIN_POSITIVE), ..coarser })?.run(&mut |_| ())?;
+        let (settings, growth) = settings.other();
+        let other = Simulator::new(setup, start, &Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings })?.run(&mut |_| ())?;
         let gap = |f: fn(&Sample) -> &[f64]| match (run.last(), other.last()) {
-            (Some(a), Some(b)) if a.time == b.time => f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs())) / (growth - 1.0),
+            (Some(a), Some(b)) if a.time == b.time => {
+                f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs())) / (growth - 1.0)
+            }
             _ => f64::NAN,
         };
         run.error_estimate = Some([gap(|x| &x.y), gap(|x| &x.yd)]);
@@ -164,7 +194,8 @@ struct Simulator<'a> {
     settings: &'a Settings,
     engine: Engine,
     stepper: Box<dyn Stepper>,
-    meter: Meter,
+    meter: Meter<f64>,
+    precise_meter: Option<Meter<Dd>>,
     watch: Option<Watch>,
     t: f64,
     x: Vec<f64>,
@@ -175,13 +206,14 @@ struct Simulator<'a> {
 
 impl<'a> Simulator<'a> {
     fn new(setup: &Setup<'_>, start: &Start, settings: &'a Settings) -> Result<Simulator<'a>, SimulationError> {
-        let model = setup.model;
+        let model = &setup.compiled.model;
         let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
         let start = start.check(model)?;
         check_springs(setup.springs, model)?;
         let inputs = setup.inputs.iter().map(|input| OnTree::new(input, model, &tree)).collect::<Result<Vec<_>, _>>()?;
-        let robot = (setup.description.clone(), model.clone());
+        let robot = (setup.description.clone(), setup.compiled.clone());
         let mut engine = Engine::new(robot, Springs::new(setup.springs), inputs, start.guess.as_deref())?;
+        engine.may_be_precise = settings.precise;
         // without a guess closures start from their own zero
         let mut x = [start.y, start.yd].concat();
         x.resize(engine.mechanism.n(), 0.0);
@@ -195,7 +227,8 @@ impl<'a> Simulator<'a> {
         let declared = (place(model.independent_q_names(), model.tree_q_names()), place(model.independent_names(), model.tree_names()));
         Ok(Simulator {
             meter: Meter::new(model, setup.description, &tree)?,
-            watch: if settings.switching { Watch::new(model)? } else { None },
+            precise_meter: None,
+            watch: if settings.switching || settings.precise { Watch::new(model)? } else { None },
             stepper: settings.stepper()?,
             settings,
             t: 0.0,
@@ -218,13 +251,21 @@ impl<'a> Simulator<'a> {
     fn run(mut self, progress: &mut dyn FnMut(f64)) -> Result<Run, SimulationError> {
         let end = self.settings.duration;
         let mut sampled = 0;
+        self.look(false)?;
         self.sample()?;
-        let (mut attempts, mut in_vain) = (0, 0);
+        let (mut attempts, mut in_vain, mut before) = (0, 0, 0.0);
         while self.t < end {
             attempts += 1;
             if attempts > self.settings.most_steps {
                 self.run.end = End::TooManySteps;
                 break;
+            }
+            if attempts % STALLED == 0 {
+                if !self.settings.method.is_fixed() && self.t - before < MOVED * end && !self.look(true)? {
+                    self.run.end = End::StepTooShort;
+                    break;
+                }
+                before = self.t;
             }
             let next_sample = self.settings.every.map_or(end, |every| (f64::from(sampled) + 1.0) * every);
             // a crumb at the end is no interval of its own
@@ -253,8 +294,11 @@ impl<'a> Simulator<'a> {
                     }
                 }
                 Attempt::TooShort => {
-                    self.run.end = End::StepTooShort;
-                    break;
+                    in_vain += 1;
+                    if in_vain > IN_VAIN || !self.look(true)? {
+                        self.run.end = End::StepTooShort;
+                        break;
+                    }
                 }
             }
         }
@@ -264,9 +308,12 @@ impl<'a> Simulator<'a> {
         if self.stepper.finds_stiff() {
             self.run.events.push(Event { time: self.t, kind: EventKind::Stiff });
         }
+        if let (false, Some(distance)) = (self.run.end.is_finished(), self.distance().filter(|near| *near < NEAR)) {
+            self.run.events.push(Event { time: self.t, kind: EventKind::NearSingular { distance } });
+        }
         self.run.counts = self.engine.counts;
         self.run.time = self.t;
-        self.run.independents = self.engine.model.independent_names().to_vec();
+        self.run.independents = self.engine.compiled.model.independent_names().to_vec();
         Ok(self.run)
     }
 
@@ -285,10 +332,18 @@ impl<'a> Simulator<'a> {
         }
     }
 
-    /// Goes on with other independents if those in use are near a singularity; true if it does.
+    /// Distance to singularity, where it is watched.
+    fn distance(&mut self) -> Option<f64> {
+        self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x))
+    }
+
+    /// Looks how near a singularity is; goes on with other independents if those in use are, and says whether it does.
     fn look(&mut self, pressed: bool) -> Result<bool, SimulationError> {
         let Some(watch) = &mut self.watch else { return Ok(false) };
-        match watch.look(&self.engine, &self.x, pressed) {
+        let near = watch.distance(&self.engine, &self.x);
+        self.engine.is_delicate = near.is_none_or(|near| near < DELICATE);
+        let Some(near) = near.filter(|_| self.settings.switching) else { return Ok(false) };
+        match watch.better(&self.engine, &self.x, near, pressed) {
             None => Ok(false),
             Some(Err(kind)) => {
                 self.run.events.push(Event { time: self.t, kind });
@@ -297,21 +352,34 @@ impl<'a> Simulator<'a> {
             Some(Ok(better)) => {
                 self.run.events.push(Event { time: self.t, kind: better.event });
                 (self.engine, self.x) = (better.engine, better.x);
-                let tree = Coordinates::of(self.engine.model.tree_q_names(), self.engine.model.tree_names());
-                self.meter = Meter::new(&self.engine.model, &self.engine.description, &tree)?;
-                self.watch = Watch::new(&self.engine.model)?;
+                self.engine.may_be_precise = self.settings.precise;
+                let model = &self.engine.compiled.model;
+                let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
+                (self.meter, self.precise_meter) = (Meter::new(model, &self.engine.description, &tree)?, None);
+                self.watch = Watch::new(model)?;
                 self.stepper.restart();
                 Ok(true)
             }
         }
     }
 
+    /// Notes the settled state.
     fn sample(&mut self) -> Result<(), SimulationError> {
         let sizes = self.engine.mechanism.sizes;
         let anchor = &self.engine.anchor;
         let (y, yd) = (&self.x[..sizes.n_qy], &self.x[sizes.n_qy..sizes.n_qy + sizes.n_vy]);
-        let measured = self.meter.measure(&self.engine.model, [y, yd], [&anchor.q, &anchor.qd]);
-        let mut energy = measured.map_err(|status| SimulationError::Start { status, detail: 0.0 })?;
+        let (compiled, guess) = (&self.engine.compiled, [anchor.q.as_slice(), &anchor.qd]);
+        let mut measured = Err(Status::NotConverged);
+        if self.engine.is_delicate && self.settings.precise {
+            if self.precise_meter.is_none() {
+                let tree = &self.engine.mechanism.q;
+                self.precise_meter = Some(Meter::new(&compiled.exact, &self.engine.description, tree)?);
+            }
+            measured = self.precise_meter.as_mut().map_or(measured, |meter| meter.measure(&compiled.exact, [y, yd], guess));
+        }
+        // a state that was settled has an energy, unless it overflows
+        let nothing = Energy { kinetic: f64::NAN, potential: f64::NAN, residual: f64::NAN };
+        let mut energy = measured.or_else(|_| self.meter.measure(&compiled.model, [y, yd], guess)).unwrap_or(nothing);
         energy.potential += anchor.springs.energy;
         let pick = |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
         self.run.samples.push(Sample {

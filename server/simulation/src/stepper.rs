@@ -31,6 +31,5 @@ pub(crate) trait Stepper {
     }
 }
 
-
 /// What a component that is not controlled is allowed.
 pub(crate) const FREE: f64 = 1e100;

@@ -9,16 +9,18 @@ use crate::error::SimulationError;
 use crate::run::EventKind;
 
 /// Distance to singularity below which better independents are looked for.
-const NEAR: f64 = 0.1;
+pub(crate) const NEAR: f64 = 0.1;
 /// How much farther from a singularity others have to be.
 const BETTER: f64 = 3.0;
+/// How much nearer it has to be for another attempt.
+const AGAIN: f64 = 0.25;
 
 /// Looks at the independents after each step.
 pub(crate) struct Watch {
     asked: Asked<f64>,
     workspace: Workspace<f64>,
-    /// A set that was tried in vain; forgotten away from the singularity.
-    refused: Option<Vec<f64>>,
+    /// How near a singularity others were tried in vain; forgotten away from it.
+    refused: f64,
 }
 
 /// What other independents would bring.
@@ -37,58 +39,57 @@ impl Watch {
         }
         let given = FieldSet::of(&[Y, QGuess, QdGuess]);
         let asked = Asked::new(model, &Wanted::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])))?;
-        Ok(Some(Watch { workspace: Workspace::for_plans(model, [asked.plan()]), asked, refused: None }))
+        let refused = f64::INFINITY;
+        Ok(Some(Watch { workspace: Workspace::for_plans(model, [asked.plan()]), asked, refused }))
     }
 
-    /// A robot with better independents at the engine's settled state x, or why there is none. `pressed`: there is no way on with those in use.
-    pub(crate) fn look(&mut self, engine: &Engine, x: &[f64], pressed: bool) -> Option<Result<Box<Better>, EventKind>> {
-        let near = self.distance(engine, x)?;
+    /// A robot with better independents at the engine's settled state x, as near a singularity as was just measured, or why there is none.
+    /// `pressed`: there is no way on with those in use.
+    pub(crate) fn better(&mut self, engine: &Engine, x: &[f64], near: f64, pressed: bool) -> Option<Result<Box<Better>, EventKind>> {
         if near >= NEAR && !pressed {
-            self.refused = None;
+            self.refused = f64::INFINITY;
             return None;
         }
+        // compiling takes its time: again only when it has become much nearer
+        if near > AGAIN * self.refused && !pressed {
+            return None;
+        }
+        let model = &engine.compiled.model;
         let good = self.asked.get(Field::GoodIndependents);
-        let is_good = |name: &String| engine.model.tree_names().iter().zip(good).any(|(of, good)| of == name && *good == 1.0);
-        if engine.model.independent_names().iter().all(is_good) || good.iter().any(|x| x.is_nan()) || self.refused.as_deref() == Some(good) {
+        let is_good = |name: &String| model.tree_names().iter().zip(good).any(|(of, good)| of == name && *good == 1.0);
+        if model.independent_names().iter().all(is_good) || good.iter().any(|x| x.is_nan()) {
             return None;
         }
-        let to: Vec<String> = engine.model.tree_names().iter().filter(|name| is_good(name)).cloned().collect();
-        let outcome = with_independents(engine, &to, x, near);
-        let far_enough = |better: &Better| match better.event {
-            EventKind::Switched { after, .. } => after >= BETTER * near || pressed && after > near,
-            _ => false,
-        };
-        match outcome {
-            Ok(better) if far_enough(&better) => Some(Ok(better)),
-            other => {
-                self.refused = Some(good.to_vec());
-                let why = other.err().unwrap_or_else(|| "they are not much farther from a singularity".to_owned());
-                Some(Err(EventKind::NotSwitched { to, why }))
-            }
+        let to: Vec<String> = model.tree_names().iter().filter(|name| is_good(name)).cloned().collect();
+        self.refused = near;
+        match with_independents(engine, &to, x, near) {
+            Ok((_, after)) if after < BETTER * near && !(pressed && after > near) => None,
+            Ok((better, _)) => Some(Ok(better)),
+            Err(why) => Some(Err(EventKind::NotSwitched { to, why })),
         }
     }
 
     /// Distance to singularity at a state.
-    fn distance(&mut self, engine: &Engine, x: &[f64]) -> Option<f64> {
+    pub(crate) fn distance(&mut self, engine: &Engine, x: &[f64]) -> Option<f64> {
         self.asked.give(Field::Y, &x[..engine.mechanism.sizes.n_qy]);
         self.asked.give(Field::QGuess, &engine.anchor.q);
         self.asked.give(Field::QdGuess, &engine.anchor.qd);
-        let status = self.asked.run(&engine.model, &mut self.workspace).status;
+        let status = self.asked.run(&engine.compiled.model, &mut self.workspace).status;
         let distance = self.asked.get(Field::SigmaMin).first().copied()?;
         (status == Status::Ok && distance.is_finite()).then_some(distance)
     }
 }
 
-/// The robot with other independents, at the same state.
-fn with_independents(engine: &Engine, to: &[String], x: &[f64], before: f64) -> Result<Box<Better>, String> {
+/// The robot with other independents at the same state, and its distance to singularity.
+fn with_independents(engine: &Engine, to: &[String], x: &[f64], before: f64) -> Result<(Box<Better>, f64), String> {
     let mut description = engine.description.clone();
     redeclare(&mut description, to);
-    let model = Model::compile(&description).map_err(|error| error.to_string())?.model;
-    if model.tree_q_names() != engine.model.tree_q_names() {
+    let compiled = Model::compile(&description).map_err(|error| error.to_string())?;
+    if compiled.model.tree_q_names() != engine.compiled.model.tree_q_names() {
         return Err("the coordinates of the tree would change their order".to_owned());
     }
     let (springs, inputs) = (engine.mechanism.springs.clone(), engine.mechanism.inputs.clone());
-    let mut next = Engine::new((description, model), springs, inputs, Some(&engine.anchor.q)).map_err(|error| error.to_string())?;
+    let mut next = Engine::new((description, compiled), springs, inputs, Some(&engine.anchor.q)).map_err(|error| error.to_string())?;
     next.counts = engine.counts;
     (next.anchor.t, next.anchor.qd) = (engine.anchor.t, engine.anchor.qd.clone());
     // y and ẏ are among q and q̇
@@ -96,8 +97,8 @@ fn with_independents(engine: &Engine, to: &[String], x: &[f64], before: f64) -> 
     let pick = |wanted: &[String], names: &[String], numbers: &[f64]| -> Option<Vec<f64>> {
         wanted.iter().map(|name| place(name, names).and_then(|at| numbers.get(at).copied())).collect()
     };
-    let y = pick(next.model.independent_q_names(), next.model.tree_q_names(), &engine.anchor.q);
-    let yd = pick(next.model.independent_names(), next.model.tree_names(), &engine.anchor.qd);
+    let y = pick(next.compiled.model.independent_q_names(), next.compiled.model.tree_q_names(), &engine.anchor.q);
+    let yd = pick(next.compiled.model.independent_names(), next.compiled.model.tree_names(), &engine.anchor.qd);
     let (Some(mut state), Some(yd)) = (y, yd) else { return Err("its coordinates are not among those of the tree".to_owned()) };
     state.extend(yd);
     // the work goes on
@@ -106,10 +107,10 @@ fn with_independents(engine: &Engine, to: &[String], x: &[f64], before: f64) -> 
     if status != Status::Ok {
         return Err(status.to_string());
     }
-    let distance = Watch::new(&next.model).ok().flatten().and_then(|mut watch| watch.distance(&next, &state));
+    let distance = Watch::new(&next.compiled.model).ok().flatten().and_then(|mut watch| watch.distance(&next, &state));
     let after = distance.ok_or("their distance to singularity is not known")?;
-    let (from, to) = (engine.model.independent_names().to_vec(), next.model.independent_names().to_vec());
-    Ok(Box::new(Better { engine: next, x: state, event: EventKind::Switched { from, to, before, after } }))
+    let (from, to) = (engine.compiled.model.independent_names().to_vec(), next.compiled.model.independent_names().to_vec());
+    Ok((Box::new(Better { engine: next, x: state, event: EventKind::Switched { from, to, before, after } }), after))
 }
 
 /// Declares other joints independent, each in the submechanism that has it; those that stay keep their places.
