@@ -218,6 +218,8 @@ impl Engine {
             Some(other) if precisely => anchor.take(&other.rates),
             _ => anchor.take(&self.rates),
         }
+        // a closed form knows its angles up to whole turns only
+        self.mechanism.unwind(&self.guess, &mut anchor.q);
         status
     }
 

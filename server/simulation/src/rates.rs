@@ -6,7 +6,9 @@
 //! ```
 //! The work of inputs and dampers is integrated beside the state, so that energy less work stays what it was.
 
-use sarrus_dynamics::description::Description;
+use std::f64::consts::TAU;
+
+use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{Answer, Field, FieldSet, Model, Request, Sizes, Status, Wanted, Warnings, Workspace};
 
@@ -27,6 +29,8 @@ pub(crate) struct Mechanism {
     pub(crate) q: Coordinates,
     pub(crate) springs: Springs,
     pub(crate) inputs: Vec<OnTree>,
+    /// The coordinates that are angles.
+    angles: Vec<usize>,
     /// Velocity and damping of each joint that has some.
     dampers: Vec<(usize, f64)>,
 }
@@ -34,14 +38,25 @@ pub(crate) struct Mechanism {
 impl Mechanism {
     pub(crate) fn new<C>(model: &Model<C>, description: &Description, springs: Springs, inputs: Vec<OnTree>) -> Mechanism {
         let place = |name: &String| model.tree_names().iter().position(|of| of == name);
+        let q = Coordinates::of(model.tree_q_names(), model.tree_names());
+        let turns = description.joints.iter().filter(|joint| matches!(joint.kind, JointKind::Revolute | JointKind::Continuous));
+        let angles = turns.filter_map(|joint| q.coordinate(place(&joint.name)?)).collect();
         let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
         Mechanism {
             sizes: model.sizes(),
             y: Coordinates::of(model.independent_q_names(), model.independent_names()),
-            q: Coordinates::of(model.tree_q_names(), model.tree_names()),
+            q,
+            angles,
             springs,
             inputs,
             dampers: damped.filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping))).collect(),
+        }
+    }
+
+    /// Counts the turns of angles: those of a pose are taken to the whole turn that is nearest to where they were expected.
+    pub(crate) fn unwind(&self, expected: &[f64], q: &mut [f64]) {
+        for &i in &self.angles {
+            q[i] += TAU * ((expected[i] - q[i]) / TAU).round();
         }
     }
 
