@@ -32,9 +32,10 @@ pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: us
     solve_above(A, B, m, n, 8.0)
 }
 
-/// The same, but `None` already where the solution of a matrix of like entries would have less than five digits.
+/// The same, but `None` already where the solution of a matrix of like entries would have less than five digits, or half of those that the
+/// scalar has where it has less than ten.
 pub(crate) fn solve_sound<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
-    solve_above(A, B, m, n, 1e5)
+    solve_above(A, B, m, n, f64::min(1e5, 1.0 / T::EPSILON.sqrt()))
 }
 
 /// `roundings`: how many unit roundoffs of the largest entry a pivot must have.

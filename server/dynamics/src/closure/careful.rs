@@ -25,8 +25,9 @@ const FOUND: f64 = 1e-10;
 const LEVEL: f64 = 1e-6;
 /// Relative singular value below which K has lost rank where K_d could not be inverted.
 const LOST: f64 = 1e-3;
-/// The same for K_d at a pose that only the search could close: at a double root it is known to half the digits.
-const DOUBTFUL: f64 = 1e-4;
+/// The same for K_d at a pose that only the search could close, against the root of that one's residual: a double root is known to half the
+/// digits.
+const DOUBTFUL: f64 = 10.0;
 
 /// Follows the straight path from `local.start` to the independents in `local.q`, shortening a substep that is doubtful.
 pub(super) fn follow<T: Scalar>(
@@ -145,12 +146,13 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
 /// found that is not zero. `None`: neither within the steps allowed.
 fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Option<bool> {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let [found, level, lightest] = [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| told::<T>(x, n));
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     let mut cost = squared_residual(cluster, scratch, local.q);
     for _ in 0..SEARCH {
-        if cost < T::from_f64(FOUND * FOUND) {
+        if cost < T::from_f64(found * found) {
             return Some(true);
         }
         constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
@@ -168,7 +170,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             scratch.B[a] = x;
             slope = x.mul_add(x, slope);
         }
-        if slope < T::from_f64(LEVEL * LEVEL) * cost {
+        if slope < T::from_f64(level * level) * cost {
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
@@ -182,7 +184,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
         let next = squared_residual(cluster, scratch, local.q);
         if next < cost {
             cost = next;
-            damping = T::select(damping.lt(T::from_f64(LIGHTEST)), damping, damping * T::from_f64(0.2));
+            damping = T::select(damping.lt(T::from_f64(lightest)), damping, damping * T::from_f64(0.2));
         } else {
             for &i in &cluster.dependent_q {
                 local.q[i] = scratch.last[i];
@@ -192,6 +194,11 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
         }
     }
     None
+}
+
+/// A threshold, or this many unit roundoffs where the scalar has too few digits for it.
+fn told<T: Scalar>(threshold: f64, roundings: f64) -> f64 {
+    threshold.max(roundings * T::EPSILON)
 }
 
 /// Σ φ² of the scaled φ, which stays in the scratch.
@@ -209,7 +216,7 @@ fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) ->
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     let (largest, least) = dependents_range(cluster, scratch);
-    least / largest < T::from_f64(DOUBTFUL)
+    least / largest < T::from_f64(DOUBTFUL * told::<T>(FOUND, 16.0).sqrt())
 }
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.
@@ -225,5 +232,7 @@ pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>
         scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| A[columns[a] * rows + i] = x);
     }
     let (largest, least) = singular_range(A, n, rows);
-    if least < T::from_f64(LOST) * largest { Status::SingularClosure } else { Status::SingularIndependents }
+    // narrow blocks are refused from ten roots of the unit roundoff on
+    let lost = f64::max(LOST, 10.0 * T::EPSILON.sqrt());
+    if least < T::from_f64(lost) * largest { Status::SingularClosure } else { Status::SingularIndependents }
 }

@@ -32,7 +32,7 @@ pub(crate) use strut::Strut;
 
 use crate::Status;
 use crate::model::{Body, Cluster};
-use crate::scalar::{Mask, Scalar};
+use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
 
 /// How a cluster's loops are closed.
@@ -158,6 +158,13 @@ impl Outcome {
     pub(crate) const fn failed(status: Status, iterations: u32) -> Outcome {
         Outcome { status, iterations }
     }
+}
+
+/// Least squared sine between the links of a closed form: 1e-24, or where the scalar has too few digits for that the part of them that is
+/// lost at twice the root of its rounding.
+pub(crate) const fn least_square_sine<T: Real>() -> f64 {
+    let of_rounding = 8e7 * T::EPSILON * T::EPSILON;
+    if of_rounding > 1e-24 { of_rounding } else { 1e-24 }
 }
 
 /// Which lanes a closed form could not serve, and why.
