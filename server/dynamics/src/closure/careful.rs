@@ -3,7 +3,7 @@
 use sarrus_proto::Status;
 
 use super::numerical::Numerical;
-use super::{Local, Outcome, between, constraint_jacobian, constraint_residual, local_poses};
+use super::{Local, Outcome, Scratch, between, constraint_jacobian, constraint_residual, local_poses};
 use super::{column_unit, dependents_range, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster, Freedom};
@@ -202,7 +202,7 @@ fn told<T: Scalar>(threshold: f64, roundings: f64) -> f64 {
 }
 
 /// Σ φ² of the scaled φ, which stays in the scratch.
-fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratch<T>, q: &[T]) -> T {
+fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q: &[T]) -> T {
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
@@ -221,10 +221,15 @@ fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) ->
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.
 pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
-    let (n, rows) = (cluster.n_v, cluster.used.len());
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+    if loses_rank(cluster, scratch) { Status::SingularClosure } else { Status::SingularIndependents }
+}
+
+/// True where the K in the scratch has lost rank.
+pub(crate) fn loses_rank<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> bool {
+    let (n, rows) = (cluster.n_v, cluster.used.len());
     // the transpose of the scaled K; idle joints stand still
     let A = &mut scratch.A;
     A[..n * rows].fill(T::ZERO);
@@ -234,5 +239,5 @@ pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>
     let (largest, least) = singular_range(A, n, rows);
     // narrow blocks are refused from ten roots of the unit roundoff on
     let lost = f64::max(LOST, 10.0 * T::EPSILON.sqrt());
-    if least < T::from_f64(lost) * largest { Status::SingularClosure } else { Status::SingularIndependents }
+    least < T::from_f64(lost) * largest
 }

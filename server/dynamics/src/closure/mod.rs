@@ -20,9 +20,10 @@ mod strut;
 use nalgebra::Vector3;
 
 pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
+pub(crate) use careful::loses_rank;
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Leg, Legs};
-pub(crate) use numerical::Numerical;
+pub(crate) use numerical::{End, Numerical};
 pub(crate) use offset_legs::{Arm, OffsetLeg, OffsetLegs};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
@@ -253,6 +254,21 @@ fn polished<T: Scalar>(
     }
     let outcome = numerical.polish(cluster, bodies, local);
     if outcome.status == Status::Ok { numerical.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
+}
+
+impl<C> Closure<C> {
+    /// Newton's method, where the closure has need of it.
+    pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<C>> {
+        match self {
+            Closure::Serial => None,
+            Closure::Coupling(coupling) => coupling.polish.as_mut(),
+            Closure::Rrpr(rrpr) => rrpr.polish.as_mut(),
+            Closure::Legs(legs) => legs.polish.as_mut(),
+            Closure::OffsetLegs(legs) => legs.polish.as_mut(),
+            Closure::Planar(planar) => planar.polish.as_mut(),
+            Closure::Numerical(numerical) => Some(numerical),
+        }
+    }
 }
 
 impl<C: nalgebra::Scalar + Copy> Closure<C> {

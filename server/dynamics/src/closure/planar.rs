@@ -207,7 +207,8 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let stretch = -(change * (beside + beside0)) / (L + length0);
         let b = [L.mul_add(t[0], beside * n[0]), L.mul_add(t[1], beside * n[1])];
         let inverse_b = T::ONE / b_square;
-        let verdict = Verdict { unreachable: L_square.lt(T::ZERO), singular: L_square.lt(T::from_f64(least_square_sine::<T>()) * b_square) };
+        let verdict =
+            Verdict { unreachable: L_square.lt(T::ZERO), singular: L_square.lt(T::from_f64(least_square_sine::<T>()) * b_square) };
         let mut links = Links {
             turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
             turn_c: (T::ONE, T::ZERO),
