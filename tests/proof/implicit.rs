@@ -1,5 +1,6 @@
 //! The tree under its loops as constraints: the plan's forward dynamics at closed states, and back to them from others.
 
+use sarrus_dynamics::description::JointKind;
 use sarrus_dynamics::scalar::{Dd, Real, Scalar};
 use sarrus_dynamics::{Compiled, Field, FieldSet, ImplicitForm, Method, Model, Plan, Request, Status, Wanted, Workspace};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
@@ -19,7 +20,7 @@ fn all() -> Vec<Case> {
 struct Closed<T> {
     q: Vec<T>,
     qd: Vec<T>,
-    K: Vec<T>,
+    rows: Vec<T>,
     cond: f64,
 }
 
@@ -29,7 +30,7 @@ fn closed<T: Scalar>(model: &Model<T>, state: &State<T>) -> Closed<T> {
     let x = robot.ask(Request::Kinematics, &motion, &[Q, Qd, K, CondKd]).ok();
     let at = Robot::new(model.clone()).ask(Request::InverseDynamics, &motion, &[CondMy]).ok();
     let cond = x.get(CondKd)[0].to_f64() * at.get(CondMy)[0].to_f64();
-    Closed { q: x.get(Q).to_vec(), qd: x.get(Qd).to_vec(), K: x.get(K).to_vec(), cond }
+    Closed { q: x.get(Q).to_vec(), qd: x.get(Qd).to_vec(), rows: x.get(K).to_vec(), cond }
 }
 
 /// Forward dynamics from forces on the tree by one method: q̈ and λ.
@@ -49,7 +50,7 @@ fn planned<T: Scalar>(model: &Model<T>, method: Method, base: Wanted, given: &[(
 
 fn agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, scalar: &str, allowed: f64, ledger: &mut Ledger) {
     let n_v = model.sizes().n_v;
-    let Closed { q, qd, K, cond, .. } = closed(model, state);
+    let Closed { q, qd, rows, cond } = closed(model, state);
     let tau: Vec<T> = Seeded::new(case.seed).numbers(n_v, 3.0).into_iter().map(T::from_f64).collect();
     // a wrench on the last link
     let link = (model.link_names().len() - 1) as u16;
@@ -71,7 +72,7 @@ fn agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, scalar: &st
             let name = format!("q̈ {what} against {} in {scalar}", method.name());
             ledger.compare(&name, case, &qdd, &of_plan, size, (allowed + loops) * cond);
             // redundant rows share their force, but not its effect
-            let forces = |lambda: &[T]| transposed(&K, lambda, n_v);
+            let forces = |lambda: &[T]| transposed(&rows, lambda, n_v);
             let (mine, others) = (forces(form.lambda()), forces(&lambda));
             let name = format!("Kᵀλ {what} against {} in {scalar}", method.name());
             ledger.compare(&name, case, &mine, &others, largest(&tau), (allowed + loops) * cond * 1e2);
@@ -89,11 +90,18 @@ fn at_a_closed_state_it_is_the_plans_forward_dynamics() {
     });
 }
 
-/// q of a closed state, every single coordinate moved a little, in radians or tenths of metres.
-fn disturbed(model: &Model, q: &[f64], size: f64, seed: u64) -> Vec<f64> {
+/// The unit of each coordinate: a typical length where it slides.
+fn units(case: &Case) -> Vec<f64> {
+    let slides = |name: &String| case.description.joints.iter().any(|x| x.name == *name && x.kind == JointKind::Prismatic);
+    case.compiled.model.tree_q_names().iter().map(|name| if slides(name) { case.scale } else { 1.0 }).collect()
+}
+
+/// q of a closed state, every single coordinate moved a little.
+fn disturbed(case: &Case, q: &[f64], size: f64, seed: u64) -> Vec<f64> {
     let moves = Seeded::new(seed).numbers(q.len(), size);
-    let single = |name: &String| !name.contains('/');
-    q.iter().zip(moves).zip(model.tree_q_names()).map(|((q, by), name)| if single(name) { q + 0.1 * by } else { *q }).collect()
+    let names = case.compiled.model.tree_q_names();
+    let moved = |k: usize, unit: f64| if names[k].contains('/') { q[k] } else { q[k] + unit * moves[k] };
+    units(case).into_iter().enumerate().map(|(k, unit)| moved(k, unit)).collect()
 }
 
 #[test]
@@ -104,9 +112,9 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
         let model = &case.compiled.model;
         let state = case.state::<f64>(1);
         let truth = closed(model, &state);
-        let mut form = ImplicitForm::new(model);
+        let (mut form, units) = (ImplicitForm::new(model), units(case));
         for size in [1e-8, 1e-4, 1e-2] {
-            let mut q = disturbed(model, &truth.q, size, case.seed);
+            let mut q = disturbed(case, &truth.q, size, case.seed);
             let before = q.clone();
             let mut qd: Vec<f64> = truth.qd.iter().zip(Seeded::new(7).numbers(q.len(), 1.0)).map(|(qd, by)| qd + by).collect();
             let status = form.project(model, &mut q, &mut qd);
@@ -129,9 +137,9 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
                 1e-13 * largest(&qd).max(1.0) * (1.0 + 1.0 / case.scale) + rows,
             );
             // the undisturbed pose is closed and that far away
-            let far = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+            let far = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(&units).map(|((a, b), unit)| ((a - b) / unit).powi(2)).sum::<f64>().sqrt();
             let (moved, disturbance) = (far(&q, &before), far(&truth.q, &before));
-            ledger.note("length of the move", case, moved, 3.0 / case.scale.min(1.0) * disturbance + 1e-15);
+            ledger.note("length of the move", case, moved, 3.0 * disturbance + 1e-14);
             // a second projection has nothing to do
             let (again, mut again_qd) = (q.clone(), qd.clone());
             let mut q = q;
@@ -171,7 +179,7 @@ fn a_drifted_state_comes_back_as_baumgarte_says() {
         let case = Case::bundled(name);
         let model = &case.compiled.model;
         let state = case.state::<f64>(2);
-        let start = disturbed(model, &closed(model, &state).q, 1e-4, 5);
+        let start = disturbed(&case, &closed(model, &state).q, 1e-4, 5);
         let mut form = ImplicitForm::new(model);
         let drift = |form: &ImplicitForm<f64>| form.position_drift();
         let mut run = |stabilisation: (f64, f64)| {
@@ -233,7 +241,7 @@ fn a_projected_pose_is_closed_in_double_double() {
         let case = Case::bundled(name);
         let Compiled { model, exact, .. } = &case.compiled;
         let state = case.state::<f64>(3);
-        let mut q = disturbed(model, &closed(model, &state).q, 1e-3, 11);
+        let mut q = disturbed(&case, &closed(model, &state).q, 1e-3, 11);
         let mut qd = vec![0.0; q.len()];
         assert_eq!(ImplicitForm::new(model).project(model, &mut q, &mut qd), Status::Ok);
         let mut closer: Vec<Dd> = q.iter().map(|x| Dd::from(*x)).collect();

@@ -40,7 +40,7 @@ fn an_answer_is_as_exact_as_its_tolerance() {
             // what is left of a step is at most a part of it, and mostly its square
             assert!(error <= 0.5 * tolerance + 4.0 * usual.0, "{name} {tolerance}: {error}");
             assert!(error <= 2.0 * before + 4.0 * usual.0, "{name} {tolerance}: {error} after {before}");
-            assert!(tolerance < 1e-9 || steps <= usual.1, "{name} {tolerance}: {steps} steps");
+            assert!(tolerance < 2e-9 || steps <= usual.1, "{name} {tolerance}: {steps} steps");
             before = error;
         }
         let loose = measured(&case, &model.with_tolerance(1e-1, 10));
@@ -58,6 +58,7 @@ fn a_bounded_number_of_steps_is_kept_and_more_steps_are_more_exact() {
         let mut before = once.0;
         for steps in 2..6 {
             let (error, taken) = measured(&case, &model.with_tolerance(0.0, steps));
+            println!("{name}, {steps} steps: {error:.1e} in {taken}, in one {once:?}");
             assert!(taken <= f64::from(steps) * once.1, "{name}: {taken} for {steps} each");
             assert!(error <= 0.5 * before + 4.0 * usual.0, "{name}: {error} after {before}");
             before = error;

@@ -31,6 +31,7 @@ const LENGTHS: [f64; 2] = [0.5, 2.0];
 /// Source: Featherstone (2008), section 8.5; Baumgarte, *Stabilization of constraints and integrals of motion in dynamical systems* (1972).
 #[derive(Clone, Debug)]
 pub struct ImplicitForm<T> {
+    fingerprint: u64,
     ws: Workspace<T>,
     /// Links with wrenches, and the bodies on the way to them.
     links: Vec<usize>,
@@ -50,6 +51,7 @@ impl<T: Scalar> ImplicitForm<T> {
     pub fn with_wrenches(model: &Model<T>, links: &[u16]) -> ImplicitForm<T> {
         let links: Vec<usize> = links.iter().map(|link| usize::from(*link)).filter(|link| *link < model.frames.len()).collect();
         ImplicitForm {
+            fingerprint: model.fingerprint(),
             ws: Workspace::sized(model, Needs { mass_matrix: false, dense: false, kkt: true }),
             bodies: supports(model, &links),
             links,
@@ -136,7 +138,7 @@ impl<T: Scalar> ImplicitForm<T> {
     fn take(&mut self, model: &Model<T>, q: &[T], qd: &[T]) -> Result<(), Status> {
         let ws = &mut self.ws;
         let sizes = model.sizes();
-        if (ws.q.len(), ws.qd.len(), self.lambda.len()) != (sizes.n_q, sizes.n_v, sizes.n_c) {
+        if model.fingerprint() != self.fingerprint {
             return Err(Status::WrongModel);
         }
         if (q.len(), qd.len()) != (sizes.n_q, sizes.n_v) {
