@@ -12,6 +12,7 @@ mod legs;
 mod numerical;
 mod offset_legs;
 mod planar;
+mod rotation_vector;
 mod rows;
 mod rrpr;
 mod scaling;

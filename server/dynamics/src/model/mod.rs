@@ -16,6 +16,7 @@ mod idle;
 mod open;
 mod orders;
 mod terms;
+mod tolerance;
 mod tree;
 
 use std::sync::Arc;
@@ -27,7 +28,7 @@ pub(crate) use geometry::{pose as pose_of, unit_of};
 pub(crate) use terms::{JointTerms, Rotor};
 
 use crate::branch_sparse::Branches;
-use crate::closure::{Closure, Cut, End};
+use crate::closure::{Closure, Cut};
 use crate::description::Limits;
 use crate::fault::Fault;
 use crate::scalar::{Dd, Real};
@@ -296,20 +297,6 @@ impl<C: Real> Model<C> {
     /// The same model over another scalar, every constant converted by `f`; a new scalar needs no new compilation. Allocates.
     pub fn convert<D: Real>(&self, f: impl Fn(C) -> D + Copy) -> Model<D> {
         self.map(f)
-    }
-
-    /// The same model with another end of Newton's method, for measurements of error against run time.
-    ///
-    /// An attempt at a pose ends after a step below `tolerance`, in radians or cluster lengths, and after `steps` steps at the latest (one at
-    /// least). The pose that is reached then stands, with status ok, as long as every step was sound: an answer is as good as the tolerance
-    /// makes it. Without this a step ends it whose successor would be rounding, and a pose that ten steps do not reach is looked for along
-    /// the path. Closed forms have no such end. Allocates.
-    pub fn with_tolerance(&self, tolerance: f64, steps: u32) -> Model<C> {
-        let mut model = self.clone();
-        for numerical in model.clusters.iter_mut().filter_map(|cluster| cluster.closure.numerical()) {
-            numerical.end = End { tolerance: Some(tolerance), steps: steps.max(1) };
-        }
-        model
     }
 }
 
