@@ -42,6 +42,8 @@ pub(crate) struct Engine {
     duals: Option<Box<Other<Dual<f64>>>>,
     pub(crate) anchor: Anchor,
     guess: Vec<f64>,
+    /// The guess is not at the independents, which are too far.
+    is_far: bool,
     /// Way from the anchor, in ẏ and in q̇.
     way: (Vec<f64>, Vec<f64>),
     pub(crate) counts: Counts,
@@ -60,7 +62,7 @@ pub(crate) struct Anchor {
     pub(crate) y: Vec<f64>,
     pub(crate) q: Vec<f64>,
     pub(crate) qd: Vec<f64>,
-    G: Vec<f64>,
+    pub(crate) G: Vec<f64>,
     /// ẋ there.
     pub(crate) rate: Vec<f64>,
     /// What the springs did there.
@@ -121,6 +123,7 @@ impl Engine {
             duals: None,
             anchor,
             guess,
+            is_far: false,
             way: (zero(n_vy), zero(n_v)),
             counts: Counts::default(),
             may_be_precise: true,
@@ -219,7 +222,9 @@ impl Engine {
             _ => anchor.take(&self.rates),
         }
         // a closed form knows its angles up to whole turns only
-        self.mechanism.unwind(&self.guess, &mut anchor.q);
+        if !self.is_far {
+            self.mechanism.unwind(&self.guess, &mut anchor.q);
+        }
         status
     }
 
@@ -261,7 +266,8 @@ impl Engine {
             dq.iter_mut().zip(qd).for_each(|(to, v)| *to = (t - from) * v);
         }
         let farthest = dq.iter().fold(0.0, |largest: f64, step| largest.max(step.abs()));
-        self.mechanism.q.advance(&mut self.guess, dq, if farthest > REACH { REACH / farthest } else { 1.0 });
+        self.is_far = farthest > REACH;
+        self.mechanism.q.advance(&mut self.guess, dq, if self.is_far { REACH / farthest } else { 1.0 });
     }
 }
 

@@ -29,7 +29,7 @@ pub(crate) struct Mechanism {
     pub(crate) q: Coordinates,
     pub(crate) springs: Springs,
     pub(crate) inputs: Vec<OnTree>,
-    /// The coordinates that are angles.
+    /// The dependent coordinates that are angles.
     angles: Vec<usize>,
     /// Velocity and damping of each joint that has some.
     dampers: Vec<(usize, f64)>,
@@ -40,7 +40,8 @@ impl Mechanism {
         let place = |name: &String| model.tree_names().iter().position(|of| of == name);
         let q = Coordinates::of(model.tree_q_names(), model.tree_names());
         let turns = description.joints.iter().filter(|joint| matches!(joint.kind, JointKind::Revolute | JointKind::Continuous));
-        let angles = turns.filter_map(|joint| q.coordinate(place(&joint.name)?)).collect();
+        let given = |name: &String| model.independent_names().contains(name);
+        let angles = turns.filter(|joint| !given(&joint.name)).filter_map(|joint| q.coordinate(place(&joint.name)?)).collect();
         let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
         Mechanism {
             sizes: model.sizes(),
@@ -53,7 +54,7 @@ impl Mechanism {
         }
     }
 
-    /// Counts the turns of angles: those of a pose are taken to the whole turn that is nearest to where they were expected.
+    /// Counts the turns of dependent angles: those of a pose are taken to the whole turn that is nearest to where they were expected.
     pub(crate) fn unwind(&self, expected: &[f64], q: &mut [f64]) {
         for &i in &self.angles {
             q[i] += TAU * ((expected[i] - q[i]) / TAU).round();

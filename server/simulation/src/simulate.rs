@@ -23,7 +23,7 @@ const MOST: f64 = 1e9;
 const DELICATE: f64 = 3e-3;
 /// Attempts after which the time has to have moved on by a part of the duration.
 const STALLED: u64 = 2000;
-const MOVED: f64 = 1e-6;
+const MOVED: f64 = 1e-5;
 /// Switches of independents without a step between them.
 const IN_VAIN: u32 = 2;
 
@@ -334,13 +334,14 @@ impl<'a> Simulator<'a> {
 
     /// Distance to singularity, where it is watched.
     fn distance(&mut self) -> Option<f64> {
-        self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x))
+        self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x, true))
     }
 
     /// Looks how near a singularity is; goes on with other independents if those in use are, and says whether it does.
     fn look(&mut self, pressed: bool) -> Result<bool, SimulationError> {
         let Some(watch) = &mut self.watch else { return Ok(false) };
-        let near = watch.distance(&self.engine, &self.x);
+        let close = pressed || self.engine.is_delicate && self.settings.precise;
+        let near = watch.distance(&self.engine, &self.x, close);
         self.engine.is_delicate = near.is_none_or(|near| near < DELICATE);
         let Some(near) = near.filter(|_| self.settings.switching) else { return Ok(false) };
         match watch.better(&self.engine, &self.x, near, pressed) {
@@ -370,7 +371,10 @@ impl<'a> Simulator<'a> {
         let (y, yd) = (&self.x[..sizes.n_qy], &self.x[sizes.n_qy..sizes.n_qy + sizes.n_vy]);
         let (compiled, guess) = (&self.engine.compiled, [anchor.q.as_slice(), &anchor.qd]);
         let mut measured = Err(Status::NotConverged);
-        if self.engine.is_delicate && self.settings.precise {
+        if !(self.engine.is_delicate && self.settings.precise) {
+            measured = self.meter.measure(&compiled.model, [y, yd], guess);
+        }
+        if measured.is_err() {
             if self.precise_meter.is_none() {
                 let tree = &self.engine.mechanism.q;
                 self.precise_meter = Some(Meter::new(&compiled.exact, &self.engine.description, tree)?);
@@ -379,7 +383,7 @@ impl<'a> Simulator<'a> {
         }
         // a state that was settled has an energy, unless it overflows
         let nothing = Energy { kinetic: f64::NAN, potential: f64::NAN, residual: f64::NAN };
-        let mut energy = measured.or_else(|_| self.meter.measure(&compiled.model, [y, yd], guess)).unwrap_or(nothing);
+        let mut energy = measured.unwrap_or(nothing);
         energy.potential += anchor.springs.energy;
         let pick = |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
         self.run.samples.push(Sample {

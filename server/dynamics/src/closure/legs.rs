@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Level, Local, Numerical, Rate, Verdict};
+use super::{Level, Local, Numerical, Rate, Verdict, least_square_sine};
 use crate::model::{Body, Cluster, Freedom, Motion, joint_pose};
 use crate::scalar::Real;
 use crate::spatial::{Pose, cross, cross_add, dot, lift, lift_mat, scale_add, t_mul, zero};
@@ -156,7 +156,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         local.turn[j2.body] = (c2, s2);
         local.q[j1.q] = s1.atan2(c1);
         local.q[j2.q] = s2.atan2(c2);
-        let floor = T::from_f64(1e-24) * T::lift(self.square0);
+        let floor = T::from_f64(least_square_sine::<T>()) * T::lift(self.square0);
         let unreachable = reach.lt(T::ZERO) | root_square.lt(T::ZERO);
         let singular = reach.lt(floor) | rho.lt(floor) | root_square.lt(floor);
         let verdict = Verdict { unreachable, singular };

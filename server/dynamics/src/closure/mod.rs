@@ -12,6 +12,7 @@ mod legs;
 mod numerical;
 mod offset_legs;
 mod planar;
+mod rotation_vector;
 mod rows;
 mod rrpr;
 mod scaling;
@@ -20,9 +21,10 @@ mod strut;
 use nalgebra::Vector3;
 
 pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
+pub(crate) use careful::loses_rank;
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Leg, Legs};
-pub(crate) use numerical::Numerical;
+pub(crate) use numerical::{End, Numerical};
 pub(crate) use offset_legs::{Arm, OffsetLeg, OffsetLegs};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
@@ -32,7 +34,7 @@ pub(crate) use strut::Strut;
 
 use crate::Status;
 use crate::model::{Body, Cluster};
-use crate::scalar::{Mask, Scalar};
+use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
 
 /// How a cluster's loops are closed.
@@ -160,6 +162,13 @@ impl Outcome {
     }
 }
 
+/// Least squared sine between the links of a closed form: 1e-24, or where the scalar has too few digits for that the part of them that is
+/// lost at twice the root of its rounding.
+pub(crate) const fn least_square_sine<T: Real>() -> f64 {
+    let of_rounding = 8e7 * T::EPSILON * T::EPSILON;
+    if of_rounding > 1e-24 { of_rounding } else { 1e-24 }
+}
+
 /// Which lanes a closed form could not serve, and why.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Verdict<M> {
@@ -246,6 +255,21 @@ fn polished<T: Scalar>(
     }
     let outcome = numerical.polish(cluster, bodies, local);
     if outcome.status == Status::Ok { numerical.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
+}
+
+impl<C> Closure<C> {
+    /// Newton's method, where the closure has need of it.
+    pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<C>> {
+        match self {
+            Closure::Serial => None,
+            Closure::Coupling(coupling) => coupling.polish.as_mut(),
+            Closure::Rrpr(rrpr) => rrpr.polish.as_mut(),
+            Closure::Legs(legs) => legs.polish.as_mut(),
+            Closure::OffsetLegs(legs) => legs.polish.as_mut(),
+            Closure::Planar(planar) => planar.polish.as_mut(),
+            Closure::Numerical(numerical) => Some(numerical),
+        }
+    }
 }
 
 impl<C: nalgebra::Scalar + Copy> Closure<C> {

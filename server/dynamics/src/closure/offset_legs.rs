@@ -12,7 +12,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Legs, Level, Local, Numerical, Rate, Strut, Verdict};
+use super::{Legs, Level, Local, Numerical, Rate, Strut, Verdict, least_square_sine};
 use crate::model::{Body, Cluster};
 use crate::scalar::Real;
 use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z, zero};
@@ -200,7 +200,7 @@ impl<C: nalgebra::Scalar + Copy> OffsetLeg<C> {
         local.q[arm.joint] = s.atan2(c);
         let turned = turn_z(&axes, c, s);
         let tip = mul(&turned, &pin);
-        let floor = T::from_f64(1e-24) * dot(&D, &D);
+        let floor = T::from_f64(least_square_sine::<T>()) * dot(&D, &D);
         let verdict = Verdict { unreachable: reach.lt(T::ZERO), singular: reach.lt(floor) };
         let pin = Pin { point: pivot + tip, tip, m: column(&turned, 1), n: column(&turned, 2), inverse_length: T::ONE / length, pivot };
         (pin, verdict)

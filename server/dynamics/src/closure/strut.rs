@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Local, Verdict};
+use super::{Local, Verdict, least_square_sine};
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, dot, lift, lift_mat, scale_add, t_mul};
 
@@ -60,7 +60,7 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let rho = v[1].mul_add(v[1], v[2] * v[2]);
         let (sign, side) = (T::lift(self.root), T::lift(self.side));
         let (length0, square0) = (T::lift(self.length0), T::lift(self.square0));
-        let floor = T::from_f64(1e-24) * square0;
+        let floor = T::from_f64(least_square_sine::<T>()) * square0;
 
         // slider length, without cancellation in its change; root = r + z
         let (length, root, z, reach, root_square) = if self.apart {

@@ -16,6 +16,7 @@ mod idle;
 mod open;
 mod orders;
 mod terms;
+mod tolerance;
 mod tree;
 
 use std::sync::Arc;

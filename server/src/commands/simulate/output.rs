@@ -61,7 +61,7 @@ fn csv(loaded: &Loaded, run: &Run) -> String {
     let quoted = |name: &String| if name.contains([',', '"', '\n']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.clone() };
     let mut text = columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n";
     for sample in &run.samples {
-        let row: Vec<String> = columns.iter().map(|(_, of)| of(sample).to_string()).collect();
+        let row: Vec<String> = columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
         text += &(row.join(",") + "\n");
     }
     text
@@ -138,7 +138,7 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
         line(format!("at {} s: {}", event.time, words(&event.kind)));
     }
     if let Some(last) = run.last() {
-        let list = |x: &[f64]| x.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let list = |x: &[f64]| x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(",");
         line(format!("y  = {}", list(&last.y)));
         line(format!("yd = {}", list(&last.yd)));
     }
