@@ -13,6 +13,9 @@ use crate::springs::{Effect, Springs};
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
 
+/// Share of the fastest joint's way in a step by which a smooth motion is not off the mean of its velocities.
+const JUMP: f64 = 0.3;
+
 /// What was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
@@ -148,7 +151,7 @@ impl Engine {
         self.extrapolate(t, x);
         if !(self.may_be_precise && self.is_delicate) {
             let answer = self.rates.evaluate(&self.mechanism, t, x, (&self.guess, &self.anchor.qd), rate);
-            let fine = answer.status == Status::Ok && !(self.may_be_precise && answer.warnings.contains(Warnings(2)));
+            let fine = answer.status == Status::Ok && !(self.may_be_precise && answer.warnings.contains(Warnings::ILL_CONDITIONED));
             if fine || answer.status == Status::NonFiniteInput {
                 return (self.note(answer.status), false);
             }
@@ -268,6 +271,20 @@ impl Engine {
         let farthest = dq.iter().fold(0.0, |largest: f64, step| largest.max(step.abs()));
         self.is_far = farthest > REACH;
         self.mechanism.q.advance(&mut self.guess, dq, if self.is_far { REACH / farthest } else { 1.0 });
+    }
+}
+
+impl Engine {
+    /// True where the tree did not move as its velocities say: it turned back or took another branch at a singularity that a step has met.
+    pub(crate) fn jumped(&self, before: &Anchor) -> bool {
+        let Anchor { t, q, qd, .. } = &self.anchor;
+        let h = t - before.t;
+        let mut moved = vec![0.0; qd.len()];
+        self.mechanism.q.difference(&before.q, q, &mut moved);
+        let fastest = qd.iter().chain(&before.qd).fold(0.0, |largest: f64, v| largest.max(v.abs()));
+        let expected = before.qd.iter().zip(qd).map(|(a, b)| 0.5 * h * (a + b));
+        let off = moved.iter().zip(expected).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+        off > JUMP * h * fastest
     }
 }
 

@@ -197,6 +197,8 @@ struct Simulator<'a> {
     meter: Meter<f64>,
     precise_meter: Option<Meter<Dd>>,
     watch: Option<Watch>,
+    /// Distance to singularity at the last accepted state.
+    near: Option<f64>,
     t: f64,
     x: Vec<f64>,
     run: Run,
@@ -229,6 +231,7 @@ impl<'a> Simulator<'a> {
             meter: Meter::new(model, setup.description, &tree)?,
             precise_meter: None,
             watch: if settings.switching || settings.precise { Watch::new(model)? } else { None },
+            near: None,
             stepper: settings.stepper()?,
             settings,
             t: 0.0,
@@ -270,10 +273,23 @@ impl<'a> Simulator<'a> {
             let next_sample = self.settings.every.map_or(end, |every| (f64::from(sampled) + 1.0) * every);
             // a crumb at the end is no interval of its own
             let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
+            // near a singularity a step may turn out to be none
+            let near = self.watch.is_some() && self.near.is_none_or(|near| near < NEAR);
+            let kept = near.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
             let limit = self.next_kink().min(next_sample);
             let failed = self.engine.counts.failed;
             match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
                 Attempt::Done => {
+                    if let Some((t, x, anchor)) = kept.filter(|(.., anchor)| self.engine.jumped(anchor)) {
+                        (self.t, self.x, self.engine.anchor) = (t, x, anchor);
+                        self.stepper.restart();
+                        in_vain += 1;
+                        if in_vain > IN_VAIN || !self.look(true)? {
+                            self.run.end = End::Failed(self.watch.as_ref().map_or(Status::SingularIndependents, Watch::blame));
+                            break;
+                        }
+                        continue;
+                    }
                     in_vain = 0;
                     progress(self.t);
                     if self.engine.counts.failed > failed {
@@ -342,6 +358,7 @@ impl<'a> Simulator<'a> {
         let Some(watch) = &mut self.watch else { return Ok(false) };
         let close = pressed || self.engine.is_delicate && self.settings.precise;
         let near = watch.distance(&self.engine, &self.x, close);
+        self.near = near;
         self.engine.is_delicate = near.is_none_or(|near| near < DELICATE);
         let Some(near) = near.filter(|_| self.settings.switching) else { return Ok(false) };
         match watch.better(&self.engine, &self.x, near, pressed) {

@@ -69,6 +69,12 @@ impl Watch {
         self.distance
     }
 
+    /// What is singular at the pose that was measured last: the independents where others are good, else the loops.
+    pub(crate) fn blame(&self) -> Status {
+        let good = self.asked.get(Field::GoodIndependents);
+        if good.is_empty() || good.iter().any(|x| x.is_nan()) { Status::SingularClosure } else { Status::SingularIndependents }
+    }
+
     /// A robot with better independents at the engine's settled state x, as near a singularity as was just measured, or why there is none.
     /// `pressed`: there is no way on with those in use.
     pub(crate) fn better(&mut self, engine: &Engine, x: &[f64], near: f64, pressed: bool) -> Option<Result<Box<Better>, EventKind>> {

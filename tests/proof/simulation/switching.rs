@@ -72,6 +72,8 @@ fn without_switching_it_ends_at_the_dead_centre_and_says_why() {
         let end = run.last().unwrap();
         let at = 0.3 * (0.1_f64 / 0.3).asin().cos() + end.q[2];
         assert!((at - 0.4).abs().min((at - 0.2).abs()) < 1e-2, "ends at {at}");
+        // nothing turned back on the way
+        assert!(run.samples.iter().all(|sample| sample.qd[0] > 3.0), "{:?}", run.last());
         assert!(run.samples.len() > 10 && run.samples.iter().all(|sample| sample.q.iter().all(|x| x.is_finite())));
     }
 }
