@@ -12,11 +12,11 @@ fn is_peer(name: &str) -> bool {
 
 /// A point that competes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Competitor<'a> {
-    pub(super) series: &'a str,
-    pub(super) label: &'a str,
-    pub(super) x: f64,
-    pub(super) y: f64,
+pub(crate) struct Competitor<'a> {
+    pub(crate) series: &'a str,
+    pub(crate) label: &'a str,
+    pub(crate) x: f64,
+    pub(crate) y: f64,
 }
 
 /// Every point of a figure that competes.
@@ -30,7 +30,7 @@ fn competitors(figure: &Figure) -> Vec<Competitor<'_>> {
 }
 
 /// The front of a figure, from the left to the right; of equal points the first.
-pub(super) fn front(figure: &Figure) -> Vec<Competitor<'_>> {
+pub(crate) fn front(figure: &Figure) -> Vec<Competitor<'_>> {
     let mut points = competitors(figure);
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let mut least = f64::INFINITY;
@@ -103,7 +103,7 @@ fn short(x: f64) -> String {
 }
 
 /// Two digits and a power of ten.
-pub(super) fn exponent(x: f64) -> String {
+pub(crate) fn exponent(x: f64) -> String {
     if x == 0.0 { "0".to_owned() } else { format!("{x:.1e}") }
 }
 
