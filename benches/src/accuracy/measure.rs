@@ -142,7 +142,7 @@ fn errors(robot: &Robot, method: &mut Method, truths: &mut Truths<'_>) -> Outcom
     })
 }
 
-/// The error of q alone, of an answer that holds nothing else.
+/// The numbers of an answer that is q alone.
 pub(super) fn only_q(robot: &Robot) -> Layout {
     let mut wanted = Question::State.wanted();
     wanted.want = FieldSet::of(&[Field::Q]);

@@ -62,7 +62,7 @@ pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
     if let Some(place) = numerical {
         let variant = &robot.variants[place];
         methods.newton(Way { place, variant, name: "Newton, warm", start: Start::Warm, default: place == 0 })?;
-        methods.from_zero(Way { place, variant, name: "Newton, cold", start: Start::Cold, default: false })?;
+        methods.cold(Way { place, variant, name: "Newton, cold", start: Start::Cold, default: false })?;
     }
     Ok(methods.all)
 }
@@ -124,7 +124,7 @@ impl Methods<'_> {
     }
 
     /// Newton's method from the closed pose at zero: more steps, so that more of them can be left out.
-    fn from_zero(&mut self, way: Way<'_>) -> Outcome {
+    fn cold(&mut self, way: Way<'_>) -> Outcome {
         let model = &way.variant.compiled.model;
         for tolerance in FEW_TOLERANCES {
             let label = format!("tolerance {tolerance:.0e}");
