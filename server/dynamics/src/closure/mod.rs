@@ -10,7 +10,6 @@ mod coupling;
 mod inverse;
 mod legs;
 mod numerical;
-mod offset_legs;
 mod planar;
 mod rows;
 mod rrpr;
@@ -21,9 +20,8 @@ use nalgebra::Vector3;
 
 pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use coupling::Coupling;
-pub(crate) use legs::{Leg, Legs};
+pub(crate) use legs::{Arm, Leg, Legs};
 pub(crate) use numerical::Numerical;
-pub(crate) use offset_legs::{Arm, OffsetLeg, OffsetLegs};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
@@ -44,10 +42,8 @@ pub(crate) enum Closure<C> {
     Coupling(Coupling<C>),
     /// Lambda.
     Rrpr(Rrpr<C>),
-    /// A chain of independent joints that carries a platform on UPS legs (2SPU+1U).
+    /// A chain of independent joints that carries a platform on legs (2SPU+1U, 6UPS, 2SPRR+1U).
     Legs(Legs<C>),
-    /// The same with legs of which one end is off a crossing of axes (2SPRR+1U).
-    OffsetLegs(OffsetLegs<C>),
     /// A plane loop of four joints (four-bar, slider-crank).
     Planar(Planar<C>),
     /// Newton's method on the rows.
@@ -204,12 +200,6 @@ pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: 
             None => told(planar.close(local, level), cluster, bodies, local),
             Some(numerical) => polished(planar.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
         },
-        Closure::OffsetLegs(legs) => match &legs.polish {
-            None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
-            Some(numerical) => {
-                polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
-            }
-        },
         Closure::Rrpr(rrpr) => match &rrpr.polish {
             None => told(rrpr.close(local, level), cluster, bodies, local),
             Some(numerical) => polished(rrpr.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
@@ -256,7 +246,6 @@ impl<C: nalgebra::Scalar + Copy> Closure<C> {
             Closure::Coupling(coupling) => Closure::Coupling(coupling.map(f)),
             Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
             Closure::Legs(legs) => Closure::Legs(legs.map(f)),
-            Closure::OffsetLegs(legs) => Closure::OffsetLegs(legs.map(f)),
             Closure::Planar(planar) => Closure::Planar(planar.map(f)),
             Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
         }
