@@ -94,8 +94,7 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
                 None => leg.close::<T, false>(self, cluster.n_vy, &pose, local, level),
                 Some(_) => leg.close::<T, true>(self, cluster.n_vy, &pose, local, level),
             };
-            verdict.unreachable = verdict.unreachable | of_leg.unreachable;
-            verdict.singular = verdict.singular | of_leg.singular;
+            verdict = verdict.or(of_leg);
         }
         verdict
     }
@@ -144,9 +143,8 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         // where the pin is, then how the strut reaches it
         let arm = if ARM { self.arm.as_ref() } else { None };
         let (pin, of_arm) = self.pin(arm, platform, local);
-        let (reach, mut verdict) = self.strut.reach(&pin.point, local);
-        verdict.unreachable = verdict.unreachable | of_arm.unreachable;
-        verdict.singular = verdict.singular | of_arm.singular;
+        let (reach, verdict) = self.strut.reach(&pin.point, local);
+        let verdict = if ARM { verdict.or(of_arm) } else { verdict };
         if level == Level::Position {
             return verdict;
         }
@@ -231,8 +229,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         local.q[arm.joint.q] = s.atan2(c);
         let turned = turn_z(&axes, c, s);
         let tip = mul(&turned, &pin);
-        let floor = T::from_f64(1e-24) * dot(&D, &D);
-        let verdict = Verdict { unreachable: reach.lt(T::ZERO), singular: reach.lt(floor) };
+        let verdict = Verdict::of(reach, dot(&D, &D));
         let pin = Pin { point: pivot + tip, tip, m: column(&turned, 1), n: column(&turned, 2), inverse_length: T::ONE / length, pivot };
         (pin, verdict)
     }

@@ -7,6 +7,7 @@
 mod block;
 mod careful;
 mod coupling;
+mod crossing;
 mod inverse;
 mod legs;
 mod numerical;
@@ -30,8 +31,13 @@ pub(crate) use strut::Strut;
 
 use crate::Status;
 use crate::model::{Body, Cluster};
-use crate::scalar::{Mask, Scalar};
+use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
+
+/// Squares of the sine, or of a length against its size, below which a pose is singular, and below which it is near one: rates keep ε / δ² of
+/// their size at δ, accelerations some multiple of it.
+const SINGULAR: f64 = 1e-24;
+pub(crate) const NEAR: f64 = 1e-5;
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
@@ -92,6 +98,8 @@ pub(crate) enum Level {
 pub(crate) struct Local<'a, T> {
     /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
+    /// The tree velocity at that pose, where one was given (n_v).
+    pub(crate) tangent: Option<&'a [T]>,
     /// Tree coordinates, independents set (n_q).
     pub(crate) q: &'a mut [T],
     /// Cosine and sine of each revolute coordinate (n).
@@ -146,13 +154,19 @@ pub(crate) struct Rate<T> {
 pub(crate) struct Outcome {
     pub(crate) status: Status,
     pub(crate) iterations: u32,
+    /// Closed, but so near a singular pose that rates may keep fewer than nine digits; told from the velocity level on.
+    pub(crate) near: bool,
 }
 
 impl Outcome {
-    pub(crate) const FINE: Outcome = Outcome { status: Status::Ok, iterations: 0 };
+    pub(crate) const FINE: Outcome = Outcome::closed(0);
+
+    pub(crate) const fn closed(iterations: u32) -> Outcome {
+        Outcome { status: Status::Ok, iterations, near: false }
+    }
 
     pub(crate) const fn failed(status: Status, iterations: u32) -> Outcome {
-        Outcome { status, iterations }
+        Outcome { status, iterations, near: false }
     }
 }
 
@@ -161,11 +175,31 @@ impl Outcome {
 pub(crate) struct Verdict<M> {
     pub(crate) unreachable: M,
     pub(crate) singular: M,
+    /// As [`Outcome::near`].
+    pub(crate) near: M,
 }
 
 impl<M: Mask> Verdict<M> {
     pub(crate) fn fine() -> Verdict<M> {
-        Verdict { unreachable: M::splat(false), singular: M::splat(false) }
+        let none = M::splat(false);
+        Verdict { unreachable: none, singular: none, near: none }
+    }
+
+    /// From the square of what vanishes at a singular pose, negative beyond it, and the square of its size elsewhere.
+    #[inline(always)]
+    pub(crate) fn of<T: Real<Mask = M>>(square: T, size: T) -> Verdict<M> {
+        let below = |floor: f64| square.lt(T::from_f64(floor) * size);
+        Verdict { unreachable: square.lt(T::ZERO), singular: below(SINGULAR), near: below(NEAR) }
+    }
+
+    /// Either.
+    #[inline(always)]
+    pub(crate) fn or(self, other: Verdict<M>) -> Verdict<M> {
+        Verdict {
+            unreachable: self.unreachable | other.unreachable,
+            singular: self.singular | other.singular,
+            near: self.near | other.near,
+        }
     }
 }
 
@@ -176,7 +210,7 @@ impl From<Verdict<bool>> for Outcome {
         } else if verdict.singular {
             Outcome::failed(Status::SingularClosure, 0)
         } else {
-            Outcome::FINE
+            Outcome { near: verdict.near, ..Outcome::FINE }
         }
     }
 }

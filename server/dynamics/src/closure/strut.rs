@@ -62,7 +62,6 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let rho = v[1].mul_add(v[1], v[2] * v[2]);
         let (sign, side) = (T::lift(self.root), T::lift(self.side));
         let (length0, square0, e_square) = (T::lift(self.length0), T::lift(self.square0), T::lift(self.e_square));
-        let floor = T::from_f64(1e-24) * square0;
 
         // slider length, without cancellation in its change; root = r + z
         let (length, root, z, reach, root_square) = if self.apart {
@@ -96,10 +95,8 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         local.turn[j2.body] = (c2, s2);
         local.q[j1.q] = s1.atan2(c1);
         local.q[j2.q] = s2.atan2(c2);
-        let verdict = Verdict {
-            unreachable: reach.lt(T::ZERO) | root_square.lt(T::ZERO),
-            singular: reach.lt(floor) | rho.lt(floor) | root_square.lt(floor),
-        };
+        // the root is no longer than |(v_y, v_z)|
+        let verdict = Verdict::of(T::select(reach.lt(root_square), reach, root_square), square0);
 
         // columns: X × v, a₂ × (v − r Z), slider direction; the inverse by cross products
         let a2 = Vector3::new(T::ZERO, c1, s1);
