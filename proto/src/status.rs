@@ -75,7 +75,7 @@ impl Warnings {
     /// A position, velocity or actuator force lies outside the limits that the model declares.
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
     /// So close to a singular pose, or with masses so unequal, that results may keep fewer than nine digits: a loop whose dependents move
-    /// more than 300 times as fast as its independents or whose K_d is within 1/300 of losing rank; in forward dynamics, a joint whose
+    /// more than 100 times as fast as its independents or whose K_d is within 1/100 of losing rank; in forward dynamics, a joint whose
     /// inertia is less than 1e-7 of its own once the joints behind it are free.
     pub const ILL_CONDITIONED: Warnings = Warnings(2);
 

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::inverse::{ANY, Inverted, invert, nearness};
+use super::inverse::{ANY, Inverted, accurate, invert, nearness};
 use super::rows::{CutState, base, cos_sin, place, row_acceleration};
-use super::{Cut, Local, NEAR, column_unit};
+use super::{Cut, Level, Local, NEAR, column_unit};
 use crate::linear::column_square;
 use crate::model::{Body, Cluster, Freedom, Motion, single_pose};
 use crate::scalar::{Mask, Real};
@@ -110,8 +110,8 @@ impl Block {
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side. The masks tell where
     /// they mean something and where the pose is near a singular one.
     #[inline]
-    pub(super) fn jacobian<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> (T::Mask, T::Mask) {
-        by_width!(self.jacobian_of_width(cluster, local))
+    pub(super) fn jacobian<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>, level: Level) -> (T::Mask, T::Mask) {
+        by_width!(self.jacobian_of_width(cluster, local, level))
     }
 
     /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
@@ -276,7 +276,12 @@ impl Block {
         largest
     }
 
-    fn jacobian_of_width<T: Real, const M: usize>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> (T::Mask, T::Mask) {
+    fn jacobian_of_width<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T::Mask) {
         let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
         let scratch = &mut *local.scratch;
         let G = &mut *local.G;
@@ -313,14 +318,15 @@ impl Block {
             let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent)).fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
             square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(NEAR))
         });
-        let Inverted { sound, mut near, .. } = self.invert::<T, M>(local);
+        let Inverted { sound, mut accurate, mut near, .. } = self.invert::<T, M>(local);
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         if let Some(alone) = alone {
             near = alone;
         }
         if wide {
-            near = T::from_f64(1.0 / NEAR).lt(nearness(inverse, &scratch.step[..m], m));
+            let nearness = nearness(inverse, &scratch.step[..m], m);
+            (accurate, near) = (self::accurate(T::ONE, nearness), T::from_f64(1.0 / NEAR).lt(nearness));
         }
         for (i, of) in self.unknowns[..m].iter().enumerate() {
             let row = &mut local.G[of.v * n_vy..(of.v + 1) * n_vy];
@@ -332,7 +338,7 @@ impl Block {
                 row[k] = -x;
             }
         }
-        (sound, near)
+        (if level == Level::Acceleration { sound & accurate } else { sound }, near)
     }
 
     fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {

@@ -37,7 +37,7 @@ use crate::spatial::Pose;
 /// Squares of the sine, or of a length against its size, below which a pose is singular, and below which it is near one: rates keep ε / δ² of
 /// their size at δ, accelerations some multiple of it.
 const SINGULAR: f64 = 1e-24;
-pub(crate) const NEAR: f64 = 1e-5;
+pub(crate) const NEAR: f64 = 1e-4;
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]

@@ -112,7 +112,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         // G block by block: G_d = −K_d⁻¹ K_i
         let (mut good, mut near) = (T::Mask::splat(true), T::Mask::splat(false));
         for block in &self.blocks {
-            let (sound, near_singular) = block.jacobian(cluster, local);
+            let (sound, near_singular) = block.jacobian(cluster, local, level);
             (good, near) = (good & sound, near | near_singular);
         }
         for block in &self.blocks {
