@@ -4,8 +4,9 @@ use super::NEAR;
 use crate::linear::{column_square, solve_unpivoted};
 use crate::scalar::{Mask, Real};
 
-/// Least pivot of a wide block against its row.
+/// Least pivot of a wide block against its row: this, or where it is more this many unit roundoffs.
 const SINGULAR: f64 = 1e-12;
+const PIVOT_ROUNDINGS: f64 = 9e3;
 /// Least determinant of a narrow block against the product of its column norms, in roots of the unit roundoff: a pose closer to
 /// singularity than that is known to no digit.
 const ROOTS: f64 = 10.0;
@@ -86,7 +87,7 @@ pub(super) fn invert<T: Real, const M: usize>(A: &mut [T], inverse: &mut [T], m:
             for (k, x) in inverse.iter_mut().enumerate() {
                 *x = if k / m == k % m { T::ONE } else { T::ZERO };
             }
-            let (sound, det) = solve_unpivoted(A, inverse, m, m, SINGULAR);
+            let (sound, det) = solve_unpivoted(A, inverse, m, m, const { SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON) });
             Inverted { sound, accurate: T::Mask::splat(true), near: T::Mask::splat(false), det }
         }
     }

@@ -205,15 +205,21 @@ impl Plan {
     /// The given wrenches on their bodies; false where there are none.
     fn wrenches<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
         let Some(slot) = self.given.slot(Field::Wrenches) else { return false };
-        tree::world_poses(model, &self.wrench_bodies, &ws.motion, &mut ws.world);
-        ws.wrench.fill((zero(), zero()));
-        for (link, wrench) in self.wrench_links.iter().zip(input[slot.range()].chunks_exact(6)) {
-            let frame = &model.frames[*link];
-            let (n, f) = tree::frame_wrench(frame, &ws.world, wrench);
-            ws.wrench[frame.body].0 += n;
-            ws.wrench[frame.body].1 += f;
-        }
+        wrenches_on_bodies(model, ws, &self.wrench_bodies, &self.wrench_links, &input[slot.range()]);
         true
+    }
+}
+
+/// Wrenches on links, `[n; f]` in world axes at their frames' origins, as those on bodies; `bodies` carry the links, and their poses in their
+/// parents are known.
+pub(crate) fn wrenches_on_bodies<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, bodies: &[usize], links: &[usize], wrenches: &[T]) {
+    tree::world_poses(model, bodies, &ws.motion, &mut ws.world);
+    ws.wrench.fill((zero(), zero()));
+    for (link, wrench) in links.iter().zip(wrenches.chunks_exact(6)) {
+        let frame = &model.frames[*link];
+        let (n, f) = tree::frame_wrench(frame, &ws.world, wrench);
+        ws.wrench[frame.body].0 += n;
+        ws.wrench[frame.body].1 += f;
     }
 }
 

@@ -260,7 +260,7 @@ fn from_actuators<T: Scalar>(
         }
         let solved = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
         let at = cluster.q..cluster.q + cluster.n_q;
-        match solved.map(|solved| solved.det) {
+        match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the way from the last good one
             None if k == 0 => return if outcome.status == Status::Ok { Err(Status::SingularActuation) } else { Ok(outcome) },
             Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
