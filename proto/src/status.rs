@@ -74,6 +74,10 @@ impl Warnings {
     pub const NONE: Warnings = Warnings(0);
     /// A position, velocity or actuator force lies outside the limits that the model declares.
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
+    /// Results may keep fewer than nine digits: a loop is within 1/100 (the sine that vanishes there) of a singular pose and rates were asked;
+    /// the actuators are within 1e-5 of losing control and forces or motion of theirs were asked; in forward dynamics, what is left of a
+    /// joint's inertia once the joints behind it are free is less than 1e-7 of it.
+    pub const ILL_CONDITIONED: Warnings = Warnings(2);
 
     /// True when every bit of `other` is set.
     pub const fn contains(self, other: Warnings) -> bool {
@@ -82,7 +86,8 @@ impl Warnings {
 
     /// The names that scripts see, in the order of the bits.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        [(Self::LIMITS_EXCEEDED, "limits_exceeded")].into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
+        let names = [(Self::LIMITS_EXCEEDED, "limits_exceeded"), (Self::ILL_CONDITIONED, "ill_conditioned")];
+        names.into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
     }
 }
 

@@ -11,7 +11,7 @@
 //! where |d| < |ε| makes a gap, the target beyond it is answered on the same side of the slider's root. Newton's method, which follows the
 //! path, calls that target unreachable. The stator's coordinate lies in (−π, π].
 
-use super::{Level, Local, Numerical, Verdict, least_square_sine};
+use super::{Level, Local, Numerical, Verdict};
 use crate::scalar::Real;
 
 /// Geometry of a lambda in its plane.
@@ -65,8 +65,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         local.turn[j2] = (cosine, sense * sine);
         local.q[j2] = (sense * sine).atan2(cosine);
         local.q[j3] = q3;
-        let floor = T::from_f64(least_square_sine::<T>()) * T::lift(self.square0);
-        let verdict = Verdict { unreachable: reach.lt(T::ZERO), singular: reach.lt(floor) };
+        let verdict = Verdict::of(reach, T::lift(self.square0));
         if level == Level::Position {
             return verdict;
         }

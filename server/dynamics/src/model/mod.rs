@@ -13,6 +13,7 @@ mod couplings;
 mod freedom;
 mod geometry;
 mod idle;
+mod masses;
 mod open;
 mod orders;
 mod terms;
@@ -24,7 +25,9 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
+pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
 pub(crate) use geometry::{pose as pose_of, unit_of};
+pub(crate) use masses::UNEQUAL;
 pub(crate) use terms::{JointTerms, Rotor};
 
 use crate::branch_sparse::Branches;
@@ -33,8 +36,6 @@ use crate::description::Limits;
 use crate::fault::Fault;
 use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
-
-pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
 
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
@@ -61,6 +62,8 @@ pub struct Model<C = f64> {
     pub(crate) branches: Branches,
     /// Bodies that carry another cluster, or a body of their own that does.
     pub(crate) carries: Vec<bool>,
+    /// Largest inertia of each independent at the poses that were tried at load, in internal order (n_vy).
+    pub(crate) inertia: Vec<f64>,
     /// What acts in joints besides their actuators.
     pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
@@ -328,6 +331,7 @@ impl<C: Copy> Model<C> {
             n_g: self.n_g,
             branches: self.branches.clone(),
             carries: self.carries.clone(),
+            inertia: self.inertia.clone(),
             terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),

@@ -3,7 +3,7 @@
 use sarrus_proto::{Request, Status, Warnings};
 
 use super::{Answer, Plan};
-use crate::model::Model;
+use crate::model::{Model, Motion};
 use crate::scalar::Scalar;
 use crate::tree;
 use crate::workspace::Workspace;
@@ -12,6 +12,7 @@ use crate::workspace::Workspace;
 pub(super) struct Findings<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
+    pub(super) warnings: Warnings,
     pub(super) residual: T,
     /// Distance to singularity of the cluster that could not be closed, if there is one; its good independents are in the workspace.
     pub(super) sigma_min: T,
@@ -20,6 +21,30 @@ pub(super) struct Findings<T> {
     pub(super) closed: usize,
     /// The independents in q are the nearest ones to an unreachable target.
     pub(super) nearest: bool,
+}
+
+impl<T: Scalar> Findings<T> {
+    /// Before anything is known.
+    fn none() -> Findings<T> {
+        let nan = T::from_f64(f64::NAN);
+        Findings {
+            status: Status::Ok,
+            iterations: 0,
+            warnings: Warnings::NONE,
+            residual: nan,
+            sigma_min: nan,
+            failed: false,
+            closed: 0,
+            nearest: false,
+        }
+    }
+
+    /// Notes that digits may be lost.
+    pub(super) fn warn_if(&mut self, ill_conditioned: bool) {
+        if ill_conditioned {
+            self.warnings |= Warnings::ILL_CONDITIONED;
+        }
+    }
 }
 
 impl Plan {
@@ -41,18 +66,22 @@ impl Plan {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
-        let nan = T::from_f64(f64::NAN);
-        let mut found =
-            Findings { status: Status::Ok, iterations: 0, residual: nan, sigma_min: nan, failed: false, closed: 0, nearest: false };
+        let mut found = Findings::none();
         found.status = match self.compute(model, workspace, input, &mut found) {
             Ok(()) => self.write(model, workspace, &found, output),
+            // an angle without sine breaks whatever uses it first
+            Err(_) if beyond_angles(model, workspace) => {
+                found = Findings::none();
+                Status::NonFiniteInput
+            }
             Err(status) => status,
         };
         if found.status != Status::Ok {
             self.write_failure(model, workspace, &found, output);
             return Answer { status: found.status, warnings: Warnings::NONE };
         }
-        Answer { status: Status::Ok, warnings: self.limits(model, workspace) }
+        found.warnings |= self.limits(model, workspace);
+        Answer { status: Status::Ok, warnings: found.warnings }
     }
 
     fn compute<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], found: &mut Findings<T>) -> Result<(), Status> {
@@ -68,9 +97,9 @@ impl Plan {
             tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
         }
         match self.request {
-            Request::InverseDynamics => self.inverse_dynamics(model, ws, input),
-            Request::ForwardDynamics => self.forward_dynamics(model, ws, input),
-            Request::Map => self.map_forces(model, ws, input),
+            Request::InverseDynamics => self.inverse_dynamics(model, ws, input, found),
+            Request::ForwardDynamics => self.forward_dynamics(model, ws, input, found),
+            Request::Map => self.map_forces(model, ws, input, found),
             _ => Ok(()),
         }
     }
@@ -96,4 +125,11 @@ impl Plan {
         }
         warnings
     }
+}
+
+/// True where some joint stands, or starts, at an angle of which a number says nothing.
+fn beyond_angles<T: Scalar>(model: &Model<T>, ws: &Workspace<T>) -> bool {
+    let turning = model.bodies.iter().skip(1).filter(|body| body.motion == Motion::Revolute);
+    let without_sine = |q: T| q.is_finite() && !q.sin_cos().0.is_finite();
+    turning.map(|body| body.q).any(|q| without_sine(ws.q[q]) || without_sine(ws.start[q]))
 }

@@ -14,6 +14,8 @@ use crate::workspace::Workspace;
 const STEPS: u32 = 60;
 /// Longest of these steps, in radians or cluster lengths.
 const LONGEST: f64 = 0.2;
+/// Least pivot of G_u, against its largest entry, from which on actuators determine ten digits.
+pub(super) const WEAK: f64 = 1e-5;
 /// Largest deviation of a quaternion from unit length.
 const UNIT: f64 = 1e-6;
 
@@ -38,6 +40,13 @@ impl Plan {
                 normalise_quaternions(model, &mut ws.start, |_| true)?;
             }
             None => ws.start.copy_from_slice(&model.zero),
+        }
+
+        // from actuators the guess moves on the way, and its velocity means nothing any more
+        ws.tangent = false;
+        if let (Some(rate), true) = (slot(Field::QdGuess), self.steps.position != Space::Actuation) {
+            scatter(rate, &mut ws.start_rate, &order.v);
+            ws.tangent = true;
         }
 
         // positions
@@ -125,8 +134,9 @@ impl Plan {
         }
         if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
+            let mut near = false;
             if self.steps.velocity == Some(Space::Actuation) {
-                self.independent_rates(cluster, ws, given(Field::Ud), false)?;
+                near |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
             }
             if self.steps.level > Level::Position {
                 outcome = self.close_again(cluster, bodies, ws);
@@ -135,9 +145,11 @@ impl Plan {
                 }
             }
             if self.steps.acceleration == Some(Space::Actuation) {
-                self.independent_rates(cluster, ws, given(Field::Udd), true)?;
+                near |= self.independent_rates(cluster, ws, given(Field::Udd), true)?;
             }
+            outcome.near |= near;
         }
+        found.warn_if(self.steps.level > Level::Position && outcome.near);
         Ok(())
     }
 
@@ -148,14 +160,14 @@ impl Plan {
         close(cluster, bodies, &mut local(cluster, ws), self.steps.level)
     }
 
-    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents.
+    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; true where the actuators nearly lose control.
     fn independent_rates<T: Scalar>(
         &self,
         cluster: &Cluster<T>,
         ws: &mut Workspace<T>,
         given: &[T],
         accelerations: bool,
-    ) -> Result<(), Status> {
+    ) -> Result<bool, Status> {
         let m = cluster.n_vy;
         if cluster.active.len() != m {
             return Err(Status::SingularActuation);
@@ -168,12 +180,12 @@ impl Plan {
             // the closure has overwritten what stood at dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
-        solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+        let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
             to[cluster.v + j] = ws.dense_rhs[k];
         }
-        Ok(())
+        Ok(solved.least.lt(T::from_f64(WEAK)))
     }
 }
 
@@ -190,6 +202,7 @@ pub(crate) fn local<'a, T: Scalar>(cluster: &Cluster<T>, ws: &'a mut Workspace<T
     let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
     Local {
         start: &ws.start[q.clone()],
+        tangent: ws.tangent.then_some(&ws.start_rate[v.clone()]),
         q: &mut ws.q[q],
         turn: &mut ws.turn[cluster.body..cluster.body + cluster.n],
         qd: &mut ws.qd[v.clone()],
@@ -245,9 +258,10 @@ fn from_actuators<T: Scalar>(
             }
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.freedoms[j].q];
         }
-        let det = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
+        let solved = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
         let at = cluster.q..cluster.q + cluster.n_q;
-        match det {
+        let weak = solved.is_some_and(|solved| solved.least.lt(T::from_f64(WEAK)));
+        match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the way from the last good one
             None if k == 0 => return if outcome.status == Status::Ok { Err(Status::SingularActuation) } else { Ok(outcome) },
             Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
@@ -275,6 +289,7 @@ fn from_actuators<T: Scalar>(
             cluster.freedoms[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
+            found.warn_if(weak);
             return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
         }
     }
