@@ -57,7 +57,7 @@ enum Command {
     /// how it ended, what it took, the drift of energy and what happened on the way. Ends with 0 when the whole time was simulated, 1 when the
     /// robot's files are faulty or the motion ended early (the status says why), 2 for wrong flags and files that cannot be opened.
     #[cfg(feature = "simulate")]
-    Simulate(commands::simulate::Simulate),
+    Simulate(Box<commands::simulate::Simulate>),
 }
 
 fn main() -> ExitCode {

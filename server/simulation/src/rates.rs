@@ -66,6 +66,12 @@ impl Mechanism {
         !self.inputs.is_empty() || !self.dampers.is_empty() || self.springs.have_dampers()
     }
 
+    /// What inputs do and dampers take in unit time: τ_q · q̇ − losses.
+    pub(crate) fn power<T: Scalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
+        let given = qd.iter().zip(tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
+        self.dampers.iter().fold(given - loss, |sum, (v, damping)| sum - T::from_f64(*damping) * qd[*v] * qd[*v])
+    }
+
     /// Numbers in x.
     pub(crate) fn n(&self) -> usize {
         self.sizes.n_qy + self.sizes.n_vy + usize::from(self.works())
@@ -140,13 +146,7 @@ impl<T: Scalar> Rates<T> {
         mechanism.y.rate(&x[..n_qy], &self.y, &x[n_qy..n_qy + n_vy], &mut rate[..n_qy]);
         rate[n_qy..n_qy + n_vy].copy_from_slice(self.forward.get(Field::Ydd));
         if mechanism.works() {
-            let qd = self.forward.get(Field::Qd);
-            let mut power = qd.iter().zip(&self.tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
-            for (v, damping) in &mechanism.dampers {
-                power += -(T::from_f64(*damping) * qd[*v] * qd[*v]);
-            }
-            power += -self.effect.loss;
-            rate[n_qy + n_vy] = power;
+            rate[n_qy + n_vy] = mechanism.power(self.forward.get(Field::Qd), &self.tau_q, self.effect.loss);
         }
         // an overflow is no motion either
         if rate.iter().all(|x| x.is_finite()) { answer } else { failed(Status::NonFiniteInput) }

@@ -38,6 +38,9 @@ pub(crate) struct Simulate {
     /// Absolute tolerance of these, in metres, radians and their rates.
     #[arg(long, value_name = "NUMBER", default_value_t = 1e-8, allow_hyphen_values = true)]
     atol: f64,
+    /// Baumgarte's rates alpha = beta, 1/s; a tenth of the inverse step without it.
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    stabilisation: Option<f64>,
     /// Time between two rows of the result, s; about five hundred rows without it.
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
     every: Option<f64>,
@@ -91,6 +94,10 @@ enum MethodFlag {
     Dop853,
     /// Radau's implicit method of order 5 for stiff problems, its own step.
     Radau5,
+    /// For comparison: rk4 in all tree coordinates, loops stabilised after Baumgarte.
+    Baumgarte,
+    /// For comparison: rk4 in all tree coordinates, loops closed after each step.
+    Projection,
 }
 
 impl MethodFlag {
@@ -100,6 +107,8 @@ impl MethodFlag {
             MethodFlag::Rk4 => Method::RungeKutta,
             MethodFlag::Dop853 => Method::Dop853,
             MethodFlag::Radau5 => Method::Radau5,
+            MethodFlag::Baumgarte => Method::Baumgarte,
+            MethodFlag::Projection => Method::Projection,
         }
     }
 }
@@ -153,6 +162,7 @@ impl Simulate {
             step: self.step,
             rtol: self.rtol,
             atol: self.atol,
+            stabilisation: self.stabilisation,
             every: Some(self.every.unwrap_or(every)),
             switching: !self.no_switching,
             precise: !self.no_precise,
