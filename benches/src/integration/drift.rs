@@ -20,7 +20,7 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
     let steps = STEPS[usize::from(effort.quick)];
     let duration = f64::from(steps) * STEP;
     let (mut series, mut told) = (Vec::new(), Vec::new());
-    for method in Method::ALL {
+    for method in Method::ALL.into_iter().filter(|method| !method.is_implicit_form()) {
         let step = method.is_fixed().then_some(STEP);
         let every = Some(duration / f64::from(SAMPLES));
         let settings = Settings { step, every, rtol: 1e-11, atol: 1e-11, ..Settings::new(method, duration) };
