@@ -65,13 +65,7 @@ impl Problem {
 
     /// By a method with its own step.
     pub(super) fn adaptive(&self, method: Method, tolerance: f64) -> Settings {
-        Settings {
-            rtol: tolerance,
-            atol: tolerance,
-            every: Some(self.duration),
-            precise: self.precise,
-            ..Settings::new(method, self.duration)
-        }
+        Settings { rtol: tolerance, atol: tolerance, every: Some(self.duration), ..Settings::new(method, self.duration) }
     }
 
     /// By a method of fixed step.
