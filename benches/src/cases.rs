@@ -32,8 +32,8 @@ pub(crate) const BUNDLED: [&str; 16] = [
 const CHAINS: [(&str, usize); 3] = [("10", 10), ("100", 100), ("1000", 1000)];
 
 /// What is loaded at once: its variants share their states.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum What {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum What {
     /// By name.
     Bundled(&'static str),
     /// One of the small ones, by its place.
@@ -79,9 +79,12 @@ impl What {
 }
 
 /// A robot with its loops closed in one way.
-pub(crate) struct Variant {
-    pub(crate) closures: &'static str,
-    pub(crate) compiled: Compiled,
+#[derive(Debug)]
+pub struct Variant {
+    /// The name of the way.
+    pub closures: &'static str,
+    /// The model for work and its double-double twin.
+    pub compiled: Compiled,
 }
 
 /// A way to close loops: its name and the types that are made `NUMERICAL`.
@@ -157,7 +160,7 @@ pub(crate) enum Start {
 
 /// What is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Question {
+pub enum Question {
     /// q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ.
     State,
     /// τ_u from y, ẏ, ÿ.
@@ -190,7 +193,8 @@ impl Question {
         matches!(self, Question::ForwardDynamics | Question::Forced(_))
     }
 
-    pub(crate) fn wanted(self) -> Wanted {
+    /// What is given and what is wanted.
+    pub fn wanted(self) -> Wanted {
         use Field::*;
         let motion = FieldSet::of(&[Y, Yd, Ydd]);
         match self {
@@ -280,7 +284,7 @@ impl<'a> Case<'a> {
 }
 
 /// The numbers of a state in the order of a plan.
-pub(crate) fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
+pub fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
     let mut input = vec![0.0; plan.given().len()];
     for slot in plan.given().slots() {
         let numbers = match slot.field {

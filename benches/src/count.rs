@@ -10,7 +10,11 @@ use crate::states::Robot;
 const STATES: usize = 16;
 
 /// Runs `CASE REPEATS`: that many passes through the states.
-pub(crate) fn run(count: &[String]) -> Outcome {
+///
+/// # Errors
+///
+/// An unknown case, or a state without an answer.
+pub fn run(count: &[String]) -> Outcome {
     let [name, repeats] = count else { return Err("--count takes a case and a number".into()) };
     let repeats: usize = repeats.parse()?;
     let unknown = || format!("no case `{name}`; `--list` names them all");

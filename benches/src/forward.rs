@@ -66,7 +66,11 @@ impl Run {
 }
 
 /// Prints the table; fails where the chosen method is more than 15 % slower than the other on a bundled robot.
-pub(crate) fn run() -> Outcome {
+///
+/// # Errors
+///
+/// That, and robots that do not load.
+pub fn run() -> Outcome {
     let mut robots = Vec::new();
     for what in What::all() {
         // as it is given, in one state

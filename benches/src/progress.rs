@@ -1,37 +1,107 @@
-//! How far a run is, on standard error when that is a terminal.
+//! How far a run is, on standard error.
 
 use std::cell::Cell;
-use std::io::{IsTerminal, Write, stderr};
+use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 /// Redrawn at most this often: drawing is work beside what is measured.
 const PAUSE: Duration = Duration::from_millis(200);
+/// Between two lines where nobody sees a bar.
+const LINES: Duration = Duration::from_secs(15);
+/// Steps of the bar.
+const STEPS: f64 = 1000.0;
+/// No guess of the time left before this share is done.
+const EARLY: f64 = 0.02;
 
-pub(crate) struct Progress {
-    terminal: bool,
+/// A bar on a terminal; elsewhere nothing, or plain lines now and then.
+#[derive(Debug)]
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    lines: bool,
+    start: Instant,
     drawn: Cell<Option<Instant>>,
+    /// The share of everything that is shown as 0 to 1.
+    part: Cell<(f64, f64)>,
 }
 
 impl Progress {
-    pub(crate) fn new() -> Progress {
-        Progress { terminal: stderr().is_terminal(), drawn: Cell::new(None) }
+    /// A bar where standard error is a terminal, else nothing.
+    pub fn silent() -> Progress {
+        Progress::new(false)
     }
 
-    /// Draws how much of `what` is done, 0 to 1.
-    pub(crate) fn show(&self, what: &str, done: f64) {
-        if !self.terminal || self.drawn.get().is_some_and(|drawn| drawn.elapsed() < PAUSE) {
+    /// A bar where standard error is a terminal, else a line every now and then.
+    pub fn with_lines() -> Progress {
+        Progress::new(true)
+    }
+
+    fn new(lines: bool) -> Progress {
+        let terminal = stderr().is_terminal();
+        let start = Instant::now();
+        let bar = terminal.then(|| {
+            let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::stderr_with_hz(5));
+            let left = move |state: &ProgressState, f: &mut dyn core::fmt::Write| {
+                let _ = f.write_str(&left(start.elapsed(), f64::from(state.fraction())));
+            };
+            let style = ProgressStyle::with_template("[{bar:30}] {percent:>3} % {left}  {msg}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left).progress_chars("=> "));
+            bar
+        });
+        Progress { bar, lines: lines && !terminal, start, drawn: Cell::new(None), part: Cell::new((0.0, 1.0)) }
+    }
+
+    /// From now on 0 to 1 stands for this share of everything.
+    pub fn part(&self, from: f64, to: f64) {
+        self.part.set((from, to));
+    }
+
+    /// Shows what is being done and how much of it is done, 0 to 1.
+    pub fn show(&self, what: &str, done: f64) {
+        let pause = if self.lines { LINES } else { PAUSE };
+        let drawn = if self.lines { self.drawn.get().or(Some(self.start)) } else { self.drawn.get() };
+        if !(self.lines || self.bar.is_some()) || drawn.is_some_and(|drawn| drawn.elapsed() < pause) {
             return;
         }
         self.drawn.set(Some(Instant::now()));
-        let filled = (done.clamp(0.0, 1.0) * 30.0) as usize;
-        // a progress bar that cannot be drawn is no fault of the run
-        let _ = write!(stderr(), "\r\x1b[K[{:<30}] {what}", "#".repeat(filled)).and_then(|()| stderr().flush());
+        let (from, to) = self.part.get();
+        let done = from + (to - from) * done.clamp(0.0, 1.0);
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(what.to_owned());
+                bar.set_position((done * STEPS) as u64);
+            }
+            None => eprintln!("{:3.0} %, {what}; {}", 100.0 * done, left(self.start.elapsed(), done)),
+        }
     }
 
     /// Removes the bar.
-    pub(crate) fn clear(&self) {
-        if self.terminal {
-            let _ = write!(stderr(), "\r\x1b[K").and_then(|()| stderr().flush());
+    pub fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
         }
+    }
+}
+
+/// The time left, from how long the share that is done took.
+fn left(elapsed: Duration, done: f64) -> String {
+    if done < EARLY {
+        return format!("{} s", elapsed.as_secs());
+    }
+    let seconds = (elapsed.as_secs_f64() * (1.0 / done - 1.0)).ceil() as u64;
+    if seconds < 120 { format!("{seconds} s left") } else { format!("{} min left", seconds.div_ceil(60)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_is_what_the_rest_takes_at_the_same_speed() {
+        assert_eq!(left(Duration::from_secs(3), 0.0), "3 s");
+        assert_eq!(left(Duration::from_secs(30), 0.5), "30 s left");
+        assert_eq!(left(Duration::from_secs(60), 0.1), "9 min left");
+        assert_eq!(left(Duration::from_secs(9), 1.0), "0 s left");
     }
 }

@@ -19,30 +19,44 @@ const EARLIER: f64 = 1e-3;
 const HALVINGS: u32 = 5;
 
 /// A robot with its variants and the states that all of them can take.
-pub(crate) struct Robot {
-    pub(crate) what: What,
-    pub(crate) name: &'static str,
-    pub(crate) variants: Vec<Variant>,
-    pub(crate) states: Vec<State>,
+#[derive(Debug)]
+pub struct Robot {
+    /// Which one.
+    pub what: What,
+    /// Its name in the tables.
+    pub name: &'static str,
+    /// Every way to close its loops that is measured.
+    pub variants: Vec<Variant>,
+    /// What all variants can take.
+    pub states: Vec<State>,
     /// States that were drawn and left out because some variant has no answer there.
-    pub(crate) left_out: usize,
+    pub left_out: usize,
     /// The share of the usual reach that the positions are drawn from.
-    pub(crate) reach: f64,
+    pub reach: f64,
 }
 
 /// One state and, for each variant, the closed pose shortly before it.
 #[derive(Clone, Debug)]
-pub(crate) struct State {
-    pub(crate) y: Vec<f64>,
-    pub(crate) yd: Vec<f64>,
-    pub(crate) ydd: Vec<f64>,
-    pub(crate) tau_u: Vec<f64>,
-    pub(crate) guesses: Vec<Vec<f64>>,
+pub struct State {
+    /// Independent positions.
+    pub y: Vec<f64>,
+    /// Independent velocities.
+    pub yd: Vec<f64>,
+    /// Independent accelerations.
+    pub ydd: Vec<f64>,
+    /// Actuator forces.
+    pub tau_u: Vec<f64>,
+    /// For each variant, a closed pose shortly before.
+    pub guesses: Vec<Vec<f64>>,
 }
 
 impl Robot {
     /// Loads every variant and draws the states.
-    pub(crate) fn load(what: What, n_states: usize) -> Outcome<Robot> {
+    ///
+    /// # Errors
+    ///
+    /// A robot that does not load, or whose loops close at less than half of the states.
+    pub fn load(what: What, n_states: usize) -> Outcome<Robot> {
         Robot::load_some(what, n_states, |_| true)
     }
 

@@ -1,19 +1,36 @@
 //! Tables as text and as markdown.
 
+use clap::ValueEnum;
+
+/// How tables are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Columns under each other.
+    Text,
+    /// For a README.
+    Markdown,
+    /// The numbers for scripts.
+    Json,
+}
+
 /// A table; the first columns are text, the others numbers.
-pub(crate) struct Table {
-    pub(crate) title: String,
-    /// Names of the columns and how many of them are text.
-    pub(crate) columns: Vec<&'static str>,
-    pub(crate) n_text: usize,
-    pub(crate) rows: Vec<Vec<String>>,
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// What it shows.
+    pub title: String,
+    /// Names of the columns.
+    pub columns: Vec<&'static str>,
+    /// How many of the columns are text.
+    pub n_text: usize,
+    /// The cells, as many in each row as there are columns.
+    pub rows: Vec<Vec<String>>,
     /// What a reader has to know, one line each.
-    pub(crate) notes: Vec<String>,
+    pub notes: Vec<String>,
 }
 
 impl Table {
     /// Columns under each other, for terminals.
-    pub(crate) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         let widths: Vec<usize> = (0..self.columns.len())
             .map(|k| self.rows.iter().map(|row| row[k].chars().count()).fold(self.columns[k].chars().count(), usize::max))
             .collect();
@@ -33,7 +50,7 @@ impl Table {
     }
 
     /// The same for a README.
-    pub(crate) fn markdown(&self) -> String {
+    pub fn markdown(&self) -> String {
         let line = |cells: &mut dyn Iterator<Item = &str>| cells.fold("|".to_owned(), |line, cell| line + " " + cell + " |") + "\n";
         let mut text = format!("### {}\n\n", self.title) + &line(&mut self.columns.iter().copied());
         text += &line(&mut (0..self.columns.len()).map(|k| if k < self.n_text { "---" } else { "--:" }));
@@ -45,11 +62,11 @@ impl Table {
 }
 
 /// Whole nanoseconds: a table reads best with one unit.
-pub(crate) fn ns(x: f64) -> String {
+pub fn ns(x: f64) -> String {
     format!("{x:.0}")
 }
 
 /// An error, two digits.
-pub(crate) fn error(x: f64) -> String {
+pub fn error(x: f64) -> String {
     if x == 0.0 { "0".to_owned() } else { format!("{x:.1e}") }
 }

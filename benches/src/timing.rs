@@ -10,20 +10,19 @@ use crate::cases::Case;
 use crate::progress::Progress;
 
 /// How much a run repeats.
-pub(crate) struct Effort {
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
     /// States whose error is measured.
-    pub(crate) states: usize,
+    pub states: usize,
     /// How long the rounds through all cases go on.
-    pub(crate) rounds: Duration,
-    /// Starts of the server, and of the floor beside it.
-    pub(crate) segments: usize,
-    /// Round trips of each kind in one segment.
-    pub(crate) trips: usize,
+    pub rounds: Duration,
 }
 
 impl Effort {
-    pub(crate) const QUICK: Effort = Effort { states: 256, rounds: Duration::from_secs(15), segments: 6, trips: 15_000 };
-    pub(crate) const FULL: Effort = Effort { states: 1024, rounds: Duration::from_secs(120), segments: 10, trips: 100_000 };
+    /// At most a minute.
+    pub const QUICK: Effort = Effort { states: 256, rounds: Duration::from_secs(15) };
+    /// Some minutes.
+    pub const FULL: Effort = Effort { states: 1024, rounds: Duration::from_secs(120) };
 }
 
 /// States that the batches of a case go through.
@@ -35,32 +34,35 @@ const BATCH: Duration = Duration::from_micros(15);
 /// Untimed calls before each batch take this long: the other cases had the caches and the branch predictor.
 const WARM_UP: Duration = Duration::from_micros(80);
 
-/// What all batches or round trips of a case took, in ascending order.
+/// Nanoseconds of all batches or round trips of a case, in ascending order.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Samples(Vec<f64>);
+pub struct Samples(Vec<f64>);
 
 impl Samples {
-    pub(crate) fn new(mut ns: Vec<f64>) -> Samples {
+    /// Sorts them.
+    pub fn new(mut ns: Vec<f64>) -> Samples {
         ns.sort_unstable_by(f64::total_cmp);
         Samples(ns)
     }
 
     /// The least value that this share of the samples does not exceed; 0 for the least, NaN without samples.
-    pub(crate) fn at(&self, quantile: f64) -> f64 {
+    pub fn at(&self, quantile: f64) -> f64 {
         let last = self.0.len().saturating_sub(1);
         self.0.get(((quantile * self.0.len() as f64) as usize).min(last)).copied().unwrap_or(f64::NAN)
     }
 
-    pub(crate) fn median(&self) -> f64 {
+    /// The middle one.
+    pub fn median(&self) -> f64 {
         self.at(0.5)
     }
 
-    pub(crate) fn count(&self) -> usize {
+    /// How many there are.
+    pub fn count(&self) -> usize {
         self.0.len()
     }
 
     /// Every sample, as pairs of a value in tenths of a nanosecond and how often it came.
-    pub(crate) fn counted(&self) -> Vec<(u64, usize)> {
+    pub fn counted(&self) -> Vec<(u64, usize)> {
         let tenths: Vec<u64> = self.0.iter().map(|ns| (10.0 * ns).round() as u64).collect();
         tenths.chunk_by(|a, b| a == b).map(|equal| (equal[0], equal.len())).collect()
     }
@@ -122,7 +124,7 @@ impl Batch {
 }
 
 /// What reading the clock twice takes, in nanoseconds: a part of every round trip that is shown.
-pub(crate) fn clock() -> f64 {
+pub fn clock() -> f64 {
     let pair = |_| {
         let start = Instant::now();
         start.elapsed().as_nanos() as f64

@@ -45,6 +45,12 @@ enum Command {
     Serve(commands::serve::Serve),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
+    /// Measure: error against run time, time integration, stiff and extreme cases, as a page that opens offline.
+    ///
+    /// Writes report.html, report.json and one CSV file for each figure and table. Ends with 0, with 1 when some extreme case failed
+    /// silently, and with 2 when it could not measure or write.
+    #[cfg(feature = "report")]
+    Report(commands::report::Report),
 }
 
 fn main() -> ExitCode {
@@ -59,5 +65,7 @@ fn main() -> ExitCode {
         Command::Ask(command) => command.run(),
         Command::Serve(command) => command.run(),
         Command::Robots(command) => command.run(),
+        #[cfg(feature = "report")]
+        Command::Report(command) => command.run(),
     }
 }

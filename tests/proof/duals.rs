@@ -3,11 +3,11 @@
 //! A numerical closure over duals starts at the closed pose without derivatives; one Newton step from there gives the first derivative,
 //! one more the second.
 
-use sarrus_dynamics::scalar::{Dd, Real, Scalar};
+use sarrus_dynamics::scalar::{Dd, Dual, Real, Scalar};
 use sarrus_dynamics::{Field, FieldSet, Model, Request, Wanted};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;
-use sarrus_tests::dual::{Dual, First, Second, model};
+use sarrus_tests::dual::{First, Second, model};
 use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 use sarrus_tests::small::{plus, product, times};

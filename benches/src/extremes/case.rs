@@ -6,41 +6,42 @@ use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Method, Request, Status};
 
 use super::ask::{Answered, Ask, State, backward_error, error};
-use super::judge::{Verdict, of_answer};
+use super::judge::of_answer;
 use super::robot::Robot;
 use crate::Outcome;
+use crate::report::Verdict;
 
 /// One case: a robot, a parameter at a value, a question, and what became of it.
 #[derive(Clone, Debug)]
-pub struct Case {
+pub(super) struct Case {
     /// The family, such as `mass ratio`.
-    pub family: &'static str,
+    pub(super) family: &'static str,
     /// The robot.
-    pub mechanism: String,
+    pub(super) mechanism: String,
     /// What is swept.
-    pub parameter: &'static str,
+    pub(super) parameter: &'static str,
     /// Its value.
-    pub value: f64,
+    pub(super) value: f64,
     /// How it was answered: how loops are closed, and by which method forward dynamics went.
-    pub method: String,
+    pub(super) method: String,
     /// What was asked.
-    pub asked: String,
+    pub(super) asked: String,
     /// The status, or what loading said.
-    pub status: String,
+    pub(super) status: String,
     /// Warnings of the answer.
-    pub warnings: Vec<String>,
+    pub(super) warnings: Vec<String>,
     /// Error by size against the truth, where there is an answer.
-    pub error: Option<f64>,
+    pub(super) error: Option<f64>,
     /// The truth.
-    pub truth: &'static str,
+    pub(super) truth: &'static str,
     /// Forward dynamics: backward error.
-    pub backward: Option<f64>,
+    pub(super) backward: Option<f64>,
     /// Time of a call in nanoseconds, where it was taken.
-    pub nanoseconds: Option<f64>,
+    pub(super) nanoseconds: Option<f64>,
     /// What the user is told beside the status.
-    pub told: String,
+    pub(super) told: String,
     /// The verdict.
-    pub verdict: Verdict,
+    pub(super) verdict: Verdict,
 }
 
 /// What an answer is compared with.
@@ -92,7 +93,7 @@ impl Cases {
             backward: None,
             nanoseconds: None,
             told: String::new(),
-            verdict: Verdict::Silent,
+            verdict: Verdict::FailedSilently,
         }
     }
 

@@ -9,7 +9,7 @@ use super::mechanisms::rods;
 use super::robot::Robot;
 use crate::Outcome;
 use crate::chain::chain_of_lambdas;
-use super::Effort;
+use crate::report::Effort;
 
 /// Velocities up to which methods with square matrices are asked.
 const LARGEST_SQUARE: usize = 100;

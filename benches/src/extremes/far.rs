@@ -11,7 +11,7 @@ use super::mechanisms::{GRASHOF, RHOMBUS, four_bar, rods};
 use super::robot::{Robot, bundled, numerical};
 use super::sweep;
 use crate::Outcome;
-use super::Effort;
+use crate::report::Effort;
 
 pub(super) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("many turns", "y, rad");

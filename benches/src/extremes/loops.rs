@@ -9,7 +9,7 @@ use super::mechanisms::{LOOSE, RHOMBUS, bricard, door, four_bar};
 use super::robot::{Draft, Robot, Turn, X, Y, Z};
 use super::sweep;
 use crate::Outcome;
-use super::Effort;
+use crate::report::Effort;
 
 use Field::{Lambda, TauU, TauY};
 

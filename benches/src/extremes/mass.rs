@@ -9,7 +9,7 @@ use super::mechanisms::{GRASHOF, four_bar, rods};
 use super::robot::{Robot, bundled, heavier};
 use super::sweep;
 use crate::Outcome;
-use super::Effort;
+use crate::report::Effort;
 
 /// Robots, and which of their links are heavy: name, robot, ends of the links' names.
 const HEAVY: [(&str, &str, &[&str]); 10] = [

@@ -1,4 +1,4 @@
-//! Stiff and extreme cases: what held, what degraded and said so, what failed and said so. Nothing may fail silently.
+//! Section `extremes`: stiff and extreme cases. What held, what degraded and said so, what failed and said so; nothing may fail silently.
 
 mod ask;
 mod case;
@@ -14,16 +14,10 @@ mod singular;
 mod starts;
 mod terms;
 
-pub use case::Case;
-pub use judge::Verdict;
-
-use case::Cases;
-
+use self::case::{Case, Cases};
 use crate::Outcome;
-/// TEMP
-pub(crate) struct Effort {
-    pub(crate) quick: bool,
-}
+use crate::progress::Progress;
+use crate::report::{Effort, Section};
 
 /// Families in the order of the page.
 const FAMILIES: &[fn(&mut Cases, &Effort) -> Outcome] = &[
@@ -53,9 +47,11 @@ fn sweep(effort: &Effort, from: i32, to: i32, steps: i32) -> Vec<f64> {
     (0..=steps).map(|k| 10f64.powi(from + (to - from) * k / steps)).collect()
 }
 
-pub(crate) fn all(effort: &Effort) -> Outcome<Vec<Case>> {
+/// Every case.
+fn all(effort: &Effort, progress: &Progress) -> Outcome<Vec<Case>> {
     let mut cases = Cases::default();
-    for family in FAMILIES {
+    for (k, family) in FAMILIES.iter().enumerate() {
+        progress.show("extreme cases", k as f64 / FAMILIES.len() as f64);
         let start = (std::time::Instant::now(), cases.all.len());
         family(&mut cases, effort)?;
         eprintln!("{:?} {} cases", start.0.elapsed(), cases.all.len() - start.1);
@@ -63,13 +59,38 @@ pub(crate) fn all(effort: &Effort) -> Outcome<Vec<Case>> {
     Ok(cases.all)
 }
 
-pub(crate) fn temp(quick: bool) -> Outcome {
-    let cases = all(&Effort { quick })?;
-    for c in &cases {
-        println!("{}\t{}\t{:e}\t{}\t{}\t{}\t{}\t{:?}\t{:?}\t{}\t{}", c.family, c.mechanism, c.value, c.method, c.asked, c.status, c.warnings.join(","), c.error, c.backward, c.verdict.name(), c.told);
+/// Fills the section.
+pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
+    let _ = all(effort, progress)?;
+    Ok(Section::new("extremes", "Stiff and extreme cases"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::Verdict;
+
+    #[test]
+    fn dump() {
+        let cases = all(&Effort { quick: std::env::var("FULL").is_err() }, &Progress::silent()).unwrap();
+        for c in &cases {
+            println!(
+                "{}\t{}\t{:e}\t{}\t{}\t{}\t{}\t{:.1e}\t{:.1e}\t{}\t{}",
+                c.family,
+                c.mechanism,
+                c.value,
+                c.method,
+                c.asked,
+                c.status,
+                c.warnings.join(","),
+                c.error.unwrap_or(f64::NAN),
+                c.backward.unwrap_or(f64::NAN),
+                c.verdict.name(),
+                c.told
+            );
+        }
+        for v in Verdict::ALL {
+            eprintln!("{} {}", v.name(), cases.iter().filter(|c| c.verdict == v).count());
+        }
     }
-    for v in Verdict::ALL {
-        eprintln!("{} {}", v.name(), cases.iter().filter(|c| c.verdict == v).count());
-    }
-    Ok(())
 }

@@ -8,7 +8,7 @@ use super::mechanisms::bricard;
 use super::robot::{Robot, bundled, numerical, scaled};
 use super::sweep;
 use crate::Outcome;
-use super::Effort;
+use crate::report::Effort;
 
 /// Robots that are made larger and heavier.
 const ROBOTS: [&str; 6] = ["lambda", "wrist", "stewart", "four_bars_2", "torso", "rh5v2_upper_body"];

@@ -12,7 +12,7 @@ use super::mechanisms::{LOOSE, RHOMBUS, bricard, four_bar, lambda, reach_of_lamb
 use super::robot::{Robot, bundled, numerical};
 use super::sweep;
 use crate::Outcome;
-use super::Effort;
+use crate::report::Effort;
 
 /// A robot, and the way to a singular pose: y = from + (1 − d) × to.
 struct Way {

@@ -6,12 +6,12 @@ use sarrus_models::{Options, Source, bundled_text, load};
 
 use super::ask::{Ask, State};
 use super::case::{At, Case, Cases, Truth};
-use super::judge::Verdict;
+use crate::report::Verdict;
 use super::mechanisms::{LOOSE, bricard, four_bar};
 use super::robot::{Robot, bundled, numerical};
 use super::sweep;
 use crate::Outcome;
-use super::Effort;
+use crate::report::Effort;
 
 use Field::*;
 

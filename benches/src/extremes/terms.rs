@@ -8,7 +8,7 @@ use super::case::{At, Cases};
 use super::robot::{Robot, bundled};
 use super::sweep;
 use crate::Outcome;
-use super::Effort;
+use crate::report::Effort;
 
 pub(super) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     let kinds: [(&str, &str, fn(f64) -> Terms); 3] = [

@@ -1,14 +1,16 @@
 //! The numbers that every kernel is written over.
 
 mod double_double;
+mod dual;
 mod elementary;
 
 pub use double_double::Dd;
+pub use dual::Dual;
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
 
-/// A real number as kernels see it: `f64`, double-double, and later dual numbers and SIMD lanes.
+/// A real number as kernels see it: `f64`, double-double, dual numbers, and later SIMD lanes.
 ///
 /// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by [`Real::select`].
 pub trait Real:

@@ -1,86 +1,20 @@
-//! What a run found, as tables and as JSON.
+//! The tables of the times in process, and their numbers.
 
-use std::path::Path;
-
-use serde_json::{Value, json};
-
-use crate::Outcome;
 use sarrus_dynamics::Method;
+use serde_json::{Value, json};
 
 use crate::cases::{Case, Question, Start};
 use crate::error::Errors;
-use crate::round_trip::{Cores, Trip};
 use crate::states::Robot;
 use crate::table::{Table, error, ns};
-use crate::timing::{Samples, clock};
+use crate::timing::Samples;
 
-/// Everything that is printed or kept.
-pub(crate) struct Report {
-    command: String,
-    machine: String,
-    tables: Vec<Table>,
-    cases: Vec<Value>,
-    trips: Vec<Value>,
-    /// Every batch and every round trip, in the order of `cases` and `trips`.
-    samples: Vec<Value>,
-}
-
-impl Report {
-    pub(crate) fn new(
-        robots: &[Robot],
-        cases: &[Case<'_>],
-        errors: &[Errors],
-        samples: &[Samples],
-        trips: &[Trip],
-        cores: &Cores,
-    ) -> Report {
-        let flags: Vec<String> = std::env::args().skip(1).collect();
-        let command = if flags.is_empty() { String::new() } else { format!(" -- {}", flags.join(" ")) };
-        let mut tables = Vec::new();
-        if !cases.is_empty() {
-            tables.push(overview(cases, errors, samples));
-            tables.push(methods(cases, errors, samples));
-            tables.push(in_process(robots, cases, errors, samples));
-        }
-        if !trips.is_empty() {
-            tables.push(round_trips(trips, cores));
-        }
-        let rows = cases.iter().zip(errors).zip(samples);
-        let raw = samples.iter().chain(trips.iter().map(|trip| &trip.samples));
-        Report {
-            command: format!("cargo run --release -p sarrus-benches{command}"),
-            machine: machine(cores),
-            tables,
-            cases: rows.map(|((case, errors), samples)| case_value(case, errors, samples)).collect(),
-            trips: trips.iter().map(Trip::value).collect(),
-            samples: raw.map(|samples| json!(samples.counted())).collect(),
-        }
+/// Every table; none without cases.
+pub(super) fn all(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Vec<Table> {
+    if cases.is_empty() {
+        return Vec::new();
     }
-
-    pub(crate) fn text(&self) -> String {
-        let head = format!("{}\n{}\n\n", self.command, self.machine);
-        self.tables.iter().fold(head, |text, table| text + &table.text())
-    }
-
-    pub(crate) fn markdown(&self) -> String {
-        let head = format!("`{}` on {}\n\n", self.command, self.machine);
-        self.tables.iter().fold(head, |text, table| text + &table.markdown())
-    }
-
-    /// The tables' numbers.
-    pub(crate) fn summary(&self) -> Value {
-        json!({ "command": self.command, "machine": self.machine, "in_process": self.cases, "round_trip": self.trips })
-    }
-
-    /// The same with every sample.
-    pub(crate) fn save(&self, path: &Path) -> Outcome {
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        }
-        let mut whole = self.summary();
-        whole["samples_tenths_of_ns_and_count"] = json!(self.samples);
-        std::fs::write(path, whole.to_string()).map_err(|error| format!("{}: {error}", path.display()).into())
-    }
+    vec![overview(cases, errors, samples), methods(cases, errors, samples), in_process(robots, cases, errors, samples)]
 }
 
 /// One line for each way to close a robot's loops: the median times, the worst error, the Newton steps.
@@ -181,44 +115,6 @@ fn in_process(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: 
     }
 }
 
-fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
-    let row = |trip: &Trip| {
-        let mut row = vec![trip.what.name.to_owned(), format!("{} in, {} out", trip.n_in, trip.n_out), trip.way.name().to_owned()];
-        row.extend([0.5, 0.9, 0.99, 0.999].map(|quantile| ns(trip.samples.at(quantile))));
-        row.push(format!("{} to {}", ns(trip.starts.0), ns(trip.starts.1)));
-        let served = trip.computation > 0.0;
-        let optional = |x: f64| if served { ns(x) } else { "-".to_owned() };
-        row.extend([optional(trip.computation), ns(trip.samples.median() - trip.computation), optional(trip.over_floor())]);
-        row
-    };
-    let count = trips.iter().map(|trip| trip.samples.count()).min().unwrap_or(0);
-    Table {
-        title: "Round trip, upper body, server and client two processes that poll".to_owned(),
-        columns: vec![
-            "asked",
-            "numbers",
-            "way",
-            "p50",
-            "p90",
-            "p99",
-            "p99.9",
-            "p50 of starts",
-            "computation",
-            "p50 without it",
-            "over the floor",
-        ],
-        n_text: 3,
-        rows: trips.iter().map(row).collect(),
-        notes: vec![
-            "p50 of starts: the least and the largest p50 of one start of the processes; where they differ much, the machine does."
-                .to_owned(),
-            format!("ns; {count} round trips each in turns; the clock's own {} ns are included; {cores}", ns(clock())),
-            "floor: the same bytes there and back through shared atomics, nothing computed; computation: the same plan in process, median."
-                .to_owned(),
-        ],
-    }
-}
-
 fn start(case: &Case<'_>) -> &'static str {
     match case.start {
         Start::None => "-",
@@ -231,7 +127,8 @@ fn newton(errors: &Errors) -> String {
     errors.newton.map_or("-".to_owned(), |(mean, most)| format!("{mean:.1} ({most:.0})"))
 }
 
-fn case_value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
+/// The numbers of a case.
+pub(super) fn value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
     let mut value = json!({
         "case": case.name(), "median_ns": samples.median(), "min_ns": samples.at(0.0), "p99_ns": samples.at(0.99),
         "batches": samples.count(), "states": case.inputs.len(), "error": errors.worst, "median_error": errors.median,
@@ -244,13 +141,4 @@ fn case_value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
         value["newton_steps"] = json!({ "mean": mean, "most": most });
     }
     value
-}
-
-/// Processor, how many, and how busy they are with other things.
-fn machine(cores: &Cores) -> String {
-    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
-    let info = read("/proc/cpuinfo");
-    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ")).map_or("unknown processor", |pair| pair.1);
-    let load = read("/proc/loadavg");
-    format!("{model}, {} processors; load at the end {}", cores.count, load.split(' ').next().unwrap_or("unknown"))
 }

@@ -1,31 +1,41 @@
-//! Round trips: both doors of a server process, beside plain shared memory that carries the same bytes.
+//! Both doors of a server process, beside the floor.
 //!
 //! Server and floor take turns, each alone with the client: on two processors a third process that polls would be measured too.
 
-mod child;
-mod cores;
-mod floor;
-
 use std::time::Instant;
 
+use sarrus_benches::Outcome;
+use sarrus_benches::cases::{Question, packed};
+use sarrus_benches::cores::Cores;
+use sarrus_benches::progress::Progress;
+use sarrus_benches::states::Robot;
+use sarrus_benches::timing::Samples;
 use sarrus_client::{ConnectOptions, Door, Patience, PlanId, Robot as Client};
 use sarrus_dynamics::{Field, FieldSet, Plan, Request, Status, Wanted, Workspace};
 use sarrus_proto::Domain;
 use serde_json::{Value, json};
 
-pub(crate) use self::child::{Role, child};
-pub(crate) use self::cores::Cores;
+use crate::child::{Child, Role};
+use crate::floor;
 
-use self::child::Child;
-use crate::Outcome;
-use crate::cases::{Question, packed};
-use crate::progress::Progress;
-use crate::states::Robot;
-use crate::timing::{Effort, Samples};
-
-const ROBOT: &str = "rh5v2_upper_body";
+/// The robot that is served.
+pub(crate) const ROBOT: &str = "rh5v2_upper_body";
 /// States that the requests go through in turn.
-const STATES: usize = 64;
+pub(crate) const STATES: usize = 64;
+
+/// How much a run repeats.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    /// Starts of the server, and of the floor beside it.
+    segments: usize,
+    /// Round trips of each kind in one segment.
+    trips: usize,
+}
+
+impl Effort {
+    pub(crate) const QUICK: Effort = Effort { segments: 6, trips: 15_000 };
+    pub(crate) const FULL: Effort = Effort { segments: 10, trips: 100_000 };
+}
 
 /// What is asked.
 #[derive(Clone, Copy, Debug)]
@@ -108,15 +118,14 @@ struct Asked {
 }
 
 /// Measures all round trips whose name has `only` in it; nothing where server and client would share a processor.
-pub(crate) fn measure(robots: &[Robot], cores: &Cores, effort: &Effort, only: &str, progress: &Progress) -> Outcome<Vec<Trip>> {
+pub(crate) fn measure(robot: &Robot, cores: &Cores, effort: &Effort, only: &str, progress: &Progress) -> Outcome<Vec<Trip>> {
     if cores.is_one() {
         eprintln!("round trips not run: server and client poll, each needs a processor of its own");
         return Ok(Vec::new());
     }
-    let robot = robots.iter().find(|robot| robot.name == ROBOT).ok_or("the robot to serve is not loaded")?;
     let mut asked = WHATS.into_iter().map(|what| Asked::new(what, robot)).collect::<Outcome<Vec<_>>>()?;
     let chosen = |way, asked: &Asked| name(way, asked.what).contains(only) || way == Way::Floor;
-    let domain = Domain::at(&std::env::temp_dir().join(format!("sarrus-benches-{}", std::process::id())))?;
+    let domain = Domain::at(&std::env::temp_dir().join(format!("sarrus-round-trip-{}", std::process::id())))?;
 
     for segment in 0..effort.segments {
         progress.show("round trips", segment as f64 / effort.segments as f64);

@@ -9,19 +9,23 @@ use crate::Outcome;
 
 /// One processor for the client, one for the server, and one for what else the server does.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cores {
+pub struct Cores {
     client: usize,
     server: usize,
     upkeep: usize,
     /// How many there are.
-    pub(crate) count: usize,
+    pub count: usize,
     /// True when client and server are two threads of one core.
     siblings: bool,
 }
 
 impl Cores {
     /// The first processor for the server, the next of another core for the client, a third for the server's upkeep if there is one.
-    pub(crate) fn choose() -> Outcome<Cores> {
+    ///
+    /// # Errors
+    ///
+    /// A system that does not tell which processors are allowed.
+    pub fn choose() -> Outcome<Cores> {
         let allowed = sched_getaffinity(None)?;
         let allowed: Vec<usize> = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu)).collect();
         let server = *allowed.first().ok_or("no processor is allowed")?;
@@ -33,16 +37,17 @@ impl Cores {
     }
 
     /// True when there is only one.
-    pub(crate) fn is_one(&self) -> bool {
+    pub fn is_one(&self) -> bool {
         self.client == self.server
     }
 
-    pub(crate) fn pin_client(&self) {
+    /// Ties this thread to the client's.
+    pub fn pin_client(&self) {
         pin(self.client);
     }
 
     /// The server's and that of its upkeep.
-    pub(super) fn of_server(&self) -> [usize; 2] {
+    pub fn of_server(&self) -> [usize; 2] {
         [self.server, self.upkeep]
     }
 }
@@ -55,7 +60,7 @@ impl fmt::Display for Cores {
 }
 
 /// Moves this thread, and what it starts, to one processor. A system that forbids it measures without.
-pub(super) fn pin(cpu: usize) {
+pub fn pin(cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);
     let _ = sched_setaffinity(None, &set);

@@ -9,14 +9,14 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc::Service;
+use sarrus_benches::Outcome;
+use sarrus_benches::cores::Cores;
 use sarrus_proto::lane::{ComputeActive, ComputeClient, ComputePending, send_request};
 use sarrus_proto::message::{ComputeRequest, RequestHead};
 use sarrus_proto::service::{ComputeServer, open_compute, serve_compute};
 use sarrus_proto::{Domain, ServerName};
 
-use super::child::Child;
-use super::{Cores, Role};
-use crate::Outcome;
+use crate::child::{Child, Role};
 
 /// How long the two processes wait for each other.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -92,7 +92,7 @@ impl End {
 }
 
 /// The end that measures.
-pub(super) struct Near {
+pub(crate) struct Near {
     end: End,
     child: Child,
     sequence: u64,
@@ -101,7 +101,7 @@ pub(super) struct Near {
 
 impl Near {
     /// Starts the other process.
-    pub(super) fn start(domain: &Domain, cores: &Cores) -> Outcome<Near> {
+    pub(crate) fn start(domain: &Domain, cores: &Cores) -> Outcome<Near> {
         let mut child = None;
         let end = End::meet(domain, "floor-near", "floor-far", || {
             child = Some(Child::start(Role::Floor, domain, cores)?);
@@ -113,7 +113,7 @@ impl Near {
 
     /// One round trip: `input` there, the first `n_out` of its numbers back.
     #[inline]
-    pub(super) fn trip(&mut self, input: &[f64], n_out: usize) -> Outcome {
+    pub(crate) fn trip(&mut self, input: &[f64], n_out: usize) -> Outcome {
         self.sequence += 1;
         self.end.post(self.sequence, input, n_out);
         let mut spins = 0_u64;
@@ -128,13 +128,13 @@ impl Near {
         }
     }
 
-    pub(super) fn stop(self) -> Outcome {
+    pub(crate) fn stop(self) -> Outcome {
         self.child.stop()
     }
 }
 
 /// The other end, until told to stop.
-pub(super) fn far(stop: &AtomicBool) -> Outcome {
+pub(crate) fn far(stop: &AtomicBool) -> Outcome {
     let domain = Domain::of_user()?;
     let end = End::meet(&domain, "floor-far", "floor-near", || {
         println!("ready");

@@ -6,14 +6,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use clap::ValueEnum;
+use sarrus_benches::Outcome;
+use sarrus_benches::cores::{Cores, pin};
 use sarrus_client::describe;
 use sarrus_models::{Options, Source, load};
 use sarrus_proto::Domain;
 use sarrus_server::{ServeOptions, Wait, serve};
 
-use super::cores::pin;
-use super::{Cores, ROBOT, floor};
-use crate::Outcome;
+use crate::floor;
+use crate::measure::ROBOT;
 
 /// What the other process does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -25,11 +26,11 @@ pub(crate) enum Role {
 }
 
 /// A process that runs; killed when dropped.
-pub(super) struct Child(std::process::Child);
+pub(crate) struct Child(std::process::Child);
 
 impl Child {
     /// Starts it and waits until it is ready.
-    pub(super) fn start(role: Role, domain: &Domain, cores: &Cores) -> Outcome<Child> {
+    pub(crate) fn start(role: Role, domain: &Domain, cores: &Cores) -> Outcome<Child> {
         let mut command = Command::new(std::env::current_exe()?);
         command.args(["--child", role.to_possible_value().as_ref().map_or("", |value| value.get_name())]);
         command.arg("--processors").args(cores.of_server().map(|cpu| cpu.to_string()));
@@ -43,7 +44,7 @@ impl Child {
     }
 
     /// Lets it end.
-    pub(super) fn stop(mut self) -> Outcome {
+    pub(crate) fn stop(mut self) -> Outcome {
         drop(self.0.stdin.take());
         let status = self.0.wait()?;
         if status.success() { Ok(()) } else { Err(format!("the other process ends with {status}").into()) }

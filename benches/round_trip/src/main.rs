@@ -1,0 +1,129 @@
+//! Round trips: both doors of a server process, beside plain shared memory that carries the same bytes.
+//!
+//! ```text
+//! cargo run --release -p sarrus-round-trip                    # some minutes
+//! cargo run --release -p sarrus-round-trip -- --quick --only lane/FD
+//! ```
+
+mod child;
+mod floor;
+mod measure;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use sarrus_benches::Outcome;
+use sarrus_benches::cases::What;
+use sarrus_benches::cores::Cores;
+use sarrus_benches::printed::{Printed, machine};
+use sarrus_benches::progress::Progress;
+use sarrus_benches::states::Robot;
+use sarrus_benches::table::{Format, Table, ns};
+use sarrus_benches::timing::clock;
+use serde_json::json;
+
+use crate::measure::{Effort, ROBOT, STATES, Trip};
+
+/// The requests door needs it: see `sarrus_server::pool`. Nothing else here notices.
+#[global_allocator]
+static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
+
+/// Times of round trips between two processes.
+#[derive(Parser)]
+struct Flags {
+    /// Fewer repetitions.
+    #[arg(long)]
+    quick: bool,
+    /// Only the cases whose name has this in it, such as `lane`; the floor is always measured.
+    #[arg(long, value_name = "SUBSTRING", default_value = "")]
+    only: String,
+    /// How the table is printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+    /// Where the raw data goes: every round trip, as JSON.
+    #[arg(long, default_value = "target/benches/round_trip.json")]
+    out: PathBuf,
+    /// Print the names of the cases and end.
+    #[arg(long)]
+    list: bool,
+    #[arg(long, hide = true)]
+    child: Option<child::Role>,
+    /// Processors of the child: it inherits the one that its parent is tied to.
+    #[arg(long, hide = true, num_args = 2)]
+    processors: Vec<usize>,
+}
+
+fn main() -> ExitCode {
+    let outcome = match Flags::parse() {
+        Flags { child: Some(role), processors, .. } => child::child(role, &processors),
+        Flags { list: true, .. } => {
+            measure::names().for_each(|name| println!("{name}"));
+            Ok(())
+        }
+        flags => run(&flags),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("sarrus-round-trip: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(flags: &Flags) -> Outcome {
+    let effort = if flags.quick { Effort::QUICK } else { Effort::FULL };
+    let progress = Progress::silent();
+    let cores = Cores::choose()?;
+    cores.pin_client();
+    let robot = Robot::load(What::Bundled(ROBOT), STATES)?;
+    let trips = measure::measure(&robot, &cores, &effort, &flags.only, &progress)?;
+    progress.clear();
+    let printed = Printed {
+        package: "sarrus-round-trip",
+        machine: machine(&cores),
+        tables: if trips.is_empty() { Vec::new() } else { vec![round_trips(&trips, &cores)] },
+        values: json!({ "round_trip": trips.iter().map(Trip::value).collect::<Vec<_>>() }),
+        samples: trips.into_iter().map(|trip| trip.samples).collect(),
+    };
+    printed.finish(flags.format, &flags.out)
+}
+
+fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
+    let row = |trip: &Trip| {
+        let mut row = vec![trip.what.name.to_owned(), format!("{} in, {} out", trip.n_in, trip.n_out), trip.way.name().to_owned()];
+        row.extend([0.5, 0.9, 0.99, 0.999].map(|quantile| ns(trip.samples.at(quantile))));
+        row.push(format!("{} to {}", ns(trip.starts.0), ns(trip.starts.1)));
+        let served = trip.computation > 0.0;
+        let optional = |x: f64| if served { ns(x) } else { "-".to_owned() };
+        row.extend([optional(trip.computation), ns(trip.samples.median() - trip.computation), optional(trip.over_floor())]);
+        row
+    };
+    let count = trips.iter().map(|trip| trip.samples.count()).min().unwrap_or(0);
+    Table {
+        title: "Round trip, upper body, server and client two processes that poll".to_owned(),
+        columns: vec![
+            "asked",
+            "numbers",
+            "way",
+            "p50",
+            "p90",
+            "p99",
+            "p99.9",
+            "p50 of starts",
+            "computation",
+            "p50 without it",
+            "over the floor",
+        ],
+        n_text: 3,
+        rows: trips.iter().map(row).collect(),
+        notes: vec![
+            "p50 of starts: the least and the largest p50 of one start of the processes; where they differ much, the machine does."
+                .to_owned(),
+            format!("ns; {count} round trips each in turns; the clock's own {} ns are included; {cores}", ns(clock())),
+            "floor: the same bytes there and back through shared atomics, nothing computed; computation: the same plan in process, median."
+                .to_owned(),
+        ],
+    }
+}

@@ -1,0 +1,10 @@
+//! Section `accuracy`: error against run time.
+
+use crate::Outcome;
+use crate::progress::Progress;
+use crate::report::{Effort, Section};
+
+/// Fills the section.
+pub(crate) fn run(_effort: &Effort, _progress: &Progress) -> Outcome<Section> {
+    Ok(Section::new("accuracy", "Error against run time"))
+}

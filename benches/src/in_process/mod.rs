@@ -1,0 +1,83 @@
+//! Times in process: every case of every robot, errors first, then batches that take turns.
+
+mod tables;
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::Outcome;
+use crate::cases::{self, Case};
+use crate::cores::Cores;
+use crate::error;
+use crate::printed::{Printed, machine};
+use crate::progress::Progress;
+use crate::states::Robot;
+use crate::table::Format;
+use crate::timing::{self, Effort};
+
+/// What to measure and where it goes.
+#[derive(Clone, Debug)]
+pub struct Wish {
+    /// Fewer repetitions.
+    pub quick: bool,
+    /// Only the cases whose name has this in it.
+    pub only: String,
+    /// How the tables are printed.
+    pub format: Format,
+    /// The file for every batch of every case.
+    pub out: PathBuf,
+    /// Print the names of the cases only.
+    pub list: bool,
+}
+
+/// Measures, prints and keeps.
+///
+/// # Errors
+///
+/// A case that does not answer, a file that cannot be written.
+pub fn run(wish: &Wish) -> Outcome {
+    let effort = if wish.quick { Effort::QUICK } else { Effort::FULL };
+    let progress = Progress::silent();
+    let cores = Cores::choose()?;
+    cores.pin_client();
+
+    // the same states for every way to close a robot's loops
+    let mut robots = Vec::new();
+    let whats: Vec<cases::What> = cases::What::all().filter(|what| what.may_have(&wish.only)).collect();
+    for (k, what) in whats.iter().enumerate() {
+        progress.show(what.name(), k as f64 / whats.len() as f64);
+        match Robot::load(*what, what.states(if wish.list { 0 } else { effort.states })) {
+            Ok(robot) => robots.push(robot),
+            Err(error) => eprintln!("not measured: {error}"),
+        }
+    }
+    let mut cases = Vec::new();
+    for robot in &robots {
+        cases.extend(cases::of_robot(robot)?.into_iter().filter(|case| case.name().contains(&wish.only)));
+    }
+    if wish.list {
+        cases.iter().map(Case::name).for_each(|name| println!("{name}"));
+        return Ok(());
+    }
+
+    // errors first: a case that does not answer is not timed
+    let (mut errors, mut kept) = (Vec::new(), Vec::new());
+    let n_cases = cases.len();
+    for (k, case) in cases.iter_mut().enumerate() {
+        progress.show("errors", k as f64 / n_cases as f64);
+        errors.push(error::measure(case, &mut kept)?);
+    }
+    let samples = timing::interleaved(&mut cases, &effort, &progress)?;
+    progress.clear();
+
+    let rows = cases.iter().zip(&errors).zip(&samples);
+    let printed = Printed {
+        package: "sarrus-benches",
+        machine: machine(&cores),
+        tables: tables::all(&robots, &cases, &errors, &samples),
+        values: json!({ "in_process": rows.map(|((case, errors), samples)| tables::value(case, errors, samples)).collect::<Vec<_>>() }),
+        samples,
+    };
+    printed.finish(wish.format, &wish.out)
+}

@@ -1,0 +1,175 @@
+//! The page: sections of figures, tables and cases, written as HTML, JSON and CSV.
+//!
+//! A section is a folder beside this one with `run(effort, progress)` that fills a [`Section`], and one line in [`SECTIONS`].
+//!
+//! Errors are by size, max |x − truth| / max(|truth| of that quantity, tiny). An error of exactly zero is drawn at [`DRAWN_FOR_ZERO`].
+
+mod write;
+
+use crate::progress::Progress;
+use crate::{Outcome, accuracy, extremes, integration};
+
+pub use self::write::{Wish, run};
+
+/// Where an error of exactly zero is drawn on a logarithmic axis.
+pub const DRAWN_FOR_ZERO: f64 = 1e-17;
+
+/// Every section: its name, what fills it, and its share of the time of a full report.
+const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 3] =
+    [("accuracy", accuracy::run, 0.5), ("integration", integration::run, 0.2), ("extremes", extremes::run, 0.3)];
+
+/// The names of all sections, in their order on the page.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    SECTIONS.iter().map(|(name, ..)| *name)
+}
+
+/// How much a report measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// The whole report within two minutes on two slow cores.
+    pub quick: bool,
+}
+
+/// A part of the page.
+#[derive(Clone, Debug, Default)]
+pub struct Section {
+    /// The name that `--section` takes.
+    pub name: &'static str,
+    /// The heading.
+    pub title: String,
+    /// What was found, a sentence each, for the top of the page.
+    pub summary: Vec<String>,
+    /// The largest error of an answer that was given as good, by what a user gets without asking for anything special.
+    pub worst_error: Option<f64>,
+    /// Pictures.
+    pub figures: Vec<Figure>,
+    /// Tables without a picture.
+    pub tables: Vec<Table>,
+    /// Extreme cases with their verdicts.
+    pub cases: Vec<Case>,
+}
+
+impl Section {
+    /// An empty section.
+    pub fn new(name: &'static str, title: &str) -> Section {
+        Section { name, title: title.to_owned(), ..Section::default() }
+    }
+}
+
+/// A picture and its data.
+#[derive(Clone, Debug, Default)]
+pub struct Figure {
+    /// Unique on the page, of small letters, digits, `-` and `_`; also the name of its CSV file.
+    pub id: String,
+    /// What it shows.
+    pub title: String,
+    /// What a reader has to know.
+    pub caption: String,
+    /// What draws it again; empty stands for this section's command.
+    pub command: String,
+    /// To the right.
+    pub x: Axis,
+    /// Upwards.
+    pub y: Axis,
+    /// What is drawn.
+    pub series: Vec<Series>,
+}
+
+/// An axis of a figure.
+#[derive(Clone, Debug, Default)]
+pub struct Axis {
+    /// Quantity and unit.
+    pub label: String,
+    /// Logarithmic; what is not positive is drawn at [`DRAWN_FOR_ZERO`].
+    pub log: bool,
+}
+
+/// Points that belong together.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    /// The name in the legend; a peer's begins with the peer's name.
+    pub name: String,
+    /// Joined by a line.
+    pub line: bool,
+    /// Competes for the Pareto front of its figure, where less is better on both axes.
+    pub front: bool,
+    /// Points; a value that is not finite is not drawn but stands in the table.
+    pub points: Vec<Point>,
+}
+
+/// One measurement.
+#[derive(Clone, Debug, Default)]
+pub struct Point {
+    /// To the right.
+    pub x: f64,
+    /// Upwards.
+    pub y: f64,
+    /// What it is, such as a tolerance; stands in the table and in the picture's tooltip.
+    pub label: String,
+}
+
+/// A table and its caption.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// Unique on the page, like a figure's.
+    pub id: String,
+    /// What it shows.
+    pub title: String,
+    /// What a reader has to know.
+    pub caption: String,
+    /// Heads.
+    pub columns: Vec<String>,
+    /// Cells, as many in each row as there are heads.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// How an extreme case ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// A good answer.
+    Held,
+    /// A worse answer that says so.
+    Degraded,
+    /// No answer, and a reason.
+    Failed,
+    /// A bad answer that looks like a good one.
+    FailedSilently,
+}
+
+impl Verdict {
+    /// Every verdict, from good to bad.
+    pub const ALL: [Verdict; 4] = [Verdict::Held, Verdict::Degraded, Verdict::Failed, Verdict::FailedSilently];
+
+    /// Its name on the page and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Held => "held",
+            Verdict::Degraded => "degraded and said so",
+            Verdict::Failed => "failed and said so",
+            Verdict::FailedSilently => "failed silently",
+        }
+    }
+}
+
+/// An extreme case: one value of a parameter, one method.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// What is driven to extremes, such as `mass ratio`.
+    pub family: String,
+    /// On what.
+    pub robot: String,
+    /// What is swept, with its unit.
+    pub parameter: String,
+    /// Its value.
+    pub value: f64,
+    /// What was asked and by which method.
+    pub method: String,
+    /// By size; none without an answer.
+    pub error: Option<f64>,
+    /// The status, as `sarrus ask` prints it, or why it did not load.
+    pub status: String,
+    /// How the user is told: warnings, fields, messages.
+    pub told: String,
+    /// By the one rule for all.
+    pub verdict: Verdict,
+}
