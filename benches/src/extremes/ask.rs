@@ -52,7 +52,8 @@ impl State {
                 scatter(k) * reach / unit * if unit == 1.0 { 1.0 } else { 0.1 }
             }
         });
-        let rates = |shift: usize, size: f64| of_v.iter().enumerate().map(|(k, unit)| scatter(k + shift) * size / unit).collect::<Vec<f64>>();
+        let rates =
+            |shift: usize, size: f64| of_v.iter().enumerate().map(|(k, unit)| scatter(k + shift) * size / unit).collect::<Vec<f64>>();
         let mut state = State { y: y.collect(), yd: rates(7, 1.0), ydd: rates(13, 3.0), ..State::default() };
         state.forces(robot)?;
         Ok(state)
@@ -219,12 +220,4 @@ pub(super) fn backward_error(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -
         + largest(&mut (0..n).map(|i| units[i] * bias.get(TauY)[i].to_f64()))
         + largest(&mut (0..n).map(|i| units[i] * tau[i]));
     Ok(if residual == 0.0 { 0.0 } else { residual / size })
-}
-
-/// True where the robot has a pose at this y in double-double.
-pub(super) fn exact_pose(robot: &Robot, y: &[Dd]) -> Outcome<bool> {
-    let state = State { y: vec![0.0; y.len()], ..State::default() };
-    let mut answer = Ask::pose(&state).run(&robot.compiled.exact)?;
-    let status = answer.plan.run(&robot.compiled.exact, &mut answer.workspace, y, &mut answer.numbers).status;
-    Ok(status == Status::Ok)
 }

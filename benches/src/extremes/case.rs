@@ -6,7 +6,7 @@ use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Method, Request, Status};
 
 use super::ask::{Answered, Ask, State, backward_error, error};
-use super::judge::of_answer;
+use super::judge::{HELD, of_answer};
 use super::robot::Robot;
 use crate::Outcome;
 use crate::report::Verdict;
@@ -124,7 +124,7 @@ impl Cases {
             error,
             truth: source,
             backward,
-            told: told(robot, ask, &answer)?,
+            told: if error.is_some_and(|error| error > HELD) { figures(robot, ask)? } else { told(robot, ask, &answer)? },
             verdict: of_answer(answer.status(), answer.warnings(), error.unwrap_or(f64::INFINITY), answer.is_empty()),
             ..self.blank(&robot.name, at, asked)
         };
@@ -182,11 +182,22 @@ fn told(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<String> {
     let mut told: Vec<Cow<'_, str>> = Vec::new();
     for (field, name) in [(Residual, "residual"), (SigmaMin, "σ_min"), (NearestY, "nearest y"), (Uncontrolled, "uncontrolled")] {
         let numbers = helps.get(field);
-        let few: Vec<String> = numbers.iter().take(6).map(|x| if field == NearestY { format!("{x:.6}") } else { format!("{x:.1e}") }).collect();
+        let few: Vec<String> =
+            numbers.iter().take(6).map(|x| if field == NearestY { format!("{x:.6}") } else { format!("{x:.1e}") }).collect();
         let relevant = field != Uncontrolled || answer.status() == Status::SingularActuation;
         if relevant && !numbers.is_empty() && numbers.iter().all(|x| x.is_finite()) {
             told.push(format!("{name} {}", few.join(" ")).into());
         }
     }
+    Ok(told.join(", "))
+}
+
+/// The figures by which a user can judge an answer.
+fn figures(robot: &Robot, ask: &Ask) -> Outcome<String> {
+    use Field::{CondGu, CondMy, Q, QGuess, SigmaMin, U, Y};
+    let given: Vec<_> = ask.given.iter().filter(|(field, _)| matches!(field, Y | Q | U | QGuess)).cloned().collect();
+    let want = [SigmaMin, CondGu, CondMy];
+    let figures = Ask::new(Request::InverseDynamics, given, &want).run(&robot.compiled.model)?;
+    let told = want.map(|field| figures.get(field).first().map_or(String::new(), |x| format!("{} {x:.1e}", field.name())));
     Ok(told.join(", "))
 }

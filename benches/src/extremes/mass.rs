@@ -58,7 +58,8 @@ fn answers(cases: &mut Cases, name: &str, value: f64, robot: Outcome<Robot>) -> 
 /// Links of less and less mass, down to none. A mass matrix that is not positive is refused at load; one that is stays exact.
 pub(super) fn massless(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("massless links", "share of the mass that is left");
-    let mut values: Vec<f64> = (0..if effort.quick { 5 } else { 16 }).map(|k| 10f64.powi(-(if effort.quick { 5 } else { 1 }) * k)).collect();
+    let mut values: Vec<f64> =
+        (0..if effort.quick { 5 } else { 16 }).map(|k| 10f64.powi(-(if effort.quick { 5 } else { 1 }) * k)).collect();
     values.extend([1e-60, 1e-150, 1e-300, 0.0]);
     let robots: [(&str, fn(f64) -> Outcome<Description>); 6] = [
         ("lambda, light stator", |factor| Ok(heavier(bundled("lambda")?, |link| link == "ElbowB11_Link", factor))),

@@ -58,7 +58,8 @@ pub(super) fn reach_of_lambda() -> f64 {
 pub(super) fn bricard(open: bool) -> Description {
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, -1.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]];
     let mut of = Draft::new(Kind::Numerical);
-    let link = points.into_iter().zip([Y, Z, X, Y, Z, X]).take(if open { 5 } else { 6 }).fold(0, |on, (at, axis)| of.joint(on, Turn, at, axis));
+    let link =
+        points.into_iter().zip([Y, Z, X, Y, Z, X]).take(if open { 5 } else { 6 }).fold(0, |on, (at, axis)| of.joint(on, Turn, at, axis));
     of.cut(0, link, points[5], if open { "xyzbc" } else { "xyzabc" });
     of.finish(&[0], &[0])
 }

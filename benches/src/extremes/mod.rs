@@ -8,6 +8,7 @@ mod judge;
 mod loops;
 mod mass;
 mod mechanisms;
+mod page;
 mod robot;
 mod scale;
 mod singular;
@@ -61,8 +62,7 @@ fn all(effort: &Effort, progress: &Progress) -> Outcome<Vec<Case>> {
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
-    let _ = all(effort, progress)?;
-    Ok(Section::new("extremes", "Stiff and extreme cases"))
+    Ok(page::section(&all(effort, progress)?))
 }
 
 #[cfg(test)]

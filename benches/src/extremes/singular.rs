@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
-use sarrus_dynamics::scalar::Dd;
-use sarrus_dynamics::{Field, Request, Status};
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{Field, Model, Request, Status};
 
 use super::ask::{Ask, State};
 use super::case::{At, Cases, Truth};
@@ -19,6 +19,8 @@ struct Way {
     robot: Robot,
     from: Vec<f64>,
     to: Vec<f64>,
+    /// It is too far from zero to be asked without a guess.
+    guessed: bool,
 }
 
 impl Way {
@@ -44,31 +46,34 @@ fn known() -> Outcome<Vec<Way>> {
         ("Bricard", bricard(false), -FRAC_PI_6),
         ("Bricard cut at a revolute", bricard(true), -FRAC_PI_6),
     ];
-    list.into_iter().map(|(name, of, reach)| Ok(Way { robot: Robot::new(name, of)?, from: vec![0.0], to: vec![reach] })).collect()
+    list.into_iter()
+        .map(|(name, of, reach)| Ok(Way { robot: Robot::new(name, of)?, from: vec![0.0], to: vec![reach], guessed: false }))
+        .collect()
 }
 
-/// Bundled robots along a straight way to where double-double has no answer any more; the way is bisected there.
+/// Bundled robots along a straight way to where it ends in double-double, each pose from the one before; the end is bisected.
 fn searched() -> Outcome<Vec<Way>> {
+    const STEP: f64 = 0.04;
     let mut ways = Vec::new();
-    for (name, direction) in [("wrist", &[1.0, 0.4][..]), ("five_bar", &[1.0, 0.2]), ("delta", &[1.0, 0.6, 0.2]), ("active_ankle", &[1.0, 0.5, -0.3])] {
+    for (name, direction) in
+        [("wrist", &[1.0, 0.4][..]), ("five_bar", &[1.0, 0.2]), ("delta", &[1.0, 0.6, 0.2]), ("active_ankle", &[1.0, 0.5, -0.3])]
+    {
         let robot = Robot::new(name, numerical(bundled(name)?))?;
-        let closes = |share: Dd| -> Outcome<bool> {
-            let plan_of = |y: Vec<Dd>| super::ask::exact_pose(&robot, &y);
-            plan_of(direction.iter().map(|x| share * Dd::from(*x)).collect())
-        };
-        let mut step = 0;
-        while step < 80 && closes(Dd::from(0.04 * f64::from(step + 1)))? {
-            step += 1;
+        let (mut low, mut step) = (0.0, STEP);
+        let mut guess = None;
+        while step > 1e-17 && low < 3.1 {
+            let y = direction.iter().map(|x| (low + step) * x).collect();
+            let answer = Ask::pose(&State { y, guess: guess.clone(), ..State::default() }).run(&robot.compiled.exact)?;
+            if answer.status() == Status::Ok {
+                low += step;
+                guess = Some(answer.get(Field::Q).iter().map(|q| q.hi()).collect());
+            } else {
+                step *= 0.5;
+            }
         }
-        if step == 80 {
-            continue;
+        if low < 3.1 {
+            ways.push(Way { robot, from: vec![0.0; direction.len()], to: direction.iter().map(|x| low * x).collect(), guessed: true });
         }
-        let (mut low, mut high) = (0.04 * f64::from(step), 0.04 * f64::from(step + 1));
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if closes(Dd::from(middle))? { low = middle } else { high = middle }
-        }
-        ways.push(Way { robot, from: vec![0.0; direction.len()], to: direction.iter().map(|x| low * x).collect() });
     }
     Ok(ways)
 }
@@ -95,7 +100,7 @@ fn platform() -> Outcome<Way> {
     }
     let mut to = vec![0.0; 6];
     to[axis] = low;
-    Ok(Way { robot, from: start.to_vec(), to })
+    Ok(Way { robot, from: start.to_vec(), to, guessed: false })
 }
 
 /// Determinant by elimination with pivots.
@@ -129,8 +134,21 @@ pub(super) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
         for &value in &values {
             let mut state = State::of(&way.robot, 0.1)?;
             state.y = way.at(value);
+            if way.guessed {
+                state.guess = followed(&way.robot.compiled.model, &way.at(value + 0.02))?;
+            }
             state.forces(&way.robot)?;
             cases.questions(&way.robot, value, &state, true, &[way.robot.compiled.model.forward_method()])?;
+            // and back from the actuators, where they are others than y
+            if way.robot.name == "Stewart at type II" {
+                let q = Ask::pose(&State { y: way.at(value + 1e-3), ..State::default() })
+                    .run(&way.robot.compiled.model)?
+                    .get(Field::Q)
+                    .to_vec();
+                let u = Ask::kinematics(&state).run(&way.robot.compiled.model)?.get(Field::U).to_vec();
+                let ask = Ask::new(Request::Kinematics, vec![(Field::U, u), (Field::QGuess, q)], &[Field::Q]);
+                cases.ask(&way.robot, At { value, method: way.robot.closures() }, "u to q", &ask, &Truth::Same)?;
+            }
         }
     }
     Ok(())
@@ -140,7 +158,8 @@ pub(super) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
 pub(super) fn beyond(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("unreachable y", "rad beyond the reach");
     for way in known()?.iter().take(5) {
-        for value in sweep(effort, -15, 0, 5) {
+        // the lambda can be put together again more than 0.59 beyond
+        for value in sweep(effort, -15, 0, 5).into_iter().map(|value| 0.5 * value) {
             let mut state = State::of(&way.robot, 0.1)?;
             state.y = way.at(-value);
             let at = At { value, method: way.robot.closures() };
@@ -154,7 +173,11 @@ pub(super) fn beyond(cases: &mut Cases, effort: &Effort) -> Outcome {
 /// Far targets in one jump from zero; the truth is the pose at the end of the same way in small steps.
 pub(super) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("big jump", "rad from the guess to the target");
-    let values = if effort.quick { vec![0.1, 0.5, 1.0, 2.0, 3.0] } else { vec![0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 2.4, 2.7, 3.0] };
+    let values = if effort.quick {
+        vec![0.1, 0.5, 1.0, 2.0, 3.0]
+    } else {
+        vec![0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 2.4, 2.7, 3.0]
+    };
     let robots = [
         Robot::new("wrist", bundled("wrist")?)?,
         Robot::new("delta", bundled("delta")?)?,
@@ -170,7 +193,7 @@ pub(super) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
         for &value in &values {
             let y: Vec<f64> = direction.iter().map(|x| value * x / size).collect();
             let state = State { y: y.clone(), ..State::default() };
-            let truth = match followed(robot, &y)? {
+            let truth = match followed(&robot.compiled.exact, &y)? {
                 Some(q) => Truth::Known(vec![(Field::Q, q)]),
                 None => Truth::None,
             };
@@ -180,21 +203,21 @@ pub(super) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The pose at the end of the straight way from zero in small steps in double-double, each from the one before; none where the way ends.
-fn followed(robot: &Robot, y: &[f64]) -> Outcome<Option<Vec<Dd>>> {
+/// The pose at the end of the straight way from zero in small steps, each from the one before; none where the way ends.
+fn followed<T: Scalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
     const STEPS: u32 = 200;
     let mut guess: Option<Vec<f64>> = None;
     for k in 1..=STEPS {
         let share = f64::from(k) / f64::from(STEPS);
         let state = State { y: y.iter().map(|y| y * share).collect(), guess: guess.take(), ..State::default() };
-        let answer = Ask::pose(&state).run(&robot.compiled.exact)?;
+        let answer = Ask::pose(&state).run(model)?;
         if answer.status() != Status::Ok {
             return Ok(None);
         }
         if k == STEPS {
             return Ok(Some(answer.get(Field::Q).to_vec()));
         }
-        guess = Some(answer.get(Field::Q).iter().map(|q| q.hi()).collect());
+        guess = Some(answer.get(Field::Q).iter().map(|q| q.to_f64()).collect());
     }
     Ok(None)
 }

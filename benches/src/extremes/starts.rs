@@ -6,12 +6,12 @@ use sarrus_models::{Options, Source, bundled_text, load};
 
 use super::ask::{Ask, State};
 use super::case::{At, Case, Cases, Truth};
-use crate::report::Verdict;
 use super::mechanisms::{LOOSE, bricard, four_bar};
 use super::robot::{Robot, bundled, numerical};
 use super::sweep;
 use crate::Outcome;
 use crate::report::Effort;
+use crate::report::Verdict;
 
 use Field::*;
 
@@ -83,7 +83,11 @@ pub(super) fn hostile(cases: &mut Cases, _: &Effort) -> Outcome {
         let (n_u, n_v) = (vec![1.0; sizes.n_u], vec![1.0; sizes.n_v]);
         let motion = given(&[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]);
         let asks = [
-            Ask::new(Request::Kinematics, [motion.clone(), vec![field(Q)].into_iter().map(|x| (QGuess, x.1)).collect()].concat(), &[Q, Qdd, U]),
+            Ask::new(
+                Request::Kinematics,
+                [motion.clone(), vec![field(Q)].into_iter().map(|x| (QGuess, x.1)).collect()].concat(),
+                &[Q, Qdd, U],
+            ),
             Ask::new(Request::Kinematics, vec![field(Q), field(Qd), field(Qdd)], &[Q, Yd, Ydd]),
             Ask::new(Request::Kinematics, vec![field(U), field(Ud), field(Udd), (QGuess, pose.get(Q).to_vec())], &[Q, Yd, Ydd]),
             Ask::new(Request::InverseDynamics, motion, &[TauY, TauU]).pushed(&[link], vec![1.0; 6]),
@@ -148,5 +152,8 @@ pub(super) fn files(cases: &mut Cases, _: &Effort) -> Outcome {
 
 /// A URDF with every mass and inertia zero.
 fn without_mass(urdf: &str) -> String {
-    urdf.split("<inertial>").enumerate().map(|(k, part)| if k == 0 { part } else { part.split_once("</inertial>").map_or(part, |x| x.1) }).collect()
+    urdf.split("<inertial>")
+        .enumerate()
+        .map(|(k, part)| if k == 0 { part } else { part.split_once("</inertial>").map_or(part, |x| x.1) })
+        .collect()
 }
