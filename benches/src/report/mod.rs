@@ -1,9 +1,16 @@
 //! The page: sections of figures, tables and cases, written as HTML, JSON and CSV.
 //!
-//! A section is a folder beside this one with `run(effort, progress)` that fills a [`Section`], and one line in [`SECTIONS`].
+//! A section is a folder beside this one with `run(effort, progress)` that fills a [`Section`], and one line in `SECTIONS`.
 //!
 //! Errors are by size, max |x − truth| / max(|truth| of that quantity, tiny). An error of exactly zero is drawn at [`DRAWN_FOR_ZERO`].
 
+mod data;
+mod front;
+mod page;
+mod picture;
+mod scale;
+#[cfg(test)]
+mod tests;
 mod write;
 
 use crate::progress::Progress;
@@ -30,6 +37,62 @@ pub struct Effort {
     pub quick: bool,
 }
 
+/// Everything that the page shows.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The command that measures it again.
+    pub command: String,
+    /// Where it was measured.
+    pub machine: String,
+    /// When, as year, month and day.
+    pub date: String,
+    /// With less effort.
+    pub quick: bool,
+    /// In their order.
+    pub sections: Vec<Section>,
+}
+
+impl Report {
+    /// How many extreme cases there are.
+    pub fn cases(&self) -> usize {
+        self.results().count()
+    }
+
+    /// How many of them failed silently.
+    pub fn silent_failures(&self) -> usize {
+        self.results().filter(|case| case.verdict == Verdict::FailedSilently).count()
+    }
+
+    /// The largest error of an answer that was given as good; none where no section has one.
+    pub fn worst_error(&self) -> Option<f64> {
+        self.sections.iter().filter_map(|section| section.worst_error).reduce(f64::max)
+    }
+
+    /// What was found, a line each.
+    pub fn summary(&self) -> Vec<String> {
+        let worst = self.worst_error().map_or("-".to_owned(), front::exponent);
+        let mut lines = vec![format!("worst error {worst}, {} extreme cases, {} silent failures", self.cases(), self.silent_failures())];
+        for section in &self.sections {
+            lines.extend(section.summary.iter().cloned());
+            lines.extend(section.failure.iter().map(|failure| format!("{}: not finished. {failure}", section.title)));
+        }
+        lines
+    }
+
+    fn results(&self) -> impl Iterator<Item = &Case> {
+        self.sections.iter().flat_map(|section| &section.cases)
+    }
+
+    /// What draws a figure again.
+    fn command_of(&self, section: &Section, figure: &Figure) -> String {
+        if figure.command.is_empty() {
+            write::command(Effort { quick: self.quick }, std::iter::once(section.name))
+        } else {
+            figure.command.clone()
+        }
+    }
+}
+
 /// A part of the page.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
@@ -47,6 +110,8 @@ pub struct Section {
     pub tables: Vec<Table>,
     /// Extreme cases with their verdicts.
     pub cases: Vec<Case>,
+    /// Why it could not be finished.
+    pub failure: Option<String>,
 }
 
 impl Section {
@@ -104,7 +169,7 @@ pub struct Point {
     pub x: f64,
     /// Upwards.
     pub y: f64,
-    /// What it is, such as a tolerance; stands in the table and in the picture's tooltip.
+    /// What it is, such as a tolerance; stands in the table.
     pub label: String,
 }
 

@@ -7,6 +7,8 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use sarrus_benches::report::{Effort, Wish, names, run};
 
+use super::output::finish;
+
 /// Flags of `report`.
 #[derive(Args)]
 pub(crate) struct Report {
@@ -25,7 +27,12 @@ impl Report {
     pub(crate) fn run(self) -> ExitCode {
         let wish = Wish { effort: Effort { quick: self.quick }, sections: self.sections, out: self.out };
         match run(&wish) {
-            Ok(_) => ExitCode::SUCCESS,
+            Ok(report) => {
+                let page = wish.out.join("report.html").display().to_string();
+                let lines = report.summary().into_iter().chain([page]).map(|line| line + "\n").collect::<String>();
+                let unfinished = report.sections.iter().any(|section| section.failure.is_some());
+                finish("report", &lines, if unfinished { 2 } else { u8::from(report.silent_failures() > 0) })
+            }
             Err(error) => {
                 eprintln!("sarrus report: {error}");
                 ExitCode::from(2)
