@@ -22,3 +22,27 @@ pub(super) fn of_answer(status: Status, warnings: Warnings, error: f64, empty: b
 fn warned(warnings: Warnings) -> bool {
     warnings.names().any(|name| name == "ill_conditioned")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_that_is_wrong_without_a_word_has_failed_silently() {
+        let (none, limits) = (Warnings::NONE, Warnings::LIMITS_EXCEEDED);
+        let warned = Warnings::ILL_CONDITIONED;
+        for (status, warnings, error, empty, verdict) in [
+            (Status::Ok, none, 1e-10, false, Verdict::Held),
+            (Status::Ok, warned, 1e-10, false, Verdict::Held),
+            (Status::Ok, warned, 1e-3, false, Verdict::Degraded),
+            (Status::Ok, none, 1e-8, false, Verdict::FailedSilently),
+            (Status::Ok, limits, 1e-8, false, Verdict::FailedSilently),
+            (Status::Ok, warned, f64::INFINITY, false, Verdict::FailedSilently),
+            (Status::Ok, none, f64::NAN, false, Verdict::FailedSilently),
+            (Status::Unreachable, none, f64::INFINITY, true, Verdict::Failed),
+            (Status::Unreachable, none, f64::INFINITY, false, Verdict::FailedSilently),
+        ] {
+            assert_eq!(of_answer(status, warnings, error, empty), verdict, "{status} {error}");
+        }
+    }
+}

@@ -61,7 +61,7 @@ fn searched() -> Outcome<Vec<Way>> {
         let robot = Robot::new(name, numerical(bundled(name)?))?;
         let (mut low, mut step) = (0.0, STEP);
         let mut guess = None;
-        while step > 1e-17 && low < 3.1 {
+        while low + step > low && low < 3.1 {
             let y = direction.iter().map(|x| (low + step) * x).collect();
             let answer = Ask::pose(&State { y, guess: guess.clone(), ..State::default() }).run(&robot.compiled.exact)?;
             if answer.status() == Status::Ok {
@@ -78,9 +78,12 @@ fn searched() -> Outcome<Vec<Way>> {
     Ok(ways)
 }
 
+/// The Stewart platform where some twist moves no leg.
+const TYPE_II: &str = "Stewart at type II";
+
 /// The Stewart platform where its legs cannot hold a twist: det G_u = 0 along a turn.
 fn platform() -> Outcome<Way> {
-    let robot = Robot::new("Stewart at type II", bundled("stewart")?)?;
+    let robot = Robot::new(TYPE_II, bundled("stewart")?)?;
     let (start, axis) = ([0.01, -0.02, 0.0, 0.0, 0.0, 0.0], 5);
     let sign = |turn: f64| -> Outcome<bool> {
         let mut y = start.to_vec();
@@ -139,18 +142,21 @@ pub(super) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
             }
             state.forces(&way.robot)?;
             cases.questions(&way.robot, value, &state, true, &[way.robot.compiled.model.forward_method()])?;
-            // and back from the actuators, where they are others than y
-            if way.robot.name == "Stewart at type II" {
-                let q = Ask::pose(&State { y: way.at(value + 1e-3), ..State::default() })
-                    .run(&way.robot.compiled.model)?
-                    .get(Field::Q)
-                    .to_vec();
-                let u = Ask::kinematics(&state).run(&way.robot.compiled.model)?.get(Field::U).to_vec();
-                let ask = Ask::new(Request::Kinematics, vec![(Field::U, u), (Field::QGuess, q)], &[Field::Q]);
-                cases.ask(&way.robot, At { value, method: way.robot.closures() }, "u to q", &ask, &Truth::Same)?;
+            if way.robot.name == TYPE_II {
+                back_from_actuators(cases, way, value, &state)?;
             }
         }
     }
+    Ok(())
+}
+
+/// The pose from what the actuators tell, rounded to a double as an encoder's is, and a guess near by.
+fn back_from_actuators(cases: &mut Cases, way: &Way, value: f64, state: &State) -> Outcome {
+    let model = &way.robot.compiled.model;
+    let near = Ask::pose(&State { y: way.at(value + 1e-3), ..State::default() }).run(model)?.get(Field::Q).to_vec();
+    let u = Ask::kinematics(state).run(&way.robot.compiled.exact)?.get(Field::U).iter().map(|u| u.hi()).collect();
+    let ask = Ask::new(Request::Kinematics, vec![(Field::U, u), (Field::QGuess, near)], &[Field::Q]);
+    cases.ask(&way.robot, At { value, method: way.robot.closures() }, "u to q", &ask, &Truth::Of(&Ask::pose(state)))?;
     Ok(())
 }
 
