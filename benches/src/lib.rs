@@ -14,6 +14,7 @@
 //! - In process (`cases.rs`, `states.rs`, `timing.rs`, `error.rs`, `in_process/`): nanoseconds per call of [`sarrus_dynamics::Plan::run`],
 //!   in short batches that take turns through all cases, so that ratios hold on a machine that others use too; each time beside the error
 //!   of the same answers against double-double.
+//! - Peers (`peer/`, `benches/peers/`): other engines on the same robots and states, by programs that `benches/peers/build.sh` builds.
 //! - The page (`report/`): sections, each a folder that fills a [`report::Section`].
 //!
 //! - Cases are named `robot/closures[/start]/asked`: `FD` goes by the method that the model chooses, `FD-recursion`, `FD-projection` and
@@ -33,6 +34,7 @@ mod extremes;
 mod forward;
 mod in_process;
 mod integration;
+pub mod peer;
 pub mod printed;
 pub mod progress;
 pub mod report;

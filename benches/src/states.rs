@@ -25,6 +25,8 @@ pub struct Robot {
     pub what: What,
     /// Its name in the tables.
     pub name: &'static str,
+    /// As it was read.
+    pub description: Description,
     /// Every way to close its loops that is measured.
     pub variants: Vec<Variant>,
     /// What all variants can take.
@@ -63,10 +65,10 @@ impl Robot {
     /// The same with the variants of some names only.
     pub(crate) fn load_some(what: What, n_states: usize, wanted: impl Fn(&str) -> bool) -> Outcome<Robot> {
         let (description, variants) = cases::variants(what, wanted)?;
-        let mut robot = Robot { what, name: what.name(), variants, states: Vec::new(), left_out: 0, reach: 1.0 };
+        let mut robot = Robot { what, name: what.name(), description, variants, states: Vec::new(), left_out: 0, reach: 1.0 };
         let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
         let model = &compiled.model;
-        let freedoms = freedoms(model, &description);
+        let freedoms = freedoms(model, &robot.description);
         let mut checks = robot.variants.iter().map(|variant| Check::new(&variant.compiled.model)).collect::<Outcome<Vec<_>>>()?;
 
         let mut random = Random(0);

@@ -3,7 +3,7 @@
 use super::{Figure, Section};
 
 /// Names that the series of another engine begin with.
-const PEERS: [&str; 1] = ["Pinocchio"];
+const PEERS: [&str; 1] = [crate::peer::PINOCCHIO];
 
 /// True for the series of another engine.
 fn is_peer(name: &str) -> bool {

@@ -1,0 +1,574 @@
+// Pinocchio on the robots and states of `sarrus report`: what a careful user writes on top of it. Text in, text out.
+//
+// In, from standard input, numbers apart by blanks (benches/src/peer/text.rs writes it):
+//   seconds S                       how long each method is timed
+//   gravity x y z
+//   links N                         each: mass, x y z r p y of the centre of mass, ixx ixy ixz iyy iyz izz; mass 0 for none
+//   joints N                        each: F, R or P; parent link, child link, x y z r p y, axis
+//   tree n, independent n, active n each followed by joints, in the order of q, y and u
+//   groups n                        each: number of joints, the joints that are tied together or stand alone
+//   loops n                         each: group, predecessor link, successor link, `joint J` or `link L` (the cut frames at zero) or
+//                                   `placed` and two times x y z r p y; number of rows, three numbers each: the held directions
+//   states n                        each: y, ẏ, ÿ, τ_u, a closed q 1 ms earlier
+// Out: `engine NAME`, then for each method
+//   run STATE|ID|FD METHOD [SETTING]; NANOSECONDS   and a line of numbers for each state: q, τ_u or ÿ
+//
+// Everything starts from y: a warm Newton, each group's own block of G (K_d factorised once), then Pinocchio's recursions.
+#include <pinocchio/algorithm/constrained-dynamics.hpp>
+#include <pinocchio/algorithm/contact-dynamics.hpp>
+#include <pinocchio/algorithm/crba.hpp>
+#include <pinocchio/algorithm/jacobian.hpp>
+#include <pinocchio/algorithm/joint-configuration.hpp>
+#include <pinocchio/algorithm/kinematics.hpp>
+#include <pinocchio/algorithm/loop-constrained-aba.hpp>
+#include <pinocchio/algorithm/rnea.hpp>
+#include <pinocchio/multibody.hpp>
+#include <pinocchio/multibody/joint.hpp>
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <iostream>
+#include <string>
+#include <vector>
+
+namespace pin = pinocchio;
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// blocks of a group live on the stack
+constexpr int LARGEST = 24;
+using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, LARGEST, LARGEST>;
+using Part = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, LARGEST, 1>;
+
+[[noreturn]] static void stop(const std::string& why) {
+    std::fprintf(stderr, "pinocchio: %s\n", why.c_str());
+    std::exit(1);
+}
+
+// --- the robot ---------------------------------------------------------------------------------------------------------
+
+// Where a link is: the joint that carries it, its frame there, and its pose at zero in the root.
+struct Place {
+    pin::JointIndex joint = 0;
+    pin::SE3 on_joint = pin::SE3::Identity();
+    pin::SE3 at_zero = pin::SE3::Identity();
+};
+
+// A cut: both frames, the held directions, and the velocities that move one end only.
+struct Loop {
+    int group = 0, row = 0, n_rows = 0;
+    pin::JointIndex predecessor = 0, successor = 0;
+    pin::SE3 on_predecessor, on_successor;
+    Matrix3d directions = Matrix3d::Zero();
+    std::vector<int> before, behind;
+};
+
+// Joints that loops tie together.
+struct Group {
+    std::vector<int> tree, independent, dependent, active;
+    // places among y and u
+    std::vector<int> y, u;
+    std::vector<size_t> loops;
+    int row = 0, n_rows = 0;
+    // dependent velocities per independent one, from the last factorisation of K_d
+    Block G;
+    Eigen::PartialPivLU<Block> factors;
+};
+
+struct Robot {
+    pin::Model model;
+    std::vector<Loop> loops;
+    std::vector<Group> groups;
+    // velocities in the order of q, y and u
+    std::vector<int> tree, independent, active;
+};
+
+struct State {
+    VectorXd y, yd, ydd, tau_u, guess;
+};
+
+// --- reading -----------------------------------------------------------------------------------------------------------
+
+static void expect(const char* word) {
+    std::string found;
+    if (!(std::cin >> found) || found != word) stop("expected `" + std::string(word) + "`, found `" + found + "`");
+}
+
+template <class T>
+static T read() {
+    T value;
+    if (!(std::cin >> value)) stop("the input ends early");
+    return value;
+}
+
+static VectorXd read_vector(int n) {
+    VectorXd x(n);
+    for (int i = 0; i < n; i++) x(i) = read<double>();
+    return x;
+}
+
+// Translation, then roll, pitch, yaw about fixed axes.
+static pin::SE3 read_pose() {
+    const VectorXd x = read_vector(6);
+    const Matrix3d R = (Eigen::AngleAxisd(x(5), Vector3d::UnitZ()) * Eigen::AngleAxisd(x(4), Vector3d::UnitY()) *
+                        Eigen::AngleAxisd(x(3), Vector3d::UnitX()))
+                           .toRotationMatrix();
+    return pin::SE3(R, x.head<3>());
+}
+
+static std::vector<int> read_list() {
+    std::vector<int> list(read<int>());
+    for (int& x : list) x = read<int>();
+    return list;
+}
+
+// The joint type that Pinocchio's own reader takes: aligned with an axis where that is exact.
+static pin::JointModel joint_model(char kind, const Vector3d& axis) {
+    const bool turns = kind == 'R';
+    if (axis == Vector3d::UnitX()) return turns ? pin::JointModel(pin::JointModelRX()) : pin::JointModel(pin::JointModelPX());
+    if (axis == Vector3d::UnitY()) return turns ? pin::JointModel(pin::JointModelRY()) : pin::JointModel(pin::JointModelPY());
+    if (axis == Vector3d::UnitZ()) return turns ? pin::JointModel(pin::JointModelRZ()) : pin::JointModel(pin::JointModelPZ());
+    return turns ? pin::JointModel(pin::JointModelRevoluteUnaligned(axis)) : pin::JointModel(pin::JointModelPrismaticUnaligned(axis));
+}
+
+struct WrittenJoint {
+    char kind;
+    int parent, child;
+    pin::SE3 origin;
+    Vector3d axis;
+};
+
+static Robot read_robot() {
+    Robot robot;
+    pin::Model& model = robot.model;
+    expect("gravity");
+    model.gravity.linear() = read_vector(3);
+
+    expect("links");
+    std::vector<pin::Inertia> inertias;
+    for (int n = read<int>(); n > 0; n--) {
+        const double mass = read<double>();
+        const pin::SE3 origin = read_pose();
+        const VectorXd I = read_vector(6);
+        Matrix3d about_center;
+        about_center << I(0), I(1), I(2), I(1), I(3), I(4), I(2), I(4), I(5);
+        inertias.emplace_back(mass, origin.translation(), origin.rotation() * about_center * origin.rotation().transpose());
+    }
+    expect("joints");
+    std::vector<WrittenJoint> joints(read<int>());
+    std::vector<bool> is_child(inertias.size(), false);
+    for (WrittenJoint& joint : joints) {
+        joint.kind = read<char>();
+        joint.parent = read<int>();
+        joint.child = read<int>();
+        joint.origin = read_pose();
+        joint.axis = read_vector(3).normalized();
+        is_child.at(joint.child) = true;
+    }
+
+    // depth first, as Pinocchio wants it; fixed joints are merged away
+    std::vector<Place> places(inertias.size());
+    std::vector<int> velocity(joints.size(), -1);
+    const std::function<void(int)> add = [&](int link) {
+        const Place& on = places[link];
+        if (on.joint > 0 && inertias[link].mass() > 0) model.appendBodyToJoint(on.joint, inertias[link], on.on_joint);
+        for (size_t j = 0; j < joints.size(); j++) {
+            const WrittenJoint& joint = joints[j];
+            if (joint.parent != link) continue;
+            Place place{places[link].joint, places[link].on_joint * joint.origin, places[link].at_zero * joint.origin};
+            if (joint.kind != 'F') {
+                place.joint = model.addJoint(place.joint, joint_model(joint.kind, joint.axis), place.on_joint, "joint" + std::to_string(j));
+                place.on_joint.setIdentity();
+                velocity[j] = model.joints[place.joint].idx_v();
+            }
+            places[joint.child] = place;
+            add(joint.child);
+        }
+    };
+    for (size_t link = 0; link < inertias.size(); link++)
+        if (!is_child[link]) add(static_cast<int>(link));
+
+    const auto velocities = [&](std::vector<int> list) {
+        for (int& j : list) j = velocity.at(j);
+        return list;
+    };
+    expect("tree");
+    robot.tree = velocities(read_list());
+    expect("independent");
+    robot.independent = velocities(read_list());
+    expect("active");
+    robot.active = velocities(read_list());
+    const auto place_in = [](const std::vector<int>& list, int x) {
+        const auto found = std::find(list.begin(), list.end(), x);
+        return found == list.end() ? -1 : static_cast<int>(found - list.begin());
+    };
+
+    expect("groups");
+    robot.groups.resize(read<int>());
+    for (Group& group : robot.groups) {
+        group.tree = velocities(read_list());
+        for (int v : group.tree) {
+            const int y = place_in(robot.independent, v), u = place_in(robot.active, v);
+            if (y >= 0) group.independent.push_back(v), group.y.push_back(y);
+            if (y < 0) group.dependent.push_back(v);
+            if (u >= 0) group.active.push_back(v), group.u.push_back(u);
+        }
+        if (group.active.size() != group.independent.size()) stop("a group has not as many actuators as freedoms");
+        if (group.tree.size() > LARGEST) stop("a group is too large");
+    }
+
+    // velocities from a joint to the root
+    const auto support = [&](pin::JointIndex j) {
+        std::vector<int> list;
+        for (; j > 0; j = model.parents[j]) list.push_back(model.joints[j].idx_v());
+        return list;
+    };
+    expect("loops");
+    robot.loops.resize(read<int>());
+    for (Loop& loop : robot.loops) {
+        loop.group = read<int>();
+        const Place predecessor = places.at(read<int>()), successor = places.at(read<int>());
+        const std::string where = read<std::string>();
+        loop.predecessor = predecessor.joint;
+        loop.successor = successor.joint;
+        if (where == "placed") {
+            loop.on_predecessor = predecessor.on_joint * read_pose();
+            loop.on_successor = successor.on_joint * read_pose();
+        } else {
+            const int at = read<int>();
+            const pin::SE3 cut = places.at(where == "joint" ? joints.at(at).child : at).at_zero;
+            loop.on_predecessor = predecessor.on_joint * predecessor.at_zero.actInv(cut);
+            loop.on_successor = successor.on_joint * successor.at_zero.actInv(cut);
+        }
+        loop.n_rows = read<int>();
+        if (loop.n_rows > 3) stop("a loop has more than three rows");
+        for (int a = 0; a < loop.n_rows; a++) loop.directions.row(a) = read_vector(3).transpose();
+        const std::vector<int> p = support(loop.predecessor), s = support(loop.successor);
+        for (int v : p)
+            if (place_in(s, v) < 0) loop.before.push_back(v);
+        for (int v : s)
+            if (place_in(p, v) < 0) loop.behind.push_back(v);
+    }
+
+    // rows of a group stand together
+    int row = 0;
+    for (size_t k = 0; k < robot.groups.size(); k++) {
+        Group& group = robot.groups[k];
+        group.row = row;
+        for (size_t l = 0; l < robot.loops.size(); l++) {
+            if (robot.loops[l].group != static_cast<int>(k)) continue;
+            robot.loops[l].row = row;
+            row += robot.loops[l].n_rows;
+            group.loops.push_back(l);
+        }
+        group.n_rows = row - group.row;
+        if (group.n_rows != static_cast<int>(group.dependent.size())) stop("a group has not as many rows as dependent joints");
+    }
+    return robot;
+}
+
+// --- loops -------------------------------------------------------------------------------------------------------------
+
+struct Closed {
+    const Robot& robot;
+    const pin::Model& model;
+    pin::Data data;
+    std::vector<Group> groups;
+    VectorXd phi, k, q, qd, qdd, g, zero, tau, reduced;
+    MatrixXd K, M, MG, My;
+    Eigen::LLT<MatrixXd> factors;
+
+    explicit Closed(const Robot& robot) : robot(robot), model(robot.model), data(robot.model), groups(robot.groups) {
+        const int n = model.nv, p = static_cast<int>(robot.independent.size()), m = n - p;
+        for (VectorXd* x : {&q, &qd, &qdd, &g, &zero, &tau}) x->setZero(n);
+        for (VectorXd* x : {&phi, &k}) x->setZero(m);
+        reduced.setZero(p);
+        K.setZero(m, n);
+        MG.setZero(n, p);
+        My.setZero(p, p);
+        for (Group& group : groups) group.G.setZero(group.dependent.size(), group.independent.size());
+    }
+
+    // φ and K at q
+    void constraints() {
+        pin::computeJointJacobians(model, data, q);
+        for (const Loop& loop : robot.loops) {
+            const pin::SE3 P = data.oMi[loop.predecessor] * loop.on_predecessor, S = data.oMi[loop.successor] * loop.on_successor;
+            const Vector3d at = S.translation();
+            const Matrix3d A = loop.directions * P.rotation().transpose();
+            const Vector3d gap = A * (at - P.translation());
+            phi.segment(loop.row, loop.n_rows) = gap.head(loop.n_rows);
+            const auto column = [&](int v, double sign) {
+                const Vector3d moved = A * (data.J.col(v).head<3>() + data.J.col(v).tail<3>().cross(at));
+                K.col(v).segment(loop.row, loop.n_rows) = sign * moved.head(loop.n_rows);
+            };
+            for (int v : loop.behind) column(v, 1);
+            for (int v : loop.before) column(v, -1);
+        }
+    }
+
+    void factorise(Group& group) {
+        const int m = group.n_rows;
+        Block Kd(m, m);
+        for (int j = 0; j < m; j++) Kd.col(j) = K.col(group.dependent[j]).segment(group.row, m);
+        group.factors.compute(Kd);
+    }
+
+    // Newton's method for the dependent joints; K is at q, or a step of tolerance² away
+    void close(const State& state, double tolerance) {
+        for (size_t i = 0; i < robot.tree.size(); i++) q(robot.tree[i]) = state.guess(i);
+        for (size_t i = 0; i < robot.independent.size(); i++) q(robot.independent[i]) = state.y(i);
+        for (int step = 0; step < 20; step++) {
+            constraints();
+            if (phi.size() == 0 || phi.lpNorm<Eigen::Infinity>() < tolerance) break;
+            for (Group& group : groups) {
+                if (group.n_rows == 0) continue;
+                factorise(group);
+                const Part d = group.factors.solve(Part(phi.segment(group.row, group.n_rows)));
+                for (int i = 0; i < group.n_rows; i++) q(group.dependent[i]) -= d(i);
+            }
+        }
+    }
+
+    // G_d = −K_d⁻¹ K_i, and the velocities
+    void velocities(const State& state) {
+        for (Group& group : groups) {
+            if (group.n_rows == 0) continue;
+            factorise(group);
+            Block Ki(group.n_rows, static_cast<int>(group.independent.size()));
+            for (size_t j = 0; j < group.independent.size(); j++) Ki.col(j) = K.col(group.independent[j]).segment(group.row, group.n_rows);
+            group.G = -group.factors.solve(Ki);
+        }
+        spread(state.yd, qd);
+    }
+
+    // x_q = G x_y
+    void spread(const VectorXd& from, VectorXd& to) const {
+        for (const Group& group : groups) {
+            Part part(static_cast<int>(group.y.size()));
+            for (size_t j = 0; j < group.y.size(); j++) to(group.independent[j]) = part(j) = from(group.y[j]);
+            const Part rest = group.G * part;
+            for (int i = 0; i < group.n_rows; i++) to(group.dependent[i]) = rest(i);
+        }
+    }
+
+    // x_y = Gᵀ x_q
+    void gather(const VectorXd& from, VectorXd& to) const {
+        for (const Group& group : groups) {
+            Part rest(group.n_rows);
+            for (int i = 0; i < group.n_rows; i++) rest(i) = from(group.dependent[i]);
+            const Part part = group.G.transpose() * rest;
+            for (size_t j = 0; j < group.y.size(); j++) to(group.y[j]) = from(group.independent[j]) + part(j);
+        }
+    }
+
+    // g from k: accelerations of the cuts at q̈ = 0
+    void bias() {
+        pin::forwardKinematics(model, data, q, qd, zero);
+        for (const Loop& loop : robot.loops) {
+            const Motion p = motion(loop.predecessor, loop.on_predecessor), s = motion(loop.successor, loop.on_successor);
+            const Vector3d r = s.at.translation() - p.at.translation(), rd = s.v - p.v;
+            const Vector3d seen = s.a - p.a - p.wd.cross(r) - 2 * p.w.cross(rd) + p.w.cross(p.w.cross(r));
+            const Vector3d a = loop.directions * (p.at.rotation().transpose() * seen);
+            k.segment(loop.row, loop.n_rows) = -a.head(loop.n_rows);
+        }
+        for (const Group& group : groups) {
+            if (group.n_rows == 0) continue;
+            const Part part = group.factors.solve(Part(k.segment(group.row, group.n_rows)));
+            for (int i = 0; i < group.n_rows; i++) g(group.dependent[i]) = part(i);
+        }
+    }
+
+    // A frame of a joint: pose, rates and classical accelerations in the root.
+    struct Motion {
+        pin::SE3 at;
+        Vector3d w, wd, v, a;
+    };
+
+    Motion motion(pin::JointIndex j, const pin::SE3& on) const {
+        if (j == 0) return {on, Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero()};
+        const Matrix3d& R = data.oMi[j].rotation();
+        const pin::Motion &v = data.v[j], &a = data.a[j];
+        const Vector3d r = R * on.translation(), w = R * v.angular(), wd = R * a.angular();
+        const Vector3d linear = R * (a.linear() + v.angular().cross(v.linear()));
+        return {data.oMi[j] * on, w, wd, R * v.linear() + w.cross(r), linear + wd.cross(r) + w.cross(w.cross(r))};
+    }
+
+    void state(const State& state, double tolerance) {
+        close(state, tolerance);
+        velocities(state);
+    }
+
+    // τ_u from y, ẏ, ÿ
+    void inverse_dynamics(const State& state, double tolerance, VectorXd& tau_u) {
+        this->state(state, tolerance);
+        bias();
+        spread(state.ydd, qdd);
+        qdd += g;
+        gather(pin::rnea(model, data, q, qd, qdd), reduced);
+        // G_uᵀ τ_u = τ_y, group by group
+        for (const Group& group : groups) {
+            const int n = static_cast<int>(group.y.size());
+            Block Gu(n, n);
+            Part tau_y(n);
+            for (int a = 0; a < n; a++) {
+                tau_y(a) = reduced(group.y[a]);
+                for (int b = 0; b < n; b++) Gu(b, a) = of_actuator(group, b, a);
+            }
+            if (group.n_rows > 0) tau_y = Gu.transpose().partialPivLu().solve(tau_y).eval();
+            for (int b = 0; b < n; b++) tau_u(group.u[group.n_rows > 0 ? b : at(group.active, group.independent[b])]) = tau_y(b);
+        }
+    }
+
+    static int at(const std::vector<int>& list, int x) { return static_cast<int>(std::find(list.begin(), list.end(), x) - list.begin()); }
+
+    // How fast an actuator moves with an independent velocity.
+    static double of_actuator(const Group& group, int actuator, int independent) {
+        const int v = group.active[actuator], i = at(group.dependent, v);
+        if (i < static_cast<int>(group.dependent.size())) return group.G(i, independent);
+        return v == group.independent[independent] ? 1.0 : 0.0;
+    }
+
+    // ÿ from y, ẏ, τ_u: M_y = GᵀMG, block by block
+    void forward_dynamics(const State& state, double tolerance, VectorXd& ydd) {
+        this->state(state, tolerance);
+        bias();
+        tau = -pin::rnea(model, data, q, qd, g);
+        for (size_t a = 0; a < robot.active.size(); a++) tau(robot.active[a]) += state.tau_u(a);
+        gather(tau, reduced);
+        pin::crba(model, data, q, pin::Convention::LOCAL);
+        data.M.triangularView<Eigen::StrictlyLower>() = data.M.transpose().triangularView<Eigen::StrictlyLower>();
+        for (const Group& group : groups)
+            for (size_t j = 0; j < group.y.size(); j++) {
+                auto column = MG.col(group.y[j]);
+                column = data.M.col(group.independent[j]);
+                for (int i = 0; i < group.n_rows; i++) column.noalias() += group.G(i, j) * data.M.col(group.dependent[i]);
+            }
+        for (int c = 0; c < My.cols(); c++)
+            for (const Group& group : groups)
+                for (size_t j = 0; j < group.y.size(); j++) {
+                    if (group.y[j] < c) continue;
+                    double sum = MG(group.independent[j], c);
+                    for (int i = 0; i < group.n_rows; i++) sum += group.G(i, j) * MG(group.dependent[i], c);
+                    My(group.y[j], c) = sum;
+                }
+        factors.compute(My);
+        ydd = reduced;
+        factors.solveInPlace(ydd);
+    }
+};
+
+// --- Pinocchio's own closed loops ------------------------------------------------------------------------------------
+
+// It has no closure of two rows: each loop holds a point, and the proximal term takes the row that is too many.
+struct Proximal {
+    using Constraint = pin::RigidConstraintModelTpl<double, 0>;
+    using ConstraintData = pin::RigidConstraintDataTpl<double, 0>;
+    std::vector<Constraint, Eigen::aligned_allocator<Constraint>> constraints;
+    std::vector<ConstraintData, Eigen::aligned_allocator<ConstraintData>> datas;
+    pin::Model model;
+    pin::Data data;
+    VectorXd tau;
+
+    explicit Proximal(const Robot& robot) : model(robot.model), data(model), tau(VectorXd::Zero(model.nv)) {
+        for (const Loop& loop : robot.loops)
+            constraints.emplace_back(pin::CONTACT_3D, model, loop.predecessor, loop.on_predecessor, loop.successor, loop.on_successor, pin::LOCAL);
+        for (const Constraint& constraint : constraints) datas.push_back(constraint.createData());
+        pin::initConstraintDynamics(model, data, constraints, datas);
+        pin::computeJointMinimalOrdering(model, data, constraints);
+    }
+
+    // ÿ from y, ẏ, τ_u
+    void forward_dynamics(Closed& closed, const State& state, bool recursive, pin::ProximalSettings& settings, VectorXd& ydd) {
+        closed.state(state, 1e-12);
+        const Robot& robot = closed.robot;
+        for (size_t a = 0; a < robot.active.size(); a++) tau(robot.active[a]) = state.tau_u(a);
+        const VectorXd& qdd = recursive ? pin::lcaba(model, data, closed.q, closed.qd, tau, constraints, datas, settings)
+                                        : pin::constraintDynamics(model, data, closed.q, closed.qd, tau, constraints, datas, settings);
+        for (size_t i = 0; i < robot.independent.size(); i++) ydd(i) = qdd(robot.independent[i]);
+    }
+};
+
+// --- measuring ---------------------------------------------------------------------------------------------------------
+
+// A method with one setting, and what its passes through all states took per call.
+struct Method {
+    std::string name;
+    const VectorXd& answer;
+    std::function<void(const State&)> call;
+    std::vector<double> ns = {};
+};
+
+// Passes of all methods take turns, so that what else the machine does meets all of them; then medians and answers.
+static void measure(std::vector<Method>& methods, double seconds, const std::vector<State>& states) {
+    using Clock = std::chrono::steady_clock;
+    const auto start = Clock::now();
+    const auto left = [&] { return std::chrono::duration<double>(Clock::now() - start).count() < seconds * methods.size(); };
+    for (int round = 0; round < 5 || left(); round++)
+        for (Method& method : methods) {
+            // the other methods had the caches
+            method.call(states[round % states.size()]);
+            const auto before = Clock::now();
+            for (const State& state : states) method.call(state);
+            method.ns.push_back(std::chrono::duration<double, std::nano>(Clock::now() - before).count() / states.size());
+        }
+    for (Method& method : methods) {
+        std::nth_element(method.ns.begin(), method.ns.begin() + method.ns.size() / 2, method.ns.end());
+        std::printf("run %s; %.17g\n", method.name.c_str(), method.ns[method.ns.size() / 2]);
+        for (const State& state : states) {
+            method.call(state);
+            for (int i = 0; i < method.answer.size(); i++) std::printf("%.17g ", method.answer(i));
+            std::printf("\n");
+        }
+    }
+}
+
+int main() {
+    expect("seconds");
+    const double seconds = read<double>();
+    const Robot robot = read_robot();
+    const int n = robot.model.nv, p = static_cast<int>(robot.independent.size());
+    expect("states");
+    std::vector<State> states(read<int>());
+    for (State& state : states) state = {read_vector(p), read_vector(p), read_vector(p), read_vector(p), read_vector(n)};
+    if (states.empty()) stop("no states");
+
+    Closed closed(robot);
+    VectorXd q(n), tau_u(p), ydd(p);
+    std::vector<Method> methods;
+    for (const char* text : {"1e-3", "1e-6", "1e-9", "1e-12"}) {
+        const double tolerance = std::atof(text);
+        const std::string setting = std::string(" tolerance ") + text;
+        methods.push_back({"STATE Newton and G" + setting, q, [&, tolerance](const State& state) {
+                               closed.state(state, tolerance);
+                               for (int i = 0; i < n; i++) q(i) = closed.q(robot.tree[i]);
+                           }});
+        methods.push_back({"ID RNEA, explicit G" + setting, tau_u,
+                           [&, tolerance](const State& state) { closed.inverse_dynamics(state, tolerance, tau_u); }});
+        methods.push_back({"FD CRBA, explicit G" + setting, ydd,
+                           [&, tolerance](const State& state) { closed.forward_dynamics(state, tolerance, ydd); }});
+    }
+    Proximal proximal(robot);
+    for (const bool recursive : {false, true})
+        for (const char* mu : {"1e-10", "1e-8", "1e-6", "1e-4"})
+            for (const int iterations : {1, 2, 3}) {
+                if (robot.loops.empty()) continue;
+                const std::string name = recursive ? "FD lcaba" : "FD constraintDynamics";
+                pin::ProximalSettings settings(1e-14, std::atof(mu), iterations);
+                methods.push_back({name + " mu " + mu + ", iterations " + std::to_string(iterations), ydd,
+                                   [&, recursive, settings](const State& state) mutable {
+                                       proximal.forward_dynamics(closed, state, recursive, settings, ydd);
+                                   }});
+            }
+    std::printf("engine Pinocchio %s, clang %s\n", PINOCCHIO_VERSION, __clang_version__);
+    measure(methods, seconds, states);
+    return 0;
+}

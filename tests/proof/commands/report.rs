@@ -1,0 +1,25 @@
+//! `sarrus report`: what scripts rely on, without long measurements.
+
+use std::fs;
+
+use super::{Folder, run};
+
+#[test]
+fn an_unknown_section_is_told_with_the_known_ones() {
+    let run = run(&["report", "--section", "speed"], b"");
+    assert_eq!(run.code, Some(2), "{run:?}");
+    for name in ["speed", "accuracy", "integration", "extremes"] {
+        assert!(run.err.contains(name), "{run:?}");
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_told_with_its_name() {
+    let folder = Folder::new("report-unwritable");
+    let file = folder.file("file", "");
+    let out = format!("{file}/report");
+    let run = run(&["report", "--out", &out], b"");
+    assert_eq!(run.code, Some(2), "{run:?}");
+    assert!(run.err.contains(&out) && run.err.contains("cannot be written"), "{run:?}");
+    assert_eq!(fs::read_to_string(&file).unwrap(), "");
+}
