@@ -46,7 +46,7 @@ fields! {
     Udd = 8, "udd", |s, f, w| (s.n_u, 1);
     /// A closed pose near the answer from which numerical closures continue (n_q).
     QGuess = 9, "q_guess", |s, f, w| (s.n_q, 1);
-    /// The tree velocity that goes with the guess (n_v).
+    /// The tree velocity that goes with the guess: where branches cross, the numerical closure goes on along it (n_v).
     QdGuess = 10, "qd_guess", |s, f, w| (s.n_v, 1);
     /// Generalised forces on the tree coordinates (n_v).
     TauQ = 11, "tau_q", |s, f, w| (s.n_v, 1);

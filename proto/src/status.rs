@@ -74,6 +74,10 @@ impl Warnings {
     pub const NONE: Warnings = Warnings(0);
     /// A position, velocity or actuator force lies outside the limits that the model declares.
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
+    /// So close to a singular pose, or with masses so unequal, that results may keep fewer than nine digits: a loop whose dependents move
+    /// more than 300 times as fast as its independents or whose K_d is within 1/300 of losing rank; in forward dynamics, a joint whose
+    /// inertia is less than 1e-7 of its own once the joints behind it are free.
+    pub const ILL_CONDITIONED: Warnings = Warnings(2);
 
     /// True when every bit of `other` is set.
     pub const fn contains(self, other: Warnings) -> bool {
@@ -82,7 +86,8 @@ impl Warnings {
 
     /// The names that scripts see, in the order of the bits.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        [(Self::LIMITS_EXCEEDED, "limits_exceeded")].into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
+        let names = [(Self::LIMITS_EXCEEDED, "limits_exceeded"), (Self::ILL_CONDITIONED, "ill_conditioned")];
+        names.into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
     }
 }
 

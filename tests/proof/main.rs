@@ -8,6 +8,7 @@ mod allocation;
 mod assembly;
 mod closures;
 mod commands;
+mod conditions;
 mod derivatives;
 mod determinism;
 mod documents;

@@ -29,6 +29,11 @@ impl Branches {
         self.len += depth + 1;
     }
 
+    /// Place of each diagonal entry.
+    pub(crate) fn diagonal(&self) -> impl Iterator<Item = usize> + '_ {
+        self.start.iter().zip(&self.depth).map(|(start, depth)| start + depth)
+    }
+
     /// Place of the entry (i, j), if it is not zero by structure.
     pub(crate) fn entry(&self, i: usize, j: usize) -> Option<usize> {
         let (mut low, high) = (i.max(j), i.min(j));

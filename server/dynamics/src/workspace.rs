@@ -17,6 +17,9 @@ pub struct Workspace<T> {
     pub(crate) qdd: Vec<T>,
     /// The closed pose that numerical closures start from.
     pub(crate) start: Vec<T>,
+    /// The velocity there, and whether one was given.
+    pub(crate) start_rate: Vec<T>,
+    pub(crate) tangent: bool,
     /// The actuator coordinates that one cluster has to reach.
     pub(crate) goal_u: Vec<T>,
     /// The step of the independents towards them.
@@ -160,6 +163,8 @@ impl<T: Scalar> Workspace<T> {
             qd: of(sizes.n_v),
             qdd: of(sizes.n_v),
             start: of(sizes.n_q),
+            start_rate: of(sizes.n_v),
+            tangent: false,
             goal_u: of(sizes.n_u),
             step_y: of(sizes.n_vy),
             ydd: of(sizes.n_vy),

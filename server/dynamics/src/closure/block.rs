@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::inverse::{ANY, invert, nearness};
+use super::inverse::{ANY, Inverted, invert, nearness};
 use super::rows::{CutState, base, cos_sin, place, row_acceleration};
-use super::{Cut, Local};
+use super::{Cut, Local, NEAR, column_unit};
 use crate::linear::column_square;
 use crate::model::{Body, Cluster, Freedom, Motion, single_pose};
 use crate::scalar::{Mask, Real};
@@ -104,13 +104,14 @@ impl Block {
     /// The determinant at the closed pose in `local`, whose poses are fresh.
     pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> T {
         self.evaluate::<T, ANY>(cluster, local, true);
-        self.invert::<T, ANY>(local).1
+        self.invert::<T, ANY>(local).det
     }
 
-    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side.
+    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side. The masks tell where
+    /// they mean something and where the pose is near a singular one.
     #[inline]
-    pub(super) fn jacobian<T: Real>(&self, n_vy: usize, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) -> T::Mask {
-        by_width!(self.jacobian_of_width(n_vy, cuts, local))
+    pub(super) fn jacobian<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> (T::Mask, T::Mask) {
+        by_width!(self.jacobian_of_width(cluster, local))
     }
 
     /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
@@ -119,9 +120,9 @@ impl Block {
         by_width!(self.bias_of_width(cuts, local));
     }
 
-    /// Inverse of A into the block's place; where it is sound, and the determinant.
+    /// Inverse of A into the block's place.
     #[inline(always)]
-    fn invert<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) -> (T::Mask, T) {
+    fn invert<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) -> Inverted<T> {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         invert::<T, M>(&mut scratch.A[..m * m], &mut scratch.inverse[self.offset..self.offset + m * m], m)
@@ -169,7 +170,7 @@ impl Block {
                     let scratch = &mut *local.scratch;
                     (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
                 }
-                let (fine, det) = self.invert::<T, M>(local);
+                let Inverted { sound: fine, det, .. } = self.invert::<T, M>(local);
                 if k == 0 {
                     last_det = match branch {
                         Some(branch) if self.remember => branch,
@@ -275,14 +276,14 @@ impl Block {
         largest
     }
 
-    fn jacobian_of_width<T: Real, const M: usize>(&self, n_vy: usize, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) -> T::Mask {
-        let m = self.width::<M>();
+    fn jacobian_of_width<T: Real, const M: usize>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> (T::Mask, T::Mask) {
+        let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
         let scratch = &mut *local.scratch;
         let G = &mut *local.G;
         scratch.A[..m * m].fill(T::ZERO);
         scratch.B[..m * n_vy].fill(T::ZERO);
         for of in &self.cuts {
-            let cut = &cuts[of.cut];
+            let cut = &cluster.cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose);
             let directions = of.directions(cut, &state);
             for (on, side, column) in &of.solve {
@@ -301,9 +302,26 @@ impl Block {
                 });
             }
         }
-        let (good, _) = self.invert::<T, M>(local);
+        let wide = m > 3;
+        let scratch = &mut *local.scratch;
+        if wide {
+            (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
+        }
+        // one row is near singular where its independents move it far more than its unknown
+        let alone = (m == 1).then(|| {
+            let square = |x: T, v: usize| (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v));
+            let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent)).fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
+            square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(NEAR))
+        });
+        let Inverted { sound, mut near, .. } = self.invert::<T, M>(local);
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+        if let Some(alone) = alone {
+            near = alone;
+        }
+        if wide {
+            near = T::from_f64(1.0 / NEAR).lt(nearness(inverse, &scratch.step[..m], m));
+        }
         for (i, of) in self.unknowns[..m].iter().enumerate() {
             let row = &mut local.G[of.v * n_vy..(of.v + 1) * n_vy];
             for k in 0..n_vy {
@@ -314,7 +332,7 @@ impl Block {
                 row[k] = -x;
             }
         }
-        good
+        (sound, near)
     }
 
     fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {

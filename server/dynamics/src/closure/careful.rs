@@ -92,7 +92,7 @@ pub(super) fn follow<T: Scalar>(
             }
         }
     }
-    Outcome { status: Status::Ok, iterations }
+    Outcome::closed(iterations)
 }
 
 /// How far the independents of a pose are from those of another, in radians or cluster lengths: the sum over all of them.

@@ -1,7 +1,8 @@
 //! The inverse of a block, with its determinant.
 
+use super::NEAR;
 use crate::linear::{column_square, solve_unpivoted};
-use crate::scalar::Real;
+use crate::scalar::{Mask, Real};
 
 /// Least pivot of a wide block against its row.
 const SINGULAR: f64 = 1e-12;
@@ -11,20 +12,38 @@ const ROOTS: f64 = 10.0;
 /// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the block.
 pub(super) const ANY: usize = 0;
 
-/// Inverse of A (m × m): closed form up to 3×3, elimination in the order fixed at load beyond. Returns where it is sound, and the
-/// determinant.
+/// What came of an inversion.
+pub(super) struct Inverted<T: Real> {
+    /// Where the inverse means something.
+    pub(super) sound: T::Mask,
+    /// Where the matrix is near a singular one; of two or three rows, for others their callers must look.
+    pub(super) near: T::Mask,
+    pub(super) det: T,
+}
+
+impl<T: Real> Inverted<T> {
+    /// |det| against the product of the column norms: turning and sliding joints have columns of different units.
+    #[inline(always)]
+    fn narrow(A: &[T], m: usize, det: T) -> Inverted<T> {
+        let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
+        let below = |floor: f64| (det * det).lt(squares * T::from_f64(floor));
+        Inverted { sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det), near: below(NEAR), det }
+    }
+}
+
+/// Inverse of A (m × m): closed form up to 3×3, elimination in the order fixed at load beyond.
 #[inline(always)]
-pub(super) fn invert<T: Real, const M: usize>(A: &mut [T], inverse: &mut [T], m: usize) -> (T::Mask, T) {
+pub(super) fn invert<T: Real, const M: usize>(A: &mut [T], inverse: &mut [T], m: usize) -> Inverted<T> {
     match if M == ANY { m } else { M } {
         1 => {
             inverse[0] = T::ONE / A[0];
-            (T::ZERO.lt(A[0].abs()), A[0])
+            Inverted { sound: T::ZERO.lt(A[0].abs()), near: T::Mask::splat(false), det: A[0] }
         }
         2 => {
             let det = A[0].mul_add(A[3], -(A[1] * A[2]));
             let d = T::ONE / det;
             (inverse[0], inverse[1], inverse[2], inverse[3]) = (A[3] * d, -(A[1] * d), -(A[2] * d), A[0] * d);
-            (sound(A, 2, det), det)
+            Inverted::narrow(A, 2, det)
         }
         3 => {
             let minor = |a: usize, b: usize, c: usize, d: usize, A: &[T]| A[a].mul_add(A[d], -(A[b] * A[c]));
@@ -45,13 +64,14 @@ pub(super) fn invert<T: Real, const M: usize>(A: &mut [T], inverse: &mut [T], m:
             for (x, y) in inverse.iter_mut().zip(adjugate) {
                 *x = y * d;
             }
-            (sound(A, 3, det), det)
+            Inverted::narrow(A, 3, det)
         }
         _ => {
             for (k, x) in inverse.iter_mut().enumerate() {
                 *x = if k / m == k % m { T::ONE } else { T::ZERO };
             }
-            solve_unpivoted(A, inverse, m, m, SINGULAR)
+            let (sound, det) = solve_unpivoted(A, inverse, m, m, SINGULAR);
+            Inverted { sound, near: T::Mask::splat(false), det }
         }
     }
 }
@@ -66,11 +86,4 @@ pub(super) fn nearness<T: Real>(inverse: &[T], squares: &[T], m: usize) -> T {
         nearness = T::select(nearness.lt(x), x, nearness);
     }
     nearness
-}
-
-/// |det| against the product of the column norms: turning and sliding joints have columns of different units.
-#[inline(always)]
-fn sound<T: Real>(A: &[T], m: usize, det: T) -> T::Mask {
-    let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
-    (squares * T::from_f64(ROOTS * ROOTS * T::EPSILON)).lt(det * det)
 }

@@ -1,15 +1,21 @@
-//! A platform on a chain of independent joints, held by legs that each turn about two crossing axes and slide (2SPU+1U).
+//! A platform on a chain of independent joints, held by struts (2SPU+1U, 6UPS), some with an offset at one end (2SPRR+1U).
 //!
-//! In the frame of a leg, X along its first axis and Y along its second at zero, the pin lies at v = R_x(q₁) R_y(q₂) w(ℓ) with
-//! w = ℓ a + e: slider direction a, eccentricity e ⟂ a. Hence ℓ² = |v|² − |e|², then q₂ from v_x = (R_y w)_x, then q₁ in the plane
-//! perpendicular to X.
+//! A strut reaches for a pin on the platform (see [`super::Strut`], offset at the base included). Where the offset is at the platform, an arm
+//! turns there about an axis n, and the strut's center C stays in a plane of the arm whose normal m ⟂ n turns with it:
+//!
+//! ```text
+//!   D = C − P in platform axes,   m₀ · R_n(−θ) D = h        P on the arm's axis, h = m · (C − P) at zero
+//!   k · R_n(−θ) D = ±√(D_k² + D_m² − h²)                     k, m, n right-handed
+//! ```
+//! Then the arm's tip is known and the strut reaches for it. With ω, α and E for the arm's body and r = C − P:
+//! θ̇ k · r = −m · v_platform(C), and θ̈ from m · (a_E(C) − 2 ω × v_E(C)) = 0.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Level, Local, Numerical, Rate, Verdict};
+use super::{Level, Local, Numerical, Rate, Strut, Verdict};
 use crate::model::{Body, Cluster, Freedom, Motion, joint_pose};
 use crate::scalar::Real;
-use crate::spatial::{Pose, cross, cross_add, dot, lift, lift_mat, scale_add, t_mul, zero};
+use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z, zero};
 
 /// A platform and its legs.
 #[derive(Clone, Debug)]
@@ -21,26 +27,38 @@ pub(crate) struct Legs<C> {
     pub(crate) polish: Option<Numerical<C>>,
 }
 
-/// One leg: two turning joints whose axes cross, a slider, and a pin on the platform.
+/// A strut and what it reaches for.
 #[derive(Clone, Debug)]
 pub(crate) struct Leg<C> {
-    /// First and second turn, slider.
-    pub(crate) joints: [Freedom; 3],
-    /// The leg's frame {cluster's parent body}: X, Y along the axes at zero, origin where they cross.
-    pub(crate) axes: Matrix3<C>,
-    pub(crate) center: Vector3<C>,
-    /// Pin {platform body}.
+    pub(crate) strut: Strut<C>,
+    /// Pin {platform body}, or {arm: k, m, n from its pivot} where there is one.
     pub(crate) pin: Vector3<C>,
-    /// Slider direction and eccentricity at zero {leg}.
-    pub(crate) a: Vector3<C>,
-    pub(crate) e: Vector3<C>,
-    /// |e|², |v|² at zero, signed slider length at zero.
-    pub(crate) e_square: C,
-    pub(crate) square0: C,
-    pub(crate) length0: C,
-    /// ±1, signs of the slider's length and of the second turn's root.
+    pub(crate) arm: Option<Arm<C>>,
+}
+
+/// A turning arm on the platform that stays turned towards a point of the base.
+#[derive(Clone, Debug)]
+pub(crate) struct Arm<C> {
+    pub(crate) joint: Freedom,
+    /// Its frame at zero {platform body}: k, m, n, and a point of its axis n.
+    pub(crate) axes: Matrix3<C>,
+    pub(crate) pivot: Vector3<C>,
+    /// The point C {cluster's parent body}.
+    pub(crate) center: Vector3<C>,
+    /// m · (C − P), its square, and the sign of k · (C − P).
+    pub(crate) beside: C,
     pub(crate) side: C,
-    pub(crate) root: C,
+}
+
+/// The pin and how it moves {cluster's parent body}.
+struct Pin<T> {
+    point: Vector3<T>,
+    /// Of an arm: tip from its pivot, m and k · r.
+    tip: Vector3<T>,
+    m: Vector3<T>,
+    n: Vector3<T>,
+    inverse_length: T,
+    pivot: Vector3<T>,
 }
 
 impl<C: nalgebra::Scalar + Copy> Legs<C> {
@@ -72,9 +90,11 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
         }
         let mut verdict = Verdict::fine();
         for leg in &self.legs {
-            let of_leg = leg.close(self, cluster.n_vy, &pose, local, level);
-            verdict.unreachable = verdict.unreachable | of_leg.unreachable;
-            verdict.singular = verdict.singular | of_leg.singular;
+            let of_leg = match leg.arm {
+                None => leg.close::<T, false>(self, cluster.n_vy, &pose, local, level),
+                Some(_) => leg.close::<T, true>(self, cluster.n_vy, &pose, local, level),
+            };
+            verdict = verdict.or(of_leg);
         }
         verdict
     }
@@ -92,19 +112,15 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
 
     /// The same geometry with every constant converted.
     pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Legs<D> {
-        let leg = |leg: &Leg<C>| Leg {
-            joints: leg.joints,
-            axes: leg.axes.map(f),
-            center: leg.center.map(f),
-            pin: leg.pin.map(f),
-            a: leg.a.map(f),
-            e: leg.e.map(f),
-            e_square: f(leg.e_square),
-            square0: f(leg.square0),
-            length0: f(leg.length0),
-            side: f(leg.side),
-            root: f(leg.root),
+        let arm = |arm: &Arm<C>| Arm {
+            joint: arm.joint,
+            axes: arm.axes.map(f),
+            pivot: arm.pivot.map(f),
+            center: arm.center.map(f),
+            beside: f(arm.beside),
+            side: f(arm.side),
         };
+        let leg = |leg: &Leg<C>| Leg { strut: leg.strut.map(f), pin: leg.pin.map(f), arm: leg.arm.as_ref().map(arm) };
         Legs {
             chain: self.chain.clone(),
             legs: self.legs.iter().map(leg).collect(),
@@ -114,8 +130,9 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
 }
 
 impl<C: nalgebra::Scalar + Copy> Leg<C> {
+    /// The levels of a leg with or without arm.
     #[inline]
-    fn close<T: Real<Const = C>>(
+    fn close<T: Real<Const = C>, const ARM: bool>(
         &self,
         of: &Legs<C>,
         n_vy: usize,
@@ -123,89 +140,103 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Verdict<T::Mask> {
-        let [j1, j2, j3] = self.joints;
-        let L: Matrix3<T> = lift_mat(&self.axes);
-        let (a, e): (Vector3<T>, Vector3<T>) = (lift(&self.a), lift(&self.e));
-
-        // pin from the leg's centre {leg}
-        let pin = platform.point(&lift(&self.pin));
-        let v = t_mul(&L, &(pin - lift(&self.center)));
-        let (vy2, vz2) = (v[1] * v[1], v[2] * v[2]);
-        let rho = vy2 + vz2;
-        let square = v[0].mul_add(v[0], rho);
-
-        // slider length, without cancellation in its change
-        let reach = square - T::lift(self.e_square);
-        let length = T::lift(self.side) * reach.sqrt();
-        local.q[j3.q] = (square - T::lift(self.square0)) / (length + T::lift(self.length0));
-
-        // second turn: w_x cos + w_z sin = v_x; the root has the sign that it has at zero
-        let w = scale_add(&a, length, &e);
-        let root_square = rho - w[1] * w[1];
-        let root = T::lift(self.root) * root_square.sqrt();
-        let n = w[0].mul_add(w[0], w[2] * w[2]);
-        let inverse_n = T::ONE / n;
-        let c2 = w[0].mul_add(v[0], w[2] * root) * inverse_n;
-        let s2 = w[2].mul_add(v[0], -(w[0] * root)) * inverse_n;
-
-        // first turn carries (w_y, root) onto (v_y, v_z)
-        let inverse_rho = T::ONE / rho;
-        let c1 = w[1].mul_add(v[1], root * v[2]) * inverse_rho;
-        let s1 = w[1].mul_add(v[2], -(root * v[1])) * inverse_rho;
-        local.turn[j1.body] = (c1, s1);
-        local.turn[j2.body] = (c2, s2);
-        local.q[j1.q] = s1.atan2(c1);
-        local.q[j2.q] = s2.atan2(c2);
-        let floor = T::from_f64(1e-24) * T::lift(self.square0);
-        let unreachable = reach.lt(T::ZERO) | root_square.lt(T::ZERO);
-        let singular = reach.lt(floor) | rho.lt(floor) | root_square.lt(floor);
-        let verdict = Verdict { unreachable, singular };
+        // where the pin is, then how the strut reaches it
+        let arm = if ARM { self.arm.as_ref() } else { None };
+        let (pin, of_arm) = self.pin(arm, platform, local);
+        let (reach, verdict) = self.strut.reach(&pin.point, local);
+        let verdict = if ARM { verdict.or(of_arm) } else { verdict };
         if level == Level::Position {
             return verdict;
         }
 
-        // columns of the leg's Jacobian {leg}: X × v, a2 × v, slider direction; its inverse by cross products
-        let a2 = Vector3::new(T::ZERO, c1, s1);
-        let J1 = Vector3::new(T::ZERO, -v[2], v[1]);
-        let J2 = cross(&a2, &v);
-        let ry = Vector3::new(c2.mul_add(a[0], s2 * a[2]), a[1], c2.mul_add(a[2], -(s2 * a[0])));
-        let J3 = Vector3::new(ry[0], c1.mul_add(ry[1], -(s1 * ry[2])), s1.mul_add(ry[1], c1 * ry[2]));
-        let (r1, r2, r3) = (cross(&J2, &J3), cross(&J3, &J1), cross(&J1, &J2));
-        let inverse_det = T::ONE / dot(&J3, &r3);
-
-        // velocity of the pin for each independent coordinate
+        // one column of G for each independent coordinate
+        let center = arm.map_or(zero(), |arm| lift(&arm.center));
         for (at, k) in &of.chain {
             let pose = &local.scratch.pose[at.body + 1];
             let z = at.axis(&pose.R);
-            let x = t_mul(&L, &if at.slides() { z } else { cross(&z, &(pin - pose.p)) });
-            local.G[j1.v * n_vy + k] = dot(&r1, &x) * inverse_det;
-            local.G[j2.v * n_vy + k] = dot(&r2, &x) * inverse_det;
-            local.G[j3.v * n_vy + k] = dot(&r3, &x) * inverse_det;
+            let moves = |x: &Vector3<T>| if at.slides() { z } else { cross(&z, &(x - pose.p)) };
+            let mut velocity = moves(&pin.point);
+            if let Some(arm) = arm {
+                let rate = -(dot(&pin.m, &moves(&center)) * pin.inverse_length);
+                velocity = scale_add(&cross(&pin.n, &pin.tip), rate, &velocity);
+                local.G[arm.joint.v * n_vy + k] = rate;
+            }
+            let rates = self.strut.rates(&reach, &velocity);
+            self.strut.joints.iter().zip(rates).for_each(|(i, rate)| local.G[i.v * n_vy + k] = rate);
         }
-        for j in self.joints {
+        let rate = |j: Freedom, local: &mut Local<'_, T>| {
             let mut qd = T::ZERO;
             for (at, k) in &of.chain {
                 qd = local.G[j.v * n_vy + k].mul_add(local.qd[at.v], qd);
             }
             local.qd[j.v] = qd;
-        }
+            qd
+        };
+        let rates = self.strut.joints.map(|j| rate(j, local));
+        let turn_rate = arm.map_or(T::ZERO, |arm| rate(arm.joint, local));
         if level == Level::Velocity {
             return verdict;
         }
 
-        // acceleration of the pin at ÿ = 0, less that of the leg at q̈ = 0 {leg}
-        let arm = pin - platform.p;
-        let rate = of.chain.last().map(|(at, _)| local.scratch.rate[at.body + 1]);
-        let of_platform = rate.map_or(zero(), |x| cross_add(&x.w, &cross(&x.w, &arm), &cross_add(&x.alpha, &arm, &x.a)));
-        let (w1, w2, slide) = (local.qd[j1.v], local.qd[j2.v], local.qd[j3.v]);
-        let w_leg = Vector3::new(w1, w2 * a2[1], w2 * a2[2]);
-        let alpha_leg = Vector3::new(T::ZERO, -(w1 * w_leg[2]), w1 * w_leg[1]);
-        let inner = scale_add(&J3, slide + slide, &cross(&w_leg, &v));
-        let of_leg = cross_add(&w_leg, &inner, &cross(&alpha_leg, &v));
-        let x = t_mul(&L, &of_platform) - of_leg;
-        local.g[j1.v] = dot(&r1, &x) * inverse_det;
-        local.g[j2.v] = dot(&r2, &x) * inverse_det;
-        local.g[j3.v] = dot(&r3, &x) * inverse_det;
+        // acceleration of the pin at ÿ = 0
+        let of_platform = of.chain.last().map_or(Rate::at_rest(), |(at, _)| local.scratch.rate[at.body + 1]);
+        let mut acceleration = accelerated(&of_platform, &(pin.point - platform.p));
+        if let Some(arm) = arm {
+            // rates of the arm's body, its pivot for origin, at θ̈ = 0
+            let to_pivot = pin.pivot - platform.p;
+            let (w, wn) = (of_platform.w, cross(&of_platform.w, &pin.n));
+            let of_arm = Rate {
+                w: scale_add(&pin.n, turn_rate, &w),
+                v: cross_add(&w, &to_pivot, &of_platform.v),
+                alpha: scale_add(&wn, turn_rate, &of_platform.alpha),
+                a: accelerated(&of_platform, &to_pivot),
+            };
+            let r = center - pin.pivot;
+            let v = cross_add(&of_arm.w, &r, &of_arm.v);
+            let x = scale_add(&cross(&of_arm.w, &v), -T::from_f64(2.0), &accelerated(&of_arm, &r));
+            let bias = -(dot(&pin.m, &x) * pin.inverse_length);
+            local.g[arm.joint.v] = bias;
+            acceleration = scale_add(&cross(&pin.n, &pin.tip), bias, &accelerated(&of_arm, &pin.tip));
+        }
+        let bias = self.strut.accelerations(&reach, rates, &acceleration);
+        self.strut.joints.iter().zip(bias).for_each(|(j, bias)| local.g[j.v] = bias);
         verdict
     }
+
+    /// The pin on the platform or on its arm; the arm's coordinate.
+    #[inline(always)]
+    fn pin<T: Real<Const = C>>(&self, arm: Option<&Arm<C>>, platform: &Pose<T>, local: &mut Local<'_, T>) -> (Pin<T>, Verdict<T::Mask>) {
+        let pin: Vector3<T> = lift(&self.pin);
+        let Some(arm) = arm else {
+            let point = platform.point(&pin);
+            let pin = Pin { point, tip: zero(), m: zero(), n: zero(), inverse_length: T::ZERO, pivot: zero() };
+            return (pin, Verdict::fine());
+        };
+
+        // D on the arm's axes at zero, its part along n apart
+        let axes = mul_mat(&platform.R, &lift_mat(&arm.axes));
+        let pivot = platform.point(&lift(&arm.pivot));
+        let D = t_mul(&axes, &(lift(&arm.center) - pivot));
+        let (beside, square) = (T::lift(arm.beside), D[0].mul_add(D[0], D[1] * D[1]));
+        let reach = square - beside * beside;
+        let length = T::lift(arm.side) * reach.sqrt();
+
+        // θ carries (length, beside) onto (D_k, D_m)
+        let inverse = T::ONE / square;
+        let c = length.mul_add(D[0], beside * D[1]) * inverse;
+        let s = length.mul_add(D[1], -(beside * D[0])) * inverse;
+        local.turn[arm.joint.body] = (c, s);
+        local.q[arm.joint.q] = s.atan2(c);
+        let turned = turn_z(&axes, c, s);
+        let tip = mul(&turned, &pin);
+        let verdict = Verdict::of(reach, dot(&D, &D));
+        let pin = Pin { point: pivot + tip, tip, m: column(&turned, 1), n: column(&turned, 2), inverse_length: T::ONE / length, pivot };
+        (pin, verdict)
+    }
+}
+
+/// Acceleration of a point of a body from the rates of its origin.
+#[inline(always)]
+fn accelerated<T: Real>(rate: &Rate<T>, r: &Vector3<T>) -> Vector3<T> {
+    cross_add(&rate.w, &cross(&rate.w, r), &cross_add(&rate.alpha, r, &rate.a))
 }

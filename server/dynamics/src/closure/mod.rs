@@ -7,10 +7,10 @@
 mod block;
 mod careful;
 mod coupling;
+mod crossing;
 mod inverse;
 mod legs;
 mod numerical;
-mod offset_legs;
 mod planar;
 mod rows;
 mod rrpr;
@@ -21,9 +21,8 @@ use nalgebra::Vector3;
 
 pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use coupling::Coupling;
-pub(crate) use legs::{Leg, Legs};
+pub(crate) use legs::{Arm, Leg, Legs};
 pub(crate) use numerical::Numerical;
-pub(crate) use offset_legs::{Arm, OffsetLeg, OffsetLegs};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
@@ -32,8 +31,13 @@ pub(crate) use strut::Strut;
 
 use crate::Status;
 use crate::model::{Body, Cluster};
-use crate::scalar::{Mask, Scalar};
+use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
+
+/// Squares of the sine, or of a length against its size, below which a pose is singular, and below which it is near one: rates keep ε / δ² of
+/// their size at δ, accelerations some multiple of it.
+const SINGULAR: f64 = 1e-24;
+pub(crate) const NEAR: f64 = 1e-5;
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
@@ -44,10 +48,8 @@ pub(crate) enum Closure<C> {
     Coupling(Coupling<C>),
     /// Lambda.
     Rrpr(Rrpr<C>),
-    /// A chain of independent joints that carries a platform on UPS legs (2SPU+1U).
+    /// A chain of independent joints that carries a platform on legs (2SPU+1U, 6UPS, 2SPRR+1U).
     Legs(Legs<C>),
-    /// The same with legs of which one end is off a crossing of axes (2SPRR+1U).
-    OffsetLegs(OffsetLegs<C>),
     /// A plane loop of four joints (four-bar, slider-crank).
     Planar(Planar<C>),
     /// Newton's method on the rows.
@@ -96,6 +98,8 @@ pub(crate) enum Level {
 pub(crate) struct Local<'a, T> {
     /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
+    /// The tree velocity at that pose, where one was given (n_v).
+    pub(crate) tangent: Option<&'a [T]>,
     /// Tree coordinates, independents set (n_q).
     pub(crate) q: &'a mut [T],
     /// Cosine and sine of each revolute coordinate (n).
@@ -150,13 +154,19 @@ pub(crate) struct Rate<T> {
 pub(crate) struct Outcome {
     pub(crate) status: Status,
     pub(crate) iterations: u32,
+    /// Closed, but so near a singular pose that rates may keep fewer than nine digits; told from the velocity level on.
+    pub(crate) near: bool,
 }
 
 impl Outcome {
-    pub(crate) const FINE: Outcome = Outcome { status: Status::Ok, iterations: 0 };
+    pub(crate) const FINE: Outcome = Outcome::closed(0);
+
+    pub(crate) const fn closed(iterations: u32) -> Outcome {
+        Outcome { status: Status::Ok, iterations, near: false }
+    }
 
     pub(crate) const fn failed(status: Status, iterations: u32) -> Outcome {
-        Outcome { status, iterations }
+        Outcome { status, iterations, near: false }
     }
 }
 
@@ -165,11 +175,31 @@ impl Outcome {
 pub(crate) struct Verdict<M> {
     pub(crate) unreachable: M,
     pub(crate) singular: M,
+    /// As [`Outcome::near`].
+    pub(crate) near: M,
 }
 
 impl<M: Mask> Verdict<M> {
     pub(crate) fn fine() -> Verdict<M> {
-        Verdict { unreachable: M::splat(false), singular: M::splat(false) }
+        let none = M::splat(false);
+        Verdict { unreachable: none, singular: none, near: none }
+    }
+
+    /// From the square of what vanishes at a singular pose, negative beyond it, and the square of its size elsewhere.
+    #[inline(always)]
+    pub(crate) fn of<T: Real<Mask = M>>(square: T, size: T) -> Verdict<M> {
+        let below = |floor: f64| square.lt(T::from_f64(floor) * size);
+        Verdict { unreachable: square.lt(T::ZERO), singular: below(SINGULAR), near: below(NEAR) }
+    }
+
+    /// Either.
+    #[inline(always)]
+    pub(crate) fn or(self, other: Verdict<M>) -> Verdict<M> {
+        Verdict {
+            unreachable: self.unreachable | other.unreachable,
+            singular: self.singular | other.singular,
+            near: self.near | other.near,
+        }
     }
 }
 
@@ -180,7 +210,7 @@ impl From<Verdict<bool>> for Outcome {
         } else if verdict.singular {
             Outcome::failed(Status::SingularClosure, 0)
         } else {
-            Outcome::FINE
+            Outcome { near: verdict.near, ..Outcome::FINE }
         }
     }
 }
@@ -203,12 +233,6 @@ pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: 
         Closure::Planar(planar) => match &planar.polish {
             None => told(planar.close(local, level), cluster, bodies, local),
             Some(numerical) => polished(planar.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
-        },
-        Closure::OffsetLegs(legs) => match &legs.polish {
-            None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
-            Some(numerical) => {
-                polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
-            }
         },
         Closure::Rrpr(rrpr) => match &rrpr.polish {
             None => told(rrpr.close(local, level), cluster, bodies, local),
@@ -256,7 +280,6 @@ impl<C: nalgebra::Scalar + Copy> Closure<C> {
             Closure::Coupling(coupling) => Closure::Coupling(coupling.map(f)),
             Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
             Closure::Legs(legs) => Closure::Legs(legs.map(f)),
-            Closure::OffsetLegs(legs) => Closure::OffsetLegs(legs.map(f)),
             Closure::Planar(planar) => Closure::Planar(planar.map(f)),
             Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
         }

@@ -9,7 +9,7 @@ use sarrus_proto::Status;
 
 use super::block::{Block, Blocks};
 use super::rows::{cos_sin, local_poses, place, rate_of};
-use super::{Level, Local, Outcome, Rate, careful};
+use super::{Level, Local, Outcome, Rate, careful, crossing};
 use crate::model::{Body, Cluster, Freedom, Motion};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
@@ -92,9 +92,15 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         }
     }
 
-    /// Velocity and acceleration level at the closed pose: G and q̇, then g.
+    /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean something, and where the pose is near a singular one.
     #[inline]
-    fn rates<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>, level: Level) -> T::Mask {
+    fn rates<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T::Mask) {
         let m = cluster.n_vy;
         for (k, &j) in cluster.independent.iter().enumerate() {
             for other in 0..m {
@@ -104,9 +110,10 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             local.g[j] = T::ZERO;
         }
         // G block by block: G_d = −K_d⁻¹ K_i
-        let mut good = T::Mask::splat(true);
+        let (mut good, mut near) = (T::Mask::splat(true), T::Mask::splat(false));
         for block in &self.blocks {
-            good = good & block.jacobian(m, &cluster.cuts, local);
+            let (sound, near_singular) = block.jacobian(cluster, local);
+            (good, near) = (good & sound, near | near_singular);
         }
         for block in &self.blocks {
             for &Freedom { v: j, .. } in &block.unknowns {
@@ -127,7 +134,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 block.bias(&cluster.cuts, local);
             }
         }
-        good
+        (good, near)
     }
 }
 
@@ -140,8 +147,7 @@ impl<C: Scalar> Numerical<C> {
         let moved = careful::way(cluster, local.start, local.q);
         let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
         let good = good && careful::redundant_rows_hold(cluster, local);
-        let outcome =
-            if good { Outcome { status: Status::Ok, iterations } } else { careful::follow(self, cluster, bodies, local, iterations) };
+        let outcome = if good { Outcome::closed(iterations) } else { crossing::follow_or_cross(self, cluster, bodies, local, iterations) };
         if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
     }
 
@@ -149,7 +155,7 @@ impl<C: Scalar> Numerical<C> {
     pub(crate) fn polish(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>) -> Outcome {
         self.remember(cluster, bodies, local);
         let (good, iterations) = self.newton(cluster, bodies, local, true, C::ZERO);
-        Outcome { status: if good { Status::Ok } else { Status::NotConverged }, iterations }
+        if good { Outcome::closed(iterations) } else { Outcome::failed(Status::NotConverged, iterations) }
     }
 
     /// The levels below the position, with the reason where a block cannot be inverted.
@@ -161,9 +167,12 @@ impl<C: Scalar> Numerical<C> {
         level: Level,
         outcome: Outcome,
     ) -> Outcome {
-        if level == Level::Position || self.rates(cluster, bodies, local, level) {
+        if level == Level::Position {
             return outcome;
         }
-        Outcome::failed(careful::singular_status(cluster, bodies, local), outcome.iterations)
+        match self.rates(cluster, bodies, local, level) {
+            (true, near) => Outcome { near, ..outcome },
+            (false, _) => Outcome::failed(careful::singular_status(cluster, bodies, local), outcome.iterations),
+        }
     }
 }

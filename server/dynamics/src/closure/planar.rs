@@ -163,11 +163,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let b = add(&right(&D), W * inverse, &[along * inverse * D[0], along * inverse * D[1]]);
         let c = [b[0] - D[0], b[1] - D[1]];
         let (inverse_b, inverse_c) = (T::ONE / b_square, T::ONE / c_square);
-        let floor = T::from_f64(1e-24);
-        let verdict = Verdict {
-            unreachable: W_square.lt(T::ZERO),
-            singular: W_square.lt(floor * b_square * c_square) | square.lt(floor * (b_square + c_square)),
-        };
+        let verdict = Verdict::of(W_square, b_square * c_square).or(Verdict::of(square, b_square + c_square));
         let mut links = Links {
             turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
             turn_c: (dot(&c0, &c) * inverse_c, cross(&c0, &c) * inverse_c),
@@ -207,7 +203,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let stretch = -(change * (beside + beside0)) / (L + length0);
         let b = [L.mul_add(t[0], beside * n[0]), L.mul_add(t[1], beside * n[1])];
         let inverse_b = T::ONE / b_square;
-        let verdict = Verdict { unreachable: L_square.lt(T::ZERO), singular: L_square.lt(T::from_f64(1e-24) * b_square) };
+        let verdict = Verdict::of(L_square, b_square);
         let mut links = Links {
             turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
             turn_c: (T::ONE, T::ZERO),

@@ -65,8 +65,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         local.turn[j2] = (cosine, sense * sine);
         local.q[j2] = (sense * sine).atan2(cosine);
         local.q[j3] = q3;
-        let floor = T::from_f64(1e-24) * T::lift(self.square0);
-        let verdict = Verdict { unreachable: reach.lt(T::ZERO), singular: reach.lt(floor) };
+        let verdict = Verdict::of(reach, T::lift(self.square0));
         if level == Level::Position {
             return verdict;
         }

@@ -11,14 +11,15 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Local, Verdict};
+use crate::model::Freedom;
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, dot, lift, lift_mat, scale_add, t_mul};
 
 /// Geometry of a strut.
 #[derive(Clone, Debug)]
 pub(crate) struct Strut<C> {
-    /// Local joints: first and second turn, slider.
-    pub(crate) joints: [usize; 3],
+    /// First and second turn, slider.
+    pub(crate) joints: [Freedom; 3],
     /// The strut's frame {cluster's parent body}: X, Y along the axes at zero, origin on the first where the second is nearest.
     pub(crate) axes: Matrix3<C>,
     pub(crate) center: Vector3<C>,
@@ -28,7 +29,8 @@ pub(crate) struct Strut<C> {
     /// Slider direction and eccentricity at zero {strut}.
     pub(crate) a: Vector3<C>,
     pub(crate) e: Vector3<C>,
-    /// |v|² where the axes cross, v_x² + z² where they do not, and the signed slider length, all at zero.
+    /// |e|²; at zero |v|² where the axes cross, v_x² + z² where they do not, and the signed slider length.
+    pub(crate) e_square: C,
     pub(crate) square0: C,
     pub(crate) length0: C,
     /// ±1, signs of the slider's length and of the root for the second turn.
@@ -59,23 +61,22 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let v = t_mul(&axes, &(point - lift(&self.center)));
         let rho = v[1].mul_add(v[1], v[2] * v[2]);
         let (sign, side) = (T::lift(self.root), T::lift(self.side));
-        let (length0, square0) = (T::lift(self.length0), T::lift(self.square0));
-        let floor = T::from_f64(1e-24) * square0;
+        let (length0, square0, e_square) = (T::lift(self.length0), T::lift(self.square0), T::lift(self.e_square));
 
         // slider length, without cancellation in its change; root = r + z
         let (length, root, z, reach, root_square) = if self.apart {
             let root_square = rho - e[1] * e[1];
             let root = sign * root_square.sqrt();
             let z = root - T::lift(self.distance);
-            let reach = v[0].mul_add(v[0], z.mul_add(z, e[1] * e[1] - dot(&e, &e)));
+            let reach = v[0].mul_add(v[0], z.mul_add(z, e[1] * e[1] - e_square));
             let length = side * reach.sqrt();
-            local.q[j3] = (v[0].mul_add(v[0], z * z) - square0) / (length + length0);
+            local.q[j3.q] = (v[0].mul_add(v[0], z * z) - square0) / (length + length0);
             (length, root, z, reach, root_square)
         } else {
             let square = v[0].mul_add(v[0], rho);
-            let reach = square - dot(&e, &e);
+            let reach = square - e_square;
             let length = side * reach.sqrt();
-            local.q[j3] = (square - square0) / (length + length0);
+            local.q[j3.q] = (square - square0) / (length + length0);
             let along = a[1].mul_add(length, e[1]);
             let root_square = rho - along * along;
             let root = sign * root_square.sqrt();
@@ -90,14 +91,12 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let inverse_rho = T::ONE / rho;
         let c1 = w[1].mul_add(v[1], root * v[2]) * inverse_rho;
         let s1 = w[1].mul_add(v[2], -(root * v[1])) * inverse_rho;
-        local.turn[j1] = (c1, s1);
-        local.turn[j2] = (c2, s2);
-        local.q[j1] = s1.atan2(c1);
-        local.q[j2] = s2.atan2(c2);
-        let verdict = Verdict {
-            unreachable: reach.lt(T::ZERO) | root_square.lt(T::ZERO),
-            singular: reach.lt(floor) | rho.lt(floor) | root_square.lt(floor),
-        };
+        local.turn[j1.body] = (c1, s1);
+        local.turn[j2.body] = (c2, s2);
+        local.q[j1.q] = s1.atan2(c1);
+        local.q[j2.q] = s2.atan2(c2);
+        // the root is no longer than |(v_y, v_z)|
+        let verdict = Verdict::of(T::select(reach.lt(root_square), reach, root_square), square0);
 
         // columns: X × v, a₂ × (v − r Z), slider direction; the inverse by cross products
         let a2 = Vector3::new(T::ZERO, c1, s1);
@@ -143,6 +142,7 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
             distance: f(self.distance),
             a: self.a.map(f),
             e: self.e.map(f),
+            e_square: f(self.e_square),
             square0: f(self.square0),
             length0: f(self.length0),
             side: f(self.side),

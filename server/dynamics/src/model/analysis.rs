@@ -4,12 +4,10 @@ use faer::Mat;
 
 use super::blocks::blocks;
 use super::idle::Drift;
-use super::{Body, Cluster, Model};
-use crate::branch_sparse::factorise_branches;
+use super::{Body, Cluster};
 use crate::closure::{
     Blocks, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian, constraint_residual, local_poses, scaled,
 };
-use crate::description::Description;
 use crate::fault::{Fault, Site};
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::Pose;
@@ -18,7 +16,7 @@ use sarrus_proto::Status;
 /// Ratio of singular values below which a row says nothing new: files are rounded.
 const RANK_GAP: f64 = 1e-4;
 /// Poses at which rank is judged, and how far from zero they lie, in radians or cluster lengths.
-const POSES: usize = 3;
+pub(super) const POSES: usize = 3;
 const REACH: f64 = 0.2;
 /// Steps in which the offsets of couplings are reached from the zero pose.
 const OFFSET_STEPS: usize = 64;
@@ -179,58 +177,6 @@ pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: 
     None
 }
 
-/// M_y must be positive definite at the zero pose and beside it.
-pub(super) fn check_mass(model: &Model<f64>, description: &Description, errors: &mut Vec<Fault>) {
-    let mut workspace = crate::Workspace::new(model);
-    let n = model.meta.sizes.n_vy;
-    for k in 0..POSES {
-        for (i, &q) in model.order.qy_q.iter().enumerate() {
-            workspace.q[q] = model.zero[q];
-            if model.order.qy_q.len() == n {
-                workspace.q[q] += 0.1 * noise(k * 1000 + i);
-            }
-        }
-        workspace.start.copy_from_slice(&model.zero);
-        for &c in &model.tied {
-            let cluster = &model.clusters[c];
-            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-            let mut local = crate::plan::local(cluster, &mut workspace);
-            if crate::closure::close(cluster, bodies, &mut local, Level::Velocity).status != Status::Ok {
-                return;
-            }
-        }
-        for &(i, q) in &model.free {
-            let (s, c) = workspace.q[q].sin_cos();
-            workspace.turn[i] = (c, s);
-        }
-        let ws = &mut workspace;
-        crate::tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
-        let crate::Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
-        crate::tree::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
-        let diagonal = |i: usize| model.branches.start[i] + model.branches.depth[i];
-        let scale = (0..n).map(|i| ws.M_y[diagonal(i)]).fold(0.0, f64::max);
-        factorise_branches(&model.branches, &mut ws.M_y);
-        // the factor's diagonal is 1/D
-        let inverse = |i: usize| ws.M_y[diagonal(i)];
-        let bad = (0..n).filter(|i| !(inverse(*i) > 0.0 && inverse(*i) * scale < 1e18)).collect::<Vec<_>>();
-        if !bad.is_empty() {
-            let names = bad.iter().map(|i| model.meta.independent[model.order.vy_external[*i]].as_str()).collect::<Vec<_>>().join(", ");
-            let site = description
-                .joints
-                .iter()
-                .position(|joint| names.split(", ").next() == Some(joint.name.as_str()))
-                .map_or(Site::Robot, Site::Joint);
-            errors.push(Fault {
-                site,
-                found: format!("no inertia that resists the motion of {names}"),
-                expected: "a positive definite reduced mass matrix".into(),
-                help: "give mass or inertia to a link that these joints move".into(),
-            });
-            return;
-        }
-    }
-}
-
 /// Numbers of one cluster, outside any workspace.
 struct State<T> {
     start: Vec<T>,
@@ -254,7 +200,16 @@ impl<T: Scalar> State<T> {
     }
 
     fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
-        Local { start: &self.start, q: &mut self.q, turn: &mut self.turn, qd: &mut self.qd, G: &mut self.G, g: &mut self.g, scratch }
+        Local {
+            start: &self.start,
+            tangent: None,
+            q: &mut self.q,
+            turn: &mut self.turn,
+            qd: &mut self.qd,
+            G: &mut self.G,
+            g: &mut self.g,
+            scratch,
+        }
     }
 }
 
@@ -309,7 +264,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
 }
 
 /// The same numbers for the same cluster and pose: a fixed sequence in [−1, 1].
-fn noise(k: usize) -> f64 {
+pub(super) fn noise(k: usize) -> f64 {
     let x = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ x >> 31).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0

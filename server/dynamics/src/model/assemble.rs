@@ -226,6 +226,7 @@ impl<'a> Builder<'a> {
             n_g: 0,
             branches: Branches::default(),
             carries: Vec::new(),
+            inertia: Vec::new(),
             terms: JointTerms::none(),
             order: Order::default(),
             zero: Vec::new(),

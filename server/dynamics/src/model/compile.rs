@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::analysis::{self, Analysis};
 use super::assemble::Assembly;
-use super::{ClosureInfo, ClosureKind, Compiled, Meta, Model, closed_forms};
+use super::{ClosureInfo, ClosureKind, Compiled, Meta, Model, closed_forms, masses};
 use crate::closure::{Closure, Numerical};
 use crate::description::{Description, SubmechanismKind};
 use crate::fault::{CompileError, Fault, Site};
@@ -149,8 +149,9 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         return None;
     }
     exact.meta = Arc::new(Meta { closures: info, ..assembly.meta.clone() });
-    let model = exact.map(Dd::to_f64);
-    analysis::check_mass(&model, description, errors);
+    let mut model = exact.map(Dd::to_f64);
+    model.inertia = masses::check(&model, description, errors, warnings);
+    exact.inertia.clone_from(&model.inertia);
     for (s, of) in model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR) {
         warnings.push(Fault {
             site: Site::Submechanism(s),

@@ -13,6 +13,7 @@ mod couplings;
 mod freedom;
 mod geometry;
 mod idle;
+mod masses;
 mod open;
 mod orders;
 mod terms;
@@ -34,6 +35,7 @@ use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
 
 pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
+pub(crate) use masses::UNEQUAL;
 
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
@@ -60,6 +62,8 @@ pub struct Model<C = f64> {
     pub(crate) branches: Branches,
     /// Bodies that carry another cluster, or a body of their own that does.
     pub(crate) carries: Vec<bool>,
+    /// Largest inertia of each independent at the poses that were tried at load, in internal order (n_vy).
+    pub(crate) inertia: Vec<f64>,
     /// What acts in joints besides their actuators.
     pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
@@ -327,6 +331,7 @@ impl<C: Copy> Model<C> {
             n_g: self.n_g,
             branches: self.branches.clone(),
             carries: self.carries.clone(),
+            inertia: self.inertia.clone(),
             terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),

@@ -1,12 +1,13 @@
 //! Forces: inverse and forward dynamics, maps between the spaces, loop-closure forces.
 
-use sarrus_proto::{Field, Slot, Status};
+use sarrus_proto::{Field, Slot, Status, Warnings};
 
+use super::run::Findings;
 use super::state::tree_accelerations;
 use super::{Method, Plan};
 use crate::branch_sparse::{factorise_branches, solve_branches};
 use crate::linear::{least_norm, solve_sound};
-use crate::model::{Cluster, Model};
+use crate::model::{Cluster, Model, UNEQUAL};
 use crate::scalar::{Mask, Scalar};
 use crate::spatial::zero;
 use crate::tree;
@@ -39,7 +40,13 @@ impl Plan {
     }
 
     /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g; without loops tree and independent velocities are numbered alike.
-    pub(super) fn forward_dynamics<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+    pub(super) fn forward_dynamics<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        found: &mut Findings<T>,
+    ) -> Result<(), Status> {
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
         let n = model.meta.sizes.n_vy;
@@ -52,19 +59,26 @@ impl Plan {
         if self.steps.mass_matrix {
             self.mass_matrix(model, ws);
         }
-        let positive = match self.method {
-            Method::Recursion => {
-                let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
-                tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd)
-            }
-            Method::Projection => {
-                ws.factor.copy_from_slice(&ws.M_y);
-                let positive = factorise_branches(&model.branches, &mut ws.factor);
-                solve_branches(&model.branches, &ws.factor, &mut ws.ydd);
-                positive
-            }
-            Method::Kkt => return self.tree_forward_dynamics(model, ws, input),
+        // the whole system has no pivots to judge: the recursion's tell of its masses too
+        if self.method == Method::Kkt {
+            ws.ydd.fill(T::ZERO);
+        }
+        let (positive, unequal) = if self.method == Method::Projection {
+            ws.factor.copy_from_slice(&ws.M_y);
+            let positive = factorise_branches(&model.branches, &mut ws.factor);
+            solve_branches(&model.branches, &ws.factor, &mut ws.ydd);
+            (positive, unequal(model, model.branches.diagonal().map(|at| ws.factor[at])))
+        } else {
+            let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
+            let positive = tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
+            (positive, unequal(model, embedding.inverses(model)))
         };
+        if unequal {
+            found.warnings |= Warnings::ILL_CONDITIONED;
+        }
+        if self.method == Method::Kkt {
+            return self.tree_forward_dynamics(model, ws, input);
+        }
         if !positive.all() {
             return Err(Status::MassNotPositive);
         }
@@ -249,4 +263,11 @@ fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [
             tau_q[cluster.v + j] -= tau_y[cluster.vy + k];
         }
     }
+}
+
+/// True where a joint's inertia is as good as gone, given the inverses of what is left of each in internal order.
+fn unequal<T: Scalar>(model: &Model<T>, inverses: impl Iterator<Item = T>) -> bool {
+    inverses
+        .zip(&model.inertia)
+        .fold(false, |unequal, (inverse, inertia)| unequal | T::from_f64(UNEQUAL).lt(inverse * T::from_f64(*inertia)))
 }

@@ -12,6 +12,7 @@ use crate::workspace::Workspace;
 pub(super) struct Findings<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
+    pub(super) warnings: Warnings,
     pub(super) residual: T,
     /// Distance to singularity of the cluster that could not be closed, if there is one; its good independents are in the workspace.
     pub(super) sigma_min: T,
@@ -42,8 +43,16 @@ impl Plan {
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
         let nan = T::from_f64(f64::NAN);
-        let mut found =
-            Findings { status: Status::Ok, iterations: 0, residual: nan, sigma_min: nan, failed: false, closed: 0, nearest: false };
+        let mut found = Findings {
+            status: Status::Ok,
+            iterations: 0,
+            warnings: Warnings::NONE,
+            residual: nan,
+            sigma_min: nan,
+            failed: false,
+            closed: 0,
+            nearest: false,
+        };
         found.status = match self.compute(model, workspace, input, &mut found) {
             Ok(()) => self.write(model, workspace, &found, output),
             Err(status) => status,
@@ -52,7 +61,8 @@ impl Plan {
             self.write_failure(model, workspace, &found, output);
             return Answer { status: found.status, warnings: Warnings::NONE };
         }
-        Answer { status: Status::Ok, warnings: self.limits(model, workspace) }
+        found.warnings |= self.limits(model, workspace);
+        Answer { status: Status::Ok, warnings: found.warnings }
     }
 
     fn compute<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], found: &mut Findings<T>) -> Result<(), Status> {
@@ -69,7 +79,7 @@ impl Plan {
         }
         match self.request {
             Request::InverseDynamics => self.inverse_dynamics(model, ws, input),
-            Request::ForwardDynamics => self.forward_dynamics(model, ws, input),
+            Request::ForwardDynamics => self.forward_dynamics(model, ws, input, found),
             Request::Map => self.map_forces(model, ws, input),
             _ => Ok(()),
         }

@@ -1,6 +1,6 @@
 //! From what is given to a closed state: q, q̇, q̈, G and g.
 
-use sarrus_proto::{Field, Slot, Status};
+use sarrus_proto::{Field, Slot, Status, Warnings};
 
 use super::run::Findings;
 use super::{Plan, Space};
@@ -38,6 +38,13 @@ impl Plan {
                 normalise_quaternions(model, &mut ws.start, |_| true)?;
             }
             None => ws.start.copy_from_slice(&model.zero),
+        }
+
+        // from actuators the guess moves on the way, and its velocity means nothing any more
+        ws.tangent = false;
+        if let (Some(rate), true) = (slot(Field::QdGuess), self.steps.position != Space::Actuation) {
+            scatter(rate, &mut ws.start_rate, &order.v);
+            ws.tangent = true;
         }
 
         // positions
@@ -138,6 +145,9 @@ impl Plan {
                 self.independent_rates(cluster, ws, given(Field::Udd), true)?;
             }
         }
+        if self.steps.level > Level::Position && outcome.near {
+            found.warnings |= Warnings::ILL_CONDITIONED;
+        }
         Ok(())
     }
 
@@ -190,6 +200,7 @@ pub(crate) fn local<'a, T: Scalar>(cluster: &Cluster<T>, ws: &'a mut Workspace<T
     let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
     Local {
         start: &ws.start[q.clone()],
+        tangent: ws.tangent.then_some(&ws.start_rate[v.clone()]),
         q: &mut ws.q[q],
         turn: &mut ws.turn[cluster.body..cluster.body + cluster.n],
         qd: &mut ws.qd[v.clone()],

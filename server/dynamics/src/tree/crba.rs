@@ -3,7 +3,7 @@
 
 use super::columns::{Force, carry_force, component, join};
 use super::terms::add_rotors;
-use crate::model::{Cluster, Model};
+use crate::model::{Cluster, Model, Rotor};
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite};
 
@@ -26,16 +26,9 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
 
     let mut rotors = model.terms.rotors.as_slice();
     for cluster in model.clusters.iter().rev() {
-        // block of the cluster itself; its columns leave at the parent body
         let m = cluster.n_vy;
         let of_cluster = &G[cluster.g..cluster.g + cluster.n_v * m];
-        if cluster.n == 1 && m == cluster.n_v {
-            single_body(model, cluster, motion, &composite[cluster.body], columns, block);
-        } else {
-            let carried = &composite[cluster.body..];
-            join(model, cluster, of_cluster, motion, |i, joint, k| carried[i].column(joint, k), inside, columns, block);
-        }
-        add_rotors::<T>(&mut rotors, cluster.v, of_cluster, block, m);
+        own_block(model, cluster, motion, of_cluster, composite, inside, columns, &mut rotors, block);
         for k in 0..m {
             let last = model.branches.start[cluster.vy + k] + model.branches.depth[cluster.vy + k];
             M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
@@ -43,6 +36,52 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
         // blocks with the clusters that carry it
         carry_to_root(model, cluster, motion, G, &mut columns[..m], M_y);
     }
+}
+
+/// The diagonal of M_y, in internal order, at a cost linear in the number of bodies. Needs the joint poses and G. Allocates.
+pub(crate) fn own_inertias<T: Real>(
+    model: &Model<T::Const>,
+    motion: &[BodyState<T>],
+    G: &[T],
+    composite: &mut [Composite<T>],
+    inside: &mut [Force<T>],
+    columns: &mut [Force<T>],
+) -> Vec<T> {
+    composite_inertias(model, motion, composite);
+    let mut rotors = model.terms.rotors.as_slice();
+    let mut diagonal = vec![T::ZERO; model.meta.sizes.n_vy];
+    let mut block = Vec::new();
+    for cluster in model.clusters.iter().rev() {
+        let m = cluster.n_vy;
+        block.resize(m * m, T::ZERO);
+        let of_cluster = &G[cluster.g..cluster.g + cluster.n_v * m];
+        own_block(model, cluster, motion, of_cluster, composite, inside, columns, &mut rotors, &mut block);
+        (0..m).for_each(|k| diagonal[cluster.vy + k] = block[k * m + k]);
+    }
+    diagonal
+}
+
+/// Block of a cluster with itself; its columns leave at the parent body.
+#[inline]
+fn own_block<T: Real>(
+    model: &Model<T::Const>,
+    cluster: &Cluster<T::Const>,
+    motion: &[BodyState<T>],
+    G: &[T],
+    composite: &[Composite<T>],
+    inside: &mut [Force<T>],
+    columns: &mut [Force<T>],
+    rotors: &mut &[Rotor<T::Const>],
+    block: &mut [T],
+) {
+    let m = cluster.n_vy;
+    if cluster.n == 1 && m == cluster.n_v {
+        single_body(model, cluster, motion, &composite[cluster.body], columns, block);
+    } else {
+        let carried = &composite[cluster.body..];
+        join(model, cluster, G, motion, |i, joint, k| carried[i].column(joint, k), inside, columns, block);
+    }
+    add_rotors::<T>(rotors, cluster.v, G, block, m);
 }
 
 /// What each body carries, as if rigid.

@@ -19,9 +19,9 @@ use super::columns::{Force, carry_force, component, join};
 use super::terms::add_rotors;
 use crate::branch_sparse::factorise_full;
 use crate::model::{Cluster, Model, Motion, Rotor};
-use crate::scalar::{Mask, Real};
+use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::{cross, cross_add, dot, mul, mul_mat, scale_add, t_mul, zero};
-use crate::workspace::{BodyState, Composite};
+use crate::workspace::{BodyState, Composite, Workspace};
 
 /// Articulated inertia, bias force and acceleration of a body that carries clusters.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +52,11 @@ impl<T: Real> Embedding<T> {
     pub(crate) fn new(model: &Model<T::Const>) -> Embedding<T> {
         let bodies = vec![Articulated::none(); model.bodies.len()];
         Embedding { bodies, Y: vec![(zero(), zero()); model.meta.sizes.n_vy], factor: vec![T::ZERO; model.n_g] }
+    }
+
+    /// 1/Δ of each independent after [`embedded_solve`], in internal order.
+    pub(crate) fn inverses<'a, C>(&'a self, model: &'a Model<C>) -> impl Iterator<Item = T> + 'a {
+        model.clusters.iter().flat_map(|cluster| (0..cluster.n_vy).map(|k| self.factor[cluster.g + k * cluster.n_vy + k]))
     }
 }
 
@@ -130,6 +135,15 @@ pub(crate) fn embedded_solve<T: Real>(
         }
     }
     positive
+}
+
+/// What the recursion divides by at each independent, in internal order: the inertia that is left of it where everything behind it is free.
+/// Needs the joint poses and G. Allocates.
+pub(crate) fn pivots<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Vec<T> {
+    let mut b = vec![T::ZERO; model.meta.sizes.n_vy];
+    let Workspace { motion, G, composite, inside, embedding, .. } = ws;
+    embedded_solve(model, motion, G, composite, inside, embedding, &mut b);
+    embedding.inverses(model).map(|inverse| T::ONE / inverse).collect()
 }
 
 /// One freedom that nothing ties: I − U Uᵀ / D goes to the parent, U stays at the body.

@@ -4,7 +4,6 @@ mod legs;
 mod loops;
 mod parallelogram;
 mod planar;
-mod struts;
 
 use super::{Body, Cluster, Freedom, Motion};
 use crate::closure::{Closure, Cut, CutRow, Numerical, constraint_residual};
@@ -46,7 +45,6 @@ impl Form {
             Closure::Rrpr(rrpr) => rrpr.polish = Some(numerical),
             Closure::Planar(planar) => planar.polish = Some(numerical),
             Closure::Legs(legs) => legs.polish = Some(numerical),
-            Closure::OffsetLegs(legs) => legs.polish = Some(numerical),
             Closure::Serial | Closure::Numerical(_) => {}
         }
     }
@@ -63,8 +61,8 @@ pub(super) fn build(kind: SubmechanismKind, cluster: &Cluster<Dd>, bodies: &[Bod
         SubmechanismKind::Rrpr | SubmechanismKind::SliderCrank => planar::read(&of, true),
         SubmechanismKind::FourBar => planar::read(&of, false),
         SubmechanismKind::ParallelogramChain => parallelogram::read(&of),
-        SubmechanismKind::Spu2U1 | SubmechanismKind::Ups6 => legs::read(&of),
-        SubmechanismKind::Sprr2U1 => struts::read(&of),
+        SubmechanismKind::Spu2U1 | SubmechanismKind::Ups6 => legs::read(&of, false),
+        SubmechanismKind::Sprr2U1 => legs::read(&of, true),
         _ => return None,
     };
     if let Ok(form) = &mut form {
@@ -97,6 +95,11 @@ impl Reading<'_> {
             below = at.body + 1;
         }
         Ok((chain, below))
+    }
+
+    /// The freedom of a joint that has one.
+    fn freedom(&self, j: usize) -> Freedom {
+        self.cluster.freedoms[self.bodies[j].v - self.cluster.v]
     }
 
     /// True where a joint's freedoms are independent.

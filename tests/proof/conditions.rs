@@ -1,0 +1,154 @@
+//! What is told of poses and masses that cost digits, and how a loop goes on where its branches cross.
+
+use std::f64::consts::FRAC_PI_2;
+
+use sarrus_dynamics::description::{Description, Placement, SubmechanismKind};
+use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_dynamics::{Compiled, Field::*, Method, Model, Plan, Workspace};
+use sarrus_proto::{FieldSet, Request, Status, Wanted, Warnings};
+use sarrus_tests::cases::Case;
+use sarrus_tests::compare::error_by_size;
+use sarrus_tests::draft::Draft;
+use sarrus_tests::reference::ROBOTS;
+use sarrus_tests::run::{Fields, Robot};
+
+/// Error by size from which on a user is to be told.
+const FEW: f64 = 1e-9;
+
+fn told<T>(of: &Fields<T>) -> bool {
+    of.answer.warnings.contains(Warnings::ILL_CONDITIONED)
+}
+
+fn compiled(description: &Description) -> Compiled {
+    Model::compile(description).unwrap_or_else(|errors| panic!("{errors:?}"))
+}
+
+#[test]
+fn nobody_is_warned_at_ordinary_poses() {
+    for name in ROBOTS {
+        let case = Case::bundled(name);
+        assert!(!case.compiled.warnings.iter().any(|warning| warning.found.contains("unequal")), "{name}: {:?}", case.compiled.warnings);
+        let mut robot = Robot::new(case.compiled.model.clone());
+        for k in 0..10 {
+            let state = case.state::<f64>(k);
+            let given = [(Y, state.y.as_slice()), (Yd, &state.yd), (TauY, &state.ydd)];
+            let answer = robot.ask(Request::ForwardDynamics, &given, &[Ydd]).ok();
+            assert!(!told(&answer), "{name} at {:?}", state.y);
+        }
+    }
+}
+
+/// The lambda driven by its slider, which has an end where rocker and rod are in line.
+fn lambda_by_slider(kind: SubmechanismKind) -> Compiled {
+    let mut description = Case::bundled("lambda").description;
+    let slider = description.joints.iter().position(|joint| joint.name == "ElbowAct").unwrap();
+    description.submechanisms[0].independent = vec![slider];
+    description.submechanisms[0].kind = kind;
+    compiled(&description)
+}
+
+#[test]
+fn whoever_loses_digits_near_a_singular_pose_is_told() {
+    for kind in [SubmechanismKind::Rrpr, SubmechanismKind::Numerical] {
+        let Compiled { model, exact, .. } = lambda_by_slider(kind);
+        let (mut robot, mut truth) = (Robot::new(model), Robot::new(exact));
+        // its length at zero, and where rocker and rod are in line
+        let end = 0.11402 + 0.36497 - 0.29739;
+        let (mut warned, mut answered) = (0, 0);
+        for k in 0..150 {
+            let y = end - 10f64.powf(-0.1 * f64::from(k));
+            let given = [(Y, [y]), (Yd, [1.0]), (TauY, [1.0])];
+            let exact_given = given.map(|(field, x)| (field, x.map(Dd::from_f64)));
+            let want = [Q, Qd, Ydd, Qdd];
+            let found = robot.ask(Request::ForwardDynamics, &given.each_ref().map(|(field, x)| (*field, x.as_slice())), &want);
+            if found.answer.status != Status::Ok {
+                continue;
+            }
+            let exact = truth.ask(Request::ForwardDynamics, &exact_given.each_ref().map(|(field, x)| (*field, x.as_slice())), &want);
+            let exact = exact.ok().map(Dd::hi);
+            let error = want.iter().map(|of| error_by_size(found.get(*of), exact.get(*of), 1e-9)).fold(0.0, f64::max);
+            assert!(error < FEW || told(&found), "{kind:?}: error {error:.1e} at {:.1e} from the end, and nobody is told", end - y);
+            assert!(k > 10 || !told(&found), "{kind:?}: told at {:.1e} from the end", end - y);
+            answered += 1;
+            warned += i32::from(told(&found));
+        }
+        println!("{kind:?}: {answered} of 150 answered, {warned} with a warning");
+        assert!(warned > 10, "{kind:?}: {warned}");
+    }
+}
+
+/// Links in a row, turning about the same direction, with a weight at the end.
+fn chain(n: usize, weight: f64) -> Description {
+    let mut draft = Draft::new(1, SubmechanismKind::Serial, true);
+    let (mut link, mut joints) = (0, Vec::new());
+    for k in 0..n {
+        let (joint, next) = draft.turn(link, [k as f64, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        joints.push((joint, 0.5));
+        link = next;
+    }
+    let active: Vec<usize> = joints.iter().map(|x| x.0).collect();
+    draft.roles(&joints, &active);
+    let last = draft.description.links[link].inertial.as_mut().unwrap();
+    (last.mass, last.inertia, last.origin) = (weight, [0.0; 6], Placement { xyz: [1.0, 0.0, 0.0], rpy: [0.0; 3] });
+    draft.description
+}
+
+#[test]
+fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
+    for (weight, unequal) in [(1.0, false), (1e3, false), (1e9, true), (1e12, true)] {
+        let Compiled { model, exact, warnings } = compiled(&chain(4, weight));
+        assert_eq!(warnings.iter().any(|warning| warning.found.contains("unequal")), unequal, "{weight:e}: {warnings:?}");
+        let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
+        let mut truth = Robot::new(exact);
+        let numbers = [0.3, -0.4, 0.5, -0.6, 0.1, 0.2, 0.3, 0.4, 1.0, 2.0, 3.0, 4.0];
+        let (y, rest) = numbers.split_at(4);
+        let given = [(Y, y), (Yd, &rest[..4]), (TauY, &rest[4..])]
+            .map(|(field, x)| (field, x.iter().map(|x| Dd::from_f64(*x)).collect::<Vec<_>>()));
+        let exact =
+            truth.ask(Request::ForwardDynamics, &given.each_ref().map(|(field, x)| (*field, x.as_slice())), &[Ydd]).ok().map(Dd::hi);
+        for method in [Method::Recursion, Method::Projection, Method::Kkt] {
+            let plan = Plan::with_method(&model, &wanted, method).unwrap();
+            let mut workspace = Workspace::for_plans(&model, [&plan]);
+            let mut ydd = [0.0; 4];
+            let answer = plan.run(&model, &mut workspace, &numbers, &mut ydd);
+            let error = error_by_size(&ydd, exact.get(Ydd), 1e-9);
+            println!("weight {weight:e}, {method:?}: {} {:?}, error {error:.1e}", answer.status, answer.warnings);
+            assert_eq!(answer.warnings.contains(Warnings::ILL_CONDITIONED), unequal, "{weight:e}, {method:?}");
+            assert!(unequal || error < FEW, "{weight:e}, {method:?}: {error:.1e}");
+        }
+    }
+}
+
+#[test]
+fn a_parallelogram_goes_through_its_flat_pose_along_the_given_velocity() {
+    let mut description = Case::bundled("four_bars_2").description;
+    description.submechanisms.iter_mut().for_each(|part| part.kind = SubmechanismKind::Numerical);
+    let mut robot = Robot::new(compiled(&description).model);
+    let flat = -FRAC_PI_2;
+    let ask = |robot: &mut Robot<f64>, y: f64, guess: &Fields<f64>, qd: Option<&[f64]>| {
+        let y = [y];
+        let mut given = vec![(Y, y.as_slice()), (QGuess, guess.get(Q))];
+        given.extend(qd.map(|qd| (QdGuess, qd)));
+        robot.ask(Request::Kinematics, &given, &[Q, Qd, Branch])
+    };
+    for off in [1e-2, 1e-3, 1e-5] {
+        let before = robot.ask(Request::Kinematics, &[(Y, &[flat + off]), (Yd, &[-1.0])], &[Q, Qd]).ok();
+        let y = flat - 0.7 * off;
+        // without the velocity nobody can know which branch is meant
+        let lost = ask(&mut robot, y, &before, None);
+        assert!(
+            matches!(lost.answer.status, Status::BranchChanged | Status::SingularClosure | Status::SingularIndependents),
+            "{}",
+            lost.answer.status
+        );
+
+        let after = ask(&mut robot, y, &before, Some(before.get(Qd))).ok();
+        // a parallelogram's cranks stay parallel and its couplers level: each joint turns as the first one or the other way round
+        for (q, qd) in after.get(Q).iter().zip(before.get(Qd)) {
+            assert!((q + y * qd.signum()).abs() < 1e-9, "{off:e}: {q} for {y} at {qd}");
+        }
+        // a velocity that leads elsewhere is not followed
+        let still: Vec<f64> = before.get(Qd).iter().map(|_| 0.0).collect();
+        assert_ne!(ask(&mut robot, y, &before, Some(&still)).answer.status, Status::Ok);
+    }
+}
