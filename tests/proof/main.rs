@@ -22,6 +22,7 @@ mod published;
 mod regressions;
 mod safeguards;
 mod scaling;
+mod simulation;
 mod targets;
 mod vectors;
 mod wire;

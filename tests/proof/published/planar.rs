@@ -43,7 +43,7 @@ fn the_lambda_stands_where_its_table_says() {
 }
 
 /// N four-bars in a row, upright at zero.
-fn four_bars(n: usize) -> Source {
+pub(crate) fn four_bars(n: usize) -> Source {
     let inertial = |x: f64, z: f64| {
         let [ixx, izz] = [z, x].map(|length| if length > 0.0 { 1.0 / 12.0 } else { 0.0 });
         format!(

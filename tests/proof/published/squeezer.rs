@@ -6,7 +6,7 @@ use sarrus_tests::seed::Seeded;
 use super::*;
 
 /// β, Θ, γ, Φ, δ, Ω, ε of the squeezing mechanism at the start.
-const SQUEEZER: [f64; 7] = [
+pub(crate) const SQUEEZER: [f64; 7] = [
     -0.0617138900142764496,
     0.0,
     0.455279819163070380,

@@ -1,0 +1,201 @@
+//! Which of some coordinates are quaternions, and how coordinates move with their velocities.
+//!
+//! A ball joint has q = x y z w and q̇ = ω in the body, a floating one q = [p; x y z w] and q̇ = [ω; v] in the body; every other coordinate is
+//! its own velocity's integral.
+
+use sarrus_dynamics::scalar::{Real, Scalar};
+
+/// One joint's coordinates: the first of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Single { q: usize, v: usize },
+    Ball { q: usize, v: usize },
+    Floating { q: usize, v: usize },
+}
+
+/// The make-up of q or y.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Coordinates {
+    parts: Vec<Part>,
+    pub(crate) n_q: usize,
+    pub(crate) n_v: usize,
+}
+
+const FLOATING: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
+
+impl Coordinates {
+    /// From the names of the coordinates and of the velocities, as a model tells them.
+    pub(crate) fn of(names: &[String], rates: &[String]) -> Coordinates {
+        let (mut parts, mut q, mut v) = (Vec::new(), 0, 0);
+        while q < names.len() {
+            // the joint whose parts the next names are
+            let joint = rates.get(v).and_then(|name| name.strip_suffix("/rx"));
+            let follows = |parts: &[&str]| {
+                joint.is_some_and(|joint| {
+                    let is =
+                        |(name, part): (&String, &&str)| name.strip_prefix(joint).and_then(|rest| rest.strip_prefix('/')) == Some(part);
+                    names.get(q..q + parts.len()).is_some_and(|names| names.iter().zip(parts).all(is))
+                })
+            };
+            let (part, n_q, n_v) = if follows(&FLOATING) {
+                (Part::Floating { q, v }, 7, 6)
+            } else if follows(&FLOATING[3..]) {
+                (Part::Ball { q, v }, 4, 3)
+            } else {
+                (Part::Single { q, v }, 1, 1)
+            };
+            parts.push(part);
+            (q, v) = (q + n_q, v + n_v);
+        }
+        Coordinates { parts, n_q: q, n_v: v }
+    }
+
+    /// The coordinate of a velocity whose integral it is.
+    pub(crate) fn coordinate(&self, velocity: usize) -> Option<usize> {
+        self.parts.iter().find_map(|part| match part {
+            Part::Single { q, v } if *v == velocity => Some(*q),
+            _ => None,
+        })
+    }
+
+    /// Puts each quaternion to unit length.
+    pub(crate) fn normalise<T: Scalar>(&self, q: &mut [T]) {
+        for at in self.quaternions() {
+            let length = (at..at + 4).fold(T::ZERO, |sum, i| q[i].mul_add(q[i], sum)).sqrt();
+            (at..at + 4).for_each(|i| q[i] = q[i] / length);
+        }
+    }
+
+    /// How far the longest or shortest quaternion is from unit length.
+    pub(crate) fn off_unit(&self, q: &[f64]) -> f64 {
+        let length = |at: usize| q[at..at + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
+        self.quaternions().map(|at| (length(at) - 1.0).abs()).fold(0.0, f64::max)
+    }
+
+    fn quaternions(&self) -> impl Iterator<Item = usize> {
+        self.parts.iter().filter_map(|part| match part {
+            Part::Single { .. } => None,
+            Part::Ball { q, .. } => Some(*q),
+            Part::Floating { q, .. } => Some(q + 3),
+        })
+    }
+
+    /// Coordinates at zero: quaternions at rest.
+    pub(crate) fn zero(&self) -> Vec<f64> {
+        let mut q = vec![0.0; self.n_q];
+        self.quaternions().for_each(|at| q[at + 3] = 1.0);
+        q
+    }
+
+    /// dq/dt: R v of a position, ½ q ω of an orientation, with R of the same coordinates at unit length. That of the quaternion is of `raw`
+    /// itself: its direction then turns as it should whatever its length is.
+    pub(crate) fn rate<T: Scalar>(&self, raw: &[T], unit: &[T], v: &[T], rate: &mut [T]) {
+        for part in &self.parts {
+            match *part {
+                Part::Single { q: i, v: k } => rate[i] = v[k],
+                Part::Ball { q: i, v: k } => quaternion_rate(&raw[i..i + 4], &v[k..k + 3], &mut rate[i..i + 4]),
+                Part::Floating { q: i, v: k } => {
+                    rate[i..i + 3].copy_from_slice(&turned(&unit[i + 3..i + 7], [v[k + 3], v[k + 4], v[k + 5]]));
+                    quaternion_rate(&raw[i + 3..i + 7], &v[k..k + 3], &mut rate[i + 3..i + 7]);
+                }
+            }
+        }
+    }
+
+    /// Moves q along v for a time h by the exponential map of each joint.
+    pub(crate) fn advance(&self, q: &mut [f64], v: &[f64], h: f64) {
+        for part in &self.parts {
+            match *part {
+                Part::Single { q: i, v: k } => q[i] += h * v[k],
+                Part::Ball { q: i, v: k } => turn(&mut q[i..i + 4], [0, 1, 2].map(|j| h * v[k + j])),
+                Part::Floating { q: i, v: k } => {
+                    let (w, step) = ([0, 1, 2].map(|j| h * v[k + j]), [3, 4, 5].map(|j| h * v[k + j]));
+                    let moved = turned(&q[i + 3..i + 7], screw(w, step));
+                    (0..3).for_each(|j| q[i + j] += moved[j]);
+                    turn(&mut q[i + 3..i + 7], w);
+                }
+            }
+        }
+    }
+
+    /// The velocity that leads from `from` to `to` in unit time, to first order in their distance; a half turn at most.
+    pub(crate) fn difference(&self, from: &[f64], to: &[f64], v: &mut [f64]) {
+        for part in &self.parts {
+            match *part {
+                Part::Single { q: i, v: k } => v[k] = to[i] - from[i],
+                Part::Ball { q: i, v: k } => v[k..k + 3].copy_from_slice(&between(&from[i..i + 4], &to[i..i + 4])),
+                Part::Floating { q: i, v: k } => {
+                    v[k..k + 3].copy_from_slice(&between(&from[i + 3..i + 7], &to[i + 3..i + 7]));
+                    let back = [-from[i + 3], -from[i + 4], -from[i + 5], from[i + 6]];
+                    v[k + 3..k + 6].copy_from_slice(&turned(&back, [0, 1, 2].map(|j| to[i + j] - from[i + j])));
+                }
+            }
+        }
+    }
+}
+
+/// ½ q ω with ω in the body.
+fn quaternion_rate<T: Scalar>(q: &[T], w: &[T], rate: &mut [T]) {
+    let half = T::from_f64(0.5);
+    rate[0] = half * (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]);
+    rate[1] = half * (q[3] * w[1] + q[2] * w[0] - q[0] * w[2]);
+    rate[2] = half * (q[3] * w[2] + q[0] * w[1] - q[1] * w[0]);
+    rate[3] = -half * (q[0] * w[0] + q[1] * w[1] + q[2] * w[2]);
+}
+
+/// q := q exp(½ θ), θ a turn in the body.
+fn turn(q: &mut [f64], angle: [f64; 3]) {
+    let size = angle.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let (s, c) = Real::sin_cos(0.5 * size);
+    // sin(½ θ)/θ
+    let share = if size > 1e-8 { s / size } else { 0.5 };
+    let [x, y, z] = angle.map(|a| share * a);
+    let [a, b, d, w] = [q[0], q[1], q[2], q[3]];
+    q[0] = w * x + a * c + b * z - d * y;
+    q[1] = w * y + b * c + d * x - a * z;
+    q[2] = w * z + d * c + a * y - b * x;
+    q[3] = w * c - a * x - b * y - d * z;
+    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    q.iter_mut().for_each(|x| *x /= length);
+}
+
+/// Where a body that turns by θ while it moves by `step`, both in its own axes, comes from its origin: V(θ) step.
+fn screw(angle: [f64; 3], step: [f64; 3]) -> [f64; 3] {
+    let square = angle.iter().map(|x| x * x).sum::<f64>();
+    // (1 − cos θ)/θ² and (θ − sin θ)/θ³
+    let (a, b) = if square > 1e-6 {
+        let size = square.sqrt();
+        let (s, c) = Real::sin_cos(size);
+        ((1.0 - c) / square, (size - s) / (square * size))
+    } else {
+        (0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0)
+    };
+    let once = cross(angle, step);
+    let twice = cross(angle, once);
+    [0, 1, 2].map(|k| step[k] + a * once[k] + b * twice[k])
+}
+
+/// The turn in the body from one orientation to another.
+fn between(from: &[f64], to: &[f64]) -> [f64; 3] {
+    let [a, b, c, w] = [-from[0], -from[1], -from[2], from[3]];
+    let [x, y, z, s] = [to[0], to[1], to[2], to[3]];
+    let axis = [w * x + a * s + b * z - c * y, w * y + b * s + c * x - a * z, w * z + c * s + a * y - b * x];
+    let real = w * s - a * x - b * y - c * z;
+    let size = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let sign = if real < 0.0 { -1.0 } else { 1.0 };
+    let share = if size > 1e-12 { 2.0 * Real::atan2(size, real.abs()) / size } else { 2.0 };
+    axis.map(|x| sign * share * x)
+}
+
+/// R(q) v.
+pub(crate) fn turned<T: Scalar>(q: &[T], v: [T; 3]) -> [T; 3] {
+    let axis = [q[0], q[1], q[2]];
+    let inner = cross(axis, v);
+    let twice = cross(axis, std::array::from_fn(|k| inner[k] + q[3] * v[k]));
+    std::array::from_fn(|k| v[k] + twice[k] + twice[k])
+}
+
+/// a × b.
+pub(crate) fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}

@@ -1,0 +1,113 @@
+//! Why a simulation cannot start.
+
+use sarrus_dynamics::{CompileError, Status, WantedError};
+
+/// Why a simulation cannot start.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulationError {
+    /// A list does not have one number for each joint.
+    #[error("{what}: found {found} number(s), expected {expected} ({names})")]
+    WrongCount {
+        /// Which list.
+        what: String,
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        expected: usize,
+        /// What they stand for.
+        names: String,
+    },
+    /// A number is NaN or infinite.
+    #[error("{what}: number {at} is not finite, expected finite numbers", at = .index + 1)]
+    NotFinite {
+        /// Which list.
+        what: String,
+        /// Which number, from 0.
+        index: usize,
+    },
+    /// A quaternion is not of unit length.
+    #[error("{what}: a quaternion is {by:e} off unit length, expected one within 1e-6 of it")]
+    NotUnit {
+        /// Which list.
+        what: String,
+        /// How far.
+        by: f64,
+    },
+    /// A time, step or tolerance that is none.
+    #[error("{what} is {found}, expected {expected}")]
+    Setting {
+        /// Which.
+        what: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// The table of an input is none.
+    #[error("table of forces, row {at}: {found}, expected increasing times with a force for each joint", at = .row + 1)]
+    Table {
+        /// Which row, from 0.
+        row: usize,
+        /// What is wrong.
+        found: &'static str,
+    },
+    /// A gain on a joint of several freedoms.
+    #[error("kp is not zero at {name}, expected gains on joints of one freedom; the joint has several")]
+    GainOnFreeJoint {
+        /// The velocity's name.
+        name: String,
+    },
+    /// A spring ends on a link that is none, or has a constant that is none.
+    #[error("spring {at}: {found}, expected {expected}", at = .spring + 1)]
+    Spring {
+        /// Which, from 0.
+        spring: usize,
+        /// What is wrong.
+        found: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// The start has no answer.
+    #[error("the start cannot be simulated: {status}{}", if *.detail == 0.0 { String::new() } else { format!(" (loops open by {:e})", .detail) })]
+    Start {
+        /// Why.
+        status: Status,
+        /// The loops' residual where it is known, else zero.
+        detail: f64,
+    },
+    /// The model does not know what is asked of it.
+    #[error("{0}")]
+    Plan(WantedError),
+    /// The description cannot be compiled.
+    #[error("{0}")]
+    Compile(CompileError),
+    /// The method is not in this build.
+    #[error("the method {0} is not in this build; build with the feature `adaptive`")]
+    NotBuilt(&'static str),
+}
+
+impl From<WantedError> for SimulationError {
+    fn from(error: WantedError) -> SimulationError {
+        SimulationError::Plan(error)
+    }
+}
+
+impl SimulationError {
+    /// One finite number for each name.
+    pub(crate) fn check_numbers(what: &str, numbers: &[f64], names: &[String]) -> Result<(), SimulationError> {
+        if numbers.len() != names.len() {
+            let (what, found, expected) = (what.to_owned(), numbers.len(), names.len());
+            return Err(SimulationError::WrongCount { what, found, expected, names: names.join(", ") });
+        }
+        match numbers.iter().position(|x| !x.is_finite()) {
+            Some(index) => Err(SimulationError::NotFinite { what: what.to_owned(), index }),
+            None => Ok(()),
+        }
+    }
+
+    /// A number within bounds.
+    pub(crate) fn check_setting(what: &'static str, found: f64, good: bool, expected: &'static str) -> Result<(), SimulationError> {
+        if good && found.is_finite() { Ok(()) } else { Err(SimulationError::Setting { what, found, expected }) }
+    }
+}

@@ -1,0 +1,64 @@
+//! A robot in time.
+//!
+//! A [`Setup`] is a compiled robot with the springs between its links and the inputs on its joints; [`simulate`] takes it from a [`Start`] through
+//! a span of time by one of several methods and returns a [`Run`]: samples, events, counts, and how it ended. Loops are closed exactly at
+//! every evaluation: what is integrated are the independent coordinates. Nothing here knows a file, a clock or a thread.
+//!
+//! ```
+//! use sarrus_dynamics::Model;
+//! use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind};
+//! use sarrus_simulation::{Method, Settings, Setup, Start, simulate};
+//!
+//! // a pendulum: 1 kg, 1 m below a horizontal axis
+//! let bob = Inertial { origin: Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.0; 6] };
+//! let description = Description {
+//!     name: "pendulum".into(),
+//!     links: vec![Link { name: "base".into(), inertial: None }, Link { name: "rod".into(), inertial: Some(bob) }],
+//!     joints: vec![Joint {
+//!         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1, origin: Placement::default(),
+//!         axis: [0.0, 1.0, 0.0], limits: None, coupling: None, terms: Default::default(),
+//!     }],
+//!     submechanisms: vec![Submechanism {
+//!         name: "all".into(), kind: SubmechanismKind::Serial, type_name: "R".into(),
+//!         spanning_tree: vec![0], independent: vec![0], active: vec![0], loops: vec![],
+//!     }],
+//!     gravity: [0.0, 0.0, -9.81],
+//! };
+//! let compiled = Model::compile(&description)?;
+//! let setup = Setup { description: &description, compiled: &compiled, springs: &[], inputs: &[] };
+//! let start = Start::Independent { y: vec![0.1], yd: vec![0.0], guess: None };
+//! let settings = Settings { step: Some(1e-3), ..Settings::new(Method::RungeKutta, 1.0) };
+//! let run = simulate(&setup, &start, &settings, &mut |_| ())?;
+//! assert!(run.end.is_finished() && run.drift() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
+// the symbols of the equations
+#![allow(non_snake_case)]
+
+mod asked;
+mod coordinates;
+#[cfg(feature = "adaptive")]
+mod dop853;
+mod energy;
+mod engine;
+mod error;
+mod fixed;
+mod input;
+mod radau;
+mod rates;
+mod run;
+mod simulate;
+mod springs;
+mod start;
+mod stepper;
+mod switch;
+
+pub use energy::Energy;
+pub use engine::Counts;
+pub use error::SimulationError;
+pub use input::{Input, Source, Space};
+pub use run::{End, Event, EventKind, Run, Sample};
+pub use simulate::{Method, Settings, Setup, simulate};
+pub use springs::{Point, Spring};
+pub use start::Start;
