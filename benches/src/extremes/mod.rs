@@ -10,18 +10,20 @@ mod mass;
 mod mechanisms;
 mod page;
 mod robot;
+mod runs;
 mod scale;
+mod simulated;
 mod singular;
 mod starts;
 mod terms;
 
-use self::case::{Case, Cases};
+use self::case::Cases;
 use crate::Outcome;
 use crate::progress::Progress;
 use crate::report::{Effort, Section};
 
 /// Families in the order of the page, by what they sweep.
-const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 18] = [
+const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 22] = [
     ("mass ratios", mass::ratios),
     ("massless links", mass::massless),
     ("lengths and masses", scale::sizes),
@@ -40,6 +42,10 @@ const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 18] = [
     ("redundant rows", loops::redundant),
     ("loops in one subtree", loops::subtree),
     ("terms of joints", terms::run),
+    ("stiff simulations", simulated::stiff),
+    ("steps and tolerances", simulated::steps),
+    ("nothing lost", simulated::conserved),
+    ("starts of simulations", simulated::starts),
 ];
 
 /// Powers of ten from 10^from to 10^to: every one, or with little effort this many steps.
@@ -60,25 +66,52 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
 
 #[cfg(test)]
 mod tests {
+    use super::case::Case;
     use super::*;
     use crate::report::Verdict;
 
-    /// The rule for every family with little effort. What fails silently is printed as a line that reproduces it.
-    #[test]
-    fn nothing_fails_silently() {
+    /// The rule for every family. What fails silently is printed as it can be asked again.
+    fn check(effort: &Effort) {
         let mut cases = Cases::default();
         for (name, family) in FAMILIES {
             let (start, before) = (std::time::Instant::now(), cases.all.len());
-            family(&mut cases, &Effort { quick: true }).unwrap_or_else(|error| panic!("{name}: {error}"));
+            family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             println!("{name}: {} cases in {} ms", cases.all.len() - before, start.elapsed().as_millis());
         }
-        let silent: Vec<String> =
-            cases.all.iter().filter(|case| case.verdict == Verdict::FailedSilently).map(|case| format!("{case:?}\n")).collect();
-        assert!(silent.is_empty(), "{} of {} failed silently:\n{}", silent.len(), cases.all.len(), silent.concat());
+        for c in &cases.all {
+            println!(
+                "{}\t{}\t{:e}\t{}\t{}\t{}\t{}\t{:.1e}\t{:.1e}\t{}\t{}",
+                c.family,
+                c.mechanism,
+                c.value,
+                c.method,
+                c.asked,
+                c.status,
+                c.warnings.join(","),
+                c.error.unwrap_or(f64::NAN),
+                c.backward.unwrap_or(f64::NAN),
+                c.verdict.name(),
+                c.told
+            );
+        }
+        let silent: Vec<&Case> = cases.all.iter().filter(|case| case.verdict == Verdict::FailedSilently).collect();
+        assert!(silent.is_empty(), "{} of {} failed silently: {silent:#?}", silent.len(), cases.all.len());
         // every verdict but the last is met, so that the rule can tell them apart
         for verdict in [Verdict::Held, Verdict::Degraded, Verdict::Failed] {
             assert!(cases.all.iter().any(|case| case.verdict == verdict), "no case {}", verdict.name());
         }
         assert!(cases.all.len() >= 200);
+    }
+
+    #[test]
+    fn nothing_fails_silently() {
+        check(&Effort { quick: true });
+    }
+
+    /// For minutes.
+    #[test]
+    #[ignore = "takes minutes"]
+    fn nothing_fails_silently_with_all_effort() {
+        check(&Effort { quick: false });
     }
 }

@@ -164,8 +164,8 @@ fn back_from_actuators(cases: &mut Cases, way: &Way, value: f64, state: &State) 
 pub(super) fn beyond(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("unreachable y", "rad beyond the reach");
     for way in known()?.iter().take(5) {
-        // the lambda can be put together again more than 0.59 beyond
-        for value in sweep(effort, -15, 0, 5).into_iter().map(|value| 0.5 * value) {
+        // nearer than the rounding of lengths and y there is no beyond; the lambda can be put together again more than 0.59 beyond
+        for value in sweep(effort, -13, 0, 5).into_iter().map(|value| 0.5 * value) {
             let mut state = State::of(&way.robot, 0.1)?;
             state.y = way.at(-value);
             let at = At { value, method: way.robot.closures() };
