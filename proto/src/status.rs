@@ -74,9 +74,9 @@ impl Warnings {
     pub const NONE: Warnings = Warnings(0);
     /// A position, velocity or actuator force lies outside the limits that the model declares.
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
-    /// So close to a singular pose, or with masses so unequal, that results may keep fewer than nine digits: a loop whose dependents move
-    /// more than 300 times as fast as its independents or whose K_d is within 1/300 of losing rank; in forward dynamics, a joint whose
-    /// inertia is less than 1e-7 of its own once the joints behind it are free.
+    /// Results may keep fewer than nine digits: a loop is within 1/100 (the sine that vanishes there) of a singular pose and rates were asked;
+    /// the actuators are within 1e-5 of losing control and forces or motion of theirs were asked; in forward dynamics, what is left of a
+    /// joint's inertia once the joints behind it are free is less than 1e-7 of it.
     pub const ILL_CONDITIONED: Warnings = Warnings(2);
 
     /// True when every bit of `other` is set.

@@ -152,3 +152,94 @@ fn a_parallelogram_goes_through_its_flat_pose_along_the_given_velocity() {
         assert_ne!(ask(&mut robot, y, &before, Some(&still)).answer.status, Status::Ok);
     }
 }
+
+#[test]
+fn accelerations_without_a_digit_are_refused() {
+    let mut description = Case::bundled("four_bars_2").description;
+    description.submechanisms.iter_mut().for_each(|part| part.kind = SubmechanismKind::Numerical);
+    let Compiled { model, exact, .. } = compiled(&description);
+    let (mut robot, mut truth) = (Robot::new(model), Robot::new(exact));
+    let (mut answered, mut refused) = (0, 0);
+    for k in 0..60 {
+        let y = 10f64.powf(-0.125 * f64::from(k)) - FRAC_PI_2;
+        let exact = truth.ask(Request::Kinematics, &[(Y, &[Dd::from_f64(y)]), (Yd, &[Dd::ONE])], &[Qd, Qdd]).ok().map(Dd::hi);
+        let found = robot.ask(Request::Kinematics, &[(Y, &[y]), (Yd, &[1.0])], &[Qd, Qdd]);
+        match found.answer.status {
+            Status::Ok => {
+                // joints turn at unit speed and without acceleration
+                let of = |field| (found.get(field).iter().zip(exact.get(field))).map(|(x, y)| f64::abs(x - y)).fold(0.0, f64::max);
+                let error = f64::max(of(Qd), of(Qdd));
+                assert!(error < 0.1 && (error < FEW || told(&found)), "{error:.1e} at {k}");
+                answered += 1;
+            }
+            Status::SingularClosure | Status::SingularIndependents => refused += 1,
+            other => panic!("{other} at {k}"),
+        }
+    }
+    println!("{answered} answered, {refused} refused");
+    assert!(answered > 30 && refused > 10);
+}
+
+#[test]
+fn actuators_that_nearly_lose_control_are_told() {
+    // a Stewart platform turned a quarter about its axis
+    let Compiled { model, exact, .. } = Case::bundled("stewart").compiled;
+    let (mut robot, mut truth) = (Robot::new(model), Robot::new(exact));
+    let mut warned = 0;
+    for k in 0..13 {
+        let y = [0.01, -0.02, 0.0, 0.0, 0.0, FRAC_PI_2 - 10f64.powi(-k)];
+        let found = robot.ask(Request::InverseDynamics, &[(Y, &y)], &[TauU]);
+        if found.answer.status != Status::Ok {
+            assert_eq!(found.answer.status, Status::SingularActuation);
+            continue;
+        }
+        let exact = truth.ask(Request::InverseDynamics, &[(Y, &y.map(Dd::from_f64))], &[TauU]).ok().map(Dd::hi);
+        let error = error_by_size(found.get(TauU), exact.get(TauU), 1e-9);
+        assert!(error < FEW || told(&found), "{error:.1e} at 1e-{k}");
+        assert!(k > 3 || !told(&found), "told at 1e-{k}");
+        warned += i32::from(told(&found));
+    }
+    assert!(warned > 2, "{warned}");
+}
+
+#[test]
+fn the_whole_system_tells_where_it_does_not_balance() {
+    // all but the slider nearly without mass: M_y is fine, the system of tree and constraints is not
+    let mut description = Case::bundled("lambda").description;
+    let slider = description.joints.iter().find(|joint| joint.name == "ElbowAct").unwrap().child;
+    for (k, link) in description.links.iter_mut().enumerate() {
+        if let Some(inertial) = link.inertial.as_mut().filter(|_| k != slider) {
+            inertial.mass *= 1e-15;
+            inertial.inertia = inertial.inertia.map(|x| x * 1e-15);
+        }
+    }
+    let Compiled { model, exact, .. } = compiled(&description);
+    let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
+    let numbers = [0.3, 1.0, 2.0];
+    let given = [Y, Yd, TauY].into_iter().zip(numbers).map(|(field, x)| (field, [Dd::from_f64(x)])).collect::<Vec<_>>();
+    let given: Vec<_> = given.iter().map(|(field, x)| (*field, x.as_slice())).collect();
+    let exact = Robot::new(exact).ask(Request::ForwardDynamics, &given, &[Ydd]).ok().map(Dd::hi);
+    for (method, lost) in [(Method::Recursion, false), (Method::Projection, false), (Method::Kkt, true)] {
+        let plan = Plan::with_method(&model, &wanted, method).unwrap();
+        let mut ydd = [0.0];
+        let answer = plan.run(&model, &mut Workspace::for_plans(&model, [&plan]), &numbers, &mut ydd);
+        let error = error_by_size(&ydd, exact.get(Ydd), 1e-9);
+        println!("{method:?}: {} {:?}, error {error:.1e}", answer.status, answer.warnings);
+        assert_eq!((answer.status, error > FEW), (Status::Ok, lost));
+        assert_eq!(answer.warnings.contains(Warnings::ILL_CONDITIONED), lost, "{method:?}");
+    }
+}
+
+#[test]
+fn an_angle_without_sine_is_no_finite_input_whatever_is_asked() {
+    for name in ["lambda", "four_bars_2", "torso"] {
+        let mut robot = Robot::new(Case::bundled(name).compiled.model);
+        let y = vec![1e15; robot.model.sizes().n_qy];
+        let zero = vec![0.0; y.len()];
+        for (request, want) in [(Request::Kinematics, Q), (Request::InverseDynamics, TauY), (Request::ForwardDynamics, Ydd)] {
+            let given = [(Y, y.as_slice()), (TauY, &zero)];
+            let given = if request == Request::ForwardDynamics { &given[..] } else { &given[..1] };
+            assert_eq!(robot.ask(request, given, &[want]).answer.status, Status::NonFiniteInput, "{name}, {request:?}");
+        }
+    }
+}

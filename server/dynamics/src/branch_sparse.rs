@@ -132,7 +132,7 @@ mod tests {
     fn a_branching_matrix_is_solved() {
         let mut branches = Branches::default();
         [usize::MAX, 0, 1, 0].into_iter().for_each(|parent| branches.push(parent));
-        let packed = [5.0, 1.0, 4.0, 0.5, -1.0, 3.0, 0.25, 2.0];
+        let packed = [5.0_f64, 1.0, 4.0, 0.5, -1.0, 3.0, 0.25, 2.0];
         let x = [1.0, -2.0, 3.0, 0.5];
         let mut b = [0.0; 4];
         for (i, row) in b.iter_mut().enumerate() {
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_full_matrix_is_factorised() {
-        let A = [4.0, 0.0, 0.0, 2.0, 5.0, 0.0, -1.0, 0.5, 3.0];
+        let A = [4.0_f64, 0.0, 0.0, 2.0, 5.0, 0.0, -1.0, 0.5, 3.0];
         let mut L = A;
         assert!(factorise_full(&mut L, 3));
         let l = |i: usize, k: usize| if i == k { 1.0 } else { L[i * 3 + k] };

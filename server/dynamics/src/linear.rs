@@ -26,35 +26,46 @@ pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: us
     (good, det)
 }
 
-/// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the determinant, or `None` where a
-/// pivot is not above the rounding of the largest entry, or not a number.
+/// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the sign of the
+/// determinant, or `None` where a pivot is not above the rounding of the largest entry, or not a number.
 pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
-    solve_above(A, B, m, n, 8.0)
+    solve_above(A, B, m, n, 8.0).map(|solved| solved.sign)
 }
 
-/// The same, but `None` already where the solution of a matrix of like entries would have less than five digits.
-pub(crate) fn solve_sound<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
-    solve_above(A, B, m, n, 1e5)
+/// What is known of a solved system.
+#[derive(Clone, Copy)]
+pub(crate) struct Solved<T> {
+    /// Of the determinant.
+    pub(crate) sign: T,
+    /// Least pivot against the largest entry.
+    pub(crate) least: T,
+}
+
+/// The same, but `None` already where the solution of a matrix of like entries would have less than five digits, or half of those that the
+/// scalar has where it has less than ten.
+pub(crate) fn solve_sound<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<Solved<T>> {
+    solve_above(A, B, m, n, f64::min(1e5, 1.0 / T::EPSILON.sqrt()))
 }
 
 /// `roundings`: how many unit roundoffs of the largest entry a pivot must have.
-fn solve_above<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, roundings: f64) -> Option<T> {
-    let mut det = T::ONE;
+fn solve_above<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, roundings: f64) -> Option<Solved<T>> {
     let largest = A[..m * m].iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
     let floor = largest * T::from_f64(roundings * T::EPSILON);
+    let (mut sign, mut least) = (T::ONE, largest);
     for k in 0..m {
-        if exchange(A, B, m, n, k) {
-            det = -det;
-        }
+        let exchanged = exchange(A, B, m, n, k);
         let pivot = A[k * m + k];
         if !floor.lt(pivot.abs()) {
             return None;
         }
-        det *= pivot;
+        if exchanged != (pivot < T::ZERO) {
+            sign = -sign;
+        }
+        least = T::select(pivot.abs().lt(least), pivot.abs(), least);
         eliminate(A, B, m, n, k);
     }
     substitute_back(A, B, m, n);
-    Some(det)
+    Some(Solved { sign, least: least / largest })
 }
 
 /// Brings the largest entry of column k, on or below the diagonal, to its place; true where rows changed places.

@@ -145,7 +145,8 @@ impl<T: Scalar> Workspace<T> {
         self.needs.and(needs) == self.needs
     }
 
-    fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
+    /// Scratch with these square matrices and no others.
+    pub(crate) fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
         let sizes = model.sizes();
         let bodies = model.bodies.len();
         let at_rest = BodyState { R: identity(), p: zero(), w: zero(), v: zero(), alpha: zero(), a: zero(), n: zero(), f: zero() };

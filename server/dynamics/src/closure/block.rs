@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 
-use super::inverse::{ANY, Inverted, invert, nearness};
+use super::inverse::{ANY, Inverted, accurate, invert, nearness};
+use super::numerical::End;
 use super::rows::{CutState, base, cos_sin, place, row_acceleration};
-use super::{Cut, Local, NEAR, column_unit};
+use super::{Cut, Level, Local, NEAR, column_unit};
 use crate::linear::column_square;
 use crate::model::{Body, Cluster, Freedom, Motion, single_pose};
 use crate::scalar::{Mask, Real};
@@ -96,9 +97,9 @@ impl Block {
         local: &mut Local<'_, T>,
         branch: Option<T>,
         moved: T,
-        steps: u32,
+        end: End,
     ) -> (T::Mask, u32) {
-        by_width!(self.newton_of_width(cluster, bodies, local, branch, moved, steps))
+        by_width!(self.newton_of_width(cluster, bodies, local, branch, moved, end))
     }
 
     /// The determinant at the closed pose in `local`, whose poses are fresh.
@@ -110,8 +111,8 @@ impl Block {
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side. The masks tell where
     /// they mean something and where the pose is near a singular one.
     #[inline]
-    pub(super) fn jacobian<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> (T::Mask, T::Mask) {
-        by_width!(self.jacobian_of_width(cluster, local))
+    pub(super) fn jacobian<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>, level: Level) -> (T::Mask, T::Mask) {
+        by_width!(self.jacobian_of_width(cluster, local, level))
     }
 
     /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
@@ -140,11 +141,13 @@ impl Block {
         local: &mut Local<'_, T>,
         branch: Option<T>,
         moved: T,
-        steps: u32,
+        end: End,
     ) -> (T::Mask, u32) {
         let m = self.width::<M>();
         let unknowns = &self.unknowns[..m];
-        let converged = T::from_f64(0.1 * T::EPSILON.sqrt());
+        // what the next step would leave of a step below this is rounding
+        let last = T::from_f64(0.1 * T::EPSILON.sqrt());
+        let converged = end.tolerance.map_or(last, T::from_f64);
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
         let unit = T::from_f64(1.0 / cluster.length);
         // after a step below this size, ε^(3/8), the next one uses the same inverse: what is left then is its cube
@@ -161,7 +164,7 @@ impl Block {
             }
         }
         self.place(cluster, bodies, local);
-        for k in 0..steps {
+        for k in 0..end.steps {
             // residual, and unless the last step was tiny the inverse
             let fresh = k == 0 || !previous.lt(chord).all();
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
@@ -206,15 +209,20 @@ impl Block {
                 let way = T::select(size.lt(moved), moved, size);
                 good = good & size.lt(T::from_f64(TRUST)) & (way * way * nearness).lt(T::from_f64(CAUTION * CAUTION));
             }
-            let at_floor = size.lt(converged) | residual.lt(floor);
-            good = good & (done | at_floor | size.lt(previous * T::from_f64(CONTRACTION)));
+            let contracts = size.lt(previous * T::from_f64(CONTRACTION));
+            let mut at_floor = size.lt(converged) | residual.lt(floor);
+            if end.tolerance.is_some() {
+                // a tolerance below what rounding lets through
+                at_floor = at_floor | (size.lt(last) & !contracts);
+            }
+            good = good & (done | at_floor | contracts);
             done = done | at_floor;
             if !good.any() {
                 break;
             }
             previous = size;
             // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
-            let tiny = size.lt(converged).all();
+            let tiny = size.lt(last).all();
             for (i, of) in unknowns.iter().enumerate() {
                 if of.motion == Motion::Revolute {
                     let (c, s) = local.turn[of.body];
@@ -227,7 +235,7 @@ impl Block {
                 break;
             }
         }
-        (good & done, taken)
+        (good & (done | T::Mask::splat(end.tolerance.is_some())), taken)
     }
 
     /// Poses of the block's bodies from coordinates and turns.
@@ -276,7 +284,12 @@ impl Block {
         largest
     }
 
-    fn jacobian_of_width<T: Real, const M: usize>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> (T::Mask, T::Mask) {
+    fn jacobian_of_width<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T::Mask) {
         let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
         let scratch = &mut *local.scratch;
         let G = &mut *local.G;
@@ -313,14 +326,15 @@ impl Block {
             let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent)).fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
             square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(NEAR))
         });
-        let Inverted { sound, mut near, .. } = self.invert::<T, M>(local);
+        let Inverted { sound, mut accurate, mut near, .. } = self.invert::<T, M>(local);
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         if let Some(alone) = alone {
             near = alone;
         }
         if wide {
-            near = T::from_f64(1.0 / NEAR).lt(nearness(inverse, &scratch.step[..m], m));
+            let nearness = nearness(inverse, &scratch.step[..m], m);
+            (accurate, near) = (self::accurate(T::ONE, nearness), T::from_f64(1.0 / NEAR).lt(nearness));
         }
         for (i, of) in self.unknowns[..m].iter().enumerate() {
             let row = &mut local.G[of.v * n_vy..(of.v + 1) * n_vy];
@@ -332,7 +346,7 @@ impl Block {
                 row[k] = -x;
             }
         }
-        (sound, near)
+        (if level == Level::Acceleration { sound & accurate } else { sound }, near)
     }
 
     fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {

@@ -3,7 +3,7 @@
 use sarrus_proto::Status;
 
 use super::numerical::Numerical;
-use super::{Local, Outcome, between, constraint_jacobian, constraint_residual, local_poses};
+use super::{Local, Outcome, Scratch, between, constraint_jacobian, constraint_residual, local_poses};
 use super::{column_unit, dependents_range, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster, Freedom};
@@ -25,8 +25,9 @@ const FOUND: f64 = 1e-10;
 const LEVEL: f64 = 1e-6;
 /// Relative singular value below which K has lost rank where K_d could not be inverted.
 const LOST: f64 = 1e-3;
-/// The same for K_d at a pose that only the search could close: at a double root it is known to half the digits.
-const DOUBTFUL: f64 = 1e-4;
+/// The same for K_d at a pose that only the search could close, against the root of that one's residual: a double root is known to half the
+/// digits.
+const DOUBTFUL: f64 = 10.0;
 
 /// Follows the straight path from `local.start` to the independents in `local.q`, shortening a substep that is doubtful.
 pub(super) fn follow<T: Scalar>(
@@ -145,12 +146,13 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
 /// found that is not zero. `None`: neither within the steps allowed.
 fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Option<bool> {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let [found, level, lightest] = [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| told::<T>(x, n));
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     let mut cost = squared_residual(cluster, scratch, local.q);
     for _ in 0..SEARCH {
-        if cost < T::from_f64(FOUND * FOUND) {
+        if cost < T::from_f64(found * found) {
             return Some(true);
         }
         constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
@@ -168,7 +170,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             scratch.B[a] = x;
             slope = x.mul_add(x, slope);
         }
-        if slope < T::from_f64(LEVEL * LEVEL) * cost {
+        if slope < T::from_f64(level * level) * cost {
             return Some(false);
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
@@ -182,7 +184,7 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
         let next = squared_residual(cluster, scratch, local.q);
         if next < cost {
             cost = next;
-            damping = T::select(damping.lt(T::from_f64(LIGHTEST)), damping, damping * T::from_f64(0.2));
+            damping = T::select(damping.lt(T::from_f64(lightest)), damping, damping * T::from_f64(0.2));
         } else {
             for &i in &cluster.dependent_q {
                 local.q[i] = scratch.last[i];
@@ -194,8 +196,13 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
     None
 }
 
+/// A threshold, or this many unit roundoffs where the scalar has too few digits for it.
+fn told<T: Scalar>(threshold: f64, roundings: f64) -> f64 {
+    threshold.max(roundings * T::EPSILON)
+}
+
 /// Σ φ² of the scaled φ, which stays in the scratch.
-fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut super::Scratch<T>, q: &[T]) -> T {
+fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q: &[T]) -> T {
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
@@ -209,15 +216,20 @@ fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) ->
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     let (largest, least) = dependents_range(cluster, scratch);
-    least / largest < T::from_f64(DOUBTFUL)
+    least / largest < T::from_f64(DOUBTFUL * told::<T>(FOUND, 16.0).sqrt())
 }
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.
 pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
-    let (n, rows) = (cluster.n_v, cluster.used.len());
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+    if loses_rank(cluster, scratch) { Status::SingularClosure } else { Status::SingularIndependents }
+}
+
+/// True where the K in the scratch has lost rank.
+pub(crate) fn loses_rank<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> bool {
+    let (n, rows) = (cluster.n_v, cluster.used.len());
     // the transpose of the scaled K; idle joints stand still
     let A = &mut scratch.A;
     A[..n * rows].fill(T::ZERO);
@@ -225,5 +237,7 @@ pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>
         scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| A[columns[a] * rows + i] = x);
     }
     let (largest, least) = singular_range(A, n, rows);
-    if least < T::from_f64(LOST) * largest { Status::SingularClosure } else { Status::SingularIndependents }
+    // narrow blocks are refused from ten roots of the unit roundoff on
+    let lost = f64::max(LOST, 10.0 * T::EPSILON.sqrt());
+    least < T::from_f64(lost) * largest
 }

@@ -4,18 +4,30 @@ use super::NEAR;
 use crate::linear::{column_square, solve_unpivoted};
 use crate::scalar::{Mask, Real};
 
-/// Least pivot of a wide block against its row.
+/// Least pivot of a wide block against its row: this, or where it is more this many unit roundoffs.
 const SINGULAR: f64 = 1e-12;
+const PIVOT_ROUNDINGS: f64 = 9e3;
 /// Least determinant of a narrow block against the product of its column norms, in roots of the unit roundoff: a pose closer to
 /// singularity than that is known to no digit.
 const ROOTS: f64 = 10.0;
+/// Least sine at which accelerations, whose error is ε / sin³, keep a digit: in cube roots of ε.
+const CUBE_ROOTS: f64 = 4.0;
 /// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the block.
 pub(super) const ANY: usize = 0;
+
+/// Where accelerations keep a digit at a sine whose square is the quotient: sin⁶ against ε².
+#[inline(always)]
+pub(super) fn accurate<T: Real>(square: T, size: T) -> T::Mask {
+    let floor = CUBE_ROOTS * CUBE_ROOTS * CUBE_ROOTS * T::EPSILON;
+    (size * size * size * T::from_f64(floor * floor)).lt(square * square * square)
+}
 
 /// What came of an inversion.
 pub(super) struct Inverted<T: Real> {
     /// Where the inverse means something.
     pub(super) sound: T::Mask,
+    /// Where accelerations by it keep a digit; as `near`.
+    pub(super) accurate: T::Mask,
     /// Where the matrix is near a singular one; of two or three rows, for others their callers must look.
     pub(super) near: T::Mask,
     pub(super) det: T,
@@ -27,7 +39,12 @@ impl<T: Real> Inverted<T> {
     fn narrow(A: &[T], m: usize, det: T) -> Inverted<T> {
         let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
         let below = |floor: f64| (det * det).lt(squares * T::from_f64(floor));
-        Inverted { sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det), near: below(NEAR), det }
+        Inverted {
+            sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det),
+            accurate: accurate(det * det, squares),
+            near: below(NEAR),
+            det,
+        }
     }
 }
 
@@ -37,7 +54,7 @@ pub(super) fn invert<T: Real, const M: usize>(A: &mut [T], inverse: &mut [T], m:
     match if M == ANY { m } else { M } {
         1 => {
             inverse[0] = T::ONE / A[0];
-            Inverted { sound: T::ZERO.lt(A[0].abs()), near: T::Mask::splat(false), det: A[0] }
+            Inverted { sound: T::ZERO.lt(A[0].abs()), accurate: T::Mask::splat(true), near: T::Mask::splat(false), det: A[0] }
         }
         2 => {
             let det = A[0].mul_add(A[3], -(A[1] * A[2]));
@@ -70,8 +87,8 @@ pub(super) fn invert<T: Real, const M: usize>(A: &mut [T], inverse: &mut [T], m:
             for (k, x) in inverse.iter_mut().enumerate() {
                 *x = if k / m == k % m { T::ONE } else { T::ZERO };
             }
-            let (sound, det) = solve_unpivoted(A, inverse, m, m, SINGULAR);
-            Inverted { sound, near: T::Mask::splat(false), det }
+            let (sound, det) = solve_unpivoted(A, inverse, m, m, const { SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON) });
+            Inverted { sound, accurate: T::Mask::splat(true), near: T::Mask::splat(false), det }
         }
     }
 }

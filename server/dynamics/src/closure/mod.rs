@@ -12,6 +12,7 @@ mod inverse;
 mod legs;
 mod numerical;
 mod planar;
+mod rotation_vector;
 mod rows;
 mod rrpr;
 mod scaling;
@@ -20,9 +21,10 @@ mod strut;
 use nalgebra::Vector3;
 
 pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
+pub(crate) use careful::loses_rank;
 pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Arm, Leg, Legs};
-pub(crate) use numerical::Numerical;
+pub(crate) use numerical::{End, Numerical};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
 pub(crate) use rrpr::Rrpr;
@@ -34,10 +36,9 @@ use crate::model::{Body, Cluster};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
 
-/// Squares of the sine, or of a length against its size, below which a pose is singular, and below which it is near one: rates keep ε / δ² of
-/// their size at δ, accelerations some multiple of it.
-const SINGULAR: f64 = 1e-24;
-pub(crate) const NEAR: f64 = 1e-5;
+/// Square of the sine, or of a length against its size, below which a pose is near a singular one: rates are known to ε / δ² of their size at δ,
+/// accelerations to ε / δ³.
+pub(crate) const NEAR: f64 = 1e-4;
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
@@ -170,6 +171,13 @@ impl Outcome {
     }
 }
 
+/// Least squared sine between the links of a closed form: 1e-24, or where the scalar has too few digits for that the part of them that is
+/// lost at twice the root of its rounding.
+const fn least_square_sine<T: Real>() -> f64 {
+    let of_rounding = 8e7 * T::EPSILON * T::EPSILON;
+    if of_rounding > 1e-24 { of_rounding } else { 1e-24 }
+}
+
 /// Which lanes a closed form could not serve, and why.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Verdict<M> {
@@ -189,7 +197,7 @@ impl<M: Mask> Verdict<M> {
     #[inline(always)]
     pub(crate) fn of<T: Real<Mask = M>>(square: T, size: T) -> Verdict<M> {
         let below = |floor: f64| square.lt(T::from_f64(floor) * size);
-        Verdict { unreachable: square.lt(T::ZERO), singular: below(SINGULAR), near: below(NEAR) }
+        Verdict { unreachable: square.lt(T::ZERO), singular: below(least_square_sine::<T>()), near: below(NEAR) }
     }
 
     /// Either.
@@ -270,6 +278,20 @@ fn polished<T: Scalar>(
     }
     let outcome = numerical.polish(cluster, bodies, local);
     if outcome.status == Status::Ok { numerical.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
+}
+
+impl<C> Closure<C> {
+    /// Newton's method, where the closure has need of it.
+    pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<C>> {
+        match self {
+            Closure::Serial => None,
+            Closure::Coupling(coupling) => coupling.polish.as_mut(),
+            Closure::Rrpr(rrpr) => rrpr.polish.as_mut(),
+            Closure::Legs(legs) => legs.polish.as_mut(),
+            Closure::Planar(planar) => planar.polish.as_mut(),
+            Closure::Numerical(numerical) => Some(numerical),
+        }
+    }
 }
 
 impl<C: nalgebra::Scalar + Copy> Closure<C> {

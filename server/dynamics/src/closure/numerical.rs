@@ -17,6 +17,15 @@ use crate::spatial::Pose;
 /// Newton steps that one straight attempt may take.
 const STEPS: u32 = 10;
 
+/// When one straight attempt of Newton's method ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct End {
+    /// Size of the last step, in radians or cluster lengths; `None`: what leaves rounding alone. With it the pose after all steps stands.
+    pub(crate) tolerance: Option<f64>,
+    /// How many steps it may take.
+    pub(crate) steps: u32,
+}
+
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
 pub(crate) struct Numerical<C> {
@@ -26,12 +35,13 @@ pub(crate) struct Numerical<C> {
     pub(crate) after: Vec<usize>,
     /// The closed pose at y = 0 from which a request without a guess starts (n_q).
     pub(crate) zero: Vec<C>,
+    pub(crate) end: End,
 }
 
 impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     /// From the blocks and a closed pose.
     pub(crate) fn new(Blocks { blocks, on_way, after }: Blocks, zero: Vec<C>) -> Numerical<C> {
-        Numerical { blocks, on_way, after, zero }
+        Numerical { blocks, on_way, after, zero, end: End { tolerance: None, steps: STEPS } }
     }
 
     /// The same blocks with every constant converted.
@@ -41,6 +51,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             on_way: self.on_way.clone(),
             after: self.after.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),
+            end: self.end,
         }
     }
 
@@ -68,7 +79,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
             }
             let branch = remembered.then_some(local.scratch.branch[b]);
-            let (fine, count) = block.newton(cluster, bodies, local, branch, moved, STEPS);
+            let (fine, count) = block.newton(cluster, bodies, local, branch, moved, self.end);
             good = good & fine;
             taken += count;
             if !good.any() {
@@ -112,7 +123,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         // G block by block: G_d = −K_d⁻¹ K_i
         let (mut good, mut near) = (T::Mask::splat(true), T::Mask::splat(false));
         for block in &self.blocks {
-            let (sound, near_singular) = block.jacobian(cluster, local);
+            let (sound, near_singular) = block.jacobian(cluster, local, level);
             (good, near) = (good & sound, near | near_singular);
         }
         for block in &self.blocks {

@@ -8,10 +8,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::rotation_vector::{log, log_factors, rate_matrix};
 use super::{Cut, CutRow, Rate};
 use crate::model::{Body, Cluster, Freedom, Motion, joint_pose, single_pose};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, to_quaternion, zero};
+use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero};
 
 /// Sines, cosines and pose of one local body from its coordinates.
 #[inline]
@@ -341,47 +342,4 @@ pub(crate) fn local_poses<T: Real>(
     for j in 0..cluster.n {
         refresh(cluster, bodies, j, q, turn, pose);
     }
-}
-
-/// Rotation vector of a rotation matrix, |θ| ≤ π.
-fn log<T: Real>(R: &Matrix3<T>) -> Vector3<T> {
-    let [x, y, z, w] = to_quaternion(R);
-    let v = Vector3::new(x, y, z);
-    let square = dot(&v, &v);
-    let small = square.lt(T::from_f64(T::EPSILON));
-    let norm = T::select(small, T::ONE, square).sqrt();
-    let two = T::from_f64(2.0);
-    let factor = T::select(small, two / w, two * norm.atan2(w) / norm);
-    v * factor
-}
-
-/// c(θ²) = (1 − (θ/2) cot(θ/2)) / θ² and its derivative by θ².
-fn log_factors<T: Real>(theta: &Vector3<T>) -> (T, T) {
-    let square = dot(theta, theta);
-    let small = square.lt(T::from_f64(T::EPSILON));
-    let s = T::select(small, T::ONE, square);
-    let half = T::from_f64(0.5);
-    let x = half * s.sqrt();
-    let (sine, cosine) = x.sin_cos();
-    let cot = cosine / sine;
-    let f = x * cot;
-    let c = (T::ONE - f) / s;
-    let df = (cot - x / (sine * sine)) / (T::from_f64(8.0) * x);
-    let dc = -(df + c) / s;
-    (T::select(small, T::ONE / T::from_f64(12.0), c), T::select(small, T::ONE / T::from_f64(720.0), dc))
-}
-
-/// A = 1 − ½ [θ]× + c [θ]×², the matrix of θ̇ = A ω.
-fn rate_matrix<T: Real>(theta: &Vector3<T>, c: T) -> Matrix3<T> {
-    let half = T::from_f64(0.5);
-    let unit = |i: usize| {
-        let e = Vector3::new(
-            if i == 0 { T::ONE } else { T::ZERO },
-            if i == 1 { T::ONE } else { T::ZERO },
-            if i == 2 { T::ONE } else { T::ZERO },
-        );
-        let turn = cross(theta, &e);
-        scale_add(&cross(theta, &turn), c, &scale_add(&turn, -half, &e))
-    };
-    Matrix3::from_columns(&[unit(0), unit(1), unit(2)])
 }

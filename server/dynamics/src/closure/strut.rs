@@ -95,8 +95,8 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         local.turn[j2.body] = (c2, s2);
         local.q[j1.q] = s1.atan2(c1);
         local.q[j2.q] = s2.atan2(c2);
-        // the root is no longer than |(v_y, v_z)|
-        let verdict = Verdict::of(T::select(reach.lt(root_square), reach, root_square), square0);
+        // each alone: where one is negative the other is no number
+        let verdict = Verdict::of(reach, square0).or(Verdict::of(root_square, square0));
 
         // columns: X × v, a₂ × (v − r Z), slider direction; the inverse by cross products
         let a2 = Vector3::new(T::ZERO, c1, s1);

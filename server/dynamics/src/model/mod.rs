@@ -17,6 +17,7 @@ mod masses;
 mod open;
 mod orders;
 mod terms;
+mod tolerance;
 mod tree;
 
 use std::sync::Arc;

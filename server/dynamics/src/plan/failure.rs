@@ -13,7 +13,7 @@ use crate::workspace::Workspace;
 
 /// Halvings of the path to an unreachable target.
 const BISECTIONS: u32 = 50;
-/// Residual, in cluster lengths, up to which a pose counts as closed.
+/// Residual, in cluster lengths, up to which a pose counts as closed, or where that is more 64 unit roundoffs.
 const CLOSED: f64 = 1e-8;
 
 impl Plan {
@@ -43,7 +43,7 @@ impl Plan {
         }
         if actuated {
             ws.q[at.clone()].copy_from_slice(&ws.start[at]);
-        } else if !residual(cluster, bodies, ws).lt(T::from_f64(CLOSED)) {
+        } else if !residual(cluster, bodies, ws).lt(T::from_f64(CLOSED.max(64.0 * T::EPSILON))) {
             last_on_path(cluster, bodies, ws);
         }
         residual(cluster, bodies, ws);

@@ -1,11 +1,12 @@
 //! Forces: inverse and forward dynamics, maps between the spaces, loop-closure forces.
 
-use sarrus_proto::{Field, Slot, Status, Warnings};
+use sarrus_proto::{Field, Slot, Status};
 
 use super::run::Findings;
-use super::state::tree_accelerations;
+use super::state::{WEAK, tree_accelerations};
 use super::{Method, Plan};
 use crate::branch_sparse::{factorise_branches, solve_branches};
+use crate::closure::column_unit;
 use crate::linear::{least_norm, solve_sound};
 use crate::model::{Cluster, Model, UNEQUAL};
 use crate::scalar::{Mask, Scalar};
@@ -13,9 +14,18 @@ use crate::spatial::zero;
 use crate::tree;
 use crate::workspace::Workspace;
 
+/// Part of the largest force that may be left over by a method that keeps ten digits.
+const BALANCE: f64 = 1e-10;
+
 impl Plan {
     /// τ_q = M q̈ + C − Σ Jᵀ w, τ_y = Gᵀ τ_q, τ_u from G_uᵀ τ_u = τ_y.
-    pub(super) fn inverse_dynamics<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+    pub(super) fn inverse_dynamics<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        found: &mut Findings<T>,
+    ) -> Result<(), Status> {
         if self.wants_any(&[Field::CY]) {
             self.bias_force(model, ws, input, false);
         }
@@ -25,7 +35,7 @@ impl Plan {
             to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
-            to_actuators(model, ws)?;
+            found.warn_if(to_actuators(model, ws)?);
         }
         if self.wants(Field::Lambda) {
             // what the tree needs beyond the actuators comes from the loops
@@ -73,11 +83,11 @@ impl Plan {
             let positive = tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
             (positive, unequal(model, embedding.inverses(model)))
         };
-        if unequal {
-            found.warnings |= Warnings::ILL_CONDITIONED;
-        }
+        found.warn_if(unequal);
         if self.method == Method::Kkt {
-            return self.tree_forward_dynamics(model, ws, input);
+            self.tree_forward_dynamics(model, ws, input)?;
+            found.warn_if(!self.balanced(model, ws, input));
+            return Ok(());
         }
         if !positive.all() {
             return Err(Status::MassNotPositive);
@@ -109,6 +119,31 @@ impl Plan {
         self.kkt(model, ws)
     }
 
+    /// True where ÿ of the whole system balances the given forces along every independent motion.
+    fn balanced<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
+        let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
+        // q̈ = G ÿ + g: that of the system need not keep the loops closed
+        let mut qdd = core::mem::take(&mut ws.start_rate);
+        qdd.copy_from_slice(&ws.qdd);
+        for &c in &model.tied {
+            let cluster = &model.clusters[c];
+            for &j in &cluster.dependent {
+                let row = ws.G[cluster.g + j * cluster.n_vy..].iter().zip(&cluster.independent);
+                qdd[cluster.v + j] = row.fold(ws.g[cluster.v + j], |sum, (g, i)| g.mul_add(ws.qdd[cluster.v + i], sum));
+            }
+        }
+        tree::newton_euler(model, &ws.q, &ws.qd, &qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+        ws.start_rate = qdd;
+        let size = |tau: &[T]| tau.iter().fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size));
+        let mut largest = size(&ws.tau_q);
+        self.each_given_force(model, input, |v, tau| {
+            largest = T::select(largest.lt(tau.abs()), tau.abs(), largest);
+            ws.tau_q[v] -= tau;
+        });
+        to_independent(model, &ws.G, &ws.tau_q, &mut ws.ydd);
+        size(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO
+    }
+
     /// The given forces by internal tree velocity; a force on an independent is one on its joint.
     fn each_given_force<T: Scalar>(&self, model: &Model<T>, input: &[T], mut each: impl FnMut(usize, T)) {
         let order = &model.order;
@@ -121,11 +156,17 @@ impl Plan {
     }
 
     /// Forces from one space to the others at the closed state.
-    pub(super) fn map_forces<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+    pub(super) fn map_forces<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        found: &mut Findings<T>,
+    ) -> Result<(), Status> {
         if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
             self.given_forces(model, ws, input);
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
-                to_actuators(model, ws)?;
+                found.warn_if(to_actuators(model, ws)?);
             }
         }
         Ok(())
@@ -164,15 +205,21 @@ impl Plan {
     /// The given wrenches on their bodies; false where there are none.
     fn wrenches<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
         let Some(slot) = self.given.slot(Field::Wrenches) else { return false };
-        tree::world_poses(model, &self.wrench_bodies, &ws.motion, &mut ws.world);
-        ws.wrench.fill((zero(), zero()));
-        for (link, wrench) in self.wrench_links.iter().zip(input[slot.range()].chunks_exact(6)) {
-            let frame = &model.frames[*link];
-            let (n, f) = tree::frame_wrench(frame, &ws.world, wrench);
-            ws.wrench[frame.body].0 += n;
-            ws.wrench[frame.body].1 += f;
-        }
+        wrenches_on_bodies(model, ws, &self.wrench_bodies, &self.wrench_links, &input[slot.range()]);
         true
+    }
+}
+
+/// Wrenches on links, `[n; f]` in world axes at their frames' origins, as those on bodies; `bodies` carry the links, and their poses in their
+/// parents are known.
+pub(crate) fn wrenches_on_bodies<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, bodies: &[usize], links: &[usize], wrenches: &[T]) {
+    tree::world_poses(model, bodies, &ws.motion, &mut ws.world);
+    ws.wrench.fill((zero(), zero()));
+    for (link, wrench) in links.iter().zip(wrenches.chunks_exact(6)) {
+        let frame = &model.frames[*link];
+        let (n, f) = tree::frame_wrench(frame, &ws.world, wrench);
+        ws.wrench[frame.body].0 += n;
+        ws.wrench[frame.body].1 += f;
     }
 }
 
@@ -196,7 +243,8 @@ fn to_independent<T: Scalar>(model: &Model<T>, G: &[T], tau_q: &[T], tau_y: &mut
 
 /// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as independents, of least norm where there are
 /// more, and where there are fewer the best, with the remainder in `tau_rest`.
-fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
+fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bool, Status> {
+    let mut weak = false;
     ws.tau_rest.fill(T::ZERO);
     if !ws.tau_y.iter().all(|tau| tau.is_finite()) {
         return Err(Status::NonFiniteInput);
@@ -213,14 +261,17 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<()
             }
         } else if (m, n_u) == (1, 1) {
             let (u, j) = cluster.active[0];
-            let tau = ws.tau_y[cluster.vy] / ws.G[cluster.g + j];
+            let (G, i) = (ws.G[cluster.g + j], cluster.independent[0]);
+            weak |= (G.abs() * T::from_f64(column_unit(cluster, i))).lt(T::from_f64(WEAK * column_unit(cluster, j)));
+            let tau = ws.tau_y[cluster.vy] / G;
             if !tau.is_finite() {
                 return Err(Status::SingularActuation);
             }
             ws.tau_u[u] = tau;
         } else if n_u == m {
             actuator_matrix(cluster, ws);
-            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+            weak |= solved.least.lt(T::from_f64(WEAK));
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 if !(ws.dense_rhs[r].is_finite()) {
                     return Err(Status::SingularActuation);
@@ -242,7 +293,7 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<()
             }
         }
     }
-    Ok(())
+    Ok(weak)
 }
 
 /// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.

@@ -6,70 +6,37 @@
 //! [ K  0  ] [−λ ] = [    k    ]      with the rows of K that were kept at load
 //! ```
 //!
-//! solved with exchanges after rows and columns were scaled alike: q̈ by M_ii^−½, each row of K by its largest entry.
+//! solved with exchanges after rows and columns were scaled alike: q̈ by M_ii^−½, each row of K by its largest entry. Idle joints stand still.
 
 use sarrus_proto::Status;
 
 use super::Plan;
-use crate::closure::{constraint_bias, constraint_jacobian, local_poses, local_rates};
+use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates, row_unit};
 use crate::linear::solve_pivoted;
 use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::tree;
 use crate::workspace::Workspace;
 
+/// How far a state is from closed: the largest scaled |φ| and |K q̇|.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drift<T> {
+    pub(crate) position: T,
+    pub(crate) velocity: T,
+}
+
 impl Plan {
     /// q̈, and the forces of the loops on the tree into `loop_q`, from the forces given on the tree; needs the closed state and C in `tau_q`.
     pub(super) fn kkt<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
-        let n_v = model.meta.sizes.n_v;
-        let n_rows: usize = model.tied.iter().map(|c| model.clusters[*c].used.len()).sum();
-        let n = n_v + n_rows;
-        let mut A = core::mem::take(&mut ws.kkt);
-        let (mut x, mut scale) = (core::mem::take(&mut ws.kkt_rhs), core::mem::take(&mut ws.kkt_scale));
+        let ended = tree_under_constraints(model, ws, None);
 
-        // M, τ_q − C, K, k
-        A.fill(T::ZERO);
-        tree::tree_mass_matrix(model, &ws.motion, &mut ws.composite, &mut A, n);
-        for v in 0..n_v {
-            x[v] = ws.loop_q[v] - ws.tau_q[v];
-            scale[v] = T::select(T::ZERO.lt(A[v * n + v]), T::ONE / A[v * n + v].sqrt(), T::ONE);
-        }
-        let mut row = n_v;
-        for &c in &model.tied {
-            let cluster = &model.clusters[c];
-            rows(model, cluster, ws);
-            for &r in &cluster.used {
-                x[row] = ws.scratch.phi[r];
-                let mut largest = T::ZERO;
-                for j in 0..cluster.n_v {
-                    let (v, entry) = (cluster.v + j, ws.scratch.K[r * cluster.n_v + j]);
-                    (A[row * n + v], A[v * n + row]) = (entry, entry);
-                    let size = (entry * scale[v]).abs();
-                    largest = T::select(largest.lt(size), size, largest);
-                }
-                scale[row] = T::select(T::ZERO.lt(largest), T::ONE / largest, T::ONE);
-                row += 1;
-            }
-        }
-
-        // the scaled system; its determinant has the sign of (−1)^rows where M is positive along the loops
-        for i in 0..n {
-            x[i] *= scale[i];
-            for j in 0..n {
-                A[i * n + j] = A[i * n + j] * scale[i] * scale[j];
-            }
-        }
-        let det = solve_pivoted(&mut A, &mut x, n, 1);
-        let positive = det.is_some_and(|det| T::ZERO.lt(if n_rows.is_multiple_of(2) { det } else { -det }));
-        x.iter_mut().zip(&scale).for_each(|(x, scale)| *x *= *scale);
-
-        // q̈, and Kᵀ λ
-        ws.qdd.copy_from_slice(&x[..n_v]);
+        // Kᵀ λ
+        let x = core::mem::take(&mut ws.kkt_rhs);
         ws.loop_q.fill(T::ZERO);
-        let mut row = n_v;
+        let mut row = model.meta.sizes.n_v;
         for &c in &model.tied {
             let cluster = &model.clusters[c];
-            rows(model, cluster, ws);
+            jacobian(model, cluster, ws);
             for &r in &cluster.used {
                 for j in 0..cluster.n_v {
                     let force = &mut ws.loop_q[cluster.v + j];
@@ -78,18 +45,107 @@ impl Plan {
                 row += 1;
             }
         }
-        (ws.kkt, ws.kkt_rhs, ws.kkt_scale) = (A, x, scale);
-        if positive { Ok(()) } else { Err(Status::MassNotPositive) }
+        ws.kkt_rhs = x;
+        ended
     }
 }
 
-/// K and k of one cluster at the closed state, into the scratch of closures.
-fn rows<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+/// q̈ into `qdd`, and −λ of the kept rows in the order of the tied clusters behind it in `kkt_rhs`.
+///
+/// Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a stabilisation (α, β) the state need not be closed:
+/// K q̈ = k − 2 α K q̇ − β² φ (Baumgarte 1972); how far from closed it is then goes into `drift`.
+pub(crate) fn tree_under_constraints<T: Scalar>(
+    model: &Model<T>,
+    ws: &mut Workspace<T>,
+    mut stabilised: Option<([T; 2], &mut Drift<T>)>,
+) -> Result<(), Status> {
+    let n_v = model.meta.sizes.n_v;
+    let n_rows: usize = model.tied.iter().map(|c| model.clusters[*c].used.len()).sum();
+    let n = n_v + n_rows;
+    let mut A = core::mem::take(&mut ws.kkt);
+    let (mut x, mut scale) = (core::mem::take(&mut ws.kkt_rhs), core::mem::take(&mut ws.kkt_scale));
+
+    // M, τ_q − C, K, k
+    A.fill(T::ZERO);
+    tree::tree_mass_matrix(model, &ws.motion, &mut ws.composite, &mut A, n);
+    for v in 0..n_v {
+        x[v] = ws.loop_q[v] - ws.tau_q[v];
+        scale[v] = T::select(T::ZERO.lt(A[v * n + v]), T::ONE / A[v * n + v].sqrt(), T::ONE);
+    }
+    let mut row = n_v;
+    for &c in &model.tied {
+        let cluster = &model.clusters[c];
+        jacobian(model, cluster, ws);
+        bias(model, cluster, ws);
+        if let Some(([alpha, beta], drift)) = &mut stabilised {
+            stabilise(cluster, ws, *alpha, *beta, drift);
+        }
+        for &r in &cluster.used {
+            x[row] = ws.scratch.phi[r];
+            let mut largest = T::ZERO;
+            for j in 0..cluster.n_v {
+                let (v, entry) = (cluster.v + j, ws.scratch.K[r * cluster.n_v + j]);
+                (A[row * n + v], A[v * n + row]) = (entry, entry);
+                let size = (entry * scale[v]).abs();
+                largest = T::select(largest.lt(size), size, largest);
+            }
+            scale[row] = T::select(T::ZERO.lt(largest), T::ONE / largest, T::ONE);
+            row += 1;
+        }
+        // an idle joint has a row of its own: q̈ = 0
+        for &j in &cluster.locked {
+            let v = cluster.v + j;
+            (0..n).for_each(|i| (A[v * n + i], A[i * n + v]) = (T::ZERO, T::ZERO));
+            (A[v * n + v], x[v], scale[v]) = (T::ONE, T::ZERO, T::ONE);
+        }
+    }
+
+    // the scaled system; its determinant has the sign of (−1)^rows where M is positive along the loops
+    for i in 0..n {
+        x[i] *= scale[i];
+        for j in 0..n {
+            A[i * n + j] = A[i * n + j] * scale[i] * scale[j];
+        }
+    }
+    let sign = solve_pivoted(&mut A, &mut x, n, 1);
+    let positive = sign.is_some_and(|sign| T::ZERO.lt(if n_rows.is_multiple_of(2) { sign } else { -sign }));
+    x.iter_mut().zip(&scale).for_each(|(x, scale)| *x *= *scale);
+    ws.qdd.copy_from_slice(&x[..n_v]);
+    (ws.kkt, ws.kkt_rhs, ws.kkt_scale) = (A, x, scale);
+    if positive { Ok(()) } else { Err(Status::MassNotPositive) }
+}
+
+/// Poses and K of one cluster at q, into the scratch of closures.
+fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-    let (q, qd) = (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);
-    let scratch = &mut ws.scratch;
-    local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + cluster.n], &mut scratch.pose);
-    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+    let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
+    local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + cluster.n], &mut ws.scratch.pose);
+    constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
+}
+
+/// k of the same cluster into `phi`.
+fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+    let (qd, scratch) = (&ws.qd[cluster.v..cluster.v + cluster.n_v], &mut ws.scratch);
     local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
     constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
+}
+
+/// k − 2 α K q̇ − β² φ in place of k, and how large these are.
+fn stabilise<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>, alpha: T, beta: T, drift: &mut Drift<T>) {
+    let (q, qd) = (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);
+    let scratch = &mut ws.scratch;
+    let phi = &mut scratch.B[..cluster.rows.len()];
+    constraint_residual(cluster, &scratch.pose, q, phi);
+    for (r, row) in cluster.cuts.iter().flat_map(|cut| &cut.rows).enumerate() {
+        let of_row = &scratch.K[r * cluster.n_v..(r + 1) * cluster.n_v];
+        let phi_dot = of_row.iter().zip(qd).fold(T::ZERO, |sum, (entry, qd)| entry.mul_add(*qd, sum));
+        let damping = (alpha + alpha).mul_add(phi_dot, beta * beta * phi[r]);
+        scratch.phi[r] -= damping;
+        let unit = T::from_f64(row_unit(cluster, row));
+        for (largest, x) in [(&mut drift.position, phi[r]), (&mut drift.velocity, phi_dot)] {
+            let x = x.abs() * unit;
+            *largest = T::select((*largest).lt(x), x, *largest);
+        }
+    }
 }

@@ -11,6 +11,8 @@ mod run;
 mod singular;
 mod state;
 
+pub(crate) use forces::wrenches_on_bodies;
+pub(crate) use kkt::{Drift, tree_under_constraints};
 pub use method::Method;
 pub(crate) use state::local;
 
@@ -219,7 +221,7 @@ impl Plan {
 }
 
 /// The bodies that carry the given links, parents first.
-fn supports<C>(model: &Model<C>, links: &[usize]) -> Vec<usize> {
+pub(crate) fn supports<C>(model: &Model<C>, links: &[usize]) -> Vec<usize> {
     let mut carries = vec![false; model.bodies.len()];
     for link in links {
         let mut i = model.frames[*link].body;

@@ -3,7 +3,7 @@
 use sarrus_proto::{Request, Status, Warnings};
 
 use super::{Answer, Plan};
-use crate::model::Model;
+use crate::model::{Model, Motion};
 use crate::scalar::Scalar;
 use crate::tree;
 use crate::workspace::Workspace;
@@ -21,6 +21,15 @@ pub(super) struct Findings<T> {
     pub(super) closed: usize,
     /// The independents in q are the nearest ones to an unreachable target.
     pub(super) nearest: bool,
+}
+
+impl<T> Findings<T> {
+    /// Notes that digits may be lost.
+    pub(super) fn warn_if(&mut self, ill_conditioned: bool) {
+        if ill_conditioned {
+            self.warnings |= Warnings::ILL_CONDITIONED;
+        }
+    }
 }
 
 impl Plan {
@@ -55,6 +64,8 @@ impl Plan {
         };
         found.status = match self.compute(model, workspace, input, &mut found) {
             Ok(()) => self.write(model, workspace, &found, output),
+            // an angle without sine breaks whatever uses it first
+            Err(_) if beyond_angles(model, workspace) => Status::NonFiniteInput,
             Err(status) => status,
         };
         if found.status != Status::Ok {
@@ -78,9 +89,9 @@ impl Plan {
             tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
         }
         match self.request {
-            Request::InverseDynamics => self.inverse_dynamics(model, ws, input),
+            Request::InverseDynamics => self.inverse_dynamics(model, ws, input, found),
             Request::ForwardDynamics => self.forward_dynamics(model, ws, input, found),
-            Request::Map => self.map_forces(model, ws, input),
+            Request::Map => self.map_forces(model, ws, input, found),
             _ => Ok(()),
         }
     }
@@ -106,4 +117,11 @@ impl Plan {
         }
         warnings
     }
+}
+
+/// True where some joint stands, or starts, at an angle of which a number says nothing.
+fn beyond_angles<T: Scalar>(model: &Model<T>, ws: &Workspace<T>) -> bool {
+    let turning = model.bodies.iter().skip(1).filter(|body| body.motion == Motion::Revolute);
+    let without_sine = |q: T| q.is_finite() && !q.sin_cos().0.is_finite();
+    turning.map(|body| body.q).any(|q| without_sine(ws.q[q]) || without_sine(ws.start[q]))
 }

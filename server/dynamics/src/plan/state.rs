@@ -1,6 +1,6 @@
 //! From what is given to a closed state: q, q̇, q̈, G and g.
 
-use sarrus_proto::{Field, Slot, Status, Warnings};
+use sarrus_proto::{Field, Slot, Status};
 
 use super::run::Findings;
 use super::{Plan, Space};
@@ -14,6 +14,8 @@ use crate::workspace::Workspace;
 const STEPS: u32 = 60;
 /// Longest of these steps, in radians or cluster lengths.
 const LONGEST: f64 = 0.2;
+/// Least pivot of G_u, against its largest entry, from which on actuators determine ten digits.
+pub(super) const WEAK: f64 = 1e-5;
 /// Largest deviation of a quaternion from unit length.
 const UNIT: f64 = 1e-6;
 
@@ -132,8 +134,9 @@ impl Plan {
         }
         if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
+            let mut near = false;
             if self.steps.velocity == Some(Space::Actuation) {
-                self.independent_rates(cluster, ws, given(Field::Ud), false)?;
+                near |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
             }
             if self.steps.level > Level::Position {
                 outcome = self.close_again(cluster, bodies, ws);
@@ -142,12 +145,11 @@ impl Plan {
                 }
             }
             if self.steps.acceleration == Some(Space::Actuation) {
-                self.independent_rates(cluster, ws, given(Field::Udd), true)?;
+                near |= self.independent_rates(cluster, ws, given(Field::Udd), true)?;
             }
+            outcome.near |= near;
         }
-        if self.steps.level > Level::Position && outcome.near {
-            found.warnings |= Warnings::ILL_CONDITIONED;
-        }
+        found.warn_if(self.steps.level > Level::Position && outcome.near);
         Ok(())
     }
 
@@ -158,14 +160,14 @@ impl Plan {
         close(cluster, bodies, &mut local(cluster, ws), self.steps.level)
     }
 
-    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents.
+    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; true where the actuators nearly lose control.
     fn independent_rates<T: Scalar>(
         &self,
         cluster: &Cluster<T>,
         ws: &mut Workspace<T>,
         given: &[T],
         accelerations: bool,
-    ) -> Result<(), Status> {
+    ) -> Result<bool, Status> {
         let m = cluster.n_vy;
         if cluster.active.len() != m {
             return Err(Status::SingularActuation);
@@ -178,12 +180,12 @@ impl Plan {
             // the closure has overwritten what stood at dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
-        solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+        let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
             to[cluster.v + j] = ws.dense_rhs[k];
         }
-        Ok(())
+        Ok(solved.least.lt(T::from_f64(WEAK)))
     }
 }
 
@@ -256,9 +258,9 @@ fn from_actuators<T: Scalar>(
             }
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.freedoms[j].q];
         }
-        let det = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
+        let solved = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
         let at = cluster.q..cluster.q + cluster.n_q;
-        match det {
+        match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the way from the last good one
             None if k == 0 => return if outcome.status == Status::Ok { Err(Status::SingularActuation) } else { Ok(outcome) },
             Some(det) if k == 0 || T::ZERO.lt(det * sign) => {

@@ -3,6 +3,7 @@
 mod double_double;
 mod dual;
 mod elementary;
+mod single;
 
 pub use double_double::Dd;
 pub use dual::Dual;
@@ -10,7 +11,7 @@ pub use dual::Dual;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
 
-/// A real number as kernels see it: `f64`, double-double, dual numbers, and later SIMD lanes.
+/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, and later SIMD lanes.
 ///
 /// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by [`Real::select`].
 pub trait Real:
