@@ -8,8 +8,8 @@ use super::picture::{NARROW, WIDE, colours, picture, points, sign};
 use super::{Case, Figure, Report, Section, Table, Verdict};
 use crate::Outcome;
 
-/// Nothing is loaded from anywhere.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
+/// What browsers are told: nothing is loaded from anywhere.
+const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
 pub(super) fn page(report: &Report) -> Outcome<String> {
@@ -29,7 +29,7 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta http-equiv="Content-Security-Policy" content=(POLICY.trim());
                 title { "sarrus: error against run time, stiff and extreme cases" }
                 style { (PreEscaped(style)) }
             }

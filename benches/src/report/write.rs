@@ -12,6 +12,9 @@ use crate::cores::Cores;
 use crate::printed::machine;
 use crate::progress::Progress;
 
+/// A file that shows that the folder can be written.
+const PROBE: &str = ".writable";
+
 /// What to report and where it goes.
 #[derive(Clone, Debug)]
 pub struct Wish {
@@ -29,8 +32,9 @@ pub struct Wish {
 ///
 /// A folder that cannot be written.
 pub fn run(wish: &Wish) -> Outcome<Report> {
-    // nobody wants to hear of a folder that cannot be written after an hour
-    write(&wish.out, "report.json", "{}\n")?;
+    // nobody wants to hear of a folder that cannot be written after an hour; an earlier report stays until then
+    write(&wish.out, PROBE, "")?;
+    fs::remove_file(wish.out.join(PROBE)).map_err(|error| format!("{}: {error}", wish.out.display()))?;
 
     let progress = Progress::with_lines();
     let wanted = |name: &str| wish.sections.is_empty() || wish.sections.iter().any(|wanted| wanted == name);

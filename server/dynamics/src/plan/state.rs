@@ -260,6 +260,7 @@ fn from_actuators<T: Scalar>(
         }
         let solved = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
         let at = cluster.q..cluster.q + cluster.n_q;
+        let weak = solved.is_some_and(|solved| solved.least.lt(T::from_f64(WEAK)));
         match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the way from the last good one
             None if k == 0 => return if outcome.status == Status::Ok { Err(Status::SingularActuation) } else { Ok(outcome) },
@@ -288,6 +289,7 @@ fn from_actuators<T: Scalar>(
             cluster.freedoms[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
+            found.warn_if(weak);
             return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
         }
     }
