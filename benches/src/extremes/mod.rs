@@ -4,6 +4,7 @@ mod ask;
 mod case;
 mod chains;
 mod far;
+mod implicit;
 mod judge;
 mod loops;
 mod mass;
@@ -23,7 +24,7 @@ use crate::progress::Progress;
 use crate::report::{Effort, Section};
 
 /// Families in the order of the page, by what they sweep.
-const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 22] = [
+const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 24] = [
     ("mass ratios", mass::ratios),
     ("massless links", mass::massless),
     ("lengths and masses", scale::sizes),
@@ -46,6 +47,8 @@ const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 22] = [
     ("steps and tolerances", simulated::steps),
     ("nothing lost", simulated::conserved),
     ("starts of simulations", simulated::starts),
+    ("projection", implicit::projection),
+    ("stabilisation", implicit::baumgarte),
 ];
 
 /// Powers of ten from 10^from to 10^to: every one, or with little effort this many steps.

@@ -9,7 +9,7 @@ const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
 /// Families whose pictures and tables go by robot rather than by method: a robot breaks where its geometry says.
 const BY_ROBOT: [&str; 4] = ["distance to a singularity", "unreachable y", "many turns", "big jump"];
 /// Families whose parameter is no quantity.
-const NO_PICTURE: [&str; 3] = ["not a number", "faulty file", "unreachable y"];
+const NO_PICTURE: [&str; 4] = ["not a number", "faulty file", "unreachable y", "simulation of nothing"];
 
 /// Fills the section.
 pub(super) fn section(cases: &[Case]) -> Section {
