@@ -1,5 +1,7 @@
 //! One question in any scalar, and how far two answers are apart.
 
+use std::collections::HashMap;
+
 use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{Answer, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Warnings, Workspace};
 
@@ -41,14 +43,14 @@ impl State {
     pub(super) fn of(robot: &Robot, reach: f64) -> Outcome<State> {
         let model = &robot.compiled.model;
         let units = |field| robot.units(field).unwrap_or_default();
-        let (names, of_q, of_v) = (model.independent_q_names(), model.tree_q_names(), units(Yd));
-        let units_q = units(Q);
+        let (names, of_v) = (model.independent_q_names(), units(Yd));
+        let unit_of: HashMap<&String, f64> = model.tree_q_names().iter().zip(units(Q)).collect();
         let y = names.iter().enumerate().map(|(k, name)| match name.rsplit_once('/') {
             Some((_, "qw")) => 0.8,
             Some((_, "qx" | "qz")) => 0.36,
             Some((_, "qy")) => (1.0_f64 - 0.8 * 0.8 - 2.0 * 0.36 * 0.36).sqrt(),
             _ => {
-                let unit = of_q.iter().position(|x| x == name).map_or(1.0, |at| units_q[at]);
+                let unit = unit_of.get(name).copied().unwrap_or(1.0);
                 scatter(k) * reach / unit * if unit == 1.0 { 1.0 } else { 0.1 }
             }
         });

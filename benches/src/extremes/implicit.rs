@@ -39,15 +39,16 @@ pub(super) fn projection(cases: &mut Cases, effort: &Effort) -> Outcome {
     for robot in robots()? {
         for value in sweep(effort, -15, 0, 5) {
             let (mut q, mut qd) = off_loops(&robot, value)?;
-            let mut form = ImplicitForm::new(&robot.compiled.model);
-            let status = form.project(&robot.compiled.model, &mut q, &mut qd);
+            let given = q.clone();
+            let status = ImplicitForm::new(&robot.compiled.model).project(&robot.compiled.model, &mut q, &mut qd);
+            let moved = q.iter().zip(&given).fold(0.0, |moved: f64, (a, b)| moved.max((a - b).abs()));
             let error = if status == Status::Ok { Some(open(&robot, &q)?) } else { None };
             let empty = q.iter().chain(&qd).all(|x| x.is_nan());
             let case = Case {
                 status: status.name().to_owned(),
                 error,
                 truth: "loops in double-double",
-                told: if status == Status::Ok { format!("was open by {:.1e}", form.position_drift()) } else { String::new() },
+                told: if status == Status::Ok { format!("moved by {moved:.1e}") } else { String::new() },
                 verdict: of_answer(status, Warnings::NONE, error.unwrap_or(f64::INFINITY), empty),
                 ..cases.blank(&robot.name, At { value, method: robot.closures() }, "projection")
             };

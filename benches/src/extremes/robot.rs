@@ -1,5 +1,7 @@
 //! The robots of the cases: bundled ones that are changed, and small ones in code.
 
+use std::collections::HashSet;
+
 use sarrus_dynamics::description::{
     Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind as Kind, Terms,
 };
@@ -20,6 +22,8 @@ pub(super) struct Robot {
     pub(super) compiled: Compiled,
     /// A length that is typical of it `[m]`: lengths are compared with angles in it.
     length: f64,
+    /// Names of the joints that slide.
+    slides: HashSet<String>,
 }
 
 impl Robot {
@@ -29,7 +33,8 @@ impl Robot {
         let loops = compiled.model.closures().iter().fold(0.0, |length: f64, of| length.max(of.length));
         let links = description.joints.iter().fold(0.0, |length: f64, joint| joint.origin.xyz.iter().fold(length, |l, x| l.max(x.abs())));
         let length = if loops > 0.0 { loops } else { links };
-        Ok(Robot { name: name.to_owned(), description, compiled, length: if length > 0.0 { length } else { 1.0 } })
+        let slides = description.joints.iter().filter(|joint| joint.kind == Slide).map(|joint| joint.name.clone()).collect();
+        Ok(Robot { name: name.to_owned(), description, compiled, length: if length > 0.0 { length } else { 1.0 }, slides })
     }
 
     /// How its loops are closed, in a word.
@@ -58,10 +63,8 @@ impl Robot {
             TauU => (model.active_names(), true),
             _ => return None,
         };
-        let slides = |name: &String| {
-            let joint = |joint: &Joint| joint.name == *name && joint.kind == Slide;
-            ["/x", "/y", "/z", "/tx", "/ty", "/tz"].iter().any(|end| name.ends_with(end)) || self.description.joints.iter().any(joint)
-        };
+        let moves = ["/x", "/y", "/z", "/tx", "/ty", "/tz"];
+        let slides = |name: &String| moves.iter().any(|end| name.ends_with(end)) || self.slides.contains(name);
         let unit = |name| match (slides(name), force) {
             (false, _) => 1.0,
             (true, false) => 1.0 / self.length,

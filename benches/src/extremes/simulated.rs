@@ -20,7 +20,7 @@ const SAMPLES: f64 = 100.0;
 /// What the methods are asked for: a fixed step, or tolerances, and no more steps than a user would wait for.
 fn settings(method: Method, duration: f64) -> Settings {
     let step = method.is_fixed().then_some(1e-3 * duration);
-    Settings { step, rtol: 1e-12, atol: 1e-13, every: Some(duration / SAMPLES), most_steps: 20_000, ..Settings::new(method, duration) }
+    Settings { step, rtol: 1e-12, atol: 1e-13, every: Some(duration / SAMPLES), most_steps: 5_000, ..Settings::new(method, duration) }
 }
 
 /// By the implicit method as exactly as it can.
