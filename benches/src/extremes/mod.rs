@@ -81,22 +81,6 @@ mod tests {
             family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             println!("{name}: {} cases in {} ms", cases.all.len() - before, start.elapsed().as_millis());
         }
-        for c in &cases.all {
-            println!(
-                "{}\t{}\t{:e}\t{}\t{}\t{}\t{}\t{:.1e}\t{:.1e}\t{}\t{}",
-                c.family,
-                c.mechanism,
-                c.value,
-                c.method,
-                c.asked,
-                c.status,
-                c.warnings.join(","),
-                c.error.unwrap_or(f64::NAN),
-                c.backward.unwrap_or(f64::NAN),
-                c.verdict.name(),
-                c.told
-            );
-        }
         let silent: Vec<&Case> = cases.all.iter().filter(|case| case.verdict == Verdict::FailedSilently).collect();
         assert!(silent.is_empty(), "{} of {} failed silently: {silent:#?}", silent.len(), cases.all.len());
         // every verdict but the last is met, so that the rule can tell them apart

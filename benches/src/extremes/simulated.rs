@@ -118,7 +118,7 @@ pub(super) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
         cases.family("step", "s");
         for method in [Method::Euler, Method::RungeKutta] {
             for value in sweep(effort, -4, 0, 4) {
-                let settings = Settings { step: Some(value), every: Some(1.0), ..settings(method, 1.0) };
+                let settings = Settings { step: Some(value), every: Some(1.0), most_steps: 20_000, ..settings(method, 1.0) };
                 cases.simulation(name, At { value, method: method.name() }, &setup(&robot), &start, &settings, &judged)?;
             }
         }
