@@ -34,10 +34,8 @@ use crate::description::Limits;
 use crate::fault::Fault;
 use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
-
 pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
 pub(crate) use masses::UNEQUAL;
-
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
 pub struct Model<C = f64> {

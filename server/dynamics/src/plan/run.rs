@@ -23,7 +23,22 @@ pub(super) struct Findings<T> {
     pub(super) nearest: bool,
 }
 
-impl<T> Findings<T> {
+impl<T: Scalar> Findings<T> {
+    /// Before anything is known.
+    fn none() -> Findings<T> {
+        let nan = T::from_f64(f64::NAN);
+        Findings {
+            status: Status::Ok,
+            iterations: 0,
+            warnings: Warnings::NONE,
+            residual: nan,
+            sigma_min: nan,
+            failed: false,
+            closed: 0,
+            nearest: false,
+        }
+    }
+
     /// Notes that digits may be lost.
     pub(super) fn warn_if(&mut self, ill_conditioned: bool) {
         if ill_conditioned {
@@ -51,21 +66,14 @@ impl Plan {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
-        let nan = T::from_f64(f64::NAN);
-        let mut found = Findings {
-            status: Status::Ok,
-            iterations: 0,
-            warnings: Warnings::NONE,
-            residual: nan,
-            sigma_min: nan,
-            failed: false,
-            closed: 0,
-            nearest: false,
-        };
+        let mut found = Findings::none();
         found.status = match self.compute(model, workspace, input, &mut found) {
             Ok(()) => self.write(model, workspace, &found, output),
             // an angle without sine breaks whatever uses it first
-            Err(_) if beyond_angles(model, workspace) => Status::NonFiniteInput,
+            Err(_) if beyond_angles(model, workspace) => {
+                found = Findings::none();
+                Status::NonFiniteInput
+            }
             Err(status) => status,
         };
         if found.status != Status::Ok {
