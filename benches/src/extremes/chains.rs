@@ -19,6 +19,10 @@ pub(super) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     let lengths: &[usize] = if effort.quick { &[10, 100, 1000] } else { &[10, 30, 100, 300, 1000, 3000, 10_000] };
     for &n in lengths {
         for (name, lambdas) in [("rods in a row", false), ("lambdas in a row", true)] {
+            // of three bodies each
+            if lambdas && n > 3000 {
+                continue;
+            }
             let robot = Robot::new(name, if lambdas { chain_of_lambdas(n) } else { rods(n) });
             let Some(robot) = cases.load(name, At { value: n as f64, method: "-" }, robot) else { continue };
             // a long chain that curls up in itself is no robot
