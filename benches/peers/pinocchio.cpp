@@ -556,15 +556,17 @@ int main() {
         methods.push_back({"FD CRBA, explicit G" + setting, ydd,
                            [&, tolerance](const State& state) { closed.forward_dynamics(state, tolerance, ydd); }});
     }
-    Proximal proximal(robot);
+    // each its own data: what one leaves there spoils the other
+    Proximal whole(robot), articulated(robot);
     for (const bool recursive : {false, true})
         for (const char* mu : {"1e-10", "1e-8", "1e-6", "1e-4"})
             for (const int iterations : {1, 2, 3}) {
                 if (robot.loops.empty()) continue;
                 const std::string name = recursive ? "FD lcaba" : "FD constraintDynamics";
+                Proximal& proximal = recursive ? articulated : whole;
                 pin::ProximalSettings settings(1e-14, std::atof(mu), iterations);
                 methods.push_back({name + " mu " + mu + ", iterations " + std::to_string(iterations), ydd,
-                                   [&, recursive, settings](const State& state) mutable {
+                                   [&closed, &ydd, &proximal, recursive, settings](const State& state) mutable {
                                        proximal.forward_dynamics(closed, state, recursive, settings, ydd);
                                    }});
             }

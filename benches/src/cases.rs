@@ -8,6 +8,7 @@ use crate::Outcome;
 use crate::chain::chain_of_lambdas;
 use crate::extra::TEXTS;
 use crate::states::{Robot, State};
+use crate::timing::Timed;
 
 /// The bundled robots: all of them.
 pub(crate) const BUNDLED: [&str; 16] = [
@@ -280,6 +281,23 @@ impl<'a> Case<'a> {
             Status::Ok => Ok(&self.output),
             status => Err(format!("{}, state {state}: {status}", self.name()).into()),
         }
+    }
+}
+
+impl Timed for Case<'_> {
+    fn name(&self) -> String {
+        Case::name(self)
+    }
+
+    fn states(&self) -> usize {
+        self.inputs.len()
+    }
+
+    #[inline]
+    fn call(&mut self, state: usize) -> Status {
+        let status = self.run(state).status;
+        std::hint::black_box(&self.output);
+        status
     }
 }
 

@@ -1,10 +1,11 @@
 //! Errors against double-double: the same model, the same inputs, the same code over another scalar.
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Method, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Request, Status, Wanted, Workspace};
 
 use crate::Outcome;
 use crate::cases::{Case, Question, Start, What};
+use crate::states::Robot;
 
 /// The error of a case over all its states.
 #[derive(Clone, Copy, Debug, Default)]
@@ -24,17 +25,15 @@ pub(crate) fn measure(case: &mut Case<'_>, kept: &mut Kept) -> Outcome<Errors> {
     let key = (case.robot.name, case.variant.closures, [case.question, Question::ForwardDynamics][case.question.is_forward() as usize]);
     if !kept.iter().any(|(of, _)| *of == key) {
         kept.retain(|((robot, closures, _), _)| (*robot, *closures) == (key.0, key.1));
-        kept.push((key, Truth::new(case)?));
+        kept.push((key, Truth::new(case.robot, case.place, case.question, case.start)?));
     }
     let truth = kept.iter_mut().find(|(of, _)| *of == key).map(|(_, truth)| truth).ok_or("no exact answers")?;
     let mut sizes = Vec::new();
     let mut backward: Option<f64> = None;
     for state in 0..case.inputs.len() {
-        truth.compute(case, state)?;
-        let exact = truth.exact(case, state);
-        let answer = case.answer(state)?;
-        let error = exact.fields.iter().fold(0.0, |worst: f64, field| worst.max(field.error(answer)));
-        sizes.push(error);
+        truth.compute(case.robot, state)?;
+        let exact = truth.exact(case.plan.want(), state);
+        sizes.push(exact.error(case.answer(state)?));
         if case.question.is_forward() {
             let error = exact.backward_error(&case.output);
             backward = Some(backward.map_or(error, |worst| worst.max(error)));
@@ -51,6 +50,8 @@ pub(crate) type Kept = Vec<((&'static str, &'static str, Question), Truth)>;
 
 /// The same question in double-double.
 pub(crate) struct Truth {
+    /// Place of the variant among those of its robot.
+    place: usize,
     plan: Plan,
     workspace: Workspace<Dd>,
     /// The answer on each state, once it is known.
@@ -58,7 +59,7 @@ pub(crate) struct Truth {
 }
 
 /// The exact answer on one state.
-struct Exact<'a> {
+pub(crate) struct Exact<'a> {
     fields: Vec<ExactField<'a>>,
     m_y: &'a [Dd],
     c_y: &'a [Dd],
@@ -73,45 +74,47 @@ struct ExactField<'a> {
 }
 
 impl Truth {
-    fn new(case: &Case<'_>) -> Outcome<Truth> {
-        let mut wanted = case.question.wanted();
+    /// For a question to a variant of a robot.
+    pub(crate) fn new(robot: &Robot, place: usize, question: Question, start: Start) -> Outcome<Truth> {
+        let mut wanted = question.wanted();
         // the warm start leads to the pose that a cold one has to find
-        if case.start != Start::None {
+        if start != Start::None {
             wanted.given = wanted.given.with(Field::QGuess);
         }
-        if case.question.is_forward() {
+        if question.is_forward() {
             wanted.want = [Field::MY, Field::CY, Field::TauY].into_iter().fold(wanted.want, FieldSet::with);
         }
-        let model = &case.variant.compiled.exact;
+        let model = &robot.variants[place].compiled.exact;
         // M_y of a chain is only read, not factorised: that would take n³
-        let plan = match case.robot.what {
+        let plan = match robot.what {
             What::Chain(_) => Plan::with_method(model, &wanted, Method::Recursion)?,
             _ => Plan::new(model, &wanted)?,
         };
-        Ok(Truth { workspace: Workspace::for_plans(model, [&plan]), plan, outputs: Vec::new() })
+        Ok(Truth { place, workspace: Workspace::for_plans(model, [&plan]), plan, outputs: Vec::new() })
     }
 
-    /// Answers on this state, where that was not done before.
-    fn compute(&mut self, case: &Case<'_>, state: usize) -> Outcome {
+    /// Answers on this state, where that was not done before; the states come in their order.
+    pub(crate) fn compute(&mut self, robot: &Robot, state: usize) -> Outcome {
         if state < self.outputs.len() {
             return Ok(());
         }
-        let input = crate::cases::packed(&self.plan, &case.robot.states[state], case.place);
+        let input = crate::cases::packed(&self.plan, &robot.states[state], self.place);
         let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
         let mut output = vec![Dd::from(0.0); self.plan.want().len()];
-        let status = self.plan.run(&case.variant.compiled.exact, &mut self.workspace, &input, &mut output).status;
+        let status = self.plan.run(&robot.variants[self.place].compiled.exact, &mut self.workspace, &input, &mut output).status;
         if status != Status::Ok {
-            return Err(format!("{}, state {state}: {status} in double-double", case.name()).into());
+            return Err(format!("{}, state {state}: {status} in double-double", robot.name).into());
         }
         self.outputs.push(output);
         Ok(())
     }
 
-    fn exact(&self, case: &Case<'_>, state: usize) -> Exact<'_> {
+    /// The exact numbers of these fields at this state.
+    pub(crate) fn exact(&self, want: &Layout, state: usize) -> Exact<'_> {
         let output = &self.outputs[state];
         let numbers = |field| self.plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
         let speed = largest(numbers(Field::Qd));
-        let fields = case.plan.want().slots().iter().map(|slot| {
+        let fields = want.slots().iter().map(|slot| {
             let least = match slot.field {
                 Field::Q | Field::U => 1.0,
                 Field::Qdd | Field::Udd => speed * speed,
@@ -124,8 +127,11 @@ impl Truth {
 }
 
 impl ExactField<'_> {
-    /// ‖a − b‖∞ / max(‖b‖∞, least).
+    /// ‖a − b‖∞ / max(‖b‖∞, least); NaN where there is no number.
     fn error(&self, answer: &[f64]) -> f64 {
+        if answer[self.range.clone()].iter().any(|x| x.is_nan()) {
+            return f64::NAN;
+        }
         let pairs = answer[self.range.clone()].iter().zip(self.numbers);
         let worst = pairs.fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs()));
         if worst == 0.0 { 0.0 } else { worst / largest(self.numbers).max(self.least) }
@@ -133,8 +139,14 @@ impl ExactField<'_> {
 }
 
 impl Exact<'_> {
+    /// The largest error of all fields by size.
+    pub(crate) fn error(&self, answer: &[f64]) -> f64 {
+        let errors = self.fields.iter().map(|field| field.error(answer));
+        errors.fold(0.0, |worst, error| if error > worst || error.is_nan() { error } else { worst })
+    }
+
     /// How much the forces would have to change for ÿ to be exact, relative to what enters.
-    fn backward_error(&self, ydd: &[f64]) -> f64 {
+    pub(crate) fn backward_error(&self, ydd: &[f64]) -> f64 {
         let n = ydd.len();
         let (mut residual, mut norm_m): (f64, f64) = (0.0, 0.0);
         for i in 0..n {

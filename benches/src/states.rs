@@ -65,6 +65,11 @@ impl Robot {
     /// The same with the variants of some names only.
     pub(crate) fn load_some(what: What, n_states: usize, wanted: impl Fn(&str) -> bool) -> Outcome<Robot> {
         let (description, variants) = cases::variants(what, wanted)?;
+        Robot::with_variants(what, description, variants, n_states)
+    }
+
+    /// Draws states that all of these variants can take.
+    pub(crate) fn with_variants(what: What, description: Description, variants: Vec<Variant>, n_states: usize) -> Outcome<Robot> {
         let mut robot = Robot { what, name: what.name(), description, variants, states: Vec::new(), left_out: 0, reach: 1.0 };
         let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
         let model = &compiled.model;

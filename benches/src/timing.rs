@@ -1,13 +1,10 @@
 //! Nanoseconds per call, in batches that take turns.
 
-use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use sarrus_dynamics::Status;
 
 use crate::Outcome;
-use crate::cases::Case;
-use crate::progress::Progress;
 
 /// How much a run repeats.
 #[derive(Clone, Copy, Debug)]
@@ -80,24 +77,35 @@ struct Batch {
     passes: usize,
 }
 
-/// Runs a batch of every case in turn, again and again; gives the nanoseconds per call of each batch.
-pub(crate) fn interleaved(cases: &mut [Case<'_>], effort: &Effort, progress: &Progress) -> Outcome<Vec<Samples>> {
+/// What can be timed: a call on each of some states.
+pub(crate) trait Timed {
+    /// How a failure calls it.
+    fn name(&self) -> String;
+    /// How many states there are.
+    fn states(&self) -> usize;
+    /// One call, input and result out of the optimiser's sight.
+    fn call(&mut self, state: usize) -> Status;
+}
+
+/// Runs a batch of every case in turn, again and again for this long; gives the nanoseconds per call of each batch. `shown` learns the share
+/// that is done.
+pub(crate) fn interleaved<C: Timed>(cases: &mut [C], rounds: Duration, shown: impl Fn(f64)) -> Outcome<Vec<Samples>> {
     let mut batches = Vec::new();
     for case in cases.iter_mut() {
-        let few = Batch { first: 0, states: case.inputs.len().min(4), warm_up: 1, passes: 1 };
+        let few = Batch { first: 0, states: case.states().min(4), warm_up: 1, passes: 1 };
         let call = few.run(case)?.max(1.0);
         let states = (LONGEST.as_nanos() as f64 / call) as usize;
-        let states = states.clamp(4, STATES).min(case.inputs.len());
+        let states = states.clamp(4, STATES).min(case.states());
         let passes = (BATCH.as_nanos() as f64 / (call * states as f64)).ceil() as usize;
         batches.push(Batch { first: 0, states, warm_up: (WARM_UP.as_nanos() as f64 / call).ceil() as usize, passes });
     }
     let mut ns = vec![Vec::new(); cases.len()];
     let start = Instant::now();
-    while !cases.is_empty() && start.elapsed() < effort.rounds {
-        progress.show("in process", start.elapsed().as_secs_f64() / effort.rounds.as_secs_f64());
+    while !cases.is_empty() && start.elapsed() < rounds {
+        shown(start.elapsed().as_secs_f64() / rounds.as_secs_f64());
         for ((case, batch), ns) in cases.iter_mut().zip(&mut batches).zip(&mut ns) {
             ns.push(batch.run(case)?);
-            batch.first = (batch.first + batch.states) % STATES.min(case.inputs.len());
+            batch.first = (batch.first + batch.states) % STATES.min(case.states());
         }
     }
     Ok(ns.into_iter().map(Samples::new).collect())
@@ -105,17 +113,16 @@ pub(crate) fn interleaved(cases: &mut [Case<'_>], effort: &Effort, progress: &Pr
 
 impl Batch {
     /// Nanoseconds per call.
-    fn run(&self, case: &mut Case<'_>) -> Outcome<f64> {
-        let all = STATES.min(case.inputs.len());
+    fn run<C: Timed>(&self, case: &mut C) -> Outcome<f64> {
+        let all = STATES.min(case.states());
         let mut failed = false;
         for k in 0..self.warm_up {
-            failed |= case.run((self.first + k) % all).status != Status::Ok;
+            failed |= case.call((self.first + k) % all) != Status::Ok;
         }
         let mut state = self.first;
         let start = Instant::now();
         for _ in 0..self.passes * self.states {
-            failed |= case.run(state).status != Status::Ok;
-            black_box(&case.output);
+            failed |= case.call(state) != Status::Ok;
             state = if state + 1 == all { 0 } else { state + 1 };
         }
         let elapsed = start.elapsed().as_nanos() as f64;

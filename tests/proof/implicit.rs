@@ -142,7 +142,6 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
             ledger.note("length of the move", case, moved, 3.0 * disturbance + 1e-14);
             // a second projection has nothing to do
             let (again, mut again_qd) = (q.clone(), qd.clone());
-            let mut q = q;
             assert_eq!(form.project(model, &mut q, &mut again_qd), Status::Ok);
             ledger.compare("q projected twice", case, &q, &again, 1.0, 1e-13 + case.contradiction() * 1e2);
             ledger.compare("q̇ projected twice", case, &again_qd, &qd, 1.0, 1e-11 + case.contradiction() * 1e2);

@@ -68,7 +68,7 @@ pub fn run(wish: &Wish) -> Outcome {
         progress.show("errors", k as f64 / n_cases as f64);
         errors.push(error::measure(case, &mut kept)?);
     }
-    let samples = timing::interleaved(&mut cases, &effort, &progress)?;
+    let samples = timing::interleaved(&mut cases, effort.rounds, |done| progress.show("in process", done))?;
     progress.clear();
 
     let rows = cases.iter().zip(&errors).zip(&samples);

@@ -153,6 +153,7 @@ mod tests {
 
     #[test]
     fn pinocchio_agrees_where_it_is_built() {
+        let mut compared = 0;
         for name in ["lambda", "torso", "wrist", "stewart", "rh5v2_upper_body", "rh5v2_full"] {
             let robot = Robot::load(What::Bundled(name), 4).unwrap();
             let runs = match pinocchio(&robot.description, &robot.states, 0, 0.0).unwrap() {
@@ -161,21 +162,28 @@ mod tests {
             };
             let model = &robot.variants[0].compiled.model;
             let mut workspace = Workspace::new(model);
-            for (asked, question) in
-                [(Asked::InverseDynamics, Question::InverseDynamics), (Asked::ForwardDynamics, Question::ForwardDynamics)]
-            {
+            for run in &runs {
+                let (question, tolerance) = match (run.asked, run.setting.as_str()) {
+                    (Asked::InverseDynamics, "tolerance 1e-12") => (Question::InverseDynamics, 1e-9),
+                    (Asked::ForwardDynamics, "tolerance 1e-12" | "mu 1e-8, iterations 2") if !run.name.contains("lcaba") => {
+                        (Question::ForwardDynamics, 1e-9)
+                    }
+                    // its error has a floor
+                    (Asked::ForwardDynamics, "mu 1e-4, iterations 2") => (Question::ForwardDynamics, 1e-6),
+                    _ => continue,
+                };
+                compared += 1;
                 let plan = Plan::new(model, &question.wanted()).unwrap();
                 let mut ours = vec![0.0; plan.want().len()];
-                let exact = |run: &&Run| run.asked == asked && run.setting == "tolerance 1e-12";
-                let run = runs.iter().find(exact).unwrap();
                 for (state, theirs) in robot.states.iter().zip(&run.answers) {
                     assert_eq!(plan.run(model, &mut workspace, &packed(&plan, state, 0), &mut ours).status, Status::Ok);
                     let size = ours.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
                     let worst = ours.iter().zip(theirs).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs()));
-                    assert!(theirs.len() == ours.len() && worst <= 1e-9 * size, "{name}, {asked:?}: {worst:e} of {size:e}");
+                    assert!(theirs.len() == ours.len() && worst <= tolerance * size, "{name}, {} {}: {worst:e}", run.name, run.setting);
                 }
             }
         }
+        assert_eq!(compared, 5 * 6, "methods of six robots");
     }
 
     #[test]

@@ -5,6 +5,9 @@ use super::{Figure, Section};
 /// Names that the series of another engine begin with.
 const PEERS: [&str; 1] = [crate::peer::PINOCCHIO];
 
+/// Errors up to this are rounding and count as equal where a peer is compared.
+pub(super) const ROUNDING: f64 = 1e-14;
+
 /// True for the series of another engine.
 fn is_peer(name: &str) -> bool {
     PEERS.iter().any(|peer| name.starts_with(peer))
@@ -12,11 +15,11 @@ fn is_peer(name: &str) -> bool {
 
 /// A point that competes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Competitor<'a> {
-    pub(super) series: &'a str,
-    pub(super) label: &'a str,
-    pub(super) x: f64,
-    pub(super) y: f64,
+pub(crate) struct Competitor<'a> {
+    pub(crate) series: &'a str,
+    pub(crate) label: &'a str,
+    pub(crate) x: f64,
+    pub(crate) y: f64,
 }
 
 /// Every point of a figure that competes.
@@ -30,7 +33,7 @@ fn competitors(figure: &Figure) -> Vec<Competitor<'_>> {
 }
 
 /// The front of a figure, from the left to the right; of equal points the first.
-pub(super) fn front(figure: &Figure) -> Vec<Competitor<'_>> {
+pub(crate) fn front(figure: &Figure) -> Vec<Competitor<'_>> {
     let mut points = competitors(figure);
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let mut least = f64::INFINITY;
@@ -84,7 +87,7 @@ fn peers(figure: &Figure) -> String {
     for series in figure.series.iter().filter(|series| series.front && is_peer(&series.name)) {
         // the least factor by which one of ours that is no less exact is faster
         let factor = |theirs: &Competitor<'_>| {
-            let ours = points.iter().filter(|ours| !is_peer(ours.series) && ours.y <= theirs.y);
+            let ours = points.iter().filter(|ours| !is_peer(ours.series) && ours.y <= theirs.y.max(ROUNDING));
             ours.map(|ours| theirs.x / ours.x).fold(0.0, f64::max)
         };
         let factors = points.iter().filter(|point| point.series == series.name).map(factor);
@@ -103,7 +106,7 @@ fn short(x: f64) -> String {
 }
 
 /// Two digits and a power of ten.
-pub(super) fn exponent(x: f64) -> String {
+pub(crate) fn exponent(x: f64) -> String {
     if x == 0.0 { "0".to_owned() } else { format!("{x:.1e}") }
 }
 
@@ -129,11 +132,14 @@ mod tests {
 
     #[test]
     fn a_peer_is_compared_with_what_is_no_less_exact() {
-        let ours = series("embedding", &[(100.0, 1e-15), (50.0, 1e-6)]);
+        let ours = series("embedding", &[(100.0, 1e-12), (50.0, 1e-6)]);
         let slower = Figure { series: vec![ours.clone(), series("Pinocchio FD", &[(400.0, 1e-8)])], ..Figure::default() };
         assert_eq!(peers(&slower), "Pinocchio FD: 4.00 times the time at no smaller error");
-        let better = Figure { series: vec![ours.clone(), series("Pinocchio FD", &[(400.0, 1e-17)])], ..Figure::default() };
+        let better = Figure { series: vec![ours.clone(), series("Pinocchio FD", &[(400.0, 1e-13)])], ..Figure::default() };
         assert_eq!(peers(&better), "Pinocchio FD: more exact than all of ours");
+        let rounding =
+            Figure { series: vec![series("a", &[(100.0, 9e-15)]), series("Pinocchio FD", &[(300.0, 1e-16)])], ..Figure::default() };
+        assert_eq!(peers(&rounding), "Pinocchio FD: 3.00 times the time at no smaller error");
         assert_eq!(peers(&Figure { series: vec![ours], ..Figure::default() }), "none measured");
         assert!(place(&Figure::default()).is_none());
     }

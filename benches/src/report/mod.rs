@@ -16,6 +16,7 @@ mod write;
 use crate::progress::Progress;
 use crate::{Outcome, accuracy, extremes, integration};
 
+pub(crate) use self::front::{exponent, front};
 pub use self::write::{Wish, run};
 
 /// Where an error of exactly zero is drawn on a logarithmic axis.

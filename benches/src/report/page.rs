@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::data::{figure_table, result_table};
-use super::front::{exponent, places};
+use super::front::{ROUNDING, exponent, places};
 use super::picture::{NARROW, WIDE, colours, picture, points, sign};
 use super::{Case, Figure, Report, Section, Table, Verdict};
 use crate::Outcome;
@@ -63,7 +63,10 @@ fn top(report: &Report) -> Markup {
             }
             @if !places.is_empty() {
                 h2 id="places" { "Pareto places" }
-                p.soft { "Fastest and most exact point of each front: method (place to the right; error). Peers: the least time factor at which one of ours makes no larger error." }
+                p.soft {
+                    "Fastest and most exact point of each front, as method (cost; error). Peers: the least time factor at which one of ours makes no \
+                     larger error; errors up to " (exponent(ROUNDING)) " are rounding and count as equal there."
+                }
                 div.scroll {
                     table.places {
                         thead { tr { th { "figure" } th { "on the front, ours of all" } th { "fastest" } th { "most exact" } th { "peers" } } }

@@ -74,6 +74,7 @@ type Drawn = Result<(), Box<dyn std::error::Error>>;
 fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> Drawn {
     let mut chart = ChartBuilder::on(area)
         .margin(14)
+        .margin_top(22)
         .margin_right(28)
         .x_label_area_size(size.below)
         .y_label_area_size(size.left)

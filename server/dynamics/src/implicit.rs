@@ -6,7 +6,7 @@ use sarrus_proto::Status;
 use crate::closure::{column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses, loses_rank, row_unit, scaled};
 use crate::linear::least_norm;
 use crate::model::{Cluster, Model, Motion};
-use crate::plan::{Drift, supports, tree_under_constraints, wrenches_on_bodies};
+use crate::plan::{Drift, drift_of, supports, tree_under_constraints, wrenches_on_bodies};
 use crate::scalar::Scalar;
 use crate::tree;
 use crate::workspace::{Needs, Workspace};
@@ -102,6 +102,22 @@ impl<T: Scalar> ImplicitForm<T> {
     /// λ of the last [`ImplicitForm::accelerations`], in the order of [`Model::loop_names`] (n_c).
     pub fn lambda(&self) -> &[T] {
         &self.lambda
+    }
+
+    /// How far a state is from closed, into [`ImplicitForm::position_drift`] and [`ImplicitForm::velocity_drift`], and nothing else. Allocates
+    /// never.
+    pub fn measure_drift(&mut self, model: &Model<T>, q: &[T], qd: &[T]) -> Status {
+        match self.take(model, q, qd) {
+            Ok(()) => {
+                self.drift = drift_of(model, &mut self.ws);
+                Status::Ok
+            }
+            Err(status) => {
+                let nan = T::from_f64(f64::NAN);
+                self.drift = Drift { position: nan, velocity: nan };
+                status
+            }
+        }
     }
 
     /// The largest |φ| at the last state: lengths in lengths of the cluster, angles in radians, couplings of unit norm.

@@ -25,7 +25,9 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
+pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
 pub(crate) use geometry::{pose as pose_of, unit_of};
+pub(crate) use masses::UNEQUAL;
 pub(crate) use terms::{JointTerms, Rotor};
 
 use crate::branch_sparse::Branches;
@@ -34,8 +36,7 @@ use crate::description::Limits;
 use crate::fault::Fault;
 use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
-pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
-pub(crate) use masses::UNEQUAL;
+
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
 pub struct Model<C = f64> {

@@ -131,6 +131,16 @@ fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>
     constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
 }
 
+/// How far the state in q and q̇ is from closed.
+pub(crate) fn drift_of<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Drift<T> {
+    let mut drift = Drift { position: T::ZERO, velocity: T::ZERO };
+    for &c in &model.tied {
+        jacobian(model, &model.clusters[c], ws);
+        stabilise(&model.clusters[c], ws, T::ZERO, T::ZERO, &mut drift);
+    }
+    drift
+}
+
 /// k − 2 α K q̇ − β² φ in place of k, and how large these are.
 fn stabilise<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>, alpha: T, beta: T, drift: &mut Drift<T>) {
     let (q, qd) = (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);

@@ -12,7 +12,7 @@ mod singular;
 mod state;
 
 pub(crate) use forces::wrenches_on_bodies;
-pub(crate) use kkt::{Drift, tree_under_constraints};
+pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use method::Method;
 pub(crate) use state::local;
 
