@@ -14,6 +14,16 @@ const NO_PICTURE: [&str; 4] = ["not a number", "faulty file", "unreachable y", "
 /// Fills the section.
 pub(super) fn section(cases: &[Case]) -> Section {
     let mut section = Section::new("extremes", "Stiff and extreme cases");
+    // families whose robots take turns come together
+    let names: Vec<&str> = cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+        names
+    });
+    let mut cases = cases.to_vec();
+    cases.sort_by_key(|case| names.iter().position(|name| *name == case.family));
+    let cases = cases.as_slice();
     let families: Vec<&[Case]> = cases.chunk_by(|a, b| a.family == b.family).collect();
     section.summary = summary(cases, families.len());
     section.worst_error = cases.iter().filter(|case| case.verdict == Verdict::Held).filter_map(|case| case.error).reduce(f64::max);

@@ -14,8 +14,8 @@ use crate::spatial::zero;
 use crate::tree;
 use crate::workspace::Workspace;
 
-/// Part of the largest force that may be left over by a method that keeps ten digits.
-const BALANCE: f64 = 1e-10;
+/// Part of the largest force that may be left over: accelerations lose two or three digits more than forces where inertias are unlike.
+const BALANCE: f64 = 1e-12;
 
 impl Plan {
     /// τ_q = M q̈ + C − Σ Jᵀ w, τ_y = Gᵀ τ_q, τ_u from G_uᵀ τ_u = τ_y.
