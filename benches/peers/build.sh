@@ -36,7 +36,7 @@ echo "compiling with $compiler, about two minutes"
 "$compiler" -std=c++17 -O3 -DNDEBUG -march=native -w \
     -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30 -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS \
     -DBOOST_FUSION_INVOKE_MAX_ARITY=12 -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS \
-    -isystem "$prefix/include" -isystem "$eigen" benches/peers/pinocchio.cpp -o "$folder/pinocchio.new" \
+    -isystem "$prefix/include" -isystem "$eigen" benches/peers/pinocchio.cpp -o "$folder/pinocchio.$$" \
     -L"$prefix/lib" -lboost_serialization -Wl,-rpath,"$prefix/lib"
-mv "$folder/pinocchio.new" "$folder/pinocchio"
+mv "$folder/pinocchio.$$" "$folder/pinocchio"
 echo "$folder/pinocchio"

@@ -499,26 +499,40 @@ struct Proximal {
 
 // --- measuring ---------------------------------------------------------------------------------------------------------
 
-// A method with one setting, and what its passes through all states took per call.
+// A method with one setting, what its batches took per call, and which states a batch goes through.
 struct Method {
     std::string name;
     const VectorXd& answer;
     std::function<void(const State&)> call;
     std::vector<double> ns = {};
+    size_t first = 0, n_states = 0, warm_up = 0;
 };
 
-// Passes of all methods take turns, so that what else the machine does meets all of them; then medians and answers.
+// Batches are short: a long one is interrupted on a machine that others use too. Untimed calls before each: the others had the caches.
+constexpr double BATCH_NS = 200e3, WARM_UP_NS = 80e3;
+
+// Batches of all methods take turns, so that what else the machine does meets all of them; then medians and answers.
 static void measure(std::vector<Method>& methods, double seconds, const std::vector<State>& states) {
     using Clock = std::chrono::steady_clock;
-    const auto start = Clock::now();
-    const auto left = [&] { return std::chrono::duration<double>(Clock::now() - start).count() < seconds * methods.size(); };
-    for (int round = 0; round < 5 || left(); round++)
+    const auto ns_since = [](Clock::time_point start) { return std::chrono::duration<double, std::nano>(Clock::now() - start).count(); };
+    for (Method& method : methods) {
+        method.call(states[0]);
+        const auto start = Clock::now();
+        for (size_t i = 0; i < 4; i++) method.call(states[i % states.size()]);
+        const double call = ns_since(start) / 4;
+        method.n_states = std::min<size_t>(states.size(), std::clamp(BATCH_NS / call, 4.0, 64.0));
+        method.warm_up = static_cast<size_t>(std::ceil(WARM_UP_NS / call));
+    }
+    const double whole = 1e9 * seconds * methods.size();
+    const auto begin = Clock::now();
+    // five rounds at least, fewer where a single one takes longer than all should
+    for (int round = 0; round < 1 || ns_since(begin) < whole || (round < 5 && ns_since(begin) < 3 * whole); round++)
         for (Method& method : methods) {
-            // the other methods had the caches
-            method.call(states[round % states.size()]);
-            const auto before = Clock::now();
-            for (const State& state : states) method.call(state);
-            method.ns.push_back(std::chrono::duration<double, std::nano>(Clock::now() - before).count() / states.size());
+            for (size_t i = 0; i < method.warm_up; i++) method.call(states[(method.first + i) % states.size()]);
+            const auto start = Clock::now();
+            for (size_t i = 0; i < method.n_states; i++) method.call(states[(method.first + i) % states.size()]);
+            method.ns.push_back(ns_since(start) / method.n_states);
+            method.first = (method.first + method.n_states) % states.size();
         }
     for (Method& method : methods) {
         std::nth_element(method.ns.begin(), method.ns.begin() + method.ns.size() / 2, method.ns.end());

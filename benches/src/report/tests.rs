@@ -139,3 +139,24 @@ fn the_data_has_what_scripts_look_for() {
     let nothing = Report::default();
     assert_eq!((json(&nothing)["worst_error"].clone(), json(&nothing)["cases"].clone()), (Value::Null, Value::from(0)));
 }
+
+#[test]
+fn every_file_that_the_page_names_is_beside_it_and_nothing_is_left_over() {
+    let folder = std::env::temp_dir().join(format!("sarrus-report-files-{}", std::process::id()));
+    write::files(&report(), &folder).unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let text = as_xml(&read("report.html"));
+    let page = roxmltree::Document::parse(&text).unwrap();
+    let mut named: Vec<&str> = page.descendants().filter_map(|node| node.attribute("href")).filter(|href| !href.starts_with('#')).collect();
+    named.extend(["report.html", "report.json"]);
+    let mut there: Vec<String> =
+        std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    named.sort_unstable();
+    there.sort_unstable();
+    assert_eq!(named, there);
+    assert_eq!(read("a.csv").lines().count(), 1 + 3, "a head and three points");
+    assert_eq!(read("extremes-cases.csv").lines().count(), 1 + 2);
+    let value: Value = serde_json::from_str(&read("report.json")).unwrap();
+    assert_eq!(value["sections"].as_array().unwrap().len(), 2);
+    std::fs::remove_dir_all(&folder).unwrap();
+}

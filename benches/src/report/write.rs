@@ -84,7 +84,7 @@ fn with_names(mut sections: Vec<Section>) -> Vec<Section> {
 }
 
 /// The data first: who sees the page finds what it names.
-fn files(report: &Report, out: &Path) -> Outcome {
+pub(super) fn files(report: &Report, out: &Path) -> Outcome {
     for section in &report.sections {
         for figure in &section.figures {
             write(out, &format!("{}.csv", figure.id), &csv(&figure_table(figure)))?;
