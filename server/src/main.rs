@@ -51,6 +51,13 @@ enum Command {
     /// silently, and with 2 when it could not measure or write.
     #[cfg(feature = "report")]
     Report(commands::report::Report),
+    /// Integrate a robot in time: a table, pictures, and how good it is.
+    ///
+    /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and springs. Writes motion.csv and motion.html; prints
+    /// how it ended, what it took, the drift of energy and what happened on the way. Ends with 0 when the whole time was simulated, 1 when the
+    /// robot's files are faulty or the motion ended early (the status says why), 2 for wrong flags and files that cannot be opened.
+    #[cfg(feature = "simulate")]
+    Simulate(Box<commands::simulate::Simulate>),
 }
 
 fn main() -> ExitCode {
@@ -67,5 +74,7 @@ fn main() -> ExitCode {
         Command::Robots(command) => command.run(),
         #[cfg(feature = "report")]
         Command::Report(command) => command.run(),
+        #[cfg(feature = "simulate")]
+        Command::Simulate(command) => command.run(),
     }
 }

@@ -174,6 +174,28 @@ pub struct Point {
     pub label: String,
 }
 
+/// A page of figures alone, such as of one motion.
+#[derive(Clone, Debug, Default)]
+pub struct Pictures {
+    /// The heading.
+    pub title: String,
+    /// What stands below it.
+    pub lines: Vec<String>,
+    /// In their order.
+    pub figures: Vec<Figure>,
+}
+
+impl Pictures {
+    /// The page as HTML, with everything in it.
+    ///
+    /// # Errors
+    ///
+    /// A picture that cannot be drawn.
+    pub fn page(&self) -> Outcome<String> {
+        page::pictures(&self.title, &self.lines, &self.figures)
+    }
+}
+
 /// A table and its caption.
 #[derive(Clone, Debug, Default)]
 pub struct Table {

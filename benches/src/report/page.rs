@@ -13,16 +13,41 @@ const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
 pub(super) fn page(report: &Report) -> Outcome<String> {
+    let mut sections = Vec::new();
+    for section in &report.sections {
+        sections.push(one(report, section)?);
+    }
+    let body = html! {
+        (top(report))
+        @for section in &sections { (section) }
+    };
+    Ok(document("sarrus: error against run time, stiff and extreme cases", &body))
+}
+
+/// A page of figures alone, below some lines.
+pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Outcome<String> {
+    let mut drawn = Vec::new();
+    for figure in figures {
+        drawn.push(self::drawn(figure, None)?);
+    }
+    let body = html! {
+        header {
+            h1 { (title) }
+            @for line in lines { p { (line) } }
+        }
+        section { div.figures { @for figure in &drawn { (figure) } } }
+    };
+    Ok(document(title, &body))
+}
+
+/// A body with everything around it.
+fn document(title: &str, body: &Markup) -> String {
     let [rules, light, dark] = colours();
     // paper is light whatever the screen was
     let style = format!(
         "{}\n:root{{{light}}}\n@media screen and (prefers-color-scheme: dark){{:root{{{dark}}}}}\n{rules}\n",
         include_str!("page.css")
     );
-    let mut sections = Vec::new();
-    for section in &report.sections {
-        sections.push(one(report, section)?);
-    }
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -30,16 +55,13 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta http-equiv="Content-Security-Policy" content=(POLICY.trim());
-                title { "sarrus: error against run time, stiff and extreme cases" }
+                title { (title) }
                 style { (PreEscaped(style)) }
             }
-            body {
-                (top(report))
-                @for section in &sections { (section) }
-            }
+            body { (body) }
         }
     };
-    Ok(markup.into_string())
+    markup.into_string()
 }
 
 /// What was found, on one screen.
@@ -101,7 +123,7 @@ fn top(report: &Report) -> Markup {
 fn one(report: &Report, section: &Section) -> Outcome<Markup> {
     let mut figures = Vec::new();
     for figure in &section.figures {
-        figures.push(drawn(report, section, figure)?);
+        figures.push(drawn(figure, Some((report, section)))?);
     }
     let nothing = section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
     Ok(html! {
@@ -123,7 +145,7 @@ fn one(report: &Report, section: &Section) -> Outcome<Markup> {
 }
 
 /// A figure: legend, picture, what it is and where it is from, its data.
-fn drawn(report: &Report, section: &Section, figure: &Figure) -> Outcome<Markup> {
+fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup> {
     let wide = picture(figure, WIDE)?;
     let narrow = picture(figure, NARROW)?;
     let mut signs = Vec::new();
@@ -152,11 +174,11 @@ fn drawn(report: &Report, section: &Section, figure: &Figure) -> Outcome<Markup>
             figcaption {
                 @if !figure.caption.is_empty() { p { (figure.caption) } }
                 @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand in the table." } }
-                p.from { code { (report.command_of(section, figure)) } " on " (report.machine) }
+                @if let Some((report, section)) = origin { p.from { code { (report.command_of(section, figure)) } " on " (report.machine) } }
             }
             details {
                 summary { "Data: " (all) @if all == 1 { " point" } @else { " points" } }
-                p { a href={ (figure.id) ".csv" } { (figure.id) ".csv" } }
+                @if origin.is_some() { p { a href={ (figure.id) ".csv" } { (figure.id) ".csv" } } }
                 div.tall { (cells(&table)) }
             }
         }

@@ -15,6 +15,15 @@ type Method = ExplicitRungeKutta<Ordinary, DormandPrince, f64, Vec<f64>, 8, 12, 
 /// Rejected steps without an answer, one after the other, before it is said that there is none: each takes the step down to a fifth or less.
 const PATIENCE: u32 = 24;
 
+/// Accepted steps between two looks at how stiff the problem is.
+const LOOK: u64 = 100;
+/// Step times the largest eigenvalue from which on stability bounds the step and not the error; its bound is near 6.
+const STABILITY: f64 = 4.5;
+/// Looks in a row that have to find it so.
+const SURE: u32 = 5;
+/// Multiplications by the Jacobian that estimate the eigenvalue.
+const POWER: u32 = 20;
+
 /// The method between steps.
 pub(crate) struct Dop853 {
     rtol: f64,
@@ -24,6 +33,8 @@ pub(crate) struct Dop853 {
     first: f64,
     method: Option<Box<Method>>,
     failures: u32,
+    /// Looks in a row that found it stiff, and whether they were enough once.
+    found: u32,
     stiff: bool,
 }
 
@@ -38,7 +49,7 @@ impl ODE<f64, Vec<f64>> for Bridge<'_> {
 
 impl Dop853 {
     pub(crate) fn new(rtol: f64, atol: f64, end: f64, first: Option<f64>) -> Dop853 {
-        Dop853 { rtol, atol, end, first: first.unwrap_or(0.0), method: None, failures: 0, stiff: false }
+        Dop853 { rtol, atol, end, first: first.unwrap_or(0.0), method: None, failures: 0, found: 0, stiff: false }
     }
 
     /// A method at its start; the step is chosen by the crate where none is known.
@@ -83,6 +94,9 @@ impl Stepper for Dop853 {
                     (*t, self.failures) = (to, 0);
                     x.copy_from_slice(&next);
                     engine.counts.steps += 1;
+                    if engine.counts.steps.is_multiple_of(LOOK) && !self.stiff {
+                        self.look(engine, to, x, step);
+                    }
                     // a step that the limit cut short says nothing against the longer one
                     if step < own {
                         let longer = method.h().max(own);
@@ -126,6 +140,29 @@ impl Stepper for Dop853 {
 }
 
 impl Dop853 {
+    /// Whether stability bounds the step: by the growth of a vector under the Jacobian.
+    fn look(&mut self, engine: &mut Engine, t: f64, x: &[f64], step: f64) {
+        let n = x.len();
+        let mut jacobian = vec![0.0; n * n];
+        if engine.jacobian(t, x, &mut jacobian) != Status::Ok {
+            engine.take_failure();
+            return;
+        }
+        let size = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mut v: Vec<f64> = (0..n).map(|i| 1.0 + 0.1 * (i % 7) as f64).collect();
+        let mut growth = 0.0;
+        for k in 0..POWER {
+            let scale = size(&v);
+            let next: Vec<f64> = jacobian.chunks_exact(n).map(|row| row.iter().zip(&v).map(|(a, b)| a * b / scale).sum()).collect();
+            // the first products still turn towards it
+            growth += if k >= POWER / 2 { size(&next).ln() } else { 0.0 };
+            v = next;
+        }
+        let eigenvalue = (growth / f64::from(POWER - POWER / 2)).exp();
+        self.found = if step * eigenvalue > STABILITY { self.found + 1 } else { 0 };
+        self.stiff |= self.found >= SURE;
+    }
+
     /// Starts anew with a shorter step after one without an answer.
     fn give_way(&mut self, engine: &mut Engine, step: f64, status: Option<Status>) -> Attempt {
         engine.counts.failed += 1;

@@ -13,6 +13,9 @@ use crate::springs::{Effect, Springs};
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
 
+/// Share of the fastest joint's way in a step by which a smooth motion is not off the mean of its velocities.
+const JUMP: f64 = 0.3;
+
 /// What was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
@@ -42,6 +45,8 @@ pub(crate) struct Engine {
     duals: Option<Box<Other<Dual<f64>>>>,
     pub(crate) anchor: Anchor,
     guess: Vec<f64>,
+    /// The guess is not at the independents, which are too far.
+    is_far: bool,
     /// Way from the anchor, in ẏ and in q̇.
     way: (Vec<f64>, Vec<f64>),
     pub(crate) counts: Counts,
@@ -60,7 +65,7 @@ pub(crate) struct Anchor {
     pub(crate) y: Vec<f64>,
     pub(crate) q: Vec<f64>,
     pub(crate) qd: Vec<f64>,
-    G: Vec<f64>,
+    pub(crate) G: Vec<f64>,
     /// ẋ there.
     pub(crate) rate: Vec<f64>,
     /// What the springs did there.
@@ -121,6 +126,7 @@ impl Engine {
             duals: None,
             anchor,
             guess,
+            is_far: false,
             way: (zero(n_vy), zero(n_v)),
             counts: Counts::default(),
             may_be_precise: true,
@@ -145,7 +151,7 @@ impl Engine {
         self.extrapolate(t, x);
         if !(self.may_be_precise && self.is_delicate) {
             let answer = self.rates.evaluate(&self.mechanism, t, x, (&self.guess, &self.anchor.qd), rate);
-            let fine = answer.status == Status::Ok && !(self.may_be_precise && answer.warnings.contains(Warnings(2)));
+            let fine = answer.status == Status::Ok && !(self.may_be_precise && answer.warnings.contains(Warnings::ILL_CONDITIONED));
             if fine || answer.status == Status::NonFiniteInput {
                 return (self.note(answer.status), false);
             }
@@ -218,6 +224,10 @@ impl Engine {
             Some(other) if precisely => anchor.take(&other.rates),
             _ => anchor.take(&self.rates),
         }
+        // a closed form knows its angles up to whole turns only
+        if !self.is_far {
+            self.mechanism.unwind(&self.guess, &mut anchor.q);
+        }
         status
     }
 
@@ -259,7 +269,22 @@ impl Engine {
             dq.iter_mut().zip(qd).for_each(|(to, v)| *to = (t - from) * v);
         }
         let farthest = dq.iter().fold(0.0, |largest: f64, step| largest.max(step.abs()));
-        self.mechanism.q.advance(&mut self.guess, dq, if farthest > REACH { REACH / farthest } else { 1.0 });
+        self.is_far = farthest > REACH;
+        self.mechanism.q.advance(&mut self.guess, dq, if self.is_far { REACH / farthest } else { 1.0 });
+    }
+}
+
+impl Engine {
+    /// True where the tree did not move as its velocities say: it turned back or took another branch at a singularity that a step has met.
+    pub(crate) fn jumped(&self, before: &Anchor) -> bool {
+        let Anchor { t, q, qd, .. } = &self.anchor;
+        let h = t - before.t;
+        let mut moved = vec![0.0; qd.len()];
+        self.mechanism.q.difference(&before.q, q, &mut moved);
+        let fastest = qd.iter().chain(&before.qd).fold(0.0, |largest: f64, v| largest.max(v.abs()));
+        let expected = before.qd.iter().zip(qd).map(|(a, b)| 0.5 * h * (a + b));
+        let off = moved.iter().zip(expected).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+        off > JUMP * h * fastest
     }
 }
 

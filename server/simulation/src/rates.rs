@@ -6,7 +6,9 @@
 //! ```
 //! The work of inputs and dampers is integrated beside the state, so that energy less work stays what it was.
 
-use sarrus_dynamics::description::Description;
+use std::f64::consts::TAU;
+
+use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{Answer, Field, FieldSet, Model, Request, Sizes, Status, Wanted, Warnings, Workspace};
 
@@ -27,6 +29,8 @@ pub(crate) struct Mechanism {
     pub(crate) q: Coordinates,
     pub(crate) springs: Springs,
     pub(crate) inputs: Vec<OnTree>,
+    /// The dependent coordinates that are angles.
+    angles: Vec<usize>,
     /// Velocity and damping of each joint that has some.
     dampers: Vec<(usize, f64)>,
 }
@@ -34,20 +38,38 @@ pub(crate) struct Mechanism {
 impl Mechanism {
     pub(crate) fn new<C>(model: &Model<C>, description: &Description, springs: Springs, inputs: Vec<OnTree>) -> Mechanism {
         let place = |name: &String| model.tree_names().iter().position(|of| of == name);
+        let q = Coordinates::of(model.tree_q_names(), model.tree_names());
+        let turns = description.joints.iter().filter(|joint| matches!(joint.kind, JointKind::Revolute | JointKind::Continuous));
+        let given = |name: &String| model.independent_names().contains(name);
+        let angles = turns.filter(|joint| !given(&joint.name)).filter_map(|joint| q.coordinate(place(&joint.name)?)).collect();
         let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
         Mechanism {
             sizes: model.sizes(),
             y: Coordinates::of(model.independent_q_names(), model.independent_names()),
-            q: Coordinates::of(model.tree_q_names(), model.tree_names()),
+            q,
+            angles,
             springs,
             inputs,
             dampers: damped.filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping))).collect(),
         }
     }
 
+    /// Counts the turns of dependent angles: those of a pose are taken to the whole turn that is nearest to where they were expected.
+    pub(crate) fn unwind(&self, expected: &[f64], q: &mut [f64]) {
+        for &i in &self.angles {
+            q[i] += TAU * ((expected[i] - q[i]) / TAU).round();
+        }
+    }
+
     /// True where work is done that has to be followed.
     pub(crate) fn works(&self) -> bool {
         !self.inputs.is_empty() || !self.dampers.is_empty() || self.springs.have_dampers()
+    }
+
+    /// What inputs do and dampers take in unit time: τ_q · q̇ − losses.
+    pub(crate) fn power<T: Scalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
+        let given = qd.iter().zip(tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
+        self.dampers.iter().fold(given - loss, |sum, (v, damping)| sum - T::from_f64(*damping) * qd[*v] * qd[*v])
     }
 
     /// Numbers in x.
@@ -124,13 +146,7 @@ impl<T: Scalar> Rates<T> {
         mechanism.y.rate(&x[..n_qy], &self.y, &x[n_qy..n_qy + n_vy], &mut rate[..n_qy]);
         rate[n_qy..n_qy + n_vy].copy_from_slice(self.forward.get(Field::Ydd));
         if mechanism.works() {
-            let qd = self.forward.get(Field::Qd);
-            let mut power = qd.iter().zip(&self.tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
-            for (v, damping) in &mechanism.dampers {
-                power += -(T::from_f64(*damping) * qd[*v] * qd[*v]);
-            }
-            power += -self.effect.loss;
-            rate[n_qy + n_vy] = power;
+            rate[n_qy + n_vy] = mechanism.power(self.forward.get(Field::Qd), &self.tau_q, self.effect.loss);
         }
         // an overflow is no motion either
         if rate.iter().all(|x| x.is_finite()) { answer } else { failed(Status::NonFiniteInput) }

@@ -129,6 +129,13 @@ pub struct Run {
 }
 
 impl Run {
+    /// A run that has not begun.
+    pub(crate) fn new(correction: [f64; 2]) -> Run {
+        let (samples, events, independents) = (Vec::new(), Vec::new(), Vec::new());
+        let (counts, end) = (Counts::default(), End::Finished);
+        Run { samples, events, counts, end, time: 0.0, correction, independents, error_estimate: None }
+    }
+
     /// Largest change of energy less work, as a share of the largest kinetic or change of potential energy.
     pub fn drift(&self) -> f64 {
         let Some(first) = self.samples.first() else { return 0.0 };

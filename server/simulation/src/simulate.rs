@@ -8,22 +8,20 @@ use crate::coordinates::Coordinates;
 use crate::energy::{Energy, Meter};
 use crate::engine::Engine;
 use crate::error::SimulationError;
-use crate::fixed::{Fixed, Rule};
+use crate::implicit;
 use crate::input::{Input, OnTree};
-use crate::radau::Radau;
 use crate::run::{End, Event, EventKind, Run, Sample};
+use crate::settings::Settings;
 use crate::springs::{Spring, Springs};
 use crate::start::Start;
 use crate::stepper::{Attempt, Stepper};
 use crate::switch::{NEAR, Watch};
 
-/// Steps of a fixed length that one simulation may have.
-const MOST: f64 = 1e9;
 /// Distance to singularity below which double precision is not trusted with many digits.
 const DELICATE: f64 = 3e-3;
 /// Attempts after which the time has to have moved on by a part of the duration.
 const STALLED: u64 = 2000;
-const MOVED: f64 = 1e-6;
+const MOVED: f64 = 1e-5;
 /// Switches of independents without a step between them.
 const IN_VAIN: u32 = 2;
 
@@ -40,130 +38,23 @@ pub struct Setup<'a> {
     pub inputs: &'a [Input],
 }
 
-/// A method of integration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Method {
-    /// Semi-implicit Euler with a fixed step: order 1.
-    Euler,
-    /// The classical method of Runge and Kutta with a fixed step: order 4.
-    RungeKutta,
-    /// Dormand and Prince's explicit method of order 8 with its own step.
-    Dop853,
-    /// Radau's implicit method of order 5 with its own step, for stiff problems.
-    Radau5,
-}
-
-impl Method {
-    /// Every method.
-    pub const ALL: [Method; 4] = [Method::Euler, Method::RungeKutta, Method::Dop853, Method::Radau5];
-
-    /// The name that scripts see.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Method::Euler => "euler",
-            Method::RungeKutta => "rk4",
-            Method::Dop853 => "dop853",
-            Method::Radau5 => "radau5",
-        }
+impl Setup<'_> {
+    /// Springs and inputs whose numbers can be used.
+    pub(crate) fn checked(&self) -> Result<(Springs, Vec<OnTree>), SimulationError> {
+        let model = &self.compiled.model;
+        check_springs(self.springs, model)?;
+        let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
+        let inputs = self.inputs.iter().map(|input| OnTree::new(input, model, &tree)).collect::<Result<_, _>>()?;
+        Ok((Springs::new(self.springs), inputs))
     }
 
-    /// True where the step is given and not found.
-    pub const fn is_fixed(self) -> bool {
-        matches!(self, Method::Euler | Method::RungeKutta)
-    }
-}
-
-/// How to simulate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// By which method.
-    pub method: Method,
-    /// How long `[s]`.
-    pub duration: f64,
-    /// The step of a method of fixed step; the first one of the others `[s]`.
-    pub step: Option<f64>,
-    /// Relative tolerance of the methods with their own step.
-    pub rtol: f64,
-    /// Absolute tolerance of these `[m, rad, m/s, rad/s]`.
-    pub atol: f64,
-    /// Time between samples, which steps then meet; without it every step is one `[s]`.
-    pub every: Option<f64>,
-    /// Goes on with other independents near a singularity of those in use.
-    pub switching: bool,
-    /// Computes in double-double near singular closures and where the robot is ill-conditioned, which costs some thirty times as much there.
-    pub precise: bool,
-    /// Estimates the error by a second simulation with other steps.
-    pub estimate: bool,
-    /// The most steps and rejected steps.
-    pub most_steps: u64,
-}
-
-impl Settings {
-    /// Tolerances of 1e-8, every step a sample, switching, double-double where it is needed, no estimate.
-    pub fn new(method: Method, duration: f64) -> Settings {
-        let most_steps = MOST as u64;
-        Settings {
-            method,
-            duration,
-            step: None,
-            rtol: 1e-8,
-            atol: 1e-8,
-            every: None,
-            switching: true,
-            precise: true,
-            estimate: false,
-            most_steps,
-        }
-    }
-
-    fn check(&self) -> Result<(), SimulationError> {
-        let check = SimulationError::check_setting;
-        check("the duration", self.duration, self.duration > 0.0, "a positive number of seconds")?;
-        if let Some(step) = self.step {
-            check(
-                "the step",
-                step,
-                step > 0.0 && self.duration / step < MOST,
-                "a positive number of seconds, a thousand-millionth of the duration or more",
-            )?;
-        } else if self.method.is_fixed() {
-            return Err(SimulationError::Setting { what: "the step", found: 0.0, expected: "a step; this method does not find its own" });
-        }
-        if let Some(every) = self.every {
-            check("the time between samples", every, every > 0.0 && self.duration / every < MOST, "a positive number of seconds")?;
-        }
-        if !self.method.is_fixed() {
-            check("the relative tolerance", self.rtol, self.rtol >= 1e-14 && self.rtol < 1.0, "a number from 1e-14 to 1")?;
-            check("the absolute tolerance", self.atol, self.atol > 0.0, "a positive number")?;
-        }
-        Ok(())
-    }
-
-    fn stepper(&self) -> Result<Box<dyn Stepper>, SimulationError> {
-        let step = self.step.unwrap_or(self.duration);
-        Ok(match self.method {
-            Method::Euler => Box::new(Fixed::new(Rule::Euler, step)),
-            Method::RungeKutta => Box::new(Fixed::new(Rule::RungeKutta, step)),
-            #[cfg(feature = "adaptive")]
-            Method::Dop853 => Box::new(crate::dop853::Dop853::new(self.rtol, self.atol, self.duration, self.step)),
-            #[cfg(not(feature = "adaptive"))]
-            Method::Dop853 => return Err(SimulationError::NotBuilt(self.method.name())),
-            Method::Radau5 => Box::new(Radau::new(self.rtol, self.atol, self.step)),
-        })
-    }
-
-    /// The same with other steps, and the ratio of the larger of both errors to their difference, plus one.
-    fn other(&self) -> (Settings, f64) {
-        let once = Settings { estimate: false, ..*self };
-        match self.method {
-            Method::Euler => (Settings { step: self.step.map(|step| 2.0 * step), ..once }, 2.0),
-            Method::RungeKutta => (Settings { step: self.step.map(|step| 2.0 * step), ..once }, 16.0),
-            // finer, and with a first step that leads to other steps
-            _ => {
-                let step = self.step.unwrap_or(self.duration / 37.0).min(self.duration / 37.0);
-                (Settings { rtol: (0.01 * self.rtol).max(1e-14), atol: 0.01 * self.atol, step: Some(step), ..once }, 2.0)
-            }
-        }
+    /// Where the declared independents stand in q and q̇.
+    pub(crate) fn declared(&self) -> (Vec<usize>, Vec<usize>) {
+        let model = &self.compiled.model;
+        let place = |names: &[String], of: &[String]| -> Vec<usize> {
+            names.iter().filter_map(|name| of.iter().position(|other| other == name)).collect()
+        };
+        (place(model.independent_q_names(), model.tree_q_names()), place(model.independent_names(), model.tree_names()))
     }
 }
 
@@ -174,10 +65,17 @@ impl Settings {
 /// says so, and keeps what there is.
 pub fn simulate(setup: &Setup<'_>, start: &Start, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Result<Run, SimulationError> {
     settings.check()?;
-    let mut run = Simulator::new(setup, start, settings)?.run(progress)?;
+    let once = |settings: &Settings, progress: &mut dyn FnMut(f64)| {
+        if settings.method.is_implicit_form() {
+            implicit::run(setup, start, settings, progress)
+        } else {
+            Simulator::new(setup, start, settings)?.run(progress)
+        }
+    };
+    let mut run = once(settings, progress)?;
     if settings.estimate {
         let (settings, growth) = settings.other();
-        let other = Simulator::new(setup, start, &Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings })?.run(&mut |_| ())?;
+        let other = once(&Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings }, &mut |_| ())?;
         let gap = |f: fn(&Sample) -> &[f64]| match (run.last(), other.last()) {
             (Some(a), Some(b)) if a.time == b.time => {
                 f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs())) / (growth - 1.0)
@@ -197,6 +95,8 @@ struct Simulator<'a> {
     meter: Meter<f64>,
     precise_meter: Option<Meter<Dd>>,
     watch: Option<Watch>,
+    /// Distance to singularity at the last accepted state.
+    near: Option<f64>,
     t: f64,
     x: Vec<f64>,
     run: Run,
@@ -209,10 +109,9 @@ impl<'a> Simulator<'a> {
         let model = &setup.compiled.model;
         let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
         let start = start.check(model)?;
-        check_springs(setup.springs, model)?;
-        let inputs = setup.inputs.iter().map(|input| OnTree::new(input, model, &tree)).collect::<Result<Vec<_>, _>>()?;
+        let (springs, inputs) = setup.checked()?;
         let robot = (setup.description.clone(), setup.compiled.clone());
-        let mut engine = Engine::new(robot, Springs::new(setup.springs), inputs, start.guess.as_deref())?;
+        let mut engine = Engine::new(robot, springs, inputs, start.guess.as_deref())?;
         engine.may_be_precise = settings.precise;
         // without a guess closures start from their own zero
         let mut x = [start.y, start.yd].concat();
@@ -221,28 +120,17 @@ impl<'a> Simulator<'a> {
         if status != Status::Ok {
             return Err(SimulationError::Start { status, detail: 0.0 });
         }
-        let place = |names: &[String], of: &[String]| -> Vec<usize> {
-            names.iter().filter_map(|name| of.iter().position(|other| other == name)).collect()
-        };
-        let declared = (place(model.independent_q_names(), model.tree_q_names()), place(model.independent_names(), model.tree_names()));
+        let declared = setup.declared();
         Ok(Simulator {
             meter: Meter::new(model, setup.description, &tree)?,
             precise_meter: None,
             watch: if settings.switching || settings.precise { Watch::new(model)? } else { None },
+            near: None,
             stepper: settings.stepper()?,
             settings,
             t: 0.0,
             x,
-            run: Run {
-                samples: Vec::new(),
-                events: Vec::new(),
-                counts: engine.counts,
-                end: End::Finished,
-                time: 0.0,
-                correction: start.correction,
-                independents: Vec::new(),
-                error_estimate: None,
-            },
+            run: Run::new(start.correction),
             engine,
             declared,
         })
@@ -270,10 +158,23 @@ impl<'a> Simulator<'a> {
             let next_sample = self.settings.every.map_or(end, |every| (f64::from(sampled) + 1.0) * every);
             // a crumb at the end is no interval of its own
             let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
+            // near a singularity a step may turn out to be none
+            let near = self.watch.is_some() && self.near.is_none_or(|near| near < NEAR);
+            let kept = near.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
             let limit = self.next_kink().min(next_sample);
             let failed = self.engine.counts.failed;
             match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
                 Attempt::Done => {
+                    if let Some((t, x, anchor)) = kept.filter(|(.., anchor)| self.engine.jumped(anchor)) {
+                        (self.t, self.x, self.engine.anchor) = (t, x, anchor);
+                        self.stepper.restart();
+                        in_vain += 1;
+                        if in_vain > IN_VAIN || !self.look(true)? {
+                            self.run.end = End::Failed(self.watch.as_ref().map_or(Status::SingularIndependents, Watch::blame));
+                            break;
+                        }
+                        continue;
+                    }
                     in_vain = 0;
                     progress(self.t);
                     if self.engine.counts.failed > failed {
@@ -334,13 +235,15 @@ impl<'a> Simulator<'a> {
 
     /// Distance to singularity, where it is watched.
     fn distance(&mut self) -> Option<f64> {
-        self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x))
+        self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x, true))
     }
 
     /// Looks how near a singularity is; goes on with other independents if those in use are, and says whether it does.
     fn look(&mut self, pressed: bool) -> Result<bool, SimulationError> {
         let Some(watch) = &mut self.watch else { return Ok(false) };
-        let near = watch.distance(&self.engine, &self.x);
+        let close = pressed || self.engine.is_delicate && self.settings.precise;
+        let near = watch.distance(&self.engine, &self.x, close);
+        self.near = near;
         self.engine.is_delicate = near.is_none_or(|near| near < DELICATE);
         let Some(near) = near.filter(|_| self.settings.switching) else { return Ok(false) };
         match watch.better(&self.engine, &self.x, near, pressed) {
@@ -370,7 +273,10 @@ impl<'a> Simulator<'a> {
         let (y, yd) = (&self.x[..sizes.n_qy], &self.x[sizes.n_qy..sizes.n_qy + sizes.n_vy]);
         let (compiled, guess) = (&self.engine.compiled, [anchor.q.as_slice(), &anchor.qd]);
         let mut measured = Err(Status::NotConverged);
-        if self.engine.is_delicate && self.settings.precise {
+        if !(self.engine.is_delicate && self.settings.precise) {
+            measured = self.meter.measure(&compiled.model, [y, yd], guess);
+        }
+        if measured.is_err() {
             if self.precise_meter.is_none() {
                 let tree = &self.engine.mechanism.q;
                 self.precise_meter = Some(Meter::new(&compiled.exact, &self.engine.description, tree)?);
@@ -379,7 +285,7 @@ impl<'a> Simulator<'a> {
         }
         // a state that was settled has an energy, unless it overflows
         let nothing = Energy { kinetic: f64::NAN, potential: f64::NAN, residual: f64::NAN };
-        let mut energy = measured.or_else(|_| self.meter.measure(&compiled.model, [y, yd], guess)).unwrap_or(nothing);
+        let mut energy = measured.unwrap_or(nothing);
         energy.potential += anchor.springs.energy;
         let pick = |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
         self.run.samples.push(Sample {

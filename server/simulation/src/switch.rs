@@ -15,12 +15,22 @@ const BETTER: f64 = 3.0;
 /// How much nearer it has to be for another attempt.
 const AGAIN: f64 = 0.25;
 
+/// Joints up to which the distance is measured after each step, and the growth of G after which it is in larger robots.
+const CHEAP: usize = 16;
+const GROWN: f64 = 1.5;
+
 /// Looks at the independents after each step.
 pub(crate) struct Watch {
     asked: Asked<f64>,
     workspace: Workspace<f64>,
     /// How near a singularity others were tried in vain; forgotten away from it.
     refused: f64,
+    /// Measuring takes no time worth sparing.
+    cheap: bool,
+    /// The least of the largest entries of G so far, and what it was when the distance was last measured.
+    least: f64,
+    measured: f64,
+    distance: Option<f64>,
 }
 
 /// What other independents would bring.
@@ -39,8 +49,30 @@ impl Watch {
         }
         let given = FieldSet::of(&[Y, QGuess, QdGuess]);
         let asked = Asked::new(model, &Wanted::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])))?;
-        let refused = f64::INFINITY;
-        Ok(Some(Watch { workspace: Workspace::for_plans(model, [asked.plan()]), asked, refused }))
+        let workspace = Workspace::for_plans(model, [asked.plan()]);
+        let (cheap, infinite) = (model.sizes().n_v <= CHEAP, f64::INFINITY);
+        Ok(Some(Watch { workspace, asked, refused: infinite, cheap, least: infinite, measured: 0.0, distance: None }))
+    }
+
+    /// Distance to singularity at the engine's settled state, measured anew where it may have become less: at a singularity of the independents G
+    /// has no bound. `close` always measures.
+    pub(crate) fn distance(&mut self, engine: &Engine, x: &[f64], close: bool) -> Option<f64> {
+        let largest = engine.anchor.G.iter().fold(0.0, |largest: f64, g| largest.max(g.abs()));
+        self.least = self.least.min(largest);
+        let grown = largest > GROWN * self.least && largest > GROWN * self.measured;
+        if self.cheap || close || self.distance.is_none() || grown || engine.anchor.G.is_empty() {
+            self.measured = largest;
+            self.distance = self.measure(engine, x);
+        } else if largest < self.measured {
+            self.measured = largest;
+        }
+        self.distance
+    }
+
+    /// What is singular at the pose that was measured last: the independents where others are good, else the loops.
+    pub(crate) fn blame(&self) -> Status {
+        let good = self.asked.get(Field::GoodIndependents);
+        if good.is_empty() || good.iter().any(|x| x.is_nan()) { Status::SingularClosure } else { Status::SingularIndependents }
     }
 
     /// A robot with better independents at the engine's settled state x, as near a singularity as was just measured, or why there is none.
@@ -70,7 +102,7 @@ impl Watch {
     }
 
     /// Distance to singularity at a state.
-    pub(crate) fn distance(&mut self, engine: &Engine, x: &[f64]) -> Option<f64> {
+    fn measure(&mut self, engine: &Engine, x: &[f64]) -> Option<f64> {
         self.asked.give(Field::Y, &x[..engine.mechanism.sizes.n_qy]);
         self.asked.give(Field::QGuess, &engine.anchor.q);
         self.asked.give(Field::QdGuess, &engine.anchor.qd);
@@ -107,7 +139,7 @@ fn with_independents(engine: &Engine, to: &[String], x: &[f64], before: f64) -> 
     if status != Status::Ok {
         return Err(status.to_string());
     }
-    let distance = Watch::new(&next.compiled.model).ok().flatten().and_then(|mut watch| watch.distance(&next, &state));
+    let distance = Watch::new(&next.compiled.model).ok().flatten().and_then(|mut watch| watch.distance(&next, &state, true));
     let after = distance.ok_or("their distance to singularity is not known")?;
     let (from, to) = (engine.compiled.model.independent_names().to_vec(), next.compiled.model.independent_names().to_vec());
     Ok((Box::new(Better { engine: next, x: state, event: EventKind::Switched { from, to, before, after } }), after))

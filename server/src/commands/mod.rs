@@ -10,3 +10,5 @@ pub(crate) mod report;
 pub(crate) mod robot;
 pub(crate) mod robots;
 pub(crate) mod serve;
+#[cfg(feature = "simulate")]
+pub(crate) mod simulate;

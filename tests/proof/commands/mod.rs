@@ -7,6 +7,7 @@ mod closures_page;
 mod lines;
 mod report;
 mod served;
+mod simulate;
 mod vectors;
 
 use std::io::Write;

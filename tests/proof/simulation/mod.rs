@@ -2,6 +2,7 @@
 
 mod failures;
 mod floating;
+mod implicit;
 mod orders;
 mod references;
 mod switching;

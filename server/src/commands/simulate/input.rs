@@ -1,0 +1,172 @@
+//! What acts on the robot: lists of numbers, tables of forces, gains, springs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use sarrus_dynamics::Model;
+use sarrus_simulation::{Input, Point, Source, Space, Spring};
+
+/// Numbers separated by commas.
+#[derive(Clone, Debug)]
+pub(super) struct Numbers(pub(super) Vec<f64>);
+
+/// Reads a list of numbers.
+pub(super) fn numbers(text: &str) -> Result<Numbers, String> {
+    let number = |part: &str| {
+        part.trim().parse::<f64>().map_err(|_| format!("`{}` is no number, expected numbers separated by commas", part.trim()))
+    };
+    if text.trim().is_empty() { Ok(Numbers(Vec::new())) } else { text.split(',').map(number).collect::<Result<_, _>>().map(Numbers) }
+}
+
+/// Flags of what acts on the robot.
+#[derive(Args)]
+pub(super) struct ForceFlags {
+    /// Constant actuator forces.
+    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    tau_u: Option<Numbers>,
+    /// Constant forces on the independents.
+    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    tau_y: Option<Numbers>,
+    /// Forces over time: a first line `time,NAME,...` of actuators or independents, then a row for each time, with straight lines between.
+    #[arg(long, value_name = "FILE.csv")]
+    input: Option<PathBuf>,
+    /// Stiffness towards the target: one number, or one for each joint.
+    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    kp: Option<Numbers>,
+    /// Damping: one number, or one for each joint.
+    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    kd: Option<Numbers>,
+    /// Where kp pulls: one number, or one for each joint; zero without it.
+    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    target: Option<Numbers>,
+    /// Which joints kp and kd act on.
+    #[arg(long, value_enum, value_name = "SPACE", default_value = "y")]
+    control: SpaceFlag,
+    /// A spring with a damper between two points of links, such as `--spring base:0,0,0.1 hand 500,5,0.2`: stiffness N/m, damping N s/m,
+    /// rest length m; may stand several times.
+    #[arg(long, num_args = 3, value_names = ["LINK:X,Y,Z", "LINK:X,Y,Z", "K,C,L0"], allow_hyphen_values = true)]
+    spring: Vec<String>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SpaceFlag {
+    /// Independents.
+    Y,
+    /// Actuators.
+    U,
+}
+
+impl SpaceFlag {
+    fn space(self) -> Space {
+        match self {
+            SpaceFlag::Y => Space::Independent,
+            SpaceFlag::U => Space::Actuator,
+        }
+    }
+}
+
+impl ForceFlags {
+    /// Every input; counts and values are checked where they are used.
+    pub(super) fn inputs(&self, model: &Model<f64>) -> Result<Vec<Input>, String> {
+        let mut inputs = Vec::new();
+        for (space, forces) in [(Space::Actuator, &self.tau_u), (Space::Independent, &self.tau_y)] {
+            inputs.extend(forces.as_ref().map(|forces| Input { space, source: Source::Constant(forces.0.clone()) }));
+        }
+        if let Some(path) = &self.input {
+            inputs.push(table(path, model)?);
+        }
+        if self.kp.is_some() || self.kd.is_some() || self.target.is_some() {
+            let space = self.control.space();
+            let n = match space {
+                Space::Independent => model.independent_names().len(),
+                Space::Actuator => model.active_names().len(),
+            };
+            // one number stands for all
+            let spread = |numbers: &Option<Numbers>| match numbers.as_ref().map(|numbers| numbers.0.as_slice()) {
+                None => vec![0.0; n],
+                Some([one]) => vec![*one; n],
+                Some(each) => each.to_vec(),
+            };
+            let source = Source::Gains { stiffness: spread(&self.kp), damping: spread(&self.kd), target: spread(&self.target) };
+            inputs.push(Input { space, source });
+        }
+        Ok(inputs)
+    }
+
+    /// Every spring.
+    pub(super) fn springs(&self, model: &Model<f64>) -> Result<Vec<Spring>, String> {
+        let spring = |words: &[String]| {
+            let [from, to, constants] = words else { return Err("--spring takes two points and three constants".to_owned()) };
+            match numbers(constants)?.0.as_slice() {
+                [stiffness, damping, rest] => {
+                    Ok(Spring { from: point(from, model)?, to: point(to, model)?, stiffness: *stiffness, damping: *damping, rest: *rest })
+                }
+                other => Err(format!("--spring {constants}: found {} number(s), expected stiffness, damping and rest length", other.len())),
+            }
+        };
+        self.spring.chunks(3).map(spring).collect()
+    }
+}
+
+/// A link with or without a point on it.
+fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
+    let place = |name: &str| model.link_names().iter().position(|link| link == name);
+    // a link's own name may hold a colon
+    if let Some(link) = place(text) {
+        return Ok(Point { link, at: [0.0; 3] });
+    }
+    let (name, at) = text.rsplit_once(':').unwrap_or((text, "0,0,0"));
+    let Some(link) = place(name) else {
+        return Err(format!("--spring {text}: there is no link `{name}`, expected one of {}", model.link_names().join(", ")));
+    };
+    let at = numbers(at).map_err(|words| format!("--spring {text}: {words}"))?.0;
+    let found = at.len();
+    let at = at.try_into().map_err(|_| format!("--spring {text}: found {found} number(s), expected x,y,z"))?;
+    Ok(Point { link, at })
+}
+
+/// Forces over time from a file.
+fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
+    let file = path.display();
+    let text = fs::read_to_string(path).map_err(|error| format!("cannot read {file}: {error}; give the path of a readable file"))?;
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let cells = |line: &str| line.split(',').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let heads = lines.next().map(|(_, line)| cells(line)).unwrap_or_default();
+    let Some((first, names)) = heads.split_first().filter(|(first, _)| first.as_str() == "time") else {
+        return Err(format!("{file}:1: found {:?}, expected a first line `time,NAME,...`", heads.join(",")));
+    };
+    debug_assert_eq!(first, "time");
+    // all of one space
+    let of = |space: Space| match space {
+        Space::Independent => model.independent_names(),
+        Space::Actuator => model.active_names(),
+    };
+    let fits = |space: &Space| names.iter().all(|name| of(*space).contains(name));
+    let Some(space) = [Space::Actuator, Space::Independent].into_iter().find(fits) else {
+        let unknown = names.iter().find(|name| !of(Space::Actuator).contains(name) && !of(Space::Independent).contains(name));
+        let found = unknown.map_or("names of actuators and of independents".to_owned(), |name| format!("the name `{name}`"));
+        let (u, y) = (of(Space::Actuator).join(", "), of(Space::Independent).join(", "));
+        return Err(format!("{file}:1: found {found}, expected actuators ({u}) or independents ({y})"));
+    };
+    let (mut times, mut forces) = (Vec::new(), Vec::new());
+    for (k, line) in lines {
+        let row = cells(line);
+        let at = |column: usize| format!("{file}:{}:{}", k + 1, column + 1);
+        if row.len() != heads.len() {
+            return Err(format!("{}: found {} cell(s), expected {}", at(0), row.len(), heads.len()));
+        }
+        let mut numbers = Vec::new();
+        for (column, cell) in row.iter().enumerate() {
+            let number = cell.parse::<f64>().ok().filter(|x| x.is_finite());
+            numbers.push(
+                number.ok_or_else(|| format!("{}: found `{cell}` in column `{}`, expected a finite number", at(column), heads[column]))?,
+            );
+        }
+        // joints without a column feel nothing
+        let of_joint = |name: &String| names.iter().position(|of| of == name).map_or(0.0, |column| numbers[column + 1]);
+        forces.push(of(space).iter().map(of_joint).collect());
+        times.push(numbers[0]);
+    }
+    Ok(Input { space, source: Source::Table { times, forces } })
+}

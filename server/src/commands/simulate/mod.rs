@@ -1,0 +1,190 @@
+//! `sarrus simulate`: a robot in time.
+
+mod input;
+mod output;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use sarrus_benches::progress::Progress;
+use sarrus_models::Loaded;
+use sarrus_simulation::{Method, Run, Settings, Setup, SimulationError, Start, simulate};
+
+use super::output::{Format, FormatFlag, finish, json_line};
+use super::robot::{RobotFlags, refuse};
+use input::{ForceFlags, Numbers};
+
+/// Samples of a run where nobody says how many.
+const SAMPLES: f64 = 500.0;
+
+/// Flags of `simulate`.
+#[derive(Args)]
+pub(crate) struct Simulate {
+    #[command(flatten)]
+    robot: RobotFlags,
+    /// Method of integration.
+    #[arg(long, value_enum, value_name = "METHOD", default_value = "dop853")]
+    method: MethodFlag,
+    /// How long, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0, allow_hyphen_values = true)]
+    duration: f64,
+    /// Length of a fixed step, or the first step of a method that finds its own, s.
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
+    step: Option<f64>,
+    /// Relative tolerance of methods that find their own step.
+    #[arg(long, value_name = "NUMBER", default_value_t = 1e-8, allow_hyphen_values = true)]
+    rtol: f64,
+    /// Absolute tolerance of these, in metres, radians and their rates.
+    #[arg(long, value_name = "NUMBER", default_value_t = 1e-8, allow_hyphen_values = true)]
+    atol: f64,
+    /// Baumgarte's rates alpha = beta, 1/s; a tenth of the inverse step without it.
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    stabilisation: Option<f64>,
+    /// Time between two rows of the result, s; about five hundred rows without it.
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
+    every: Option<f64>,
+    #[command(flatten)]
+    start: StartFlags,
+    #[command(flatten)]
+    forces: ForceFlags,
+    /// Ends where the independents become singular instead of going on with others.
+    #[arg(long)]
+    no_switching: bool,
+    /// Never computes in double-double near singularities.
+    #[arg(long)]
+    no_precise: bool,
+    /// Simulates once more with other steps to estimate the error.
+    #[arg(long)]
+    estimate: bool,
+    /// The folder for motion.csv and motion.html.
+    #[arg(long, value_name = "DIR", default_value = "target/simulate")]
+    out: PathBuf,
+    #[command(flatten)]
+    format: FormatFlag,
+}
+
+/// Where it starts.
+#[derive(Args)]
+struct StartFlags {
+    /// Independent coordinates, separated by commas; the zero pose without them.
+    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, conflicts_with_all = ["q", "qd"])]
+    y: Option<Numbers>,
+    /// Independent velocities; at rest without them.
+    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, conflicts_with_all = ["q", "qd"])]
+    yd: Option<Numbers>,
+    /// Tree coordinates; a pose whose loops are open is closed, and how far it was moved is told.
+    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true)]
+    q: Option<Numbers>,
+    /// Tree velocities.
+    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, requires = "q")]
+    qd: Option<Numbers>,
+    /// A closed pose near y from which numerical closures continue.
+    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, conflicts_with = "q")]
+    q_guess: Option<Numbers>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum MethodFlag {
+    /// Semi-implicit Euler, fixed step.
+    Euler,
+    /// Runge and Kutta's classical method, fixed step.
+    Rk4,
+    /// Dormand and Prince's explicit method of order 8, its own step.
+    Dop853,
+    /// Radau's implicit method of order 5 for stiff problems, its own step.
+    Radau5,
+    /// For comparison: rk4 in all tree coordinates, loops stabilised after Baumgarte.
+    Baumgarte,
+    /// For comparison: rk4 in all tree coordinates, loops closed after each step.
+    Projection,
+}
+
+impl MethodFlag {
+    fn method(self) -> Method {
+        match self {
+            MethodFlag::Euler => Method::Euler,
+            MethodFlag::Rk4 => Method::RungeKutta,
+            MethodFlag::Dop853 => Method::Dop853,
+            MethodFlag::Radau5 => Method::Radau5,
+            MethodFlag::Baumgarte => Method::Baumgarte,
+            MethodFlag::Projection => Method::Projection,
+        }
+    }
+}
+
+impl Simulate {
+    pub(crate) fn run(self) -> ExitCode {
+        let loaded = match self.robot.load() {
+            Ok(loaded) => loaded,
+            Err(error) => return refuse("simulate", &error),
+        };
+        let outcome = self
+            .simulate(&loaded)
+            .and_then(|run| output::write(&self.out, &loaded, &run, self.settings().method).map(|files| (run, files)));
+        match outcome {
+            Ok((run, files)) => {
+                let code = u8::from(!run.end.is_finished());
+                let results = match self.format.format {
+                    Format::Text => output::summary(&loaded, &run, self.settings().method, &files),
+                    Format::Json => json_line(&output::value(&loaded, &run, self.settings().method, &files)),
+                };
+                finish("simulate", &results, code)
+            }
+            Err(words) => {
+                eprintln!("sarrus simulate: {words}");
+                ExitCode::from(2)
+            }
+        }
+    }
+
+    fn simulate(&self, loaded: &Loaded) -> Result<Run, String> {
+        let model = &loaded.compiled.model;
+        let inputs = self.forces.inputs(model)?;
+        let springs = self.forces.springs(model)?;
+        let setup = Setup { description: &loaded.description, compiled: &loaded.compiled, springs: &springs, inputs: &inputs };
+        let progress = Progress::silent();
+        let settings = self.settings();
+        let run = simulate(&setup, &self.start.start(loaded), &settings, &mut |time| progress.show("simulating", time / settings.duration));
+        progress.clear();
+        run.map_err(|error: SimulationError| error.to_string())
+    }
+
+    fn settings(&self) -> Settings {
+        let method = self.method.method();
+        // rows meet fixed steps
+        let sparse = self.duration / SAMPLES;
+        let every = match self.step {
+            Some(step) if method.is_fixed() && step > 0.0 => step * (sparse / step).ceil().max(1.0),
+            _ => sparse,
+        };
+        Settings {
+            step: self.step,
+            rtol: self.rtol,
+            atol: self.atol,
+            stabilisation: self.stabilisation,
+            every: Some(self.every.unwrap_or(every)),
+            switching: !self.no_switching,
+            precise: !self.no_precise,
+            estimate: self.estimate,
+            ..Settings::new(method, self.duration)
+        }
+    }
+}
+
+impl StartFlags {
+    fn start(&self, loaded: &Loaded) -> Start {
+        let model = &loaded.compiled.model;
+        let given = |numbers: &Option<Numbers>| numbers.as_ref().map(|numbers| numbers.0.clone());
+        if let Some(q) = given(&self.q) {
+            return Start::Tree { q, qd: given(&self.qd).unwrap_or_else(|| vec![0.0; model.sizes().n_v]) };
+        }
+        // a quaternion at rest is 0 0 0 1
+        let rest = |names: &[String]| names.iter().map(|name| f64::from(u8::from(name.ends_with("/qw")))).collect();
+        Start::Independent {
+            y: given(&self.y).unwrap_or_else(|| rest(model.independent_q_names())),
+            yd: given(&self.yd).unwrap_or_else(|| vec![0.0; model.sizes().n_vy]),
+            guess: given(&self.q_guess),
+        }
+    }
+}

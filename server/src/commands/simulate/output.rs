@@ -1,0 +1,195 @@
+//! What a simulation leaves: a table, pictures, a summary.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use sarrus_benches::report::{Axis, Figure, Pictures, Point, Series};
+use sarrus_models::Loaded;
+use sarrus_simulation::{EventKind, Method, Run, Sample};
+use serde_json::{Value, json};
+
+/// Curves in one picture.
+const CURVES: usize = 8;
+
+/// Writes motion.csv and motion.html; returns their paths.
+pub(super) fn write(folder: &Path, loaded: &Loaded, run: &Run, method: Method) -> Result<Vec<String>, String> {
+    fs::create_dir_all(folder).map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
+    let table = folder.join("motion.csv");
+    fs::write(&table, csv(loaded, run)).map_err(|error| format!("cannot write {}: {error}", table.display()))?;
+    let pictures = Pictures {
+        title: format!("{}, {}, {} s", loaded.description.name, method.name(), run.time),
+        lines: summary(loaded, run, method, &[]).lines().map(str::to_owned).collect(),
+        figures: figures(loaded, run),
+    };
+    let page = folder.join("motion.html");
+    let text = pictures.page().map_err(|error| error.to_string())?;
+    fs::write(&page, text).map_err(|error| format!("cannot write {}: {error}", page.display()))?;
+    Ok([table, page].iter().map(|path| path.display().to_string()).collect())
+}
+
+/// Names and values of a column of every sample.
+type Column<'a> = (String, Box<dyn Fn(&Sample) -> f64 + 'a>);
+
+fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
+    let model = &loaded.compiled.model;
+    let mut columns: Vec<Column<'a>> = vec![("time".to_owned(), Box::new(|sample| sample.time))];
+    let lists: [(&str, &[String], fn(&Sample) -> &[f64]); 4] = [
+        ("y", model.independent_q_names(), |sample| &sample.y),
+        ("yd", model.independent_names(), |sample| &sample.yd),
+        ("q", model.tree_q_names(), |sample| &sample.q),
+        ("qd", model.tree_names(), |sample| &sample.qd),
+    ];
+    for (what, names, list) in lists {
+        for (k, name) in names.iter().enumerate() {
+            columns.push((format!("{what}.{name}"), Box::new(move |sample| list(sample).get(k).copied().unwrap_or(f64::NAN))));
+        }
+    }
+    let figures: [(&str, fn(&Sample) -> f64); 4] = [
+        ("kinetic", |sample| sample.energy.kinetic),
+        ("potential", |sample| sample.energy.potential),
+        ("work", |sample| sample.work),
+        ("residual", |sample| sample.energy.residual),
+    ];
+    columns.extend(figures.into_iter().map(|(name, of)| -> Column<'a> { (name.to_owned(), Box::new(of)) }));
+    columns
+}
+
+fn csv(loaded: &Loaded, run: &Run) -> String {
+    let columns = columns(loaded);
+    // a name with a comma is no second column
+    let quoted = |name: &String| if name.contains([',', '"', '\n']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.clone() };
+    let mut text = columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n";
+    for sample in &run.samples {
+        let row: Vec<String> = columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
+        text += &(row.join(",") + "\n");
+    }
+    text
+}
+
+/// Motion, velocity, energies, and what should stay constant or zero.
+fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
+    let model = &loaded.compiled.model;
+    let axis = |label: &str, log: bool| Axis { label: label.to_owned(), log };
+    let series = |name: &str, of: &dyn Fn(&Sample) -> f64| Series {
+        name: name.to_owned(),
+        line: true,
+        front: false,
+        points: run.samples.iter().map(|sample| Point { x: sample.time, y: of(sample), label: String::new() }).collect(),
+    };
+    let figure = |id: &str, title: &str, y: Axis, series: Vec<Series>| Figure {
+        id: id.to_owned(),
+        title: title.to_owned(),
+        x: axis("time, s", false),
+        y,
+        series,
+        ..Figure::default()
+    };
+    let curves = |names: &[String], list: fn(&Sample) -> &[f64]| -> Vec<Series> {
+        let one = |(k, name): (usize, &String)| series(name, &|sample| list(sample).get(k).copied().unwrap_or(f64::NAN));
+        names.iter().enumerate().take(CURVES).map(one).collect()
+    };
+    let start = run.samples.first().map_or(0.0, Sample::balance);
+    vec![
+        figure("position", "Independent coordinates", axis("rad, m", false), curves(model.independent_q_names(), |sample| &sample.y)),
+        figure("velocity", "Independent velocities", axis("rad/s, m/s", false), curves(model.independent_names(), |sample| &sample.yd)),
+        figure(
+            "energy",
+            "Energy and work",
+            axis("J", false),
+            vec![
+                series("kinetic", &|sample| sample.energy.kinetic),
+                series("potential", &|sample| sample.energy.potential),
+                series("work of inputs less losses", &|sample| sample.work),
+            ],
+        ),
+        figure(
+            "drift",
+            "What should be zero",
+            axis("J, scaled residual", true),
+            vec![
+                series("change of energy less work", &|sample| (sample.balance() - start).abs()),
+                series("loop residual", &|sample| sample.energy.residual),
+            ],
+        ),
+    ]
+}
+
+/// For people.
+pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[String]) -> String {
+    let counts = &run.counts;
+    let mut text = String::new();
+    let mut line = |words: String| {
+        let _ = writeln!(text, "{words}");
+    };
+    line(format!("{}, {}: {} at {} s", loaded.description.name, method.name(), run.end.name(), run.time));
+    line(format!(
+        "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), Jacobians {}, factorisations {}",
+        counts.steps, counts.rejected, counts.failed, counts.evaluations, counts.precise, counts.jacobians, counts.factorisations
+    ));
+    line(format!("energy drift {:.2e} of the largest energy, loop residual {:.2e}", run.drift(), run.residual()));
+    if let Some([y, yd]) = run.error_estimate {
+        line(format!("estimated error y {y:.2e}, yd {yd:.2e}"));
+    }
+    if run.correction.iter().any(|x| *x != 0.0) {
+        line(format!("the start was moved by {:.2e} in q and {:.2e} in qd to close the loops", run.correction[0], run.correction[1]));
+    }
+    for event in &run.events {
+        line(format!("at {} s: {}", event.time, words(&event.kind)));
+    }
+    if let Some(last) = run.last() {
+        let list = |x: &[f64]| x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(",");
+        line(format!("y  = {}", list(&last.y)));
+        line(format!("yd = {}", list(&last.yd)));
+    }
+    files.iter().for_each(|file| line(file.clone()));
+    text
+}
+
+fn words(kind: &EventKind) -> String {
+    match kind {
+        EventKind::Switched { from, to, before, after } => format!(
+            "went on with the independents {} in place of {} (distance to singularity {before:.2e}, then {after:.2e})",
+            to.join(", "),
+            from.join(", ")
+        ),
+        EventKind::NotSwitched { to, why } => format!("the independents {} would be better, but {why}", to.join(", ")),
+        EventKind::Shortened { status } => format!("a step was shortened: {status} on its way"),
+        EventKind::NearSingular { distance } => format!("ended near a singularity (distance {distance:.2e})"),
+        EventKind::Stiff => "stiff for an explicit method; radau5 takes longer steps".to_owned(),
+        other => format!("{other:?}"),
+    }
+}
+
+/// For scripts.
+pub(super) fn value(loaded: &Loaded, run: &Run, method: Method, files: &[String]) -> Value {
+    let counts = &run.counts;
+    let events: Vec<Value> = run.events.iter().map(|event| json!({"time": event.time, "event": words(&event.kind)})).collect();
+    let named = |names: &[String], list: fn(&Sample) -> &[f64]| -> Value {
+        let numbers = run.last().map_or(&[] as &[f64], list);
+        names.iter().zip(numbers).map(|(name, x)| (name.clone(), json!(x))).collect::<serde_json::Map<_, _>>().into()
+    };
+    let model = &loaded.compiled.model;
+    json!({
+        "robot": loaded.description.name,
+        "method": method.name(),
+        "status": run.end.name(),
+        "time": run.time,
+        "steps": counts.steps,
+        "rejected": counts.rejected,
+        "failed": counts.failed,
+        "evaluations": counts.evaluations,
+        "precise": counts.precise,
+        "jacobians": counts.jacobians,
+        "factorisations": counts.factorisations,
+        "drift": run.drift(),
+        "residual": run.residual(),
+        "correction": run.correction,
+        "error_estimate": run.error_estimate,
+        "independents": run.independents,
+        "events": events,
+        "y": named(model.independent_q_names(), |sample| &sample.y),
+        "yd": named(model.independent_names(), |sample| &sample.yd),
+        "files": files,
+    })
+}
