@@ -95,9 +95,9 @@ mod tests {
         check(&Effort { quick: true });
     }
 
-    /// For minutes.
+    /// For a minute.
     #[test]
-    #[ignore = "takes minutes"]
+    #[ignore = "takes a minute"]
     fn nothing_fails_silently_with_all_effort() {
         check(&Effort { quick: false });
     }
