@@ -120,6 +120,41 @@ fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
 }
 
 #[test]
+fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
+    let rotors = |inertia: f64| {
+        let mut of = Case::bundled("rh5v2_upper_body").description;
+        for joint in of.submechanisms.iter().flat_map(|part| part.active.clone()).collect::<Vec<_>>() {
+            of.joints[joint].terms.rotor_inertia = inertia;
+        }
+        of
+    };
+    let (mut right, mut told_of) = (0, 0);
+    for k in 0..10 {
+        for description in [chain(8, 10f64.powi(k)), rotors(10f64.powi(k))] {
+            let Compiled { model, exact, .. } = compiled(&description);
+            let n = model.sizes().n_vy;
+            let scatter = |k: usize, size: f64| (0..n).map(|i| size * (1.0 + (k * n + i) as f64 * 2.4).sin()).collect::<Vec<_>>();
+            let numbers = [scatter(0, 0.3), scatter(1, 1.0), scatter(2, 30.0)];
+            let exactly = numbers.clone().map(|x| x.into_iter().map(Dd::from_f64).collect::<Vec<_>>());
+            let given = [(Y, exactly[0].as_slice()), (Yd, &exactly[1]), (TauY, &exactly[2])];
+            let truth = Robot::new(exact).ask(Request::ForwardDynamics, &given, &[Ydd]).ok().map(Dd::hi);
+            let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
+            for method in Method::ALL {
+                let plan = Plan::with_method(&model, &wanted, method).unwrap();
+                let mut ydd = vec![0.0; n];
+                let answer = plan.run(&model, &mut Workspace::for_plans(&model, [&plan]), &numbers.concat(), &mut ydd);
+                let error = error_by_size(&ydd, truth.get(Ydd), 0.0);
+                let warned = answer.warnings.contains(Warnings::ILL_CONDITIONED);
+                assert!(answer.status != Status::Ok || warned || error < 1e-9, "1e{k}, {method:?}: {error:.1e} without a word");
+                right += i32::from(error < 1e-9 && !warned);
+                told_of += i32::from(warned);
+            }
+        }
+    }
+    assert!(right > 20 && told_of > 5, "{right} right without a warning, {told_of} told");
+}
+
+#[test]
 fn a_parallelogram_goes_through_its_flat_pose_along_the_given_velocity() {
     let mut description = Case::bundled("four_bars_2").description;
     description.submechanisms.iter_mut().for_each(|part| part.kind = SubmechanismKind::Numerical);

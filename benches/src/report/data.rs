@@ -45,7 +45,7 @@ fn figure_value(report: &Report, section: &Section, figure: &Figure) -> Value {
 fn case_value(case: &Case) -> Value {
     json!({
         "family": case.family, "robot": case.robot, "parameter": case.parameter, "value": case.value, "method": case.method,
-        "error": case.error, "status": case.status, "told": case.told, "verdict": case.verdict.name(),
+        "error": case.error, "backward_error": case.backward, "truth": case.truth, "status": case.status, "told": case.told, "verdict": case.verdict.name(),
     })
 }
 

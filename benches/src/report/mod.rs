@@ -254,6 +254,10 @@ pub struct Case {
     pub method: String,
     /// By size; none without an answer.
     pub error: Option<f64>,
+    /// Forward dynamics: the backward error.
+    pub backward: Option<f64>,
+    /// What the answer was compared with.
+    pub truth: String,
     /// The status, as `sarrus ask` prints it, or why it did not load.
     pub status: String,
     /// How the user is told: warnings, fields, messages.

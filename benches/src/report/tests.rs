@@ -35,6 +35,8 @@ fn report() -> Report {
         value,
         method: "ID".into(),
         error: Some(1e-12),
+        backward: None,
+        truth: "double-double".into(),
         status: "ok".into(),
         told: String::new(),
         verdict,

@@ -18,7 +18,7 @@ use crate::{plan, tree};
 const NOTHING: f64 = 1e-15;
 const LEAST: f64 = 1e-18;
 /// From this ratio on a user is told.
-pub(crate) const UNEQUAL: f64 = 1e7;
+pub(crate) const UNEQUAL: f64 = 1e6;
 
 /// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it nearly is not. Returns the largest inertia of
 /// each independent among these poses, in internal order; zero where no pose could be closed.

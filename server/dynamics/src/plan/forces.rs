@@ -14,8 +14,10 @@ use crate::spatial::zero;
 use crate::tree;
 use crate::workspace::Workspace;
 
-/// Part of the largest force that may be left over by a method that keeps ten digits.
-const BALANCE: f64 = 1e-10;
+/// Part of the largest force that may be left over: rounding.
+const BALANCE: f64 = 1e-14;
+/// Part of the largest ÿ that what is left over may be worth, in a method that keeps ten digits.
+const WORTH: f64 = 1e-10;
 
 impl Plan {
     /// τ_q = M q̈ + C − Σ Jᵀ w, τ_y = Gᵀ τ_q, τ_u from G_uᵀ τ_u = τ_y.
@@ -119,7 +121,8 @@ impl Plan {
         self.kkt(model, ws)
     }
 
-    /// True where ÿ of the whole system balances the given forces along every independent motion.
+    /// True where ÿ of the whole system balances the given forces along every independent motion up to rounding, or so nearly that M_y makes
+    /// little of what is left.
     fn balanced<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
         let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
         // q̈ = G ÿ + g: that of the system need not keep the loops closed
@@ -141,7 +144,13 @@ impl Plan {
             ws.tau_q[v] -= tau;
         });
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.ydd);
-        size(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO
+        if size(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO {
+            return true;
+        }
+        let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
+        let positive = tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
+        let given = model.order.vy_v.iter().fold(T::ZERO, |size, v| T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size));
+        positive && size(&ws.ydd).lt(given * T::from_f64(WORTH))
     }
 
     /// The given forces by internal tree velocity; a force on an independent is one on its joint.
