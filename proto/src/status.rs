@@ -76,7 +76,7 @@ impl Warnings {
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
     /// Results may keep fewer than nine digits: a loop is within 1/100 (the sine that vanishes there) of a singular pose and rates were asked;
     /// the actuators are within 1e-5 of losing control and forces or motion of theirs were asked; in forward dynamics, what is left of a
-    /// joint's inertia once the joints behind it are free is less than 1e-7 of it.
+    /// joint's inertia once the joints behind it are free is less than 1e-6 of it.
     pub const ILL_CONDITIONED: Warnings = Warnings(2);
 
     /// True when every bit of `other` is set.

@@ -149,18 +149,19 @@ impl Settings {
         }
     }
 
-    /// The same with other steps, and the ratio of the larger of both errors to their difference, plus one.
-    pub(crate) fn other(&self) -> (Settings, f64) {
+    /// The same with finer steps, and what the difference of both is to be multiplied by for the error of the coarser.
+    pub(crate) fn finer(&self) -> (Settings, f64) {
         let once = Settings { estimate: false, ..*self };
+        // half of what is really stepped: steps meet samples and the end
+        let longest = self.every.unwrap_or(self.duration).min(self.duration);
+        let half = self.step.map(|step| 0.5 * step.min(longest));
         match self.method {
-            Method::Euler => (Settings { step: self.step.map(|step| 2.0 * step), ..once }, 2.0),
-            Method::RungeKutta | Method::Baumgarte | Method::Projection => {
-                (Settings { step: self.step.map(|step| 2.0 * step), ..once }, 16.0)
-            }
-            // finer, and with a first step that leads to other steps
+            Method::Euler => (Settings { step: half, ..once }, 2.0),
+            Method::RungeKutta | Method::Baumgarte | Method::Projection => (Settings { step: half, ..once }, 16.0 / 15.0),
+            // with a first step that leads to other steps
             _ => {
                 let step = self.step.unwrap_or(self.duration / 37.0).min(self.duration / 37.0);
-                (Settings { rtol: (0.01 * self.rtol).max(1e-14), atol: 0.01 * self.atol, step: Some(step), ..once }, 2.0)
+                (Settings { rtol: (0.01 * self.rtol).max(1e-14), atol: 0.01 * self.atol, step: Some(step), ..once }, 1.0)
             }
         }
     }

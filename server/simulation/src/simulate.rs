@@ -74,11 +74,11 @@ pub fn simulate(setup: &Setup<'_>, start: &Start, settings: &Settings, progress:
     };
     let mut run = once(settings, progress)?;
     if settings.estimate {
-        let (settings, growth) = settings.other();
+        let (settings, factor) = settings.finer();
         let other = once(&Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings }, &mut |_| ())?;
         let gap = |f: fn(&Sample) -> &[f64]| match (run.last(), other.last()) {
             (Some(a), Some(b)) if a.time == b.time => {
-                f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs())) / (growth - 1.0)
+                f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs())) * factor
             }
             _ => f64::NAN,
         };

@@ -92,3 +92,17 @@ fn the_semi_implicit_method_neither_gains_nor_loses_energy_over_ten_thousand_swi
     println!("{drift:?}");
     assert!(drift[1] < 2.0 * drift[0] && drift[1] < 0.05, "{drift:?}");
 }
+
+#[test]
+fn a_step_as_long_as_the_samples_or_the_motion_is_estimated_too() {
+    let robot = Robot::bundled("lambda");
+    let start = from(&[0.3], &[0.0]);
+    let truth = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 1.0));
+    for (step, every) in [(0.1, Some(0.05)), (1.0, None), (0.25, Some(0.25))] {
+        let settings = Settings { step: Some(step), every, estimate: true, ..Settings::new(Method::RungeKutta, 1.0) };
+        let run = robot.run(&start, &settings);
+        let error = (arrived(&run).y[0] - arrived(&truth).y[0]).abs();
+        let [estimate, _] = run.error_estimate.unwrap();
+        assert!(estimate > 0.03 * error, "step {step}: error {error:e}, estimate {estimate:e}");
+    }
+}
