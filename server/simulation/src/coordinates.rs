@@ -199,3 +199,79 @@ pub(crate) fn turned<T: Scalar>(q: &[T], v: [T; 3]) -> [T; 3] {
 pub(crate) fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(text: &str) -> Vec<String> {
+        text.split_whitespace().map(str::to_owned).collect()
+    }
+
+    /// A slider, a floating joint, a ball, and a joint whose name only looks like a part of one.
+    fn coordinates() -> Coordinates {
+        let q = "slide base/x base/y base/z base/qx base/qy base/qz base/qw ball/qx ball/qy ball/qz ball/qw a/x";
+        let v = "slide base/rx base/ry base/rz base/tx base/ty base/tz ball/rx ball/ry ball/rz a/x";
+        Coordinates::of(&names(q), &names(v))
+    }
+
+    fn pose() -> Vec<f64> {
+        let mut q = vec![0.3, 1.0, -2.0, 0.5, 0.1, 0.7, -0.5, 0.5, -0.1, 0.2, 0.3, 0.9, 4.0];
+        coordinates().normalise(&mut q);
+        q
+    }
+
+    #[test]
+    fn joints_are_told_apart_by_their_names() {
+        let of = coordinates();
+        assert_eq!((of.n_q, of.n_v), (13, 11));
+        let singles: Vec<_> = (0..11).map(|v| of.coordinate(v)).collect();
+        assert_eq!((singles[0], singles[10]), (Some(0), Some(12)));
+        assert!(singles[1..10].iter().all(Option::is_none));
+        assert_eq!(of.zero(), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn moving_for_a_short_time_is_the_rate_and_keeps_unit_length() {
+        let (of, q) = (coordinates(), pose());
+        let v: Vec<f64> = (0..11).map(|k| 0.3 * f64::from(k) - 1.0).collect();
+        let mut rate = vec![0.0; 13];
+        of.rate(&q, &q, &v, &mut rate);
+        let h = 1e-5;
+        let [mut ahead, mut back] = [q.clone(), q.clone()];
+        of.advance(&mut ahead, &v, h);
+        of.advance(&mut back, &v, -h);
+        for k in 0..13 {
+            assert!(((ahead[k] - back[k]) / (2.0 * h) - rate[k]).abs() < 1e-9, "{k}");
+        }
+        assert!(of.off_unit(&ahead) < 1e-15);
+    }
+
+    #[test]
+    fn two_moves_along_a_constant_velocity_are_one_twice_as_long() {
+        // a screw goes on as it was
+        let of = coordinates();
+        let v: Vec<f64> = (0..11).map(|k| 0.7 * f64::from(k) - 2.0).collect();
+        let [mut twice, mut once] = [pose(), pose()];
+        of.advance(&mut twice, &v, 0.2);
+        of.advance(&mut twice, &v, 0.2);
+        of.advance(&mut once, &v, 0.4);
+        assert!(twice.iter().zip(&once).all(|(a, b)| (a - b).abs() < 1e-14), "{twice:?} {once:?}");
+    }
+
+    #[test]
+    fn the_difference_of_two_poses_leads_from_one_to_the_other() {
+        let of = coordinates();
+        let (from, mut to) = (pose(), pose());
+        let v: Vec<f64> = (0..11).map(|k| 1e-4 * (f64::from(k) - 5.0)).collect();
+        of.advance(&mut to, &v, 1.0);
+        let mut found = vec![0.0; 11];
+        of.difference(&from, &to, &mut found);
+        // of a position to first order
+        assert!(found.iter().zip(&v).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        // q and −q are the same orientation
+        to[8..12].iter_mut().for_each(|x| *x = -*x);
+        of.difference(&from, &to, &mut found);
+        assert!(found[7..10].iter().zip(&v[7..10]).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+}

@@ -189,6 +189,7 @@ impl Engine {
     }
 
     /// Why an evaluation failed since this was last asked.
+    #[cfg_attr(not(feature = "adaptive"), allow(dead_code, reason = "for the method that evaluates by itself"))]
     pub(crate) fn take_failure(&mut self) -> Option<Status> {
         self.failure.take()
     }

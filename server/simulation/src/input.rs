@@ -155,3 +155,25 @@ fn place(times: &[f64], time: f64) -> (usize, usize, f64) {
         n => (n - 1, n, (time - times[n - 1]) / (times[n] - times[n - 1])),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_straight_between_its_rows_and_constant_beyond() {
+        let times = [0.0, 1.0, 3.0];
+        for (time, expected) in [
+            (-1.0, (0, 0, 0.0)),
+            (0.0, (0, 1, 0.0)),
+            (0.25, (0, 1, 0.25)),
+            (1.0, (1, 2, 0.0)),
+            (2.0, (1, 2, 0.5)),
+            (3.0, (2, 2, 0.0)),
+            (9.0, (2, 2, 0.0)),
+        ] {
+            assert_eq!(place(&times, time), expected, "at {time}");
+        }
+        assert_eq!(place(&[2.0], 5.0), (0, 0, 0.0));
+    }
+}

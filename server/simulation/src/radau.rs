@@ -334,3 +334,38 @@ fn norm(x: &[f64], scale: &[f64]) -> f64 {
     let square: f64 = x.iter().zip(scale).map(|(x, scale)| x / scale * (x / scale)).sum();
     (square / x.len().max(1) as f64).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A of the collocation at C: a polynomial of degree two is integrated exactly.
+    fn collocation() -> nalgebra::Matrix3<f64> {
+        let powers = nalgebra::Matrix3::from_fn(|i, k| C[i].powi(k as i32));
+        let integrals = nalgebra::Matrix3::from_fn(|i, k| C[i].powi(k as i32 + 1) / (k + 1) as f64);
+        integrals * powers.try_inverse().unwrap()
+    }
+
+    #[test]
+    fn the_constants_are_those_of_the_method() {
+        let [t, inverse] = [T, T_INVERSE].map(|rows| nalgebra::Matrix3::from_fn(|i, j| rows[i][j]));
+        assert!((t * inverse - nalgebra::Matrix3::identity()).abs().max() < 1e-14);
+        // T⁻¹ A⁻¹ T = diag(γ, [α −β; β α])
+        let found = inverse * collocation().try_inverse().unwrap() * t;
+        let expected = nalgebra::Matrix3::new(GAMMA, 0.0, 0.0, 0.0, ALPHA, -BETA, 0.0, BETA, ALPHA);
+        assert!((found - expected).abs().max() < 1e-13, "{found}");
+        // the last stage is the end of the step
+        assert!((C[2] - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_error_estimate_has_order_three() {
+        // γ₀ h f(x) + Σ eᵢ γ₀ zᵢ vanishes for polynomials up to degree three, with zᵢ = cᵢᵏ for x = tᵏ
+        for k in 1..=3 {
+            let slope = if k == 1 { 1.0 } else { 0.0 };
+            let sum: f64 = slope + (0..3).map(|i| E[i] * C[i].powi(k)).sum::<f64>();
+            assert!(sum.abs() < 1e-14, "degree {k}: {sum}");
+        }
+        assert!((0..3).map(|i| E[i] * C[i].powi(4)).sum::<f64>().abs() > 1e-3);
+    }
+}
