@@ -54,12 +54,12 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
         ),
         format!(
             "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a larger error, and the answer warns of \
-            ill_conditioned. Failed and said so: any other status with no number beside it, or a refusal at load. Anything else has failed silently."
+            ill_conditioned, or the simulation's own estimate or energy tells the size of its error. Failed and said so: any other status with no number beside it, or a refusal at load. Anything else has failed silently."
         ),
     ];
     let worst = cases
         .iter()
-        .filter(|case| case.verdict == Verdict::Degraded)
+        .filter(|case| case.verdict == Verdict::Degraded && case.asked != "simulation")
         .max_by(|a, b| f64::total_cmp(&a.error.unwrap_or(0.0), &b.error.unwrap_or(0.0)));
     if let Some(case) = worst {
         let error = case.error.unwrap_or(f64::NAN);
@@ -208,7 +208,7 @@ fn errors(family: &[Case]) -> Option<Figure> {
         title: format!("{}: error over {}", capital(name), family[0].parameter),
         caption: format!(
             "The largest error over {}; at most {HELD:.0e} holds. Not drawn: {failed} of {} cases that ended by a status or a refusal. Drawn above \
-            {HELD:.0e}: {degraded} that warn of ill_conditioned and {silent} that do not. An error of zero is drawn at 1e-17.",
+            {HELD:.0e}: {degraded} that say so and {silent} that do not. An error of zero is drawn at 1e-17.",
             if BY_ROBOT.contains(&name) { "all that is asked" } else { "all robots" },
             family.len()
         ),
