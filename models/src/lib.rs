@@ -54,10 +54,11 @@ mod smurf;
 mod submechanisms;
 mod text;
 mod urdf;
+pub mod yaml;
 
 pub use assembly::{AssemblyReport, Moved, NewPlacements, assemble};
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use load::{LoadError, Loaded, Options, Source, load};
 pub use open::{Opened, load_open};
-pub use report::{Finding, Report};
+pub use report::{Finding, Findings, Report};

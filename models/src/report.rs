@@ -54,9 +54,9 @@ impl fmt::Display for Report {
     }
 }
 
-/// A place in one of the files of a robot.
+/// A place in one of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Place {
+pub struct Place {
     pub(crate) file: u32,
     pub(crate) line: u32,
     pub(crate) column: u32,
@@ -64,14 +64,14 @@ pub(crate) struct Place {
 
 impl Place {
     /// Where a fault of absence stands when no node lacks it.
-    pub(crate) const fn start(file: u32) -> Place {
+    pub const fn start(file: u32) -> Place {
         Place { file, line: 1, column: 1 }
     }
 }
 
 /// Collects findings while the files are read.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Findings {
+pub struct Findings {
     files: Vec<String>,
     errors: Pile,
     warnings: Pile,
@@ -86,28 +86,31 @@ struct Pile {
 }
 
 impl Findings {
-    pub(crate) fn new(lenient: bool) -> Findings {
+    /// None so far; `lenient` makes faults of mass and inertia warnings.
+    pub fn new(lenient: bool) -> Findings {
         Findings { lenient, ..Findings::default() }
     }
 
     /// Adds a file, by the name that the user knows; the number stands for it in [`Place`].
-    pub(crate) fn add_file(&mut self, name: &str) -> u32 {
+    pub fn add_file(&mut self, name: &str) -> u32 {
         self.files.push(name.to_owned());
         self.files.len() as u32 - 1
     }
 
-    pub(crate) fn error(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
+    /// Adds what must be mended.
+    pub fn error(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
         let finding = self.finding(place, found.into(), expected.into(), help.into());
         self.errors.push(place, finding);
     }
 
-    pub(crate) fn warning(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
+    /// Adds what may stay.
+    pub fn warning(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
         let finding = self.finding(place, found.into(), expected.into(), help.into());
         self.warnings.push(place, finding);
     }
 
     /// A fault of mass or inertia: a warning when the caller is lenient.
-    pub(crate) fn inertia(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
+    pub fn inertia(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
         if self.lenient {
             self.warning(place, found, expected, help);
         } else {
@@ -115,19 +118,20 @@ impl Findings {
         }
     }
 
-    pub(crate) fn has_errors(&self) -> bool {
+    /// Whether something must be mended.
+    pub fn has_errors(&self) -> bool {
         !self.errors.findings.is_empty()
     }
 
     /// "did you mean …?" with the nearest known name, else `otherwise`.
-    pub(crate) fn did_you_mean<'a>(&self, name: &str, known: impl IntoIterator<Item = &'a str>, otherwise: impl Into<String>) -> String {
+    pub fn did_you_mean<'a>(&self, name: &str, known: impl IntoIterator<Item = &'a str>, otherwise: impl Into<String>) -> String {
         // a file with thousands of unknown names has no use for thousands of suggestions
         let near = if self.errors.is_full() || self.warnings.is_full() { None } else { nearest(name, known) };
         near.map_or_else(|| otherwise.into(), |near| format!("did you mean `{near}`?"))
     }
 
     /// The report, sorted by place.
-    pub(crate) fn into_report(self) -> Report {
+    pub fn into_report(self) -> Report {
         Report { robot: None, warnings: self.warnings.sorted("warnings"), errors: self.errors.sorted("errors") }
     }
 
@@ -168,7 +172,7 @@ impl Pile {
 }
 
 /// A name for a message: in backticks, shortened when long, control characters made visible.
-pub(crate) fn quoted(name: &str) -> String {
+pub fn quoted(name: &str) -> String {
     const LONGEST: usize = 60;
     let mut shown = String::from("`");
     for character in name.chars().take(LONGEST) {

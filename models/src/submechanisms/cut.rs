@@ -16,9 +16,8 @@
 
 use sarrus_dynamics::description::Row;
 
-use super::tree::Node;
-use super::walk::{numbers, word};
 use crate::report::{Findings, Place, quoted};
+use crate::yaml::{Node, numbers, word};
 
 /// A cut joint by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,6 @@
 
 pub(crate) mod cut;
 pub(crate) mod kind;
-pub(crate) mod tree;
 mod values;
 mod walk;
 
@@ -11,11 +10,12 @@ use std::collections::{HashMap, HashSet};
 use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 
 pub(crate) use values::{Document, EntryValues, LoopValues, PlacementValues};
-pub(crate) use walk::{Entry, LoopEntry, Named, walk};
+pub(crate) use walk::{Entry, LoopEntry, walk};
 
 use crate::report::{Findings, Place, quoted};
 use crate::text::Text;
 use crate::urdf::Urdf;
+use crate::yaml::Named;
 use kind::{KNOWN, Letters, letters};
 
 /// Most rows of all loops together: their matrices are dense.

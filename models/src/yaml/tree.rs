@@ -10,18 +10,25 @@ const MOST_NODES: usize = 1_000_000;
 
 /// A node and where it stands.
 #[derive(Debug)]
-pub(crate) struct Node {
-    pub(crate) place: Place,
-    pub(crate) value: Value,
+pub struct Node {
+    /// Its first character.
+    pub place: Place,
+    /// What it is.
+    pub value: Value,
 }
 
 /// What a node is.
 #[derive(Debug)]
-pub(crate) enum Value {
+pub enum Value {
     /// Nothing, `~` or `null`.
     Null,
     /// A word or text; a quoted one is never a number.
-    Scalar { text: String, plain: bool },
+    Scalar {
+        /// The text, without quotes.
+        text: String,
+        /// Not in quotes.
+        plain: bool,
+    },
     /// A list.
     List(Vec<Node>),
     /// Keys and values.
@@ -30,7 +37,7 @@ pub(crate) enum Value {
 
 impl Node {
     /// What the node is, for a message.
-    pub(crate) fn describe(&self) -> String {
+    pub fn describe(&self) -> String {
         match &self.value {
             Value::Null => "nothing".to_owned(),
             Value::Scalar { text, .. } => quoted(text),
@@ -40,13 +47,13 @@ impl Node {
     }
 
     /// The value of a key of a mapping.
-    pub(crate) fn get(&self, wanted: &str) -> Option<&Node> {
+    pub fn get(&self, wanted: &str) -> Option<&Node> {
         let Value::Map(entries) = &self.value else { return None };
         entries.iter().find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == wanted)).map(|(_, value)| value)
     }
 
     /// The items of a list.
-    pub(crate) fn items(&self) -> &[Node] {
+    pub fn items(&self) -> &[Node] {
         if let Value::List(items) = &self.value { items } else { &[] }
     }
 }
@@ -74,7 +81,7 @@ pub(crate) fn parse(text: &Text, findings: &mut Findings) -> Option<Node> {
                     return None;
                 }
                 let found = format!("this is not YAML: {}", error.info());
-                findings.error(place(error.marker()), found, "a submechanism file", "mend the file at this place");
+                findings.error(place(error.marker()), found, "YAML", "mend the file at this place");
                 return None;
             }
         };
@@ -121,8 +128,8 @@ pub(crate) fn parse(text: &Text, findings: &mut Findings) -> Option<Node> {
             findings.error(
                 here,
                 format!("the file has more than {MOST_NODES} values"),
-                "a robot of ordinary size",
-                "leave out what a robot does not need",
+                "a file of ordinary size",
+                "leave out what is not needed",
             );
             return None;
         }

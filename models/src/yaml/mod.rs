@@ -1,0 +1,18 @@
+//! YAML files with the place of every value, so that all their faults can be told at once: for submechanism files, and for others that
+//! tell faults in the same way.
+
+mod read;
+mod tree;
+
+pub use read::{Named, keys, list, number, numbers, word, words};
+pub(crate) use tree::parse;
+pub use tree::{Node, Value};
+
+use crate::report::Findings;
+pub use crate::report::{Place, quoted};
+use crate::text::Text;
+
+/// Reads a text whose faults go by the name of its file; `None` after a fault that leaves nothing to look at.
+pub fn read(name: &str, bytes: Vec<u8>, findings: &mut Findings) -> Option<Node> {
+    parse(&Text::new(name, bytes, findings)?, findings)
+}
