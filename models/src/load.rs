@@ -161,7 +161,7 @@ pub(crate) fn describe(
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
     let submechanism_text = contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, findings));
-    let root = submechanism_text.as_ref().and_then(|text| yaml::parse(text, findings));
+    let root = submechanism_text.as_ref().and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, findings));
     let entries = root.as_ref().map(|root| submechanisms::walk(root, findings));
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
         transmissions(urdf, entries, folder, findings);

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::LoadError;
 use crate::load::{Contents, file};
 use crate::report::Findings;
-use crate::yaml::{self, Node, Value};
 use crate::text::{self, Text};
+use crate::yaml::{self, Node, Value};
 
 /// Whether a file is given as SMURF.
 pub(crate) fn is_smurf(path: &Path) -> bool {
@@ -17,7 +17,7 @@ pub(crate) fn is_smurf(path: &Path) -> bool {
 pub(crate) fn contents(path: &Path, submechanisms: Option<&Path>, findings: &mut Findings) -> Result<Option<Contents>, LoadError> {
     let (name, bytes) = file(path)?;
     let Some(text) = Text::new(&name, bytes, findings) else { return Ok(None) };
-    let Some(root) = yaml::parse(&text, findings) else { return Ok(None) };
+    let Some(root) = yaml::parse(&text, yaml::SUBMECHANISMS, findings) else { return Ok(None) };
     let Some(files) = root.get("files") else {
         findings.error(root.place, "the file has no `files`", "a list of the robot's files", "add it");
         return Ok(None);
@@ -54,7 +54,7 @@ fn named_file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 /// A file that cannot be parsed may: its faults are then told with the rest.
 fn may_have_submechanisms(name: &str, bytes: Vec<u8>) -> bool {
     let mut unheard = Findings::new(false);
-    let root = Text::new(name, bytes, &mut unheard).and_then(|text| yaml::parse(&text, &mut unheard));
+    let root = Text::new(name, bytes, &mut unheard).and_then(|text| yaml::parse(&text, yaml::SUBMECHANISMS, &mut unheard));
     root.as_ref().is_none_or(|root: &Node| root.get("submechanisms").is_some())
 }
 

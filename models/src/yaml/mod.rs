@@ -12,7 +12,11 @@ use crate::report::Findings;
 pub use crate::report::{Place, quoted};
 use crate::text::Text;
 
-/// Reads a text whose faults go by the name of its file; `None` after a fault that leaves nothing to look at.
-pub fn read(name: &str, bytes: Vec<u8>, findings: &mut Findings) -> Option<Node> {
-    parse(&Text::new(name, bytes, findings)?, findings)
+/// What most YAML files of a robot are.
+pub(crate) const SUBMECHANISMS: &str = "a submechanism file";
+
+/// Reads a text whose faults go by the name of its file and that is `expected` to be a file of some kind; `None` after a fault that leaves
+/// nothing to look at.
+pub fn read(name: &str, bytes: Vec<u8>, expected: &str, findings: &mut Findings) -> Option<Node> {
+    parse(&Text::new(name, bytes, findings)?, expected, findings)
 }

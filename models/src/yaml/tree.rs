@@ -65,8 +65,8 @@ struct Open {
     key: Option<Node>,
 }
 
-/// Parses one YAML document; `None` after an error that leaves no tree.
-pub(crate) fn parse(text: &Text, findings: &mut Findings) -> Option<Node> {
+/// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error that leaves no tree.
+pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Option<Node> {
     let place = |mark: &Marker| Place { file: text.file, line: mark.line().max(1) as u32, column: mark.col() as u32 + 1 };
     let mut open: Vec<Open> = Vec::new();
     let mut root: Option<Node> = None;
@@ -81,7 +81,7 @@ pub(crate) fn parse(text: &Text, findings: &mut Findings) -> Option<Node> {
                     return None;
                 }
                 let found = format!("this is not YAML: {}", error.info());
-                findings.error(place(error.marker()), found, "YAML", "mend the file at this place");
+                findings.error(place(error.marker()), found, expected, "mend the file at this place");
                 return None;
             }
         };

@@ -1,0 +1,155 @@
+//! CAN frames, classic and FD, as plain values.
+
+/// Most data bytes of a frame.
+pub const MAX_DATA: usize = 64;
+
+/// The identifier of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Id {
+    /// 11 bits.
+    Standard(u16),
+    /// 29 bits.
+    Extended(u32),
+}
+
+impl Id {
+    /// A standard identifier; `None` beyond 11 bits.
+    pub const fn standard(id: u32) -> Option<Id> {
+        if id < 1 << 11 { Some(Id::Standard(id as u16)) } else { None }
+    }
+
+    /// An extended identifier; `None` beyond 29 bits.
+    pub const fn extended(id: u32) -> Option<Id> {
+        if id < 1 << 29 { Some(Id::Extended(id)) } else { None }
+    }
+
+    /// The number, whatever its width.
+    pub const fn number(self) -> u32 {
+        match self {
+            Id::Standard(id) => id as u32,
+            Id::Extended(id) => id,
+        }
+    }
+}
+
+/// What kind of frame it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FrameKind {
+    /// At most 8 bytes.
+    Classic,
+    /// CAN FD, at most 64 bytes.
+    Fd {
+        /// The data bytes go at the faster bit rate.
+        bit_rate_switch: bool,
+    },
+}
+
+/// One data frame.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Frame {
+    /// Identifier.
+    pub id: Id,
+    /// Classic or FD.
+    pub kind: FrameKind,
+    len: u8,
+    data: [u8; MAX_DATA],
+}
+
+impl Frame {
+    /// A classic frame; `None` beyond 8 bytes.
+    pub fn classic(id: Id, bytes: &[u8]) -> Option<Frame> {
+        if bytes.len() <= 8 { Frame::of(id, FrameKind::Classic, bytes) } else { None }
+    }
+
+    /// An FD frame; `None` for a length that FD has not (0 to 8, 12, 16, 20, 24, 32, 48, 64).
+    pub fn fd(id: Id, bit_rate_switch: bool, bytes: &[u8]) -> Option<Frame> {
+        let good = matches!(bytes.len(), 0..=8 | 12 | 16 | 20 | 24 | 32 | 48 | 64);
+        if good { Frame::of(id, FrameKind::Fd { bit_rate_switch }, bytes) } else { None }
+    }
+
+    fn of(id: Id, kind: FrameKind, bytes: &[u8]) -> Option<Frame> {
+        let mut data = [0; MAX_DATA];
+        data.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        Some(Frame { id, kind, len: bytes.len() as u8, data })
+    }
+
+    /// The data bytes.
+    pub fn data(&self) -> &[u8] {
+        self.data.get(..usize::from(self.len)).unwrap_or_default()
+    }
+
+    /// The data bytes, if there are exactly `N` of them.
+    pub fn exactly<const N: usize>(&self) -> Option<[u8; N]> {
+        self.data().try_into().ok()
+    }
+
+    /// Whether it is an FD frame.
+    pub fn is_fd(&self) -> bool {
+        self.kind != FrameKind::Classic
+    }
+}
+
+impl core::fmt::Display for Frame {
+    /// As `candump -L` writes it: `123#0011` for a classic frame, `123##10011` for FD; extended identifiers have eight digits.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.id {
+            Id::Standard(id) => write!(f, "{id:03X}")?,
+            Id::Extended(id) => write!(f, "{id:08X}")?,
+        }
+        match self.kind {
+            FrameKind::Classic => f.write_str("#")?,
+            FrameKind::Fd { bit_rate_switch } => write!(f, "##{}", u8::from(bit_rate_switch))?,
+        }
+        self.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
+    }
+}
+
+impl core::fmt::Debug for Frame {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        core::fmt::Display::fmt(self, f)
+    }
+}
+
+/// A fixed number of frames that wait to be sent; nothing allocates after [`FrameQueue::new`].
+#[derive(Clone, Debug)]
+pub struct FrameQueue {
+    frames: Vec<Frame>,
+    capacity: usize,
+    dropped: u64,
+}
+
+impl FrameQueue {
+    /// An empty queue with room for `capacity` frames.
+    pub fn new(capacity: usize) -> FrameQueue {
+        FrameQueue { frames: Vec::with_capacity(capacity), capacity, dropped: 0 }
+    }
+
+    /// Adds a frame; one that finds no room is dropped and counted.
+    pub fn push(&mut self, frame: Frame) {
+        if self.frames.len() < self.capacity {
+            self.frames.push(frame);
+        } else {
+            self.dropped += 1;
+        }
+    }
+
+    /// Adds a frame that was made under a condition; `None` adds nothing.
+    pub fn push_some(&mut self, frame: Option<Frame>) {
+        frame.into_iter().for_each(|frame| self.push(frame));
+    }
+
+    /// The frames, oldest first.
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames
+    }
+
+    /// Frames that found no room so far.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Empties the queue.
+    pub fn clear(&mut self) {
+        self.frames.clear();
+    }
+}

@@ -1,0 +1,44 @@
+//! The protocols. To add one: a file here with its [`Protocol`], and its line in [`PROTOCOLS`].
+
+mod keys;
+
+pub use keys::{Key, KeyKind, Settings};
+
+use crate::drive::{Drive, Mode};
+use sarrus_models::Findings;
+
+/// What all drives are made from besides their own settings.
+#[derive(Clone, Copy, Debug)]
+pub struct Common {
+    /// What the motor's controller is to follow; one of [`Protocol::modes`].
+    pub mode: Mode,
+    /// The motor's watchdog is to be this `[ms]`; 0 leaves it alone.
+    pub watchdog_ms: u32,
+    /// Torque that the motor must never be asked for `[N m]`, for drives that hold a limit of their own; infinite without one.
+    pub torque_limit: f64,
+}
+
+/// A protocol: its name and settings in configurations, and how its drives are made.
+#[derive(Debug)]
+pub struct Protocol {
+    /// Name in configurations.
+    pub name: &'static str,
+    /// One line for people.
+    pub about: &'static str,
+    /// Modes that it knows, the default first.
+    pub modes: &'static [Mode],
+    /// Whether it needs CAN FD.
+    pub fd: bool,
+    /// Settings besides the common ones.
+    pub keys: &'static [Key],
+    /// Makes a drive from checked settings. What they say that cannot be goes to the findings, and then there is no drive.
+    pub make: fn(&Settings, Common, &mut Findings) -> Option<Box<dyn Drive>>,
+}
+
+/// All protocols.
+pub const PROTOCOLS: &[&Protocol] = &[];
+
+/// The protocol of a name.
+pub fn protocol(name: &str) -> Option<&'static Protocol> {
+    PROTOCOLS.iter().copied().find(|protocol| protocol.name == name)
+}
