@@ -6,3 +6,4 @@
 pub mod drive;
 pub mod frame;
 pub mod protocol;
+mod settings;
