@@ -7,6 +7,7 @@ pub mod bits;
 pub mod bridge;
 pub mod config;
 pub mod drive;
+pub mod event;
 pub mod frame;
 pub mod load;
 pub mod mapping;

@@ -1,6 +1,7 @@
 //! What is counted, for those who watch.
 
-use super::{BusEvent, Verdict};
+use super::Verdict;
+use crate::event::BusEvent;
 
 /// How a bus is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

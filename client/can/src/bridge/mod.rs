@@ -18,6 +18,7 @@ use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Ope
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};
+use crate::event::BusEvent;
 use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use motor::Motor;
@@ -46,27 +47,6 @@ pub enum Verdict {
     WrongModel,
     /// It is for another number of actuators.
     WrongSize,
-}
-
-/// What happened on a bus besides frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusEvent {
-    /// No trouble.
-    ErrorActive,
-    /// Many errors.
-    ErrorWarning,
-    /// So many that the controller no longer signals them.
-    ErrorPassive,
-    /// The controller has left the bus.
-    BusOff,
-    /// It is back, or the interface was opened again.
-    Restarted,
-    /// So many frames were not sent, because the transmit queue was full.
-    Dropped(u32),
-    /// So many frames of before still wait to be sent; tell 0 when there are none.
-    Backlog(u32),
-    /// So many received frames were lost.
-    Overrun(u32),
 }
 
 /// The bridge between commands and motors of one robot.

@@ -10,12 +10,15 @@ use crate::protocol::{Common, Protocol, Settings};
 
 const MS: u64 = 1_000_000;
 
+/// What a motor was told.
+type Told = std::sync::Arc<std::sync::Mutex<Vec<Wish>>>;
+
 /// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a fault; the answer likewise.
 #[derive(Debug)]
 struct Plain {
     id: u16,
     state: DriveState,
-    told: std::sync::Arc<std::sync::Mutex<Vec<Wish>>>,
+    told: Told,
 }
 
 impl Drive for Plain {
@@ -64,7 +67,7 @@ static PLAIN: Protocol = Protocol { name: "plain", about: "", modes: &[Mode::Imp
 /// A bridge over three plain motors: the first two on one mechanism and bus, the third alone on another.
 struct Bench {
     bridge: Bridge,
-    told: Vec<std::sync::Arc<std::sync::Mutex<Vec<Wish>>>>,
+    told: Vec<Told>,
     now_ns: u64,
     sequence: u64,
     /// What each motor answers: fault code, and whether at all.
@@ -76,7 +79,7 @@ struct Bench {
 
 impl Bench {
     fn new(change: impl Fn(&mut Configuration)) -> Bench {
-        let told: Vec<_> = (0..3).map(|_| std::sync::Arc::default()).collect();
+        let told: Vec<Told> = (0..3).map(|_| std::sync::Arc::default()).collect();
         let settings = || {
             let mut findings = Findings::new(false);
             let node = yaml::read("", b"{}".to_vec(), "settings", &mut findings).unwrap();
@@ -311,10 +314,11 @@ fn one_number_that_is_none_rejects_the_whole_command() {
 fn commands_of_the_past_the_future_and_other_robots_are_not_taken() {
     let mut bench = Bench::armed();
     let good = ActuatorCommand { sequence: bench.sequence + 1, stamp_ns: bench.now_ns + 1, ..bench.command() };
-    let judged = |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(bench.now_ns + 1, &command);
-    assert_eq!(judged(&mut bench, ActuatorCommand { sequence: bench.sequence, ..good }), Verdict::Old);
+    let (last, now_ns) = (bench.sequence, bench.now_ns);
+    let judged = |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(now_ns + 1, &command);
+    assert_eq!(judged(&mut bench, ActuatorCommand { sequence: last, ..good }), Verdict::Old);
     assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), Verdict::Old);
-    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: bench.now_ns + 10 * MS, ..good }), Verdict::Ahead);
+    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: now_ns + 10 * MS, ..good }), Verdict::Ahead);
     assert_eq!(judged(&mut bench, ActuatorCommand { fingerprint: 8, ..good }), Verdict::WrongModel);
     assert_eq!(judged(&mut bench, ActuatorCommand { n_u: 2, ..good }), Verdict::WrongSize);
     let mut negative = good;
