@@ -1,6 +1,9 @@
 //! The protocols. To add one: a file here with its [`Protocol`], and its line in [`PROTOCOLS`].
 
+pub mod fault;
 mod keys;
+mod mit;
+mod scale;
 
 pub use keys::{Key, KeyKind, Settings};
 
@@ -36,7 +39,7 @@ pub struct Protocol {
 }
 
 /// All protocols.
-pub const PROTOCOLS: &[&Protocol] = &[];
+pub const PROTOCOLS: &[&Protocol] = &[&mit::MIT];
 
 /// The protocol of a name.
 pub fn protocol(name: &str) -> Option<&'static Protocol> {
