@@ -3,7 +3,7 @@
 //! A [`Drive`] knows no bus, no clock and no rule of safety. It is told what its motor is to do, makes the frames that say so, and reads the
 //! motor's answers. Everything on this side of it is the motor's own: radians at the motor's output shaft, N m, and the motor's sign.
 
-use crate::frame::{Frame, FrameQueue, Id};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 
 /// What a motor is to be told, on the motor's side of gear and sign.
 ///
@@ -136,13 +136,13 @@ pub struct Parameter {
     pub unit: &'static str,
 }
 
-/// Frames of one cycle, for the load of a bus: what the motor sends back.
+/// What a motor sends back, for the load of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
     /// Identifier.
     pub id: Id,
-    /// FD with its bit rate switch, or classic.
-    pub kind: crate::frame::FrameKind,
+    /// Classic, or FD with its bit rate switch.
+    pub kind: FrameKind,
     /// Data bytes.
     pub len: usize,
 }
@@ -151,6 +151,9 @@ pub struct Reply {
 pub trait Drive: Send + core::fmt::Debug {
     /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor answers with a measurement.
     fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue);
+
+    /// The frames of a set-point alone, as [`Drive::cycle`] sends them while the motor is on: for tables, loads and tests of the codec.
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue);
 
     /// Frames that take the motor's power away, without regard to anything that was said before. Sent on every way out.
     fn disable(&self, out: &mut FrameQueue);

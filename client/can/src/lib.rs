@@ -3,6 +3,11 @@
 //! No I/O, no clock: frames and times are arguments, and frames are results. Nothing allocates after set-up.
 #![forbid(unsafe_code)]
 
+pub mod bits;
+pub mod config;
 pub mod drive;
 pub mod frame;
+pub mod load;
+pub mod mapping;
 pub mod protocol;
+mod settings;

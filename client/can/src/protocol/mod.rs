@@ -1,14 +1,13 @@
 //! The protocols. To add one: a file here with its [`Protocol`], and its line in [`PROTOCOLS`].
 
 pub mod fault;
-mod keys;
 mod mit;
 mod scale;
 
-pub use keys::{Key, KeyKind, Settings};
+use sarrus_models::Findings;
 
 use crate::drive::{Drive, Mode};
-use sarrus_models::Findings;
+pub use crate::settings::{Key, KeyKind, Settings};
 
 /// What all drives are made from besides their own settings.
 #[derive(Clone, Copy, Debug)]

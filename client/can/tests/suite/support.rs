@@ -13,7 +13,7 @@ pub(crate) fn try_drive(name: &str, yaml: &str, common: Common, file: &str) -> R
     let protocol = protocol(name).expect("a protocol");
     let mut findings = Findings::new(false);
     let node = yaml::read("drive.yml", yaml.as_bytes().to_vec(), "a drive", &mut findings).expect("YAML");
-    let settings = Settings::read(&node, protocol.keys, &[], &|_| Ok(file.to_owned()), &mut findings);
+    let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(file.to_owned()), &mut findings);
     let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut findings));
     let report = findings.into_report();
     drive.ok_or_else(|| report.to_string())

@@ -290,6 +290,14 @@ impl<C> Model<C> {
     pub fn closures(&self) -> &[ClosureInfo] {
         &self.meta.closures
     }
+    /// The cluster of each actuator, in the order of u (n_u): actuators of one number act on one closed mechanism.
+    pub fn actuator_clusters(&self) -> Vec<usize> {
+        let mut clusters = vec![0; self.meta.active.len()];
+        for (c, cluster) in self.clusters.iter().enumerate() {
+            cluster.active.iter().for_each(|(u, _)| clusters[*u] = c);
+        }
+        clusters
+    }
     /// Limits in the order of q̇ (n_v).
     pub fn tree_limits(&self) -> &[Option<Limits>] {
         &self.meta.limits

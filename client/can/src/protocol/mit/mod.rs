@@ -143,13 +143,12 @@ impl Mit {
     }
 
     /// A set-point in its 8 bytes, never those of a special command.
-    fn setpoint(&mut self, wanted: Setpoint) -> Option<Frame> {
+    fn setpoint(&self, wanted: Setpoint) -> Option<Frame> {
         let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
             Mode::Torque => Setpoint { torque: wanted.torque, ..Setpoint::default() },
             _ => wanted,
         };
         let odd = self.odd;
-        self.odd = !odd;
         let torque = self.torque.code(limited(torque, self.torque_limit), odd);
         let [p_high, p_low] = self.position.code(position, odd).to_be_bytes();
         let [v_high, v_low] = (self.velocity.code(velocity, odd) << 4).to_be_bytes();
@@ -223,8 +222,8 @@ impl Drive for Mit {
         };
         match self.stage {
             Stage::Off => {
-                let frame = self.setpoint(Setpoint::default());
-                out.push_some(frame);
+                out.push_some(self.setpoint(Setpoint::default()));
+                self.odd = !self.odd;
                 self.stage = Stage::Neutral;
             }
             Stage::Neutral | Stage::Asked => {
@@ -232,11 +231,15 @@ impl Drive for Mit {
                 self.stage = Stage::Asked;
             }
             Stage::On => {
-                let frame = self.setpoint(wanted);
-                out.push_some(frame);
+                out.push_some(self.setpoint(wanted));
+                self.odd = !self.odd;
             }
             Stage::Lost => out.push_some(self.special(POWER_OFF)),
         }
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(*setpoint));
     }
 
     fn disable(&self, out: &mut FrameQueue) {

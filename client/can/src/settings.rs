@@ -1,18 +1,18 @@
-//! Settings of a protocol: declared as data, read and checked in one place.
+//! Settings in configurations: declared as data, read and checked in one place.
 
 use std::collections::BTreeMap;
 
 use sarrus_models::Findings;
 use sarrus_models::yaml::{self, Node, Place, Value, quoted};
 
-/// A setting of a protocol.
+/// A setting.
 #[derive(Clone, Copy, Debug)]
 pub struct Key {
     /// Name in configurations.
     pub name: &'static str,
     /// What may stand there.
     pub kind: KeyKind,
-    /// What stands there when nobody wrote it, as it would be written; `None` for settings that must be there.
+    /// What stands there when nobody wrote it, as it would be written; empty for nothing at all, and `None` for settings that must be there.
     pub default: Option<&'static str>,
     /// One line for people, with the unit.
     pub about: &'static str,
@@ -43,7 +43,7 @@ enum Setting {
     Flag(bool),
 }
 
-/// The settings of one drive: checked, defaults filled in.
+/// The settings of one mapping: checked, defaults filled in.
 #[derive(Clone, Debug)]
 pub struct Settings {
     place: Place,
@@ -51,17 +51,21 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Reads the settings `keys` from a mapping whose other keys are `others`; every fault is told. `file` gives the content of a file
+    /// Reads the settings `keys` from a mapping, in messages `of`, whose other keys are `others`; every fault is told. `file` gives the content of a file
     /// that a setting names, or says why it cannot.
     pub fn read(
         node: &Node,
+        of: &str,
         keys: &'static [Key],
         others: &[&str],
         file: &dyn Fn(&str) -> Result<String, String>,
         findings: &mut Findings,
     ) -> Option<Settings> {
         let known: Vec<&str> = others.iter().copied().chain(keys.iter().map(|key| key.name)).collect();
-        let mut good = yaml::keys(node, "the drive", &known, findings);
+        let mut good = yaml::keys(node, of, &known, findings);
+        if !matches!(node.value, Value::Map(_)) {
+            return None;
+        }
         let mut settings = BTreeMap::new();
         for key in keys {
             let place = node.get(key.name).map_or(node.place, |value| value.place);
@@ -70,9 +74,10 @@ impl Settings {
                     Value::Scalar { text, .. } => Some(text.as_str()),
                     _ => None,
                 },
+                (None, Some("")) => continue,
                 (None, Some(default)) => Some(default),
                 (None, None) => {
-                    let found = format!("the drive has no {}", quoted(key.name));
+                    let found = format!("{of} has no {}", quoted(key.name));
                     findings.error(node.place, found, key.expected(), format!("add `{}`: {}", key.name, key.about));
                     good = false;
                     continue;
@@ -101,7 +106,12 @@ impl Settings {
         good.then_some(Settings { place: node.place, settings })
     }
 
-    /// Where a setting stands, or the drive where it is a default.
+    /// Whether there is something at a setting.
+    pub fn has(&self, key: &str) -> bool {
+        self.settings.contains_key(key)
+    }
+
+    /// Where a setting stands, or the mapping where it is a default.
     pub fn place(&self, key: &str) -> Place {
         self.settings.get(key).map_or(self.place, |(_, place)| *place)
     }

@@ -1,0 +1,92 @@
+//! What only the whole configuration shows: identifiers, mechanisms without motors, loads of buses.
+
+use std::collections::HashMap;
+
+use sarrus_models::Findings;
+use sarrus_models::yaml::{Place, quoted};
+
+use super::Configuration;
+use super::read::Read;
+use crate::drive::{Setpoint, Watchdog};
+use crate::frame::{FrameQueue, Id};
+use crate::load::{self, REFUSED, WARNED};
+
+/// Motors against each other and against the robot's mechanisms.
+pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize], has_model: bool, file: Place, findings: &mut Findings) {
+    let mut driven: HashMap<&str, ()> = HashMap::new();
+    let mut identifiers: HashMap<(usize, Id), &Read> = HashMap::new();
+    let name = |read: &Read| actuators.get(read.motor.actuator).map_or("", String::as_str);
+    for read in motors {
+        if driven.insert(name(read), ()).is_some() {
+            let found = format!("a second motor drives {}", quoted(name(read)));
+            findings.error(read.place, found, "one motor for each actuator", "remove one of them");
+        }
+        for id in read.motor.drive.identifiers() {
+            if let Some(other) = identifiers.insert((read.motor.bus, id), read) {
+                let found = format!("the identifier 0x{:X} of {} is also that of {}", id.number(), quoted(name(read)), quoted(name(other)));
+                findings.error(read.place, found, "identifiers of its own on a bus", "give one of them another id");
+            }
+        }
+        if !read.motor.is_calibrated {
+            let found = format!("{} has no `offset`", quoted(name(read)));
+            findings.warning(
+                read.place,
+                found,
+                "where the actuator is when the motor says 0",
+                "measure it; without it nothing can be armed",
+            );
+        }
+        if read.motor.watchdog_believed && read.motor.drive.state().watchdog != Watchdog::Unreadable {
+            let found = format!("the watchdog of {} is believed", quoted(name(read)));
+            findings.warning(read.place, found, "`read_back`: this protocol can read it", "remove `watchdog: believed`");
+        }
+        if !read.motor.watchdog_believed && read.motor.drive.state().watchdog == Watchdog::Unreadable {
+            let found = format!("the protocol {} cannot read the motor's watchdog", read.motor.protocol.name);
+            let help = "set it with the maker's tool, then write `watchdog: believed`; without it nothing can be armed";
+            findings.warning(read.place, found, "a watchdog that is known to be on", help);
+        }
+    }
+    if !has_model {
+        return;
+    }
+    let is_driven = |actuator: usize| motors.iter().any(|read| read.motor.actuator == actuator);
+    for (actuator, mechanism) in mechanisms.iter().enumerate().filter(|(actuator, _)| !is_driven(*actuator)) {
+        let written = quoted(actuators.get(actuator).map_or("", String::as_str));
+        let partner = motors.iter().find(|read| mechanisms.get(read.motor.actuator) == Some(mechanism));
+        match partner {
+            Some(read) => {
+                let found = format!("{written} has no motor, but {} of the same closed mechanism has", quoted(name(read)));
+                findings.error(read.place, found, "a motor for each actuator of a closed mechanism", "add the missing motor");
+            }
+            None => {
+                findings.warning(file, format!("{written} has no motor"), "a motor for each actuator", "its commands are not used");
+            }
+        }
+    }
+}
+
+/// Protocols against buses, and the loads of the buses.
+pub(super) fn whole(configuration: &Configuration, places: &[Place], rate: Place, findings: &mut Findings) {
+    for (motor, place) in configuration.motors.iter().zip(places) {
+        let Some(bus) = configuration.buses.get(motor.bus) else { continue };
+        if motor.protocol.fd && bus.data_bitrate.is_none() {
+            let found = format!("{} needs CAN FD, and {} is a classic bus", motor.protocol.name, quoted(&bus.name));
+            findings.error(*place, found, "`data_bitrate` on the bus", "add it, or use another bus");
+        }
+        let mut frames = FrameQueue::new(16);
+        motor.drive.encode(&Setpoint::default(), &mut frames);
+        if frames.frames().is_empty() {
+            findings.error(*place, "the drive sends nothing for a set-point", "at least one frame", "correct its settings");
+        }
+    }
+    for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
+        let percent = load.fraction * 100.0;
+        let found = format!("{} is loaded to {percent:.0} % at {} Hz", quoted(&bus.name), configuration.rate_hz);
+        let help = "lower rate_hz, or spread the motors over more buses";
+        if load.fraction > REFUSED {
+            findings.error(rate, found, format!("at most {:.0} %", REFUSED * 100.0), help);
+        } else if load.fraction > WARNED {
+            findings.warning(rate, found, format!("at most {:.0} %", WARNED * 100.0), help);
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! A configuration from its file: the one place of this crate that opens files, before anything runs.
+
+use std::path::{Path, PathBuf};
+
+use sarrus_models::{Options, Report, Source, load};
+
+use super::{Configuration, Surroundings};
+
+/// Why a configuration cannot be used.
+#[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigurationError {
+    /// Its file cannot be read.
+    #[error("cannot open {file}: {reason}; give the path of a readable file")]
+    Open {
+        /// The file as the user named it.
+        file: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// Its content is faulty: every fault, and the warnings beside them.
+    #[error("{0}")]
+    Faults(Report),
+}
+
+impl Configuration {
+    /// Reads the configuration of a file; files that it names lie beside it.
+    ///
+    /// # Errors
+    /// A file that cannot be opened, or every fault of its content.
+    pub fn load(path: &Path) -> Result<Configuration, ConfigurationError> {
+        let name = path.display().to_string();
+        let bytes = std::fs::read(path).map_err(|error| ConfigurationError::Open { file: name.clone(), reason: error.to_string() })?;
+        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+        let file = |name: &str| std::fs::read_to_string(folder.join(name)).map_err(|error| error.to_string());
+        let robot = |source: &Source| load(&beside(&folder, source), &Options::default());
+        let configuration =
+            Configuration::read(&name, bytes, &Surroundings { file: &file, robot: &robot }).map_err(ConfigurationError::Faults)?;
+        let source = configuration.source.as_ref().map(|source| beside(&folder, source));
+        Ok(Configuration { source, ..configuration })
+    }
+}
+
+/// A source whose files lie in a folder.
+fn beside(folder: &Path, source: &Source) -> Source {
+    let within = |path: &PathBuf| folder.join(path);
+    match source {
+        Source::Files { urdf, submechanisms } => Source::Files { urdf: within(urdf), submechanisms: submechanisms.as_ref().map(within) },
+        other => other.clone(),
+    }
+}
