@@ -11,5 +11,7 @@ pub mod event;
 pub mod frame;
 pub mod load;
 pub mod mapping;
+pub mod motor;
 pub mod protocol;
 mod settings;
+pub mod slcan;
