@@ -73,6 +73,33 @@ impl Frame {
         Some(Frame { id, kind, len: bytes.len() as u8, data })
     }
 
+    /// Reads what [`Frame`] displays, the notation of `candump -L`; `None` for anything else.
+    pub fn from_text(text: &str) -> Option<Frame> {
+        let (id, rest) = text.split_once('#')?;
+        let number = u32::from_str_radix(id, 16).ok()?;
+        let id = match id.len() {
+            3 => Id::standard(number)?,
+            8 => Id::extended(number)?,
+            _ => return None,
+        };
+        let (flags, digits) = match rest.strip_prefix('#') {
+            Some(rest) => (Some(rest.get(..1)?), rest.get(1..)?),
+            None => (None, rest),
+        };
+        if !digits.len().is_multiple_of(2) || digits.len() > 2 * MAX_DATA {
+            return None;
+        }
+        let mut bytes = [0; MAX_DATA];
+        for (i, byte) in bytes.iter_mut().enumerate().take(digits.len() / 2) {
+            *byte = u8::from_str_radix(digits.get(2 * i..2 * i + 2)?, 16).ok()?;
+        }
+        let bytes = bytes.get(..digits.len() / 2)?;
+        match flags {
+            None => Frame::classic(id, bytes),
+            Some(flags) => Frame::fd(id, u8::from_str_radix(flags, 16).ok()? & 1 != 0, bytes),
+        }
+    }
+
     /// The data bytes.
     pub fn data(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or_default()
@@ -151,5 +178,20 @@ impl FrameQueue {
     /// Empties the queue.
     pub fn clear(&mut self) {
         self.frames.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_read_as_they_are_written() {
+        for text in ["123#0011AAFF", "7FF#", "00000123#00", "1FFFFFFF##1000102030405060708090A0B", "001##0FF"] {
+            assert_eq!(Frame::from_text(text).map(|frame| frame.to_string()).as_deref(), Some(text));
+        }
+        for text in ["", "#", "12#00", "800#00", "20000000#00", "123#0", "123#0g", "123#001122334455667788", "123##", "123##1000102030405060708090A", "123#R"] {
+            assert_eq!(Frame::from_text(text), None, "{text}");
+        }
     }
 }

@@ -22,6 +22,18 @@ pub enum ConnectError {
         /// How long was waited.
         timeout: Duration,
     },
+    /// No CAN bridge has this name.
+    #[error("no bridge named `{name}` runs; start one with `sarrus-can run CONFIG --name {name}`")]
+    NoBridge {
+        /// The name.
+        name: String,
+    },
+    /// A bridge has this name but says nothing.
+    #[error("the bridge `{name}` tells no state; see whether its process is stopped or has crashed")]
+    SilentBridge {
+        /// The name.
+        name: String,
+    },
     /// The server speaks another version of the protocol.
     #[error("the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and server of one version")]
     WrongVersion {

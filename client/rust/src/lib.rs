@@ -3,6 +3,7 @@
 //! [`Robot`] is all there is to know: connect by name, [`Robot::prepare`] what is wanted, [`Robot::ask`] as often as
 //! needed. When the server is killed and started again with the same model, the client goes on by itself.
 
+mod bridge;
 mod control;
 mod describe;
 mod error;
@@ -13,6 +14,7 @@ mod robot;
 mod wait;
 mod wish;
 
+pub use bridge::{Controller, Observer};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
 pub use options::{ConnectOptions, Door, Patience};
@@ -20,5 +22,6 @@ pub use robot::{PlanId, Prepared, Robot};
 pub use sarrus_dynamics::Answer;
 pub use sarrus_models::{LoadError, Options, Source};
 pub use sarrus_proto::message::Statistics;
+pub use sarrus_proto::{actuators, watch};
 pub use sarrus_proto::{Domain, Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, WantedError, Warnings};
 pub use wish::Wish;

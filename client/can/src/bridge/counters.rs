@@ -1,7 +1,6 @@
 //! What is counted, for those who watch.
 
-use super::Verdict;
-use crate::event::BusEvent;
+use super::{BusEvent, Verdict};
 
 /// How a bus is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

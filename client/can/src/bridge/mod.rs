@@ -6,6 +6,7 @@
 //! older than T1 bring damping, older than T2 take the power away. Nothing ever arms by itself.
 
 mod counters;
+mod event;
 mod mechanism;
 mod motor;
 mod setpoint;
@@ -13,12 +14,12 @@ mod setpoint;
 mod tests;
 
 pub use counters::{BusCounters, BusState, Counters};
+pub use event::BusEvent;
 
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Operation, Reason, Standing, flag};
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};
-use crate::event::BusEvent;
 use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use motor::Motor;

@@ -33,9 +33,8 @@ use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
 use sarrus_models::{Finding, LoadError, Loaded, Source};
 pub use sarrus_proto::actuators::MAX_ACTUATORS;
+pub use sarrus_proto::watch::MAX_BUSES;
 
-/// Most buses of a robot.
-pub const MAX_BUSES: usize = 16;
 
 /// Buses, motors and rules of one robot.
 #[derive(Debug)]

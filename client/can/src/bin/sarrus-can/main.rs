@@ -1,12 +1,18 @@
 //! `sarrus-can`: the CAN bridge as a program, and what a robot's owner needs around it.
 
 mod bus;
+mod check;
 mod clock;
+mod operate;
+mod replay;
+mod run;
 mod simulate;
+mod top;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use sarrus_client::actuators::Operation;
 
 /// The CAN bridge of sarrus.
 #[derive(Parser)]
@@ -18,12 +24,39 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Read a configuration: every fault of it, or its motors, the loads of its buses and the frames of a command of zeros.
+    ///
+    /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid configuration, 1 for a faulty one, 2 for a file that cannot
+    /// be opened and wrong flags.
+    Check(check::Check),
+    /// Run the bridge between controllers and motors.
+    ///
+    /// Prints `ready NAME` when controllers can connect. The motors have no power until somebody arms, and lose it when commands stay away,
+    /// when a motor fails, and on every way out of this program. SIGINT, SIGTERM and SIGHUP are a clean stop, which ends with 0.
+    Run(run::Run),
+    /// Give the motors power, as soon as everything is in order and a controller commands.
+    Arm(operate::Operate),
+    /// Take the motors' power away.
+    Disarm(operate::Operate),
+    /// Forget faults, after somebody looked at what caused them.
+    Reset(operate::Operate),
+    /// Watch a running bridge: states, times, counts.
+    Top(top::Top),
+    /// Run the rules on a recorded input, without buses.
+    Replay(replay::Replay),
     /// Motors without motors: the motors of a configuration on pseudo-terminals or on its buses.
     Simulate(simulate::Simulate),
 }
 
 fn main() -> ExitCode {
     match Arguments::parse().command {
+        Command::Check(check) => check.run(),
+        Command::Run(run) => run.run(),
+        Command::Arm(operate) => operate.run(Operation::Arm),
+        Command::Disarm(operate) => operate.run(Operation::Disarm),
+        Command::Reset(operate) => operate.run(Operation::Reset),
+        Command::Top(top) => top.run(),
+        Command::Replay(replay) => replay.run(),
         Command::Simulate(simulate) => simulate::run(&simulate),
     }
 }

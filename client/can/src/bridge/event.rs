@@ -20,3 +20,20 @@ pub enum BusEvent {
     /// Frames that were received and lost because nobody took them in time.
     Overrun(u32),
 }
+
+impl BusEvent {
+    /// The event of a name in recordings; `count` is for those that count frames.
+    pub fn named(name: &str, count: u32) -> Option<BusEvent> {
+        Some(match name {
+            "error_active" => BusEvent::ErrorActive,
+            "error_warning" => BusEvent::ErrorWarning,
+            "error_passive" => BusEvent::ErrorPassive,
+            "bus_off" => BusEvent::BusOff,
+            "restarted" => BusEvent::Restarted,
+            "dropped" => BusEvent::Dropped(count),
+            "backlog" => BusEvent::Backlog(count),
+            "overrun" => BusEvent::Overrun(count),
+            _ => return None,
+        })
+    }
+}

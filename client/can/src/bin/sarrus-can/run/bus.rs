@@ -1,0 +1,155 @@
+//! The thread of one bus: sends what the rules hand over, hears what comes, and has the last word.
+
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::Arc;
+use std::time::Duration;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd};
+use sarrus_can::bridge::BusEvent;
+use sarrus_can::frame::Frame;
+
+use super::realtime;
+use crate::bus::{Bus, BusError, Heard, Sent, wait_for};
+use crate::clock::now_ns;
+
+/// Room for frames and events on their way between two threads.
+const ROOM: usize = 4096;
+/// How often the last words are said, and the time between.
+const LAST_WORDS: (usize, Duration) = (5, Duration::from_millis(5));
+/// A bus whose rules say nothing for this time looks whether they are still there.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// What a bus heard, and when `[ns]`.
+pub(crate) type Stamped = (u64, Heard);
+
+/// The thread's side.
+pub(crate) struct BusThread {
+    name: String,
+    port: Box<dyn Bus>,
+    /// Frames with the number of their cycle.
+    to_send: Consumer<(u64, Frame)>,
+    heard: Producer<Stamped>,
+    bell: Arc<OwnedFd>,
+    /// Frames that take the power from every motor of this bus.
+    last_words: Vec<Frame>,
+    overrun: u32,
+    backlog: u32,
+}
+
+/// The rules' side.
+pub(crate) struct BusEnd {
+    to_send: Producer<(u64, Frame)>,
+    heard: Consumer<Stamped>,
+    bell: Arc<OwnedFd>,
+}
+
+impl BusEnd {
+    /// The next thing that was heard.
+    pub(crate) fn next(&mut self) -> Option<Stamped> {
+        self.heard.pop().ok()
+    }
+
+    /// Hands the frames of a cycle over and wakes the bus; gives how many found no room.
+    pub(crate) fn send(&mut self, cycle: u64, frames: &[Frame]) -> u32 {
+        let mut dropped = 0;
+        for frame in frames {
+            dropped += u32::from(self.to_send.push((cycle, *frame)).is_err());
+        }
+        // the counter of a bell that nobody hears cannot overflow in a lifetime
+        let _ = rustix::io::write(&*self.bell, &1_u64.to_ne_bytes());
+        dropped
+    }
+}
+
+impl BusThread {
+    pub(crate) fn new(name: String, port: Box<dyn Bus>, last_words: Vec<Frame>) -> io::Result<(BusThread, BusEnd)> {
+        let bell = Arc::new(eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?);
+        let (send, to_send) = RingBuffer::new(ROOM);
+        let (hear, heard) = RingBuffer::new(ROOM);
+        let end = BusEnd { to_send: send, heard, bell: bell.clone() };
+        Ok((BusThread { name, port, to_send, heard: hear, bell, last_words, overrun: 0, backlog: 0 }, end))
+    }
+
+    /// Until the rules are gone or the bus is; then the motors are disabled.
+    pub(crate) fn run(mut self, priority: u8) -> Result<(), BusError> {
+        realtime::be_first(priority);
+        let result = self.serve();
+        if let Err(error) = &result {
+            eprintln!("sarrus-can run: {}: {error}", self.name);
+        }
+        result
+    }
+
+    fn serve(&mut self) -> Result<(), BusError> {
+        while !self.to_send.is_abandoned() {
+            {
+                let (port, bell) = (self.port.readable(), self.bell.as_fd());
+                wait_for(&mut [PollFd::new(&port, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)], PATIENCE)?;
+            }
+            self.hear()?;
+            self.send()?;
+        }
+        Ok(())
+    }
+
+    fn hear(&mut self) -> Result<(), BusError> {
+        while let Some(heard) = self.port.next()? {
+            self.tell(heard);
+        }
+        if self.overrun > 0 && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok() {
+            self.overrun = 0;
+        }
+        Ok(())
+    }
+
+    /// Sends the frames of the newest cycle; older ones that still wait are dropped.
+    fn send(&mut self) -> Result<(), BusError> {
+        let mut count = [0; 8];
+        // nothing to read means that the bus itself woke this thread
+        let _ = rustix::io::read(&*self.bell, &mut count);
+        let slots = self.to_send.slots();
+        let newest = self.to_send.read_chunk(slots).ok().and_then(|chunk| {
+            let (first, second) = chunk.as_slices();
+            second.last().or(first.last()).map(|(cycle, _)| *cycle)
+        });
+        let Some(newest) = newest else { return Ok(()) };
+        let mut dropped = 0;
+        for _ in 0..slots {
+            let Ok((cycle, frame)) = self.to_send.pop() else { break };
+            let is_sent = cycle == newest && self.port.send(&frame)? == Sent::Taken;
+            dropped += u32::from(!is_sent);
+        }
+        if dropped > 0 {
+            self.tell(Heard::Event(BusEvent::Dropped(dropped)));
+        }
+        // frames of this cycle are on their way; what of it still waits at the next is old
+        let backlog = self.port.backlog().saturating_sub(slots as u32);
+        if backlog != self.backlog {
+            self.backlog = backlog;
+            self.tell(Heard::Event(BusEvent::Backlog(backlog)));
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, heard: Heard) {
+        if self.heard.push((now_ns(), heard)).is_err() {
+            self.overrun += 1;
+        }
+    }
+}
+
+impl Drop for BusThread {
+    /// However this thread ends, its motors are told to let go.
+    fn drop(&mut self) {
+        let (times, pause) = LAST_WORDS;
+        for _ in 0..times {
+            for frame in &self.last_words {
+                // a bus that is gone takes no words; the motors' watchdogs remain
+                let _ = self.port.send(frame);
+            }
+            std::thread::sleep(pause);
+        }
+    }
+}

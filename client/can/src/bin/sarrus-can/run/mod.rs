@@ -1,0 +1,141 @@
+//! `sarrus-can run`: the bridge on the robot.
+//!
+//! One thread runs the rules at absolute deadlines; each bus has a thread of its own, which waits for frames and sends what the rules hand
+//! over, so that a slow adapter holds nobody else up. Threads share nothing but queues of fixed size: nothing locks.
+
+mod bus;
+mod realtime;
+mod rules;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use clap::Args;
+use sarrus_can::bridge::Bridge;
+use sarrus_can::config::{Configuration, ConfigurationError};
+use sarrus_can::load;
+use sarrus_can::telemetry::Telemetry;
+use sarrus_proto::bridge::BridgeEnd;
+use sarrus_proto::lane::Threadsafe;
+use sarrus_proto::{Domain, ServerName};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use crate::bus::{Address, open};
+use crate::clock::now_ns;
+use bus::BusThread;
+use rules::Rules;
+
+/// Flags of `run`.
+#[derive(Args)]
+pub(crate) struct Run {
+    /// The configuration of the robot's buses and motors
+    config: PathBuf,
+    /// Name under which controllers find the bridge
+    #[arg(long, default_value = "default")]
+    name: String,
+    /// Go on when the process that started this one ends; without it the motors are disabled then
+    #[arg(long)]
+    outlive_parent: bool,
+    /// Priority of the threads under SCHED_FIFO, where that is permitted
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u8).range(1..=98))]
+    priority: u8,
+}
+
+impl Run {
+    /// Runs until SIGINT, SIGTERM or SIGHUP: 0; 1 for a faulty configuration, 2 for what cannot be opened.
+    pub(crate) fn run(self) -> ExitCode {
+        let configuration = match Configuration::load(&self.config) {
+            Ok(configuration) => configuration,
+            Err(error) => {
+                eprintln!("{error}");
+                return ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 });
+            }
+        };
+        configuration.warnings.iter().for_each(|warning| eprintln!("sarrus-can run: warning: {warning}"));
+        match self.bridge(configuration) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("sarrus-can run: {error}");
+                ExitCode::from(2)
+            }
+        }
+    }
+
+    fn bridge(&self, configuration: Configuration) -> Result<(), Box<dyn std::error::Error>> {
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            signal_hook::flag::register(signal, stop.clone())?;
+        }
+        if !self.outlive_parent {
+            realtime::end_with_parent(&stop)?;
+        }
+        let name = ServerName::new(&self.name)?;
+        let domain = Domain::of_user()?;
+        let node = domain.node::<Threadsafe>()?;
+        let services = BridgeEnd::create(&node, &name)?;
+
+        let loads = load::loads(&configuration);
+        let mut bridge = Bridge::new(configuration);
+        let last_words: Vec<_> = {
+            bridge.shutdown();
+            (0..bridge.configuration().buses.len()).map(|bus| bridge.frames(bus).to_vec()).collect()
+        };
+        let (mut threads, mut ends) = (Vec::new(), Vec::new());
+        for (config, frames) in bridge.configuration().buses.iter().zip(last_words) {
+            let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
+            let port = open(Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate })?;
+            let (thread, end) = BusThread::new(config.name.clone(), port, frames)?;
+            threads.push(thread);
+            ends.push(end);
+        }
+        let telemetry = Telemetry::new(&bridge, &loads, std::process::id(), now_ns()).ok_or("no memory for histograms")?;
+        realtime::lock_memory().into_iter().for_each(|note| eprintln!("sarrus-can run: {note}"));
+
+        let result = thread::scope(|scope| {
+            let buses: Vec<_> = threads.into_iter().map(|thread| scope.spawn(|| thread.run(self.priority))).collect();
+            let mut rules = Rules { bridge, telemetry, services, ends, stop: &stop };
+            let result = {
+                let rules = scope.spawn(|| {
+                    realtime::be_first(self.priority);
+                    rules.run();
+                });
+                announce(&self.name);
+                while !rules.is_finished() {
+                    if buses.iter().any(|bus| bus.is_finished()) {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                    thread::sleep(Duration::from_millis(20));
+                }
+                rules.join()
+            };
+            // the queues end here: each bus says its last words, also after a panic
+            drop(rules);
+            let mut faults = Vec::new();
+            for bus in buses {
+                match bus.join() {
+                    Ok(Ok(())) => {}
+                    Ok(Err(error)) => faults.push(error.to_string()),
+                    Err(_) => faults.push("the thread of a bus broke down".to_owned()),
+                }
+            }
+            if result.is_err() {
+                faults.push("the thread of the rules broke down; the motors were disabled".to_owned());
+            }
+            faults
+        });
+        drop(node);
+        domain.tidy();
+        if result.is_empty() { Ok(()) } else { Err(result.join("; ").into()) }
+    }
+}
+
+/// Whoever started the bridge may have closed its end: it goes on.
+fn announce(name: &str) {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    let _ = writeln!(out, "ready {name}").and_then(|()| out.flush());
+}

@@ -1,0 +1,45 @@
+//! What the system permits of real time, and what is said where it does not.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::process::{Resource, Signal, getppid, getrlimit, set_parent_process_death_signal};
+use thread_priority::{RealtimeThreadSchedulePolicy, ScheduleParams, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id};
+use thread_priority::{ThreadPriority, ThreadPriorityValue};
+
+/// SIGTERM comes when the parent ends; where it has ended already, `stop` is set.
+pub(crate) fn end_with_parent(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
+    let parent = getppid();
+    set_parent_process_death_signal(Some(Signal::TERM))?;
+    if getppid() != parent {
+        stop.store(true, Ordering::Relaxed);
+    }
+    Ok(())
+}
+
+/// Keeps all memory in memory; says why where it does not.
+///
+/// Locking what is still to come under a limit would make later allocations fail, so the limit is looked at first.
+pub(crate) fn lock_memory() -> Option<String> {
+    let limit = getrlimit(Resource::Memlock).current;
+    let is_root = rustix::process::geteuid().is_root();
+    if let (Some(limit), false) = (limit, is_root) {
+        return Some(format!(
+            "memory is not locked: RLIMIT_MEMLOCK is {} KiB, expected unlimited; `ulimit -l unlimited` or LimitMEMLOCK=infinity",
+            limit / 1024
+        ));
+    }
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).err().map(|error| format!("memory is not locked: {error}"))
+}
+
+/// Puts this thread under SCHED_FIFO where that is permitted, and says so where it is not.
+pub(crate) fn be_first(priority: u8) {
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
+    let _ = ScheduleParams { sched_priority: i32::from(priority) };
+    let set = value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy));
+    if !matches!(set, Ok(Ok(()))) {
+        eprintln!("sarrus-can run: no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend on other programs");
+    }
+}

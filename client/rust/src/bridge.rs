@@ -1,0 +1,137 @@
+//! Talking to a CAN bridge: commands of a controller, and what anybody may see and ask.
+
+use iceoryx2::node::Node;
+use rustix::time::{ClockId, clock_gettime};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest};
+use sarrus_proto::bridge::{ControllerEnd, ObserverEnd};
+use sarrus_proto::lane::Threadsafe;
+use sarrus_proto::service::ServiceError;
+use sarrus_proto::watch::BridgeStatistics;
+use sarrus_proto::{Domain, DomainError, ServerName};
+
+use crate::ConnectError;
+
+/// The controller of a bridge; a bridge has one at a time.
+///
+/// A state older than a few cycles means that the bridge is gone: look at its stamp. Commands must keep coming, each later than T1 of the
+/// configuration is damped, and later than T2 disabled.
+#[derive(Debug)]
+pub struct Controller {
+    end: ControllerEnd,
+    fingerprint: u64,
+    sequence: u64,
+    _place: Place,
+}
+
+/// Somebody who watches a bridge, and may operate it.
+#[derive(Debug)]
+pub struct Observer {
+    end: ObserverEnd,
+    _place: Place,
+}
+
+impl Controller {
+    /// Connects to a running bridge, with the fingerprint of the model that commands are computed with (0 where the bridge has none).
+    ///
+    /// # Errors
+    /// No bridge of this name runs, or it has a controller.
+    pub fn connect(name: &str, fingerprint: u64) -> Result<Controller, ConnectError> {
+        let (place, node, server) = Place::enter(name)?;
+        let end = ControllerEnd::open(&node, &server).map_err(|error| refused(name, error))?;
+        Ok(Controller { end, fingerprint, sequence: 0, _place: place })
+    }
+
+    /// Sends a command; its sequence, stamp and fingerprint are filled in. False where it could not be sent.
+    pub fn send(&mut self, command: &mut ActuatorCommand) -> bool {
+        self.sequence += 1;
+        command.sequence = self.sequence;
+        command.stamp_ns = now_ns();
+        command.fingerprint = self.fingerprint;
+        self.end.send(command)
+    }
+
+    /// The newest state of the actuators, once.
+    pub fn state(&self) -> Option<ActuatorState> {
+        self.end.observer().state()
+    }
+
+    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it.
+    pub fn operate(&self, operation: Operation) -> u64 {
+        operate(self.end.observer(), operation)
+    }
+}
+
+impl Observer {
+    /// Connects to a running bridge.
+    ///
+    /// # Errors
+    /// No bridge of this name runs, or too many watch it.
+    pub fn connect(name: &str) -> Result<Observer, ConnectError> {
+        let (place, node, server) = Place::enter(name)?;
+        let end = ObserverEnd::open(&node, &server).map_err(|error| refused(name, error))?;
+        Ok(Observer { end, _place: place })
+    }
+
+    /// The newest state of the actuators, once.
+    pub fn state(&self) -> Option<ActuatorState> {
+        self.end.state()
+    }
+
+    /// The newest statistics, once; the bridge tells them twice a second.
+    pub fn statistics(&self) -> Option<BridgeStatistics> {
+        self.end.statistics()
+    }
+
+    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it.
+    pub fn operate(&self, operation: Operation) -> u64 {
+        operate(&self.end, operation)
+    }
+}
+
+fn operate(end: &ObserverEnd, operation: Operation) -> u64 {
+    let stamp_ns = now_ns();
+    end.operate(&OperatorRequest { stamp_ns, operation: operation as u32, reserved: 0 });
+    stamp_ns
+}
+
+fn refused(name: &str, error: ServiceError) -> ConnectError {
+    match error {
+        ServiceError::NoBridge { .. } => ConnectError::NoBridge { name: name.to_owned() },
+        ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
+        ServiceError::Full { limit, .. } => {
+            ConnectError::FullHouse { door: "places at the bridge", limit, help: "end the other controller or observers" }
+        }
+        other => ConnectError::Service(other),
+    }
+}
+
+/// CLOCK_MONOTONIC, which all processes of a machine share `[ns]`.
+fn now_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// This process's place in the shared memory; the node goes before what it leaves is tidied away.
+#[derive(Debug)]
+struct Place {
+    node: Option<Node<Threadsafe>>,
+    domain: Domain,
+}
+
+impl Place {
+    /// A node for this process, and the checked name.
+    fn enter(name: &str) -> Result<(Place, Node<Threadsafe>, ServerName), ConnectError> {
+        let of_domain = |error: DomainError| ConnectError::Service(ServiceError::Domain(error));
+        let server = ServerName::new(name).map_err(of_domain)?;
+        let domain = Domain::of_user().map_err(of_domain)?;
+        let node = domain.node::<Threadsafe>().map_err(of_domain)?;
+        Ok((Place { node: Some(node.clone()), domain }, node, server))
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.node = None;
+        self.domain.tidy();
+    }
+}
