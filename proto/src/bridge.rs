@@ -168,7 +168,11 @@ fn open<T: Debug + ZeroCopySend + 'static>(node: &Node<Threadsafe>, service: &Se
     })
 }
 
-fn sender<T: Debug + ZeroCopySend + 'static>(factory: &Factory<T>, service: &ServiceName, limit: usize) -> Result<Sending<T>, ServiceError> {
+fn sender<T: Debug + ZeroCopySend + 'static>(
+    factory: &Factory<T>,
+    service: &ServiceName,
+    limit: usize,
+) -> Result<Sending<T>, ServiceError> {
     let builder = factory.publisher_builder().max_loaned_samples(1).backpressure_strategy(BackpressureStrategy::DiscardData);
     builder.create().map_err(|error| match error {
         PublisherCreateError::ExceedsMaxSupportedPublishers => ServiceError::Full { service: service.to_string(), limit },

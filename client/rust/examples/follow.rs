@@ -57,8 +57,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let t = start.map_or(0.0, |start| start.elapsed().as_secs_f64());
         let (size, period) = SWING;
         let w = 2.0 * PI / period;
-        let [position, velocity, acceleration] =
-            [size * (1.0 - (w * t).cos()), size * w * (w * t).sin(), size * w * w * (w * t).cos()];
+        let [position, velocity, acceleration] = [size * (1.0 - (w * t).cos()), size * w * (w * t).sin(), size * w * w * (w * t).cos()];
         for i in 0..n_y {
             let [y, yd] = [state[i], state[n_y + i]];
             let behind = y_start[i] + position - y;

@@ -36,8 +36,7 @@ impl Controller {
     /// # Errors
     /// No bridge of this name runs, or it has a controller.
     pub fn connect(name: &str, fingerprint: u64) -> Result<Controller, ConnectError> {
-        let (place, node, server) = Place::enter(name)?;
-        let end = ControllerEnd::open(&node, &server).map_err(|error| refused(name, error))?;
+        let (end, place) = Place::enter(name, ControllerEnd::open)?;
         Ok(Controller { end, fingerprint, sequence: 0, _place: place })
     }
 
@@ -67,8 +66,7 @@ impl Observer {
     /// # Errors
     /// No bridge of this name runs, or too many watch it.
     pub fn connect(name: &str) -> Result<Observer, ConnectError> {
-        let (place, node, server) = Place::enter(name)?;
-        let end = ObserverEnd::open(&node, &server).map_err(|error| refused(name, error))?;
+        let (end, place) = Place::enter(name, ObserverEnd::open)?;
         Ok(Observer { end, _place: place })
     }
 
@@ -119,13 +117,14 @@ struct Place {
 }
 
 impl Place {
-    /// A node for this process, and the checked name.
-    fn enter(name: &str) -> Result<(Place, Node<Threadsafe>, ServerName), ConnectError> {
+    /// A place, and the end of a bridge's services that `open` gives there.
+    fn enter<E>(name: &str, open: fn(&Node<Threadsafe>, &ServerName) -> Result<E, ServiceError>) -> Result<(E, Place), ConnectError> {
         let of_domain = |error: DomainError| ConnectError::Service(ServiceError::Domain(error));
         let server = ServerName::new(name).map_err(of_domain)?;
         let domain = Domain::of_user().map_err(of_domain)?;
         let node = domain.node::<Threadsafe>().map_err(of_domain)?;
-        Ok((Place { node: Some(node.clone()), domain }, node, server))
+        let end = open(&node, &server).map_err(|error| refused(name, error))?;
+        Ok((end, Place { node: Some(node), domain }))
     }
 }
 

@@ -22,6 +22,6 @@ pub use robot::{PlanId, Prepared, Robot};
 pub use sarrus_dynamics::Answer;
 pub use sarrus_models::{LoadError, Options, Source};
 pub use sarrus_proto::message::Statistics;
-pub use sarrus_proto::{actuators, watch};
 pub use sarrus_proto::{Domain, Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, WantedError, Warnings};
+pub use sarrus_proto::{actuators, watch};
 pub use wish::Wish;

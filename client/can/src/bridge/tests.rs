@@ -40,11 +40,8 @@ impl Drive for Plain {
             return Receipt::NotMine;
         }
         let Some([is_on, fault, position]) = frame.exactly::<3>() else { return Receipt::Malformed };
-        self.state = DriveState {
-            power: if is_on == 1 { Power::On } else { Power::Off },
-            fault: u32::from(fault),
-            watchdog: Watchdog::Set(50),
-        };
+        self.state =
+            DriveState { power: if is_on == 1 { Power::On } else { Power::Off }, fault: u32::from(fault), watchdog: Watchdog::Set(50) };
         Receipt::Measured(Measurement { position: f64::from(position) / 100.0, velocity: 0.0, torque: 0.0, temperature: 30.0 })
     }
     fn state(&self) -> DriveState {
@@ -211,7 +208,8 @@ fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(120);
     let told = bench.told[0].lock().unwrap().clone();
-    let setpoints: Vec<Setpoint> = told.iter().filter_map(|wish| if let Wish::On(setpoint) = wish { Some(*setpoint) } else { None }).collect();
+    let setpoints: Vec<Setpoint> =
+        told.iter().filter_map(|wish| if let Wish::On(setpoint) = wish { Some(*setpoint) } else { None }).collect();
     assert_eq!(setpoints[0], Setpoint { position: 0.2, ..Setpoint::default() });
     // from 0.2 to 0.5 in 100 ms, no step larger than its share
     for pair in setpoints.windows(2) {
@@ -298,8 +296,7 @@ fn one_number_that_is_none_rejects_the_whole_command() {
         for field in 0..5 {
             bench.sequence += 1;
             let mut command = bench.command();
-            let fields =
-                [&mut command.position, &mut command.velocity, &mut command.effort, &mut command.stiffness, &mut command.damping];
+            let fields = [&mut command.position, &mut command.velocity, &mut command.effort, &mut command.stiffness, &mut command.damping];
             fields[field][2] = number;
             assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::NotFinite);
         }

@@ -35,7 +35,6 @@ use sarrus_models::{Finding, LoadError, Loaded, Source};
 pub use sarrus_proto::actuators::MAX_ACTUATORS;
 pub use sarrus_proto::watch::MAX_BUSES;
 
-
 /// Buses, motors and rules of one robot.
 #[derive(Debug)]
 #[non_exhaustive]

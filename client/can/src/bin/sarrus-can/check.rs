@@ -74,7 +74,13 @@ fn text(configuration: &Configuration) -> String {
     let mut out = String::new();
     let robot = configuration.robot.as_deref().unwrap_or("no model");
     // writing to a string cannot fail
-    let _ = writeln!(out, "{robot}, {} motors on {} buses at {} Hz\n", configuration.motors.len(), configuration.buses.len(), configuration.rate_hz);
+    let _ = writeln!(
+        out,
+        "{robot}, {} motors on {} buses at {} Hz\n",
+        configuration.motors.len(),
+        configuration.buses.len(),
+        configuration.rate_hz
+    );
     let mut rows = vec![["bus", "channel", "bit rate", "frames", "longest", "load"].map(String::from).to_vec()];
     for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
         let data = bus.data_bitrate.map(|rate| format!(" / {rate}")).unwrap_or_default();
@@ -122,8 +128,9 @@ fn text(configuration: &Configuration) -> String {
 /// Columns as wide as their widest entry.
 pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
     let columns = rows.first().map_or(0, Vec::len);
-    let widths: Vec<usize> =
-        (0..columns).map(|column| rows.iter().filter_map(|row| row.get(column)).map(|entry| entry.chars().count()).max().unwrap_or(0)).collect();
+    let widths: Vec<usize> = (0..columns)
+        .map(|column| rows.iter().filter_map(|row| row.get(column)).map(|entry| entry.chars().count()).max().unwrap_or(0))
+        .collect();
     for row in rows {
         let line: Vec<String> = row.iter().zip(&widths).map(|(entry, width)| format!("{entry:<width$}")).collect();
         let _ = writeln!(out, "{}", line.join("  ").trim_end());
@@ -136,13 +143,17 @@ fn object(configuration: &Configuration) -> Value {
         json!({"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate, "data_bitrate": bus.data_bitrate,
                "frames": frames, "busy_us": busy * 1e6, "load": fraction})
     }).collect();
-    let motors: Vec<Value> = configuration.motors.iter().map(|motor| {
-        let frames: Vec<String> = zero(motor).frames().iter().map(ToString::to_string).collect();
-        json!({"actuator": configuration.actuators.get(motor.actuator), "bus": configuration.buses.get(motor.bus).map(|bus| &bus.name),
+    let motors: Vec<Value> = configuration
+        .motors
+        .iter()
+        .map(|motor| {
+            let frames: Vec<String> = zero(motor).frames().iter().map(ToString::to_string).collect();
+            json!({"actuator": configuration.actuators.get(motor.actuator), "bus": configuration.buses.get(motor.bus).map(|bus| &bus.name),
                "protocol": motor.protocol.name, "mode": motor.common.mode.name(), "sign": motor.mapping.sign, "gear": motor.mapping.gear,
                "offset": motor.is_calibrated.then_some(motor.mapping.offset), "torque_constant": motor.mapping.torque_constant,
                "watchdog_ms": motor.common.watchdog_ms, "mechanism": configuration.mechanisms.get(motor.actuator), "zero": frames})
-    }).collect();
+        })
+        .collect();
     json!({
         "robot": configuration.robot, "fingerprint": format!("{:016x}", configuration.fingerprint), "rate_hz": configuration.rate_hz,
         "actuators": configuration.actuators, "buses": buses, "motors": motors, "warnings": configuration.warnings, "errors": [],

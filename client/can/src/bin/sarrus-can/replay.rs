@@ -91,7 +91,8 @@ fn step(bridge: &mut Bridge, line: &str, out: &mut impl Write) -> Result<(), Str
 
 /// A command; what is not given is zero, `null` is NaN, as JSON has no word for it.
 fn command(fields: &Value, configuration: &Configuration) -> Result<ActuatorCommand, String> {
-    let whole = |key: &str, otherwise: u64| fields.get(key).map_or(Some(otherwise), Value::as_u64).ok_or(format!("`{key}` is no whole number"));
+    let whole =
+        |key: &str, otherwise: u64| fields.get(key).map_or(Some(otherwise), Value::as_u64).ok_or(format!("`{key}` is no whole number"));
     let numbers = |key: &str| {
         let mut numbers = [0.0; MAX_ACTUATORS];
         let Some(given) = fields.get(key) else { return Ok(numbers) };

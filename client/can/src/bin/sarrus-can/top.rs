@@ -103,7 +103,8 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     let s = statistics;
     let up = s.stamp_ns.saturating_sub(s.started_ns) as f64 * 1e-9;
     // writing to a string cannot fail
-    let _ = writeln!(out, "{} ({})   process {}, {up:.0} s, {} cycles", standing(state.standing), reason(state.reason), s.process, s.cycles);
+    let _ =
+        writeln!(out, "{} ({})   process {}, {up:.0} s, {} cycles", standing(state.standing), reason(state.reason), s.process, s.cycles);
     let _ = writeln!(
         out,
         "commands: {} taken; refused: {} not finite, {} negative, {} old, {} ahead, {} of another model, {} of another size\n",
@@ -146,18 +147,29 @@ fn bus_state(code: u64) -> &'static str {
 
 fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
     let times = |times: &Times| json!({"count": times.count, "p50": times.p50, "p99": times.p99, "p999": times.p999, "max": times.max});
-    let buses: Vec<Value> = s.buses.iter().take(s.n_buses as usize).map(|bus| {
-        json!({"name": bus.name.as_str(), "state": bus_state(bus.state), "load": bus.load, "sent": bus.sent, "received": bus.received,
+    let buses: Vec<Value> = s
+        .buses
+        .iter()
+        .take(s.n_buses as usize)
+        .map(|bus| {
+            json!({"name": bus.name.as_str(), "state": bus_state(bus.state), "load": bus.load, "sent": bus.sent, "received": bus.received,
                "unknown": bus.unknown, "malformed": bus.malformed, "dropped": bus.dropped, "overrun": bus.overrun, "passive": bus.passive,
                "off": bus.off})
-    }).collect();
-    let actuators: Vec<Value> = s.actuators.iter().enumerate().take(s.n_u as usize).map(|(place, name)| {
-        let number = |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
-        json!({"name": name.as_str(), "state": standing(of(&state.standings, place)), "reason": reason(of(&state.reasons, place)),
+        })
+        .collect();
+    let actuators: Vec<Value> = s
+        .actuators
+        .iter()
+        .enumerate()
+        .take(s.n_u as usize)
+        .map(|(place, name)| {
+            let number = |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
+            json!({"name": name.as_str(), "state": standing(of(&state.standings, place)), "reason": reason(of(&state.reasons, place)),
                "position": number(&state.position), "velocity": number(&state.velocity), "effort": number(&state.effort),
                "temperature": number(&state.temperature), "fault": of(&state.faults, place), "flags": flags(of(&state.flags, place)),
                "measured_ns": of(&state.measured_ns, place)})
-    }).collect();
+        })
+        .collect();
     json!({
         "state": standing(state.standing), "reason": reason(state.reason), "sequence": state.sequence, "command": state.command,
         "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint), "process": s.process, "cycles": s.cycles,

@@ -98,22 +98,19 @@ impl Run {
         let result = thread::scope(|scope| {
             let buses: Vec<_> = threads.into_iter().map(|thread| scope.spawn(|| thread.run(self.priority))).collect();
             let mut rules = Rules { bridge, telemetry, services, ends, stop: &stop };
-            let result = {
-                let rules = scope.spawn(|| {
-                    realtime::be_first(self.priority);
-                    rules.run();
-                });
-                announce(&self.name);
-                while !rules.is_finished() {
-                    if buses.iter().any(|bus| bus.is_finished()) {
-                        stop.store(true, Ordering::Relaxed);
-                    }
-                    thread::sleep(Duration::from_millis(20));
+            // however this thread ends, also by a panic, its queues end with it, and each bus says its last words
+            let rules = scope.spawn(move || {
+                realtime::be_first(self.priority);
+                rules.run();
+            });
+            announce(&self.name);
+            while !rules.is_finished() {
+                if buses.iter().any(|bus| bus.is_finished()) {
+                    stop.store(true, Ordering::Relaxed);
                 }
-                rules.join()
-            };
-            // the queues end here: each bus says its last words, also after a panic
-            drop(rules);
+                thread::sleep(Duration::from_millis(20));
+            }
+            let result = rules.join();
             let mut faults = Vec::new();
             for bus in buses {
                 match bus.join() {
