@@ -92,7 +92,7 @@ impl Random {
         };
         let lens = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
         let len = lens[(self.bits() % 16) as usize];
-        match len <= 8 && self.bits() % 2 == 0 {
+        match len <= 8 && self.bits().is_multiple_of(2) {
             true => Frame::classic(id, &bytes[..len]),
             false => Frame::fd(id, true, &bytes[..len]),
         }
@@ -121,7 +121,7 @@ pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
         drive.cycle(round, wish, &mut queue);
         assert_eq!(queue.dropped(), 0);
         assert!(!queue.frames().is_empty());
-        if random.bits() % 1000 == 0 {
+        if random.bits().is_multiple_of(1000) {
             drive.forget();
         }
     }
