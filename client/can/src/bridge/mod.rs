@@ -9,6 +9,7 @@ mod counters;
 mod event;
 mod mechanism;
 mod motor;
+mod report;
 mod setpoint;
 #[cfg(test)]
 mod tests;
@@ -16,7 +17,7 @@ mod tests;
 pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Operation, Reason, Standing, flag};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Operation, Reason, Standing};
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};
@@ -276,12 +277,19 @@ impl Bridge {
     /// Frames that take the power from every motor become those of [`Bridge::frames`]; for every way out. Send them several times.
     pub fn shutdown(&mut self) {
         self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed));
-        self.buses.iter_mut().for_each(|bus| bus.queue.clear());
-        for motor in &self.motors {
-            if let Some(bus) = self.buses.get_mut(motor.config.bus) {
-                motor.config.drive.disable(&mut bus.queue);
-            }
+        for (number, bus) in self.buses.iter_mut().enumerate() {
+            bus.queue.clear();
+            let of_bus = self.motors.iter().filter(|motor| motor.config.bus == number);
+            of_bus.for_each(|motor| motor.config.drive.disable(&mut bus.queue));
         }
+    }
+
+    /// The frames of a bus that [`Bridge::shutdown`] would make, to be kept for the worst case. Allocates.
+    pub fn last_words(&self, bus: usize) -> Vec<Frame> {
+        let mut queue = FrameQueue::new(self.motors.len() * FRAMES_PER_MOTOR);
+        let of_bus = self.motors.iter().filter(|motor| motor.config.bus == bus);
+        of_bus.for_each(|motor| motor.config.drive.disable(&mut queue));
+        queue.frames().to_vec()
     }
 
     /// What is known of all actuators after the last cycle.
@@ -385,53 +393,5 @@ impl Bridge {
         if changed {
             self.motors.iter_mut().filter(|motor| is_member(motor)).for_each(Motor::hold);
         }
-    }
-
-    fn report(&mut self, now_ns: u64) {
-        let state = &mut self.state;
-        state.sequence += 1;
-        state.stamp_ns = now_ns;
-        state.command = self.command.sequence;
-        let driven = self.mechanisms.iter().filter(|mechanism| mechanism.has_motors);
-        let worst = driven.max_by_key(|mechanism| mechanism.severity());
-        state.standing = worst.map_or(Standing::Disabled, |worst| worst.standing) as u32;
-        state.reason = worst.map_or(Reason::None, |worst| worst.reason) as u32;
-        for (actuator, number) in self.configuration.mechanisms.iter().enumerate() {
-            let Some(mechanism) = self.mechanisms.get(*number) else { continue };
-            put(&mut state.standings, actuator, mechanism.standing as u32);
-            put(&mut state.reasons, actuator, mechanism.reason as u32);
-            put(&mut state.flags, actuator, flag::NO_MOTOR);
-        }
-        for motor in &self.motors {
-            let actuator = motor.config.actuator;
-            let number = self.configuration.mechanisms.get(actuator).and_then(|number| self.mechanisms.get(*number));
-            let is_damped = number.is_some_and(|mechanism| mechanism.is_damped());
-            let is_ramping =
-                number.is_some_and(|mechanism| mechanism.ramp(now_ns, self.configuration.ramp_ns).is_some_and(|ramp| ramp < 1.0));
-            let drive = motor.config.drive.state();
-            let mut flags = motor.flags;
-            for (is_set, bit) in [
-                (is_damped, flag::DAMPED),
-                (is_ramping, flag::RAMPING),
-                (motor.is_stale(now_ns, self.configuration.timeouts.feedback_ns), flag::STALE),
-                (drive.fault != 0, flag::MOTOR_FAULT),
-                (drive.power == Power::On, flag::POWERED),
-            ] {
-                flags |= if is_set { bit } else { 0 };
-            }
-            put(&mut state.flags, actuator, flags);
-            put(&mut state.faults, actuator, drive.fault);
-            put(&mut state.measured_ns, actuator, motor.measured_ns.unwrap_or(0));
-            put(&mut state.position, actuator, motor.measured.position);
-            put(&mut state.velocity, actuator, motor.measured.velocity);
-            put(&mut state.effort, actuator, motor.measured.effort);
-            put(&mut state.temperature, actuator, motor.measured.temperature);
-        }
-    }
-}
-
-fn put<T>(array: &mut [T; MAX_ACTUATORS], place: usize, value: T) {
-    if let Some(slot) = array.get_mut(place) {
-        *slot = value;
     }
 }

@@ -79,16 +79,12 @@ impl Run {
         let services = BridgeEnd::create(&node, &name)?;
 
         let loads = load::loads(&configuration);
-        let mut bridge = Bridge::new(configuration);
-        let last_words: Vec<_> = {
-            bridge.shutdown();
-            (0..bridge.configuration().buses.len()).map(|bus| bridge.frames(bus).to_vec()).collect()
-        };
+        let bridge = Bridge::new(configuration);
         let (mut threads, mut ends) = (Vec::new(), Vec::new());
-        for (config, frames) in bridge.configuration().buses.iter().zip(last_words) {
+        for (number, config) in bridge.configuration().buses.iter().enumerate() {
             let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
             let port = open(Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate })?;
-            let (thread, end) = BusThread::new(config.name.clone(), port, frames)?;
+            let (thread, end) = BusThread::new(config.name.clone(), port, bridge.last_words(number))?;
             threads.push(thread);
             ends.push(end);
         }

@@ -1,0 +1,196 @@
+//! A bridge with plain motors that answer, one millisecond at a time.
+
+use sarrus_models::yaml;
+use sarrus_models::Findings;
+
+use super::super::*;
+use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};
+use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
+use crate::frame::Id;
+use crate::mapping::Mapping;
+use crate::protocol::{Common, Protocol, Settings};
+
+pub(super) const MS: u64 = 1_000_000;
+
+/// What a motor was told.
+pub(super) type Told = std::sync::Arc<std::sync::Mutex<Vec<Wish>>>;
+
+/// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a fault; the answer likewise.
+#[derive(Debug)]
+struct Plain {
+    id: u16,
+    state: DriveState,
+    told: Told,
+}
+
+impl Drive for Plain {
+    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+        self.told.lock().unwrap().push(wish);
+        if wish == Wish::Reset {
+            self.state.fault = 0;
+        }
+        out.push_some(Frame::classic(Id::Standard(self.id), &[u8::from(matches!(wish, Wish::On(_)))]));
+    }
+    fn encode(&self, _setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(Frame::classic(Id::Standard(self.id), &[1]));
+    }
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(Frame::classic(Id::Standard(self.id), &[0]));
+    }
+    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        if frame.id != Id::Standard(self.id + 16) {
+            return Receipt::NotMine;
+        }
+        let Some([is_on, fault, position]) = frame.exactly::<3>() else { return Receipt::Malformed };
+        self.state =
+            DriveState { power: if is_on == 1 { Power::On } else { Power::Off }, fault: u32::from(fault), watchdog: Watchdog::Set(50) };
+        Receipt::Measured(Measurement { position: f64::from(position) / 100.0, velocity: 0.0, torque: 0.0, temperature: 30.0 })
+    }
+    fn state(&self) -> DriveState {
+        self.state
+    }
+    fn forget(&mut self) {
+        self.state = DriveState::default();
+    }
+    fn identifiers(&self) -> Vec<Id> {
+        vec![Id::Standard(self.id), Id::Standard(self.id + 16)]
+    }
+    fn replies(&self) -> Vec<Reply> {
+        Vec::new()
+    }
+    fn probe(&mut self, _out: &mut FrameQueue) {}
+}
+
+static PLAIN: Protocol = Protocol { name: "plain", about: "", modes: &[Mode::Impedance], fd: false, keys: &[], make: |_, _, _| None };
+
+/// A bridge over three plain motors: the first two on one mechanism and bus, the third alone on another.
+pub(super) struct Bench {
+    pub(super) bridge: Bridge,
+    pub(super) told: Vec<Told>,
+    pub(super) now_ns: u64,
+    pub(super) sequence: u64,
+    /// What each motor answers: fault code, and whether at all.
+    pub(super) fault: [u8; 3],
+    pub(super) answers: [bool; 3],
+    pub(super) position: u8,
+    pub(super) commands: bool,
+}
+
+impl Bench {
+    pub(super) fn new(change: impl Fn(&mut Configuration)) -> Bench {
+        let told: Vec<Told> = (0..3).map(|_| std::sync::Arc::default()).collect();
+        let settings = || {
+            let mut findings = Findings::new(false);
+            let node = yaml::read("", b"{}".to_vec(), "settings", &mut findings).unwrap();
+            Settings::read(&node, "", &[], &[], &|_| Err(String::new()), &mut findings).unwrap()
+        };
+        let motor = |i: usize| MotorConfig {
+            actuator: i,
+            bus: i / 2,
+            protocol: &PLAIN,
+            settings: settings(),
+            common: Common { mode: Mode::Impedance, watchdog_ms: 50, torque_limit: 10.0 },
+            drive: Box::new(Plain { id: i as u16, state: DriveState::default(), told: told[i].clone() }),
+            mapping: Mapping::DIRECT,
+            is_calibrated: true,
+            watchdog_believed: false,
+            limits: Limits { lower: -1.0, upper: 1.0, velocity: 100.0, effort: 10.0, effort_rate: f64::INFINITY },
+            damping: 3.0,
+        };
+        let bus = |name: &str| BusConfig {
+            name: name.into(),
+            interface: "none".into(),
+            channel: name.into(),
+            bitrate: 1_000_000,
+            data_bitrate: None,
+        };
+        let mut configuration = Configuration {
+            robot: None,
+            source: None,
+            fingerprint: 7,
+            actuators: ["a", "b", "c"].map(String::from).to_vec(),
+            mechanisms: vec![0, 0, 1],
+            rate_hz: 1000.0,
+            timeouts: Timeouts { damping_ns: 20 * MS, disable_ns: 100 * MS, feedback_ns: 20 * MS, arming_ns: 500 * MS },
+            ramp_ns: 100 * MS,
+            stop: Stop::Mechanism,
+            buses: vec![bus("x"), bus("y")],
+            motors: (0..3).map(motor).collect(),
+            warnings: Vec::new(),
+        };
+        change(&mut configuration);
+        Bench {
+            bridge: Bridge::new(configuration),
+            told,
+            now_ns: 5 * MS,
+            sequence: 0,
+            fault: [0; 3],
+            answers: [true; 3],
+            position: 20,
+            commands: true,
+        }
+    }
+
+    pub(super) fn command(&self) -> ActuatorCommand {
+        ActuatorCommand {
+            sequence: self.sequence,
+            stamp_ns: self.now_ns,
+            fingerprint: 7,
+            n_u: 3,
+            position: [0.5; MAX_ACTUATORS],
+            effort: [1.0; MAX_ACTUATORS],
+            stiffness: [2.0; MAX_ACTUATORS],
+            ..ActuatorCommand::default()
+        }
+    }
+
+    /// One millisecond: a command, a cycle, and the answers of the motors to its frames.
+    pub(super) fn step(&mut self) {
+        self.now_ns += MS;
+        if self.commands {
+            self.sequence += 1;
+            self.bridge.command(self.now_ns, &self.command());
+        }
+        self.bridge.cycle(self.now_ns);
+        for i in 0..3_usize {
+            let sent = self.bridge.frames(i / 2).iter().find(|frame| frame.id == Id::Standard(i as u16)).copied();
+            if let (Some(frame), true) = (sent, self.answers[i]) {
+                let answer = [frame.data()[0], self.fault[i], self.position];
+                let answer = Frame::classic(Id::Standard(i as u16 + 16), &answer).unwrap();
+                self.bridge.receive(self.now_ns + MS / 4, i / 2, &answer);
+            }
+        }
+    }
+
+    pub(super) fn steps(&mut self, n: usize) {
+        (0..n).for_each(|_| self.step());
+    }
+
+    pub(super) fn armed() -> Bench {
+        let mut bench = Bench::new(|_| {});
+        bench.steps(3);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+        bench
+    }
+
+    pub(super) fn standings(&self) -> [Standing; 3] {
+        core::array::from_fn(|i| Standing::from_code(self.bridge.state().standings[i]).unwrap())
+    }
+
+    pub(super) fn reason(&self, i: usize) -> Reason {
+        Reason::from_code(self.bridge.state().reasons[i]).unwrap()
+    }
+
+    pub(super) fn last(&self, i: usize) -> Wish {
+        *self.told[i].lock().unwrap().last().unwrap()
+    }
+
+    pub(super) fn setpoint(&self, i: usize) -> Setpoint {
+        match self.last(i) {
+            Wish::On(setpoint) => setpoint,
+            other => panic!("motor {i} is told {other:?}"),
+        }
+    }
+}
