@@ -114,7 +114,7 @@ impl Firmware for Odrive {
                 body.stop();
                 return true;
             }
-            (0x04, 8) => {
+            (0x04, 4..=8) => {
                 self.endpoint(a == 1, u16::from_le_bytes([b, c]), [e, f, g, h], body, out);
                 return true;
             }
