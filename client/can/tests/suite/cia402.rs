@@ -13,7 +13,7 @@ const HEARTBEAT_OF: &str = "585#4316100132007F00";
 const RATED: &str = "585#43766000D0070000";
 
 fn cia402(mode: Mode) -> Box<dyn Drive> {
-    drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0, ..COMMON })
+    drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0 })
 }
 
 /// Answers requests as a drive with nothing to complain would; gives the requests.

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that fails panics")]
 
 mod cia402;
+mod closed_loop;
 mod cybergear;
 mod dbc;
 mod mit;

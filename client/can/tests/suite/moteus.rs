@@ -133,7 +133,7 @@ fn frames_of_others_and_malformed_ones_are_told_apart() {
 
 #[test]
 fn the_largest_torque_goes_along_rounded_down() {
-    let mut drive = drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms: 50, torque_limit: 1.239, ..COMMON });
+    let mut drive = drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms: 50, torque_limit: 1.239 });
     answer(&mut *drive, STOPPED);
     let sent = decode(&last(&mut *drive, Wish::On(torque(9.0))));
     assert_eq!((sent[2], sent[5]), (1.24, 1.23));

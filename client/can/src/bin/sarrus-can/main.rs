@@ -3,6 +3,7 @@
 mod bus;
 mod check;
 mod clock;
+mod listen;
 mod operate;
 mod replay;
 mod run;
@@ -44,6 +45,8 @@ enum Command {
     Top(top::Top),
     /// Run the rules on a recorded input, without buses.
     Replay(replay::Replay),
+    /// What is said on a bus, as `candump -L` prints it; nothing is sent.
+    Listen(listen::Listen),
     /// Motors without motors: the motors of a configuration on pseudo-terminals or on its buses.
     Simulate(simulate::Simulate),
 }
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Command::Reset(operate) => operate.run(Operation::Reset),
         Command::Top(top) => top.run(),
         Command::Replay(replay) => replay.run(),
+        Command::Listen(listen) => listen::run(&listen),
         Command::Simulate(simulate) => simulate::run(&simulate),
     }
 }

@@ -1,7 +1,7 @@
 //! A bridge with plain motors that answer, one millisecond at a time.
 
-use sarrus_models::yaml;
 use sarrus_models::Findings;
+use sarrus_models::yaml;
 
 use super::super::*;
 use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};

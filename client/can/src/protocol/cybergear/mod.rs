@@ -310,7 +310,9 @@ impl Drive for CyberGear {
     fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
         let Id::Extended(id) = frame.id else { return Receipt::NotMine };
         let (kind, data, receiver) = (id >> 24, id >> 8 & 0xFFFF, id & 0xFF);
-        let is_answer = matches!(kind, FEEDBACK | READ | FAULTS) && receiver == self.host;
+        // a set-point has no room for the host's identifier: its answer goes to the one that the motor keeps, 0 as delivered
+        let is_ours = receiver == self.host || (kind == FEEDBACK && receiver == 0);
+        let is_answer = matches!(kind, FEEDBACK | READ | FAULTS) && is_ours;
         let is_who = kind == WHO && receiver == 0xFE;
         if data & 0xFF != self.id || !(is_answer || is_who) {
             return Receipt::NotMine;

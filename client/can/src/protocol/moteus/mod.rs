@@ -195,7 +195,7 @@ impl Moteus {
                     false => Watchdog::Set(ms.round() as u32),
                 };
             }
-            1..=3 => measured.iter_mut().nth(register as usize).into_iter().for_each(|slot| *slot = value),
+            1..=3 => measured.get_mut(register as usize).into_iter().for_each(|slot| *slot = value),
             _ => {}
         }
         let parameter = READABLE.iter().position(|known| *known == register);
