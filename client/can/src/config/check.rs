@@ -46,6 +46,14 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
             findings.warning(read.place, found, "a watchdog that is known to be on", help);
         }
     }
+    for read in motors {
+        for id in read.motor.drive.shared_identifiers() {
+            if let Some(other) = identifiers.get(&(read.motor.bus, id)) {
+                let found = format!("{} listens on 0x{:X}, which is {}'s alone", quoted(name(read)), id.number(), quoted(name(other)));
+                findings.error(read.place, found, "an identifier of nobody's", "give one of them another id");
+            }
+        }
+    }
     if !has_model {
         return;
     }

@@ -6,10 +6,12 @@ mod serial;
 mod socketcan;
 
 use std::io;
-use std::os::fd::BorrowedFd;
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::time::Duration;
 
 use rustix::event::{PollFd, Timespec, poll};
+use rustix::io::Errno;
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
 use sarrus_can::bridge::BusEvent;
 use sarrus_can::frame::Frame;
 use thiserror::Error;
@@ -94,6 +96,22 @@ pub(crate) fn open(address: Address<'_>) -> Result<Box<dyn Bus>, BusError> {
         "socketcan" => Ok(Box::new(socketcan::SocketCan::open(address)?)),
         other => Err(BusError::Interface(other.to_owned())),
     }
+}
+
+/// Makes this process the owner of an interface until the mark is dropped, also by its death. A serial port is locked when it is opened;
+/// the mark of others is a name in the abstract space of Unix sockets, which like CAN interfaces belongs to the network namespace.
+pub(crate) fn own(address: Address<'_>) -> Result<Option<OwnedFd>, BusError> {
+    if address.interface == "slcan" {
+        return Ok(None);
+    }
+    let failed = |error: Errno| match error {
+        Errno::ADDRINUSE => BusError::Owned(address.channel.to_owned()),
+        error => BusError::Open(address.channel.to_owned(), error.into()),
+    };
+    let name = format!("sarrus-can/{}/{}", address.interface, address.channel);
+    let mark = socket_with(AddressFamily::UNIX, SocketType::DGRAM, SocketFlags::CLOEXEC, None).map_err(failed)?;
+    bind(&mark, &SocketAddrUnix::new_abstract_name(name.as_bytes()).map_err(failed)?).map_err(failed)?;
+    Ok(Some(mark))
 }
 
 /// Waits until one of several is readable; false when the time is over or a signal came.

@@ -24,7 +24,7 @@ use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::bus::{Address, open};
+use crate::bus::{Address, open, own};
 use crate::clock::now_ns;
 use bus::BusThread;
 use rules::Rules;
@@ -80,11 +80,12 @@ impl Run {
 
         let loads = load::loads(&configuration);
         let bridge = Bridge::new(configuration);
-        let (mut threads, mut ends) = (Vec::new(), Vec::new());
+        let (mut threads, mut ends, mut owned) = (Vec::new(), Vec::new(), Vec::new());
         for (number, config) in bridge.configuration().buses.iter().enumerate() {
             let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
-            let port = open(Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate })?;
-            let (thread, end) = BusThread::new(config.name.clone(), port, bridge.last_words(number))?;
+            let address = Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate };
+            owned.extend(own(address)?);
+            let (thread, end) = BusThread::new(config.name.clone(), open(address)?, bridge.last_words(number))?;
             threads.push(thread);
             ends.push(end);
         }
@@ -120,7 +121,7 @@ impl Run {
             }
             faults
         });
-        drop(node);
+        drop((owned, node));
         domain.tidy();
         if result.is_empty() { Ok(()) } else { Err(result.join("; ").into()) }
     }
