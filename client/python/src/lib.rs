@@ -1,0 +1,14 @@
+//! What `sarrus` for Python is made of: the core of the CAN bridge as Python objects. No I/O and no clock here either; both are Python's.
+use pyo3::prelude::*;
+
+mod protocols;
+
+/// The core of sarrus in Rust. Its Python face is the package around it.
+#[pymodule(name = "_native")]
+mod native {
+    #[pymodule_export]
+    use crate::protocols::protocols;
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+}
