@@ -1,11 +1,20 @@
 //! What `sarrus` for Python is made of: the core of the CAN bridge as Python objects. No I/O and no clock here either; both are Python's.
 use pyo3::prelude::*;
 
+mod configuration;
+mod drives;
+mod frames;
 mod protocols;
 
 /// The core of sarrus in Rust. Its Python face is the package around it.
 #[pymodule(name = "_native")]
 mod native {
+    #[pymodule_export]
+    use crate::configuration::PyConfiguration;
+    #[pymodule_export]
+    use crate::drives::PyDrives;
+    #[pymodule_export]
+    use crate::frames::PyFrame;
     #[pymodule_export]
     use crate::protocols::protocols;
 
