@@ -206,6 +206,11 @@ impl ServerName {
         Ok([self.service(&format!("{base}/request"))?, self.service(&format!("{base}/response"))?])
     }
 
+    /// A service of the CAN bridge of this name.
+    pub fn bridge(&self, part: &str) -> Result<ServiceName, DomainError> {
+        self.service(&format!("can/{part}"))
+    }
+
     fn service(&self, rest: &str) -> Result<ServiceName, DomainError> {
         ServiceName::new(&format!("sarrus/{}/{rest}", self.0)).map_err(|_| DomainError::Name { name: self.0.clone() })
     }

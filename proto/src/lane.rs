@@ -15,8 +15,10 @@ use iceoryx2::port::reader::{BlackboardValue, EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, EntryValueUninit, Writer};
 use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};
 
+use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
 use crate::message::{ComputeRequest, ComputeResponse, ControlRequest, ControlResponse, Entry};
 use crate::message::{Heartbeat, MAX_NUMBERS_OUT, RequestHead, ResponseHead, Statistics};
+use crate::watch::BridgeStatistics;
 
 /// The service variant of boards and of everything that moves between threads.
 pub type Threadsafe = ipc_threadsafe::Service;
@@ -38,6 +40,10 @@ macro_rules! plain {
 plain! {
     Entry<RequestHead, N> = "sarrus.LaneRequest.v2", const N;
     Entry<ResponseHead, N> = "sarrus.LaneResponse.v2", const N;
+    ActuatorCommand = "sarrus.ActuatorCommand.v1";
+    ActuatorState = "sarrus.ActuatorState.v1";
+    BridgeStatistics = "sarrus.BridgeStatistics.v1";
+    OperatorRequest = "sarrus.OperatorRequest.v1";
     ComputeRequest = "sarrus.ComputeRequest.v2";
     ControlRequest = "sarrus.ControlRequest.v2";
     ControlResponse = "sarrus.ControlResponse.v2";

@@ -4,13 +4,17 @@
 //! nothing: what can be asked ([`Request`], [`Field`], [`Wanted`]), how numbers are packed ([`Layout`]) and how an
 //! answer ends ([`Status`], [`Warnings`]). With it, it also holds the services over shared memory.
 
+pub mod actuators;
 mod field;
 mod layout;
 mod status;
 mod wanted;
+pub mod watch;
 
 #[cfg(feature = "transport")]
 pub mod board;
+#[cfg(feature = "transport")]
+pub mod bridge;
 #[cfg(feature = "transport")]
 mod domain;
 #[cfg(feature = "transport")]

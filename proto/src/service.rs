@@ -37,6 +37,12 @@ pub enum ServiceError {
         /// Name of the service.
         service: String,
     },
+    /// No bridge runs under this name.
+    #[error("`{service}` is not there: no bridge runs under this name; start one with `sarrus-can run CONFIG --name NAME`")]
+    NoBridge {
+        /// Name of the service.
+        service: String,
+    },
     /// Another server has this name.
     #[error("`{service}` is served already; stop the other server or choose another --name")]
     Taken {

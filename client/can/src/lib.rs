@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 pub mod bits;
+pub mod bridge;
 pub mod config;
 pub mod drive;
 pub mod frame;

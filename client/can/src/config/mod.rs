@@ -32,9 +32,8 @@ use crate::drive::Drive;
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
 use sarrus_models::{Finding, LoadError, Loaded, Source};
+pub use sarrus_proto::actuators::MAX_ACTUATORS;
 
-/// Most actuators of a robot.
-pub const MAX_ACTUATORS: usize = 64;
 /// Most buses of a robot.
 pub const MAX_BUSES: usize = 16;
 

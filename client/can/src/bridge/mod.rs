@@ -1,0 +1,456 @@
+//! The rules: what the motors are told in each cycle, given commands, measurements and the state of the buses.
+//!
+//! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits until every motor measures, is calibrated, has
+//! no fault and a watchdog that is on, until the buses are error-active with nothing left to send, and until a controller commands. The
+//! first set-point is the measured position without gains; gains, efforts and the way to the commanded position then grow together. Commands
+//! older than T1 bring damping, older than T2 take the power away. Nothing ever arms by itself.
+
+mod counters;
+mod mechanism;
+mod motor;
+mod setpoint;
+#[cfg(test)]
+mod tests;
+
+pub use counters::{BusCounters, BusState, Counters};
+
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Operation, Reason, Standing, flag};
+
+use crate::config::{Configuration, Stop};
+use crate::drive::{Power, Receipt, Wish};
+use crate::frame::{Frame, FrameQueue};
+use mechanism::Mechanism;
+use motor::Motor;
+
+/// A stamp may lie this far in the future: clocks of two processors differ a little `[ns]`.
+const AHEAD_NS: u64 = 1_000_000;
+/// A reset is repeated for this long to motors that keep a fault `[ns]`.
+const RESET_NS: u64 = 1_000_000_000;
+/// Room for frames of one motor in one cycle.
+const FRAMES_PER_MOTOR: usize = 8;
+
+/// Whether a command was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It is the command from now on.
+    Accepted,
+    /// A number is NaN or infinite; the whole command is not used.
+    NotFinite,
+    /// A stiffness or damping is negative; the whole command is not used.
+    Negative,
+    /// Its sequence or stamp is not newer than that of the command before.
+    Old,
+    /// Its stamp lies in the future.
+    Ahead,
+    /// It was computed with another model.
+    WrongModel,
+    /// It is for another number of actuators.
+    WrongSize,
+}
+
+/// What happened on a bus besides frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusEvent {
+    /// No trouble.
+    ErrorActive,
+    /// Many errors.
+    ErrorWarning,
+    /// So many that the controller no longer signals them.
+    ErrorPassive,
+    /// The controller has left the bus.
+    BusOff,
+    /// It is back, or the interface was opened again.
+    Restarted,
+    /// So many frames were not sent, because the transmit queue was full.
+    Dropped(u32),
+    /// So many frames of before still wait to be sent; tell 0 when there are none.
+    Backlog(u32),
+    /// So many received frames were lost.
+    Overrun(u32),
+}
+
+/// The bridge between commands and motors of one robot.
+#[derive(Debug)]
+pub struct Bridge {
+    configuration: Configuration,
+    motors: Vec<Motor>,
+    mechanisms: Vec<Mechanism>,
+    buses: Vec<Bus>,
+    command: ActuatorCommand,
+    /// Stamp of the command when the robot was last told to arm `[ns]`; arming waits for a later one.
+    armed_at: u64,
+    /// Whether there was a command yet.
+    commanded: bool,
+    /// Since when a reset is under way.
+    reset_ns: Option<u64>,
+    last_cycle_ns: Option<u64>,
+    state: ActuatorState,
+    counters: Counters,
+}
+
+#[derive(Debug)]
+struct Bus {
+    queue: FrameQueue,
+    sync: Option<Frame>,
+    state: BusState,
+    backlog: u32,
+    counters: BusCounters,
+}
+
+impl Bridge {
+    /// A bridge whose motors are all disabled. Allocates; nothing after it does.
+    pub fn new(mut configuration: Configuration) -> Bridge {
+        let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
+        let buses = (0..configuration.buses.len()).map(|bus| Bus {
+            queue: FrameQueue::new((of_bus(bus).count() + 1) * FRAMES_PER_MOTOR),
+            sync: of_bus(bus).find_map(|motor| motor.drive.sync()),
+            state: BusState::Active,
+            backlog: 0,
+            counters: BusCounters::default(),
+        });
+        let buses = buses.collect();
+        let motors: Vec<Motor> = std::mem::take(&mut configuration.motors).into_iter().map(Motor::new).collect();
+        let with_motors =
+            |mechanism: usize| motors.iter().any(|motor| configuration.mechanisms.get(motor.config.actuator) == Some(&mechanism));
+        let mechanisms = (0..configuration.n_mechanisms()).map(|number| Mechanism::new(with_motors(number))).collect();
+        let state =
+            ActuatorState { fingerprint: configuration.fingerprint, n_u: configuration.actuators.len() as u64, ..ActuatorState::default() };
+        Bridge {
+            configuration,
+            motors,
+            mechanisms,
+            buses,
+            command: ActuatorCommand::default(),
+            armed_at: 0,
+            commanded: false,
+            reset_ns: None,
+            last_cycle_ns: None,
+            state,
+            counters: Counters::default(),
+        }
+    }
+
+    /// The configuration, without its motors.
+    pub fn configuration(&self) -> &Configuration {
+        &self.configuration
+    }
+
+    /// Takes a frame that came on a bus at `now_ns`.
+    pub fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) {
+        let Some(of_bus) = self.buses.get_mut(bus) else { return };
+        of_bus.counters.received += 1;
+        let mut is_known = false;
+        for motor in self.motors.iter_mut().filter(|motor| motor.config.bus == bus) {
+            match motor.config.drive.receive(now_ns, frame) {
+                Receipt::NotMine => continue,
+                Receipt::Malformed => of_bus.counters.malformed += 1,
+                Receipt::Noted | Receipt::Parameter(..) => {}
+                Receipt::Measured(measured) => {
+                    if let Some(reply_ns) = motor.measured(now_ns, &measured) {
+                        self.counters.reply_ns = reply_ns;
+                        self.counters.replies += 1;
+                    } else if !measured.position.is_finite() {
+                        of_bus.counters.malformed += 1;
+                    }
+                }
+            }
+            is_known = true;
+            break;
+        }
+        if !is_known {
+            of_bus.counters.unknown += 1;
+        }
+    }
+
+    /// Takes what happened on a bus besides frames.
+    pub fn bus_event(&mut self, _now_ns: u64, bus: usize, event: BusEvent) {
+        let Some(of_bus) = self.buses.get_mut(bus) else { return };
+        of_bus.counters.add(event);
+        match event {
+            BusEvent::ErrorActive | BusEvent::Restarted => of_bus.state = BusState::Active,
+            BusEvent::ErrorWarning => of_bus.state = BusState::Warning,
+            BusEvent::ErrorPassive => of_bus.state = BusState::Passive,
+            BusEvent::BusOff => of_bus.state = BusState::Off,
+            BusEvent::Backlog(frames) => of_bus.backlog = frames,
+            BusEvent::Dropped(_) | BusEvent::Overrun(_) => {}
+        }
+        if matches!(event, BusEvent::BusOff | BusEvent::Restarted) {
+            self.motors.iter_mut().filter(|motor| motor.config.bus == bus).for_each(|motor| motor.config.drive.forget());
+        }
+        if event == BusEvent::BusOff {
+            self.fail(|motor| motor.config.bus == bus, Reason::BusOff);
+        }
+    }
+
+    /// Takes a command, or says why not; a command that is not taken changes nothing but a counter.
+    pub fn command(&mut self, now_ns: u64, command: &ActuatorCommand) -> Verdict {
+        let verdict = self.judge(now_ns, command);
+        self.counters.add(verdict);
+        if verdict == Verdict::Accepted {
+            self.command = *command;
+            self.commanded = true;
+        }
+        verdict
+    }
+
+    fn judge(&self, now_ns: u64, command: &ActuatorCommand) -> Verdict {
+        let n_u = self.configuration.actuators.len();
+        if command.n_u != n_u as u64 {
+            return Verdict::WrongSize;
+        }
+        if command.fingerprint != self.configuration.fingerprint {
+            return Verdict::WrongModel;
+        }
+        let ActuatorCommand { position, velocity, effort, stiffness, damping, .. } = command;
+        let used = |numbers: &[f64; MAX_ACTUATORS], good: fn(f64) -> bool| numbers.iter().take(n_u).all(|number| good(*number));
+        if ![position, velocity, effort, stiffness, damping].into_iter().all(|numbers| used(numbers, f64::is_finite)) {
+            return Verdict::NotFinite;
+        }
+        if ![stiffness, damping].into_iter().all(|numbers| used(numbers, |number| number >= 0.0)) {
+            return Verdict::Negative;
+        }
+        if command.stamp_ns > now_ns.saturating_add(AHEAD_NS) {
+            return Verdict::Ahead;
+        }
+        // while nothing has power another controller may begin to count anew
+        let is_idle = self.mechanisms.iter().all(|mechanism| !mechanism.is_live());
+        let is_newer = command.sequence > self.command.sequence || is_idle;
+        if self.commanded && !(is_newer && command.stamp_ns > self.command.stamp_ns) {
+            return Verdict::Old;
+        }
+        Verdict::Accepted
+    }
+
+    /// Does what an operator asks.
+    pub fn operate(&mut self, now_ns: u64, operation: Operation) {
+        match operation {
+            Operation::Arm => {
+                self.armed_at = self.command.stamp_ns;
+                let unready = self.motors.iter().find_map(Motor::never_ready);
+                for mechanism in &mut self.mechanisms {
+                    mechanism.arm(now_ns, unready);
+                }
+            }
+            Operation::Disarm => self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed)),
+            Operation::Reset => {
+                self.mechanisms.iter_mut().for_each(Mechanism::reset);
+                self.reset_ns = Some(now_ns);
+            }
+            _ => {}
+        }
+    }
+
+    /// One cycle: judges, decides, and makes the frames to be sent now.
+    pub fn cycle(&mut self, now_ns: u64) {
+        let gap_ns = self.last_cycle_ns.map_or(0, |last| now_ns.saturating_sub(last));
+        self.last_cycle_ns = Some(now_ns);
+        self.counters.cycles += 1;
+        self.buses.iter_mut().for_each(|bus| bus.queue.clear());
+
+        // what failed since the last cycle
+        if gap_ns > self.configuration.timeouts.disable_ns {
+            self.mechanisms.iter_mut().for_each(|mechanism| mechanism.let_go(Reason::Stalled));
+        }
+        self.look_for_faults(now_ns);
+
+        // how old the command is
+        let age_ns = now_ns.saturating_sub(self.command.stamp_ns);
+        let is_late = !self.commanded || age_ns > self.configuration.timeouts.damping_ns;
+        let is_lost = !self.commanded || age_ns > self.configuration.timeouts.disable_ns;
+        self.counters.age_ns = age_ns;
+
+        // where each mechanism goes
+        self.arm(now_ns, is_late);
+        for number in 0..self.mechanisms.len() {
+            self.follow(number, now_ns, is_late, is_lost);
+        }
+
+        // what each motor is told
+        let is_reset = self.reset_ns.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
+        let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
+        for motor in &mut self.motors {
+            let actuator = motor.config.actuator;
+            let mechanism = self.configuration.mechanisms.get(actuator).and_then(|number| self.mechanisms.get(*number));
+            let (Some(mechanism), Some(bus)) = (mechanism, self.buses.get_mut(motor.config.bus)) else { continue };
+            let wish = match mechanism.ramp(now_ns, self.configuration.ramp_ns) {
+                Some(ramp) => Wish::On(motor.setpoint(&self.command, ramp, mechanism.is_damped(), elapsed)),
+                None if is_reset && motor.config.drive.state().fault != 0 => Wish::Reset,
+                None => Wish::Off,
+            };
+            motor.sent_ns = Some(now_ns);
+            motor.config.drive.cycle(now_ns, wish, &mut bus.queue);
+        }
+        for bus in &mut self.buses {
+            bus.queue.push_some(bus.sync);
+        }
+        self.report(now_ns);
+    }
+
+    /// The frames of the last cycle for a bus, in the order in which they are to be sent. What cannot be sent at once is to be dropped: the
+    /// next cycle knows better.
+    pub fn frames(&self, bus: usize) -> &[Frame] {
+        self.buses.get(bus).map_or(&[], |bus| bus.queue.frames())
+    }
+
+    /// Frames that take the power from every motor become those of [`Bridge::frames`]; for every way out. Send them several times.
+    pub fn shutdown(&mut self) {
+        self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed));
+        self.buses.iter_mut().for_each(|bus| bus.queue.clear());
+        for motor in &self.motors {
+            if let Some(bus) = self.buses.get_mut(motor.config.bus) {
+                motor.config.drive.disable(&mut bus.queue);
+            }
+        }
+    }
+
+    /// What is known of all actuators after the last cycle.
+    pub fn state(&self) -> &ActuatorState {
+        &self.state
+    }
+
+    /// What was counted since the start.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// What was counted on a bus since the start, and how the bus is.
+    pub fn bus_counters(&self, bus: usize) -> Option<(BusState, &BusCounters)> {
+        self.buses.get(bus).map(|bus| (bus.state, &bus.counters))
+    }
+
+    /// Motors that fail bring their mechanism, or the robot, to FAULT.
+    fn look_for_faults(&mut self, now_ns: u64) {
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        for i in 0..self.motors.len() {
+            let Some(motor) = self.motors.get(i) else { continue };
+            let Some(number) = self.configuration.mechanisms.get(motor.config.actuator).copied() else { continue };
+            let Some(mechanism) = self.mechanisms.get(number).filter(|mechanism| mechanism.is_powered()) else { continue };
+            let reason = if motor.config.drive.state().fault != 0 {
+                Reason::MotorFault
+            } else if motor.is_stale(now_ns, feedback_ns) {
+                Reason::FeedbackStale
+            } else if mechanism.standing == Standing::Enabled && motor.config.drive.state().power != Power::On {
+                Reason::PowerLost
+            } else {
+                continue;
+            };
+            self.fail_mechanism(number, reason);
+        }
+    }
+
+    fn fail(&mut self, is_meant: impl Fn(&Motor) -> bool, reason: Reason) {
+        for i in 0..self.motors.len() {
+            let number = self
+                .motors
+                .get(i)
+                .filter(|motor| is_meant(motor))
+                .and_then(|motor| self.configuration.mechanisms.get(motor.config.actuator));
+            if let Some(number) = number.copied() {
+                self.fail_mechanism(number, reason);
+            }
+        }
+    }
+
+    fn fail_mechanism(&mut self, number: usize, reason: Reason) {
+        self.mechanisms.get_mut(number).into_iter().for_each(|mechanism| mechanism.fail(reason));
+        if self.configuration.stop == Stop::Robot {
+            self.mechanisms.iter_mut().for_each(|mechanism| mechanism.fail(Reason::OtherMechanism));
+        }
+    }
+
+    /// Gives power to mechanisms that wait for it, once nothing is missing anywhere.
+    fn arm(&mut self, now_ns: u64, is_late: bool) {
+        if !self.mechanisms.iter().any(Mechanism::is_waiting) {
+            return;
+        }
+        let missing = self.missing(now_ns, is_late);
+        let arming_ns = self.configuration.timeouts.arming_ns;
+        for mechanism in &mut self.mechanisms {
+            mechanism.wait(now_ns, arming_ns, missing);
+        }
+        if missing.is_none() {
+            self.motors.iter_mut().for_each(Motor::hold);
+        }
+    }
+
+    /// What arming still waits for: of the buses, of the motors that wait, of the controller.
+    fn missing(&self, now_ns: u64, is_late: bool) -> Option<Reason> {
+        let is_waiting = |motor: &&Motor| self.mechanism(motor).is_some_and(Mechanism::is_waiting);
+        let of_bus = |motor: &Motor| match self.buses.get(motor.config.bus).map(|bus| (bus.state, bus.backlog)) {
+            Some((BusState::Off, _)) => Some(Reason::BusOff),
+            Some((BusState::Passive, _)) => Some(Reason::BusPassive),
+            Some((_, 1..)) => Some(Reason::Backlog),
+            _ => None,
+        };
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
+        let no_command = (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
+        self.motors.iter().filter(is_waiting).find_map(of_motor).or(no_command)
+    }
+
+    /// The mechanism that a motor acts on.
+    fn mechanism(&self, motor: &Motor) -> Option<&Mechanism> {
+        let number = self.configuration.mechanisms.get(motor.config.actuator)?;
+        self.mechanisms.get(*number)
+    }
+
+    /// A mechanism whose motors all have power follows; one whose commands stay away lets go.
+    fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
+        let mechanisms = &self.configuration.mechanisms;
+        let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
+        let all_on = self.motors.iter().filter(|motor| is_member(motor)).all(|motor| motor.config.drive.state().power == Power::On);
+        let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
+        let changed = mechanism.follow(now_ns, self.configuration.timeouts.arming_ns, all_on, is_late, is_lost);
+        if changed {
+            self.motors.iter_mut().filter(|motor| is_member(motor)).for_each(Motor::hold);
+        }
+    }
+
+    fn report(&mut self, now_ns: u64) {
+        let state = &mut self.state;
+        state.sequence += 1;
+        state.stamp_ns = now_ns;
+        state.command = self.command.sequence;
+        let driven = self.mechanisms.iter().filter(|mechanism| mechanism.has_motors);
+        let worst = driven.max_by_key(|mechanism| mechanism.severity());
+        state.standing = worst.map_or(Standing::Disabled, |worst| worst.standing) as u32;
+        state.reason = worst.map_or(Reason::None, |worst| worst.reason) as u32;
+        for (actuator, number) in self.configuration.mechanisms.iter().enumerate() {
+            let Some(mechanism) = self.mechanisms.get(*number) else { continue };
+            put(&mut state.standings, actuator, mechanism.standing as u32);
+            put(&mut state.reasons, actuator, mechanism.reason as u32);
+            put(&mut state.flags, actuator, flag::NO_MOTOR);
+        }
+        for motor in &self.motors {
+            let actuator = motor.config.actuator;
+            let number = self.configuration.mechanisms.get(actuator).and_then(|number| self.mechanisms.get(*number));
+            let is_damped = number.is_some_and(|mechanism| mechanism.is_damped());
+            let is_ramping =
+                number.is_some_and(|mechanism| mechanism.ramp(now_ns, self.configuration.ramp_ns).is_some_and(|ramp| ramp < 1.0));
+            let drive = motor.config.drive.state();
+            let mut flags = motor.flags;
+            for (is_set, bit) in [
+                (is_damped, flag::DAMPED),
+                (is_ramping, flag::RAMPING),
+                (motor.is_stale(now_ns, self.configuration.timeouts.feedback_ns), flag::STALE),
+                (drive.fault != 0, flag::MOTOR_FAULT),
+                (drive.power == Power::On, flag::POWERED),
+            ] {
+                flags |= if is_set { bit } else { 0 };
+            }
+            put(&mut state.flags, actuator, flags);
+            put(&mut state.faults, actuator, drive.fault);
+            put(&mut state.measured_ns, actuator, motor.measured_ns.unwrap_or(0));
+            put(&mut state.position, actuator, motor.measured.position);
+            put(&mut state.velocity, actuator, motor.measured.velocity);
+            put(&mut state.effort, actuator, motor.measured.effort);
+            put(&mut state.temperature, actuator, motor.measured.temperature);
+        }
+    }
+}
+
+fn put<T>(array: &mut [T; MAX_ACTUATORS], place: usize, value: T) {
+    if let Some(slot) = array.get_mut(place) {
+        *slot = value;
+    }
+}

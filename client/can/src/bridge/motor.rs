@@ -1,0 +1,91 @@
+//! One motor and what the bridge knows of it.
+
+use sarrus_proto::actuators::Reason;
+
+use crate::config::MotorConfig;
+use crate::drive::{Measurement, Watchdog};
+use crate::mapping::ActuatorMeasurement;
+
+/// A motor.
+#[derive(Debug)]
+pub(super) struct Motor {
+    pub(super) config: MotorConfig,
+    pub(super) measured: ActuatorMeasurement,
+    /// When it last measured `[ns]`.
+    pub(super) measured_ns: Option<u64>,
+    /// When it was last asked `[ns]`; `None` once it has answered.
+    pub(super) sent_ns: Option<u64>,
+    /// Bits of what was limited in the last set-point.
+    pub(super) flags: u32,
+    /// Where it was when it began to follow `[rad, m]`.
+    pub(super) hold: f64,
+    /// The last set-point's position and effort.
+    pub(super) last_position: f64,
+    pub(super) last_effort: f64,
+}
+
+impl Motor {
+    pub(super) fn new(config: MotorConfig) -> Motor {
+        Motor {
+            config,
+            measured: ActuatorMeasurement::NONE,
+            measured_ns: None,
+            sent_ns: None,
+            flags: 0,
+            hold: 0.0,
+            last_position: 0.0,
+            last_effort: 0.0,
+        }
+    }
+
+    /// Takes a measurement with a position; gives the time since the motor was asked `[ns]`, once.
+    pub(super) fn measured(&mut self, now_ns: u64, measured: &Measurement) -> Option<u64> {
+        if !measured.position.is_finite() {
+            return None;
+        }
+        self.measured = self.config.mapping.to_actuator(measured);
+        self.measured_ns = Some(now_ns);
+        self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
+    }
+
+    pub(super) fn is_stale(&self, now_ns: u64, feedback_ns: u64) -> bool {
+        self.measured_ns.is_none_or(|measured| now_ns.saturating_sub(measured) > feedback_ns)
+    }
+
+    /// Begins anew from where it is.
+    pub(super) fn hold(&mut self) {
+        if self.measured.position.is_finite() {
+            self.hold = self.measured.position;
+        }
+        (self.last_position, self.last_effort) = (self.hold, 0.0);
+    }
+
+    /// Why it cannot be armed, however long one waits.
+    pub(super) fn never_ready(&self) -> Option<Reason> {
+        let is_unread = !self.config.watchdog_believed && self.config.drive.state().watchdog == Watchdog::Unreadable;
+        if !self.config.is_calibrated {
+            Some(Reason::NotCalibrated)
+        } else if is_unread {
+            Some(Reason::WatchdogUnknown)
+        } else {
+            None
+        }
+    }
+
+    /// What arming still waits for.
+    pub(super) fn missing(&self, now_ns: u64, feedback_ns: u64) -> Option<Reason> {
+        let state = self.config.drive.state();
+        if self.is_stale(now_ns, feedback_ns) {
+            return Some(Reason::FeedbackStale);
+        }
+        if state.fault != 0 {
+            return Some(Reason::MotorFault);
+        }
+        match state.watchdog {
+            Watchdog::Off | Watchdog::Set(0) => Some(Reason::WatchdogOff),
+            Watchdog::Unknown => Some(Reason::WatchdogUnknown),
+            Watchdog::Unreadable if !self.config.watchdog_believed => Some(Reason::WatchdogUnknown),
+            Watchdog::Set(_) | Watchdog::Unreadable => None,
+        }
+    }
+}

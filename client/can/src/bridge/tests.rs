@@ -1,0 +1,463 @@
+use sarrus_models::yaml;
+use sarrus_models::{Findings, LoadError};
+
+use super::*;
+use crate::config::{BusConfig, Limits, MotorConfig, Surroundings, Timeouts};
+use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
+use crate::frame::Id;
+use crate::mapping::Mapping;
+use crate::protocol::{Common, Protocol, Settings};
+
+const MS: u64 = 1_000_000;
+
+/// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a fault; the answer likewise.
+#[derive(Debug)]
+struct Plain {
+    id: u16,
+    state: DriveState,
+    told: std::sync::Arc<std::sync::Mutex<Vec<Wish>>>,
+}
+
+impl Drive for Plain {
+    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+        self.told.lock().unwrap().push(wish);
+        if wish == Wish::Reset {
+            self.state.fault = 0;
+        }
+        out.push_some(Frame::classic(Id::Standard(self.id), &[u8::from(matches!(wish, Wish::On(_)))]));
+    }
+    fn encode(&self, _setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(Frame::classic(Id::Standard(self.id), &[1]));
+    }
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(Frame::classic(Id::Standard(self.id), &[0]));
+    }
+    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        if frame.id != Id::Standard(self.id + 16) {
+            return Receipt::NotMine;
+        }
+        let Some([is_on, fault, position]) = frame.exactly::<3>() else { return Receipt::Malformed };
+        self.state = DriveState {
+            power: if is_on == 1 { Power::On } else { Power::Off },
+            fault: u32::from(fault),
+            watchdog: Watchdog::Set(50),
+        };
+        Receipt::Measured(Measurement { position: f64::from(position) / 100.0, velocity: 0.0, torque: 0.0, temperature: 30.0 })
+    }
+    fn state(&self) -> DriveState {
+        self.state
+    }
+    fn forget(&mut self) {
+        self.state = DriveState::default();
+    }
+    fn identifiers(&self) -> Vec<Id> {
+        vec![Id::Standard(self.id), Id::Standard(self.id + 16)]
+    }
+    fn replies(&self) -> Vec<Reply> {
+        Vec::new()
+    }
+    fn probe(&mut self, _out: &mut FrameQueue) {}
+}
+
+static PLAIN: Protocol = Protocol { name: "plain", about: "", modes: &[Mode::Impedance], fd: false, keys: &[], make: |_, _, _| None };
+
+/// A bridge over three plain motors: the first two on one mechanism and bus, the third alone on another.
+struct Bench {
+    bridge: Bridge,
+    told: Vec<std::sync::Arc<std::sync::Mutex<Vec<Wish>>>>,
+    now_ns: u64,
+    sequence: u64,
+    /// What each motor answers: fault code, and whether at all.
+    fault: [u8; 3],
+    answers: [bool; 3],
+    position: u8,
+    commands: bool,
+}
+
+impl Bench {
+    fn new(change: impl Fn(&mut Configuration)) -> Bench {
+        let told: Vec<_> = (0..3).map(|_| std::sync::Arc::default()).collect();
+        let settings = || {
+            let mut findings = Findings::new(false);
+            let node = yaml::read("", b"{}".to_vec(), "settings", &mut findings).unwrap();
+            Settings::read(&node, "", &[], &[], &|_| Err(String::new()), &mut findings).unwrap()
+        };
+        let motor = |i: usize| MotorConfig {
+            actuator: i,
+            bus: i / 2,
+            protocol: &PLAIN,
+            settings: settings(),
+            common: Common { mode: Mode::Impedance, watchdog_ms: 50, torque_limit: 10.0 },
+            drive: Box::new(Plain { id: i as u16, state: DriveState::default(), told: told[i].clone() }),
+            mapping: Mapping::DIRECT,
+            is_calibrated: true,
+            watchdog_believed: false,
+            limits: Limits { lower: -1.0, upper: 1.0, velocity: 100.0, effort: 10.0, effort_rate: f64::INFINITY },
+            damping: 3.0,
+        };
+        let bus = |name: &str| BusConfig {
+            name: name.into(),
+            interface: "none".into(),
+            channel: name.into(),
+            bitrate: 1_000_000,
+            data_bitrate: None,
+        };
+        let mut configuration = Configuration {
+            robot: None,
+            source: None,
+            fingerprint: 7,
+            actuators: ["a", "b", "c"].map(String::from).to_vec(),
+            mechanisms: vec![0, 0, 1],
+            rate_hz: 1000.0,
+            timeouts: Timeouts { damping_ns: 20 * MS, disable_ns: 100 * MS, feedback_ns: 20 * MS, arming_ns: 500 * MS },
+            ramp_ns: 100 * MS,
+            stop: Stop::Mechanism,
+            buses: vec![bus("x"), bus("y")],
+            motors: (0..3).map(motor).collect(),
+            warnings: Vec::new(),
+        };
+        change(&mut configuration);
+        Bench {
+            bridge: Bridge::new(configuration),
+            told,
+            now_ns: 5 * MS,
+            sequence: 0,
+            fault: [0; 3],
+            answers: [true; 3],
+            position: 20,
+            commands: true,
+        }
+    }
+
+    fn command(&self) -> ActuatorCommand {
+        ActuatorCommand {
+            sequence: self.sequence,
+            stamp_ns: self.now_ns,
+            fingerprint: 7,
+            n_u: 3,
+            position: [0.5; MAX_ACTUATORS],
+            effort: [1.0; MAX_ACTUATORS],
+            stiffness: [2.0; MAX_ACTUATORS],
+            ..ActuatorCommand::default()
+        }
+    }
+
+    /// One millisecond: a command, a cycle, and the answers of the motors to its frames.
+    fn step(&mut self) {
+        self.now_ns += MS;
+        if self.commands {
+            self.sequence += 1;
+            self.bridge.command(self.now_ns, &self.command());
+        }
+        self.bridge.cycle(self.now_ns);
+        for i in 0..3_usize {
+            let sent = self.bridge.frames(i / 2).iter().find(|frame| frame.id == Id::Standard(i as u16)).copied();
+            if let (Some(frame), true) = (sent, self.answers[i]) {
+                let answer = [frame.data()[0], self.fault[i], self.position];
+                let answer = Frame::classic(Id::Standard(i as u16 + 16), &answer).unwrap();
+                self.bridge.receive(self.now_ns + MS / 4, i / 2, &answer);
+            }
+        }
+    }
+
+    fn steps(&mut self, n: usize) {
+        (0..n).for_each(|_| self.step());
+    }
+
+    fn armed() -> Bench {
+        let mut bench = Bench::new(|_| {});
+        bench.steps(3);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+        bench
+    }
+
+    fn standings(&self) -> [Standing; 3] {
+        core::array::from_fn(|i| Standing::from_code(self.bridge.state().standings[i]).unwrap())
+    }
+
+    fn reason(&self, i: usize) -> Reason {
+        Reason::from_code(self.bridge.state().reasons[i]).unwrap()
+    }
+
+    fn last(&self, i: usize) -> Wish {
+        *self.told[i].lock().unwrap().last().unwrap()
+    }
+
+    fn setpoint(&self, i: usize) -> Setpoint {
+        match self.last(i) {
+            Wish::On(setpoint) => setpoint,
+            other => panic!("motor {i} is told {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn nothing_has_power_before_it_is_armed() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(50);
+    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    assert!(bench.told.iter().all(|told| told.lock().unwrap().iter().all(|wish| *wish == Wish::Off)));
+}
+
+#[test]
+fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(3);
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.steps(120);
+    let told = bench.told[0].lock().unwrap().clone();
+    let setpoints: Vec<Setpoint> = told.iter().filter_map(|wish| if let Wish::On(setpoint) = wish { Some(*setpoint) } else { None }).collect();
+    assert_eq!(setpoints[0], Setpoint { position: 0.2, ..Setpoint::default() });
+    // from 0.2 to 0.5 in 100 ms, no step larger than its share
+    for pair in setpoints.windows(2) {
+        assert!(pair[1].position - pair[0].position <= 0.3 / 100.0 + 1e-12, "{pair:?}");
+        assert!(pair[1].stiffness >= pair[0].stiffness && pair[1].stiffness - pair[0].stiffness <= 2.0 / 100.0 + 1e-12);
+    }
+    let last = setpoints.last().unwrap();
+    assert_eq!((last.position, last.torque, last.stiffness), (0.5, 1.0, 2.0));
+}
+
+#[test]
+fn arming_waits_for_every_motor_the_buses_and_a_command() {
+    let wait = |prepare: &dyn Fn(&mut Bench), reason: Reason| {
+        let mut bench = Bench::new(|_| {});
+        prepare(&mut bench);
+        bench.steps(3);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        assert_eq!(bench.bridge.state().standing, Standing::Arming as u32, "{reason:?}");
+        assert_eq!(bench.reason(0), reason);
+        // not for ever
+        bench.steps(600);
+        assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+        assert_eq!(bench.reason(0), reason);
+        assert!(bench.told.iter().all(|told| told.lock().unwrap().iter().all(|wish| *wish == Wish::Off)));
+    };
+    wait(&|bench| bench.answers[2] = false, Reason::FeedbackStale);
+    wait(&|bench| bench.fault[1] = 9, Reason::MotorFault);
+    wait(&|bench| bench.commands = false, Reason::NoCommand);
+    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::ErrorPassive), Reason::BusPassive);
+    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::BusOff), Reason::BusOff);
+    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::Backlog(3)), Reason::Backlog);
+}
+
+#[test]
+fn a_motor_that_is_not_calibrated_is_never_armed() {
+    let mut bench = Bench::new(|configuration| configuration.motors[2].is_calibrated = false);
+    bench.steps(3);
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.step();
+    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    assert_eq!(bench.reason(0), Reason::NotCalibrated);
+}
+
+#[test]
+fn late_commands_bring_damping_and_lost_ones_no_power() {
+    let mut bench = Bench::armed();
+    bench.commands = false;
+    bench.steps(20);
+    assert!(bench.setpoint(0).stiffness > 0.0);
+    bench.steps(2);
+    assert_eq!(bench.setpoint(0), Setpoint { position: 0.2, damping: 3.0, ..Setpoint::default() });
+    assert_ne!(bench.bridge.state().flags[0] & flag::DAMPED, 0);
+    bench.steps(80);
+    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    assert_eq!((bench.last(0), bench.reason(0)), (Wish::Off, Reason::CommandLost));
+    // commands that come back do not arm
+    bench.commands = true;
+    bench.steps(200);
+    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+}
+
+#[test]
+fn commands_that_come_back_in_time_grow_again_from_where_the_actuator_is() {
+    let mut bench = Bench::armed();
+    bench.steps(200);
+    bench.commands = false;
+    bench.steps(30);
+    bench.position = 90;
+    bench.step();
+    bench.commands = true;
+    bench.step();
+    assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+    let first = bench.setpoint(0);
+    assert_eq!((first.position, first.stiffness), (0.9, 0.0));
+}
+
+#[test]
+fn one_number_that_is_none_rejects_the_whole_command() {
+    let mut bench = Bench::armed();
+    let position = bench.setpoint(0).position;
+    bench.commands = false;
+    for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for field in 0..5 {
+            bench.sequence += 1;
+            let mut command = bench.command();
+            let fields =
+                [&mut command.position, &mut command.velocity, &mut command.effort, &mut command.stiffness, &mut command.damping];
+            fields[field][2] = number;
+            assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::NotFinite);
+        }
+    }
+    assert_eq!(bench.bridge.counters().not_finite, 15);
+    bench.steps(120);
+    assert_eq!(bench.reason(0), Reason::CommandLost, "commands that are not taken feed no deadman");
+    assert!(position.is_finite());
+}
+
+#[test]
+fn commands_of_the_past_the_future_and_other_robots_are_not_taken() {
+    let mut bench = Bench::armed();
+    let good = ActuatorCommand { sequence: bench.sequence + 1, stamp_ns: bench.now_ns + 1, ..bench.command() };
+    let judged = |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(bench.now_ns + 1, &command);
+    assert_eq!(judged(&mut bench, ActuatorCommand { sequence: bench.sequence, ..good }), Verdict::Old);
+    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), Verdict::Old);
+    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: bench.now_ns + 10 * MS, ..good }), Verdict::Ahead);
+    assert_eq!(judged(&mut bench, ActuatorCommand { fingerprint: 8, ..good }), Verdict::WrongModel);
+    assert_eq!(judged(&mut bench, ActuatorCommand { n_u: 2, ..good }), Verdict::WrongSize);
+    let mut negative = good;
+    negative.stiffness[1] = -1.0;
+    assert_eq!(judged(&mut bench, negative), Verdict::Negative);
+    assert_eq!(judged(&mut bench, good), Verdict::Accepted);
+}
+
+#[test]
+fn a_motor_that_fails_stops_its_closed_mechanism_and_no_other() {
+    for (prepare, reason) in [
+        ((|bench: &mut Bench| bench.fault[1] = 4) as fn(&mut Bench), Reason::MotorFault),
+        (|bench| bench.answers[1] = false, Reason::FeedbackStale),
+    ] {
+        let mut bench = Bench::armed();
+        prepare(&mut bench);
+        bench.steps(30);
+        assert_eq!(bench.standings(), [Standing::Fault, Standing::Fault, Standing::Enabled]);
+        assert_eq!((bench.last(0), bench.last(1), bench.reason(0)), (Wish::Off, Wish::Off, reason));
+        assert!(matches!(bench.last(2), Wish::On(_)));
+    }
+}
+
+#[test]
+fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
+    let mut bench = Bench::new(|configuration| configuration.stop = Stop::Robot);
+    bench.steps(3);
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.steps(5);
+    bench.fault[2] = 1;
+    bench.steps(3);
+    assert_eq!(bench.standings(), [Standing::Fault; 3]);
+    assert_eq!((bench.reason(0), bench.reason(2)), (Reason::OtherMechanism, Reason::MotorFault));
+}
+
+#[test]
+fn a_fault_stays_until_it_is_reset_and_a_reset_does_not_arm() {
+    let mut bench = Bench::armed();
+    bench.fault[2] = 4;
+    bench.steps(5);
+    bench.fault[2] = 0;
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.steps(50);
+    assert_eq!(bench.standings()[2], Standing::Fault);
+    bench.bridge.operate(bench.now_ns, Operation::Reset);
+    bench.steps(50);
+    assert_eq!(bench.standings(), [Standing::Enabled, Standing::Enabled, Standing::Disabled]);
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.steps(5);
+    assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+}
+
+#[test]
+fn a_bus_that_goes_off_stops_its_mechanisms() {
+    let mut bench = Bench::armed();
+    bench.bridge.bus_event(bench.now_ns, 0, BusEvent::BusOff);
+    bench.step();
+    assert_eq!(bench.standings(), [Standing::Fault, Standing::Fault, Standing::Enabled]);
+    assert_eq!(bench.reason(0), Reason::BusOff);
+}
+
+#[test]
+fn a_bridge_that_was_stopped_lets_go() {
+    let mut bench = Bench::armed();
+    bench.now_ns += 2_000 * MS;
+    bench.step();
+    assert_ne!(bench.standings(), [Standing::Enabled; 3]);
+    assert_eq!((bench.last(0), bench.reason(0)), (Wish::Off, Reason::Stalled));
+}
+
+#[test]
+fn limits_are_kept_and_reported() {
+    let mut bench = Bench::armed();
+    bench.steps(150);
+    bench.commands = false;
+    bench.sequence += 1;
+    let mut command = bench.command();
+    command.position[0] = 40.0;
+    command.effort[1] = -50.0;
+    command.stiffness[1] = 0.0;
+    command.velocity[2] = 1e6;
+    command.stiffness[2] = 0.0;
+    assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::Accepted);
+    bench.steps(10);
+    assert_eq!(bench.setpoint(0).position, 1.0);
+    assert_eq!(bench.setpoint(1).torque, -10.0);
+    assert_eq!(bench.setpoint(2).velocity, 100.0);
+    let flags = bench.bridge.state().flags;
+    assert_ne!(flags[0] & flag::POSITION_LIMITED, 0);
+    assert_ne!(flags[1] & flag::EFFORT_LIMITED, 0);
+    assert_ne!(flags[2] & flag::VELOCITY_LIMITED, 0);
+}
+
+#[test]
+fn spring_and_effort_together_stay_within_the_effort() {
+    let mut bench = Bench::armed();
+    bench.steps(150);
+    bench.commands = false;
+    bench.sequence += 1;
+    let mut command = bench.command();
+    command.stiffness[0] = 1000.0;
+    bench.bridge.command(bench.now_ns, &command);
+    bench.step();
+    let Setpoint { position, torque, stiffness, .. } = bench.setpoint(0);
+    // 1000 · (0.5 − 0.2) + torque = 10
+    assert!((stiffness * (position - 0.2) + torque - 10.0).abs() < 1e-9);
+}
+
+#[test]
+fn every_way_out_has_a_frame_that_disables_each_motor() {
+    let mut bench = Bench::armed();
+    bench.bridge.shutdown();
+    for i in 0..3_u16 {
+        let frames = bench.bridge.frames(usize::from(i) / 2);
+        assert!(frames.contains(&Frame::classic(Id::Standard(i), &[0]).unwrap()), "{i}: {frames:?}");
+        assert!(!frames.contains(&Frame::classic(Id::Standard(i), &[1]).unwrap()));
+    }
+}
+
+#[test]
+fn frames_of_strangers_and_malformed_ones_are_counted_and_not_used() {
+    let mut bench = Bench::armed();
+    let before = bench.bridge.state().position[0];
+    bench.answers = [false; 3];
+    bench.bridge.receive(bench.now_ns, 0, &Frame::classic(Id::Standard(99), &[1, 0, 90]).unwrap());
+    bench.bridge.receive(bench.now_ns, 0, &Frame::classic(Id::Standard(16), &[1, 0]).unwrap());
+    // the right identifier on another bus
+    bench.bridge.receive(bench.now_ns, 1, &Frame::classic(Id::Standard(16), &[1, 0, 90]).unwrap());
+    bench.step();
+    let counters = |bus| *bench.bridge.bus_counters(bus).unwrap().1;
+    assert_eq!((counters(0).unknown, counters(0).malformed, counters(1).unknown), (1, 1, 1));
+    assert_eq!(bench.bridge.state().position[0], before);
+}
+
+#[test]
+fn a_configuration_without_anything_is_told_what_it_lacks() {
+    let surroundings = Surroundings {
+        file: &|_| Err("absent".into()),
+        robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+    };
+    let report = Configuration::read("empty.yml", b"{}".to_vec(), &surroundings).unwrap_err();
+    let told: Vec<String> = report.errors.iter().map(|error| error.found.clone()).collect();
+    for key in ["rate_hz", "buses", "motors"] {
+        assert!(told.iter().any(|found| found.contains(key)), "{told:?}");
+    }
+}

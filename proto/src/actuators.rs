@@ -1,0 +1,250 @@
+//! What controllers and the CAN bridge say to each other: commands and states of all actuators, in the order of u.
+//!
+//! The payloads are plain fixed-size values; with the feature `transport` they travel through the services of `bridge`.
+
+/// An operation as it travels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct OperatorRequest {
+    /// When it was asked, by the monotonic clock of this machine `[ns]`.
+    pub stamp_ns: u64,
+    /// An [`Operation`].
+    pub operation: u32,
+    /// Always 0.
+    pub reserved: u32,
+}
+
+/// Most actuators of a robot.
+pub const MAX_ACTUATORS: usize = 64;
+
+/// Names for numbers on the wire.
+macro_rules! codes {
+    ($(#[$doc:meta])* $name:ident { $($(#[$of:meta])* $variant:ident = $code:literal, $word:literal;)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(u32)]
+        #[non_exhaustive]
+        pub enum $name { $($(#[$of])* $variant = $code,)* }
+
+        impl $name {
+            /// All of them, in the order of their numbers.
+            pub const ALL: &[$name] = &[$($name::$variant,)*];
+
+            /// The name that people and scripts see.
+            pub const fn name(self) -> &'static str {
+                match self { $($name::$variant => $word,)* }
+            }
+
+            /// The one of a number on the wire; `None` for a number that this version does not know.
+            pub const fn from_code(code: u32) -> Option<$name> {
+                match code { $($code => Some($name::$variant),)* _ => None }
+            }
+        }
+    };
+}
+
+codes! {
+    /// Where a mechanism stands, and the bridge as a whole.
+    Standing {
+        /// Its motors have no power.
+        Disabled = 0, "disabled";
+        /// It was told to arm, and waits for what is missing or for its motors.
+        Arming = 1, "arming";
+        /// Its motors follow the commands.
+        Enabled = 2, "enabled";
+        /// Something failed: its motors have no power until an operator resets it.
+        Fault = 3, "fault";
+    }
+}
+
+codes! {
+    /// Why a mechanism stands where it does.
+    Reason {
+        /// There is nothing to tell.
+        None = 0, "none";
+        /// An operator or a controller disarmed it.
+        Disarmed = 1, "disarmed";
+        /// No command came for longer than T2.
+        CommandLost = 2, "command_lost";
+        /// The bridge itself was stopped for longer than T2.
+        Stalled = 3, "stalled";
+        /// No command came since it was told to arm.
+        NoCommand = 4, "no_command";
+        /// A motor has no offset in the configuration.
+        NotCalibrated = 5, "not_calibrated";
+        /// A motor's watchdog is off.
+        WatchdogOff = 6, "watchdog_off";
+        /// A motor's watchdog was not read, and is not believed to be on.
+        WatchdogUnknown = 7, "watchdog_unknown";
+        /// A motor does not measure, or no longer.
+        FeedbackStale = 8, "feedback_stale";
+        /// A motor reports a fault.
+        MotorFault = 9, "motor_fault";
+        /// A motor lost its power although it was to have it.
+        PowerLost = 10, "power_lost";
+        /// Motors did not take power in time.
+        ArmingTimeout = 11, "arming_timeout";
+        /// The bus is error-passive.
+        BusPassive = 12, "bus_passive";
+        /// The bus is off.
+        BusOff = 13, "bus_off";
+        /// Frames of before still wait to be sent.
+        Backlog = 14, "backlog";
+        /// Another mechanism failed, and the robot stops as a whole.
+        OtherMechanism = 15, "other_mechanism";
+    }
+}
+
+codes! {
+    /// What an operator asks of the bridge.
+    Operation {
+        /// Give the motors power as soon as everything is in order.
+        Arm = 1, "arm";
+        /// Take the power away.
+        Disarm = 2, "disarm";
+        /// Forget a fault; what is armed stays as it is.
+        Reset = 3, "reset";
+    }
+}
+
+/// What the bridge says of single actuators, as bits.
+pub mod flag {
+    /// The effort was limited.
+    pub const EFFORT_LIMITED: u32 = 1;
+    /// The position was limited.
+    pub const POSITION_LIMITED: u32 = 1 << 1;
+    /// The velocity was limited, or the position was to change faster than that.
+    pub const VELOCITY_LIMITED: u32 = 1 << 2;
+    /// The effort was to change faster than it may.
+    pub const RATE_LIMITED: u32 = 1 << 3;
+    /// Gains and efforts still grow after arming.
+    pub const RAMPING: u32 = 1 << 4;
+    /// Commands are late: the actuator is damped.
+    pub const DAMPED: u32 = 1 << 5;
+    /// The measurement is missing or too old.
+    pub const STALE: u32 = 1 << 6;
+    /// The motor reports a fault.
+    pub const MOTOR_FAULT: u32 = 1 << 7;
+    /// The motor has power.
+    pub const POWERED: u32 = 1 << 8;
+    /// No motor drives it.
+    pub const NO_MOTOR: u32 = 1 << 9;
+    /// Name of each bit, from the lowest.
+    pub const NAMES: [&str; 10] = [
+        "effort_limited",
+        "position_limited",
+        "velocity_limited",
+        "rate_limited",
+        "ramping",
+        "damped",
+        "stale",
+        "motor_fault",
+        "powered",
+        "no_motor",
+    ];
+}
+
+/// One command for all actuators of a robot, in the order of u.
+///
+/// An actuator follows τ = effort + stiffness (position − measured) + damping (velocity − measured), as far as its motor's mode allows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ActuatorCommand {
+    /// Grows with each command; one that does not is not taken.
+    pub sequence: u64,
+    /// When the command was computed, by the monotonic clock of this machine `[ns]`.
+    pub stamp_ns: u64,
+    /// Fingerprint of the model that it was computed with; 0 where the bridge has no model.
+    pub fingerprint: u64,
+    /// How many actuators it is for (n_u).
+    pub n_u: u64,
+    /// Position `[rad, m]`.
+    pub position: [f64; MAX_ACTUATORS],
+    /// Velocity `[rad/s, m/s]`.
+    pub velocity: [f64; MAX_ACTUATORS],
+    /// Moment or force, τ_u `[N m, N]`.
+    pub effort: [f64; MAX_ACTUATORS],
+    /// Stiffness `[N m/rad, N/m]`, at least 0.
+    pub stiffness: [f64; MAX_ACTUATORS],
+    /// Damping `[N m s/rad, N s/m]`, at least 0.
+    pub damping: [f64; MAX_ACTUATORS],
+}
+
+impl Default for ActuatorCommand {
+    fn default() -> ActuatorCommand {
+        let zero = [0.0; MAX_ACTUATORS];
+        ActuatorCommand {
+            sequence: 0,
+            stamp_ns: 0,
+            fingerprint: 0,
+            n_u: 0,
+            position: zero,
+            velocity: zero,
+            effort: zero,
+            stiffness: zero,
+            damping: zero,
+        }
+    }
+}
+
+/// What the bridge knows of all actuators after one of its cycles, in the order of u.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ActuatorState {
+    /// Number of the cycle.
+    pub sequence: u64,
+    /// Time of the cycle, by the monotonic clock of this machine `[ns]`.
+    pub stamp_ns: u64,
+    /// Fingerprint of the model; 0 without one.
+    pub fingerprint: u64,
+    /// How many actuators there are (n_u).
+    pub n_u: u64,
+    /// Sequence of the last command that was taken.
+    pub command: u64,
+    /// The worst of the mechanisms, a [`Standing`].
+    pub standing: u32,
+    /// Why, a [`Reason`].
+    pub reason: u32,
+    /// The [`Standing`] of each actuator's mechanism.
+    pub standings: [u32; MAX_ACTUATORS],
+    /// Why, a [`Reason`] each.
+    pub reasons: [u32; MAX_ACTUATORS],
+    /// Bits of [`flag`].
+    pub flags: [u32; MAX_ACTUATORS],
+    /// The motors' own codes of their faults; 0 without one.
+    pub faults: [u32; MAX_ACTUATORS],
+    /// When each was measured, by the monotonic clock `[ns]`; 0 for never.
+    pub measured_ns: [u64; MAX_ACTUATORS],
+    /// Position `[rad, m]`; NaN for what was never measured, here and below.
+    pub position: [f64; MAX_ACTUATORS],
+    /// Velocity `[rad/s, m/s]`.
+    pub velocity: [f64; MAX_ACTUATORS],
+    /// Moment or force `[N m, N]`.
+    pub effort: [f64; MAX_ACTUATORS],
+    /// Temperature of the motor `[°C]`.
+    pub temperature: [f64; MAX_ACTUATORS],
+}
+
+impl Default for ActuatorState {
+    fn default() -> ActuatorState {
+        let unknown = [f64::NAN; MAX_ACTUATORS];
+        ActuatorState {
+            sequence: 0,
+            stamp_ns: 0,
+            fingerprint: 0,
+            n_u: 0,
+            command: 0,
+            standing: Standing::Disabled as u32,
+            reason: Reason::None as u32,
+            standings: [0; MAX_ACTUATORS],
+            reasons: [0; MAX_ACTUATORS],
+            flags: [0; MAX_ACTUATORS],
+            faults: [0; MAX_ACTUATORS],
+            measured_ns: [0; MAX_ACTUATORS],
+            position: unknown,
+            velocity: unknown,
+            effort: unknown,
+            temperature: unknown,
+        }
+    }
+}

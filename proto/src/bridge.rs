@@ -1,0 +1,196 @@
+//! The services of one CAN bridge: commands in, states and statistics out, operations from whoever may watch.
+//!
+//! The newest wins everywhere: a subscriber has room for one sample, and a command that was overtaken is gone. Only operations queue.
+
+use core::fmt::Debug;
+
+use iceoryx2::node::Node;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::prelude::{BackpressureStrategy, ServiceName, ZeroCopySend};
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+use iceoryx2::service::port_factory::publish_subscribe;
+
+use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
+use crate::lane::Threadsafe;
+use crate::service::ServiceError;
+use crate::watch::BridgeStatistics;
+use crate::{PROTOCOL_VERSION, ServerName};
+
+/// Processes that may watch one bridge.
+const MAX_OBSERVERS: usize = 32;
+/// Operations that may wait for the bridge's next cycle.
+const OPERATIONS: usize = 8;
+
+type Factory<T> = publish_subscribe::PortFactory<Threadsafe, T, ()>;
+type Sending<T> = Publisher<Threadsafe, T, ()>;
+type Receiving<T> = Subscriber<Threadsafe, T, ()>;
+
+/// The bridge's side.
+#[derive(Debug)]
+pub struct BridgeEnd {
+    commands: Receiving<ActuatorCommand>,
+    operations: Receiving<OperatorRequest>,
+    states: Sending<ActuatorState>,
+    statistics: Sending<BridgeStatistics>,
+}
+
+/// A controller's side; a bridge has one controller at a time.
+#[derive(Debug)]
+pub struct ControllerEnd {
+    commands: Sending<ActuatorCommand>,
+    observer: ObserverEnd,
+}
+
+/// The side of those who watch and operate.
+#[derive(Debug)]
+pub struct ObserverEnd {
+    operations: Sending<OperatorRequest>,
+    states: Receiving<ActuatorState>,
+    statistics: Receiving<BridgeStatistics>,
+}
+
+impl BridgeEnd {
+    /// Makes the services of a bridge.
+    ///
+    /// # Errors
+    /// Another bridge has this name, or something is wrong with the shared memory.
+    pub fn create(node: &Node<Threadsafe>, name: &ServerName) -> Result<BridgeEnd, ServiceError> {
+        let services = names(name)?;
+        let [commands, operations, states, statistics] = &services;
+        // ports that only one bridge can have come first
+        let states = sender(&make(node, states, 1, MAX_OBSERVERS, 1)?, states, 1)?;
+        let statistics = sender(&make(node, statistics, 1, MAX_OBSERVERS, 1)?, statistics, 1)?;
+        let commands = receiver(&make(node, commands, 1, 1, 1)?, commands, 1)?;
+        let operations = receiver(&make(node, operations, MAX_OBSERVERS, 1, OPERATIONS)?, operations, 1)?;
+        Ok(BridgeEnd { commands, operations, states, statistics })
+    }
+
+    /// The newest command, once.
+    pub fn command(&self) -> Option<ActuatorCommand> {
+        newest(&self.commands)
+    }
+
+    /// The next operation.
+    pub fn operation(&self) -> Option<OperatorRequest> {
+        self.operations.receive().ok().flatten().map(|sample| *sample)
+    }
+
+    /// Gives the state to everybody; false where that failed.
+    pub fn publish(&self, state: &ActuatorState) -> bool {
+        self.states.send_copy(*state).is_ok()
+    }
+
+    /// Gives the statistics to everybody; false where that failed.
+    pub fn publish_statistics(&self, statistics: &BridgeStatistics) -> bool {
+        self.statistics.send_copy(*statistics).is_ok()
+    }
+}
+
+impl ControllerEnd {
+    /// Opens the services of a running bridge.
+    ///
+    /// # Errors
+    /// No bridge of this name runs, it has a controller, or something is wrong with the shared memory.
+    pub fn open(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControllerEnd, ServiceError> {
+        let [commands, ..] = &names(name)?;
+        Ok(ControllerEnd { commands: sender(&open(node, commands)?, commands, 1)?, observer: ObserverEnd::open(node, name)? })
+    }
+
+    /// Sends a command; false where it could not be sent.
+    pub fn send(&self, command: &ActuatorCommand) -> bool {
+        self.commands.send_copy(*command).is_ok()
+    }
+
+    /// What a controller can do besides.
+    pub fn observer(&self) -> &ObserverEnd {
+        &self.observer
+    }
+}
+
+impl ObserverEnd {
+    /// Opens the services of a running bridge.
+    ///
+    /// # Errors
+    /// No bridge of this name runs, too many watch it, or something is wrong with the shared memory.
+    pub fn open(node: &Node<Threadsafe>, name: &ServerName) -> Result<ObserverEnd, ServiceError> {
+        let [_, operations, states, statistics] = &names(name)?;
+        Ok(ObserverEnd {
+            operations: sender(&open(node, operations)?, operations, MAX_OBSERVERS)?,
+            states: receiver(&open(node, states)?, states, MAX_OBSERVERS)?,
+            statistics: receiver(&open(node, statistics)?, statistics, MAX_OBSERVERS)?,
+        })
+    }
+
+    /// The newest state, once.
+    pub fn state(&self) -> Option<ActuatorState> {
+        newest(&self.states)
+    }
+
+    /// The newest statistics, once.
+    pub fn statistics(&self) -> Option<BridgeStatistics> {
+        newest(&self.statistics)
+    }
+
+    /// Asks the bridge for an operation; false where it could not be sent.
+    pub fn operate(&self, request: &OperatorRequest) -> bool {
+        self.operations.send_copy(*request).is_ok()
+    }
+}
+
+fn names(name: &ServerName) -> Result<[ServiceName; 4], ServiceError> {
+    let [commands, operations, states, statistics] = ["command", "operation", "state", "statistics"].map(|part| name.bridge(part));
+    Ok([commands?, operations?, states?, statistics?])
+}
+
+/// Makes a service, or opens that of a bridge that died while others hold it.
+fn make<T: Debug + ZeroCopySend + 'static>(
+    node: &Node<Threadsafe>,
+    service: &ServiceName,
+    publishers: usize,
+    subscribers: usize,
+    room: usize,
+) -> Result<Factory<T>, ServiceError> {
+    let builder = node.service_builder(service).publish_subscribe::<T>();
+    let builder = builder.max_publishers(publishers).max_subscribers(subscribers).max_nodes(MAX_OBSERVERS + 2);
+    let builder = builder.subscriber_max_buffer_size(room).history_size(0).enable_safe_overflow(true).subscriber_max_borrowed_samples(1);
+    builder.open_or_create().map_err(|error| ServiceError::memory(service, &error))
+}
+
+fn open<T: Debug + ZeroCopySend + 'static>(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Factory<T>, ServiceError> {
+    use PublishSubscribeOpenError as E;
+    let name = || service.to_string();
+    node.service_builder(service).publish_subscribe::<T>().open().map_err(|error| match error {
+        E::DoesNotExist | E::IsMarkedForDestruction => ServiceError::NoBridge { service: name() },
+        E::IncompatibleTypes => ServiceError::OtherVersion { service: name(), version: PROTOCOL_VERSION },
+        E::ExceedsMaxNumberOfNodes => ServiceError::Full { service: name(), limit: MAX_OBSERVERS + 2 },
+        other => ServiceError::memory(service, &other),
+    })
+}
+
+fn sender<T: Debug + ZeroCopySend + 'static>(factory: &Factory<T>, service: &ServiceName, limit: usize) -> Result<Sending<T>, ServiceError> {
+    let builder = factory.publisher_builder().max_loaned_samples(1).backpressure_strategy(BackpressureStrategy::DiscardData);
+    builder.create().map_err(|error| match error {
+        PublisherCreateError::ExceedsMaxSupportedPublishers => ServiceError::Full { service: service.to_string(), limit },
+        other => ServiceError::memory(service, &other),
+    })
+}
+
+fn receiver<T: Debug + ZeroCopySend + 'static>(
+    factory: &Factory<T>,
+    service: &ServiceName,
+    limit: usize,
+) -> Result<Receiving<T>, ServiceError> {
+    factory.subscriber_builder().create().map_err(|error| match error {
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => ServiceError::Full { service: service.to_string(), limit },
+        other => ServiceError::memory(service, &other),
+    })
+}
+
+fn newest<T: Debug + ZeroCopySend + Copy + 'static>(port: &Receiving<T>) -> Option<T> {
+    let mut newest = None;
+    while let Ok(Some(sample)) = port.receive() {
+        newest = Some(*sample);
+    }
+    newest
+}

@@ -1,0 +1,159 @@
+//! What a running CAN bridge tells those who watch it.
+
+use crate::actuators::MAX_ACTUATORS;
+
+/// Most buses of a bridge.
+pub const MAX_BUSES: usize = 16;
+/// Longest name of an actuator or a bus that is told `[byte]`; longer ones are cut.
+pub const MAX_LABEL: usize = 32;
+
+/// A name as it travels: UTF-8, filled up with zeros.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct Label(pub [u8; MAX_LABEL]);
+
+impl Label {
+    /// A name, cut where it is too long.
+    pub fn new(name: &str) -> Label {
+        let mut label = Label::default();
+        let end = (0..=name.len().min(MAX_LABEL)).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
+        let (into, from) = (label.0.get_mut(..end), name.as_bytes().get(..end));
+        if let (Some(into), Some(from)) = (into, from) {
+            into.copy_from_slice(from);
+        }
+        label
+    }
+
+    /// The name.
+    pub fn as_str(&self) -> &str {
+        let end = self.0.iter().position(|byte| *byte == 0).unwrap_or(MAX_LABEL);
+        self.0.get(..end).and_then(|bytes| core::str::from_utf8(bytes).ok()).unwrap_or_default()
+    }
+}
+
+/// A distribution of times since the start `[ns]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct Times {
+    /// How many there were.
+    pub count: u64,
+    /// Half of them were at most this.
+    pub p50: u64,
+    /// 99 % of them were at most this.
+    pub p99: u64,
+    /// 99.9 % of them were at most this.
+    pub p999: u64,
+    /// The longest.
+    pub max: u64,
+}
+
+/// Counts of one bus since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct BusStatistics {
+    /// Name in the configuration.
+    pub name: Label,
+    /// 0 active, 1 warning, 2 passive, 3 off.
+    pub state: u64,
+    /// The part of its time that it is busy at worst.
+    pub load: f64,
+    /// Frames sent.
+    pub sent: u64,
+    /// Frames received.
+    pub received: u64,
+    /// Frames of nobody's.
+    pub unknown: u64,
+    /// Frames that cannot be what they claim to be.
+    pub malformed: u64,
+    /// Frames that were not sent.
+    pub dropped: u64,
+    /// Frames that were lost on the way in.
+    pub overrun: u64,
+    /// Times that the bus became error-passive.
+    pub passive: u64,
+    /// Times that it went off.
+    pub off: u64,
+}
+
+/// Counts and times of a bridge since its start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct BridgeStatistics {
+    /// When this was told, by the monotonic clock of this machine `[ns]`.
+    pub stamp_ns: u64,
+    /// When the bridge started `[ns]`.
+    pub started_ns: u64,
+    /// Process id of the bridge.
+    pub process: u64,
+    /// Cycles.
+    pub cycles: u64,
+    /// Commands that were taken.
+    pub accepted: u64,
+    /// Commands with NaN or infinity.
+    pub not_finite: u64,
+    /// Commands with a negative gain.
+    pub negative: u64,
+    /// Commands that were not newer than the one before.
+    pub old: u64,
+    /// Commands from the future.
+    pub ahead: u64,
+    /// Commands for another model.
+    pub wrong_model: u64,
+    /// Commands for another number of actuators.
+    pub wrong_size: u64,
+    /// From the time of a cycle to its begin.
+    pub wake: Times,
+    /// From the begin of a cycle to its last frame.
+    pub work: Times,
+    /// Age of the command in a cycle.
+    pub age: Times,
+    /// From a frame to a motor's answer.
+    pub reply: Times,
+    /// How many of `buses` there are.
+    pub n_buses: u64,
+    /// How many of `actuators` there are.
+    pub n_u: u64,
+    /// The buses.
+    pub buses: [BusStatistics; MAX_BUSES],
+    /// Names of the actuators, in the order of u.
+    pub actuators: [Label; MAX_ACTUATORS],
+}
+
+impl Default for BridgeStatistics {
+    fn default() -> BridgeStatistics {
+        BridgeStatistics {
+            stamp_ns: 0,
+            started_ns: 0,
+            process: 0,
+            cycles: 0,
+            accepted: 0,
+            not_finite: 0,
+            negative: 0,
+            old: 0,
+            ahead: 0,
+            wrong_model: 0,
+            wrong_size: 0,
+            wake: Times::default(),
+            work: Times::default(),
+            age: Times::default(),
+            reply: Times::default(),
+            n_buses: 0,
+            n_u: 0,
+            buses: [BusStatistics::default(); MAX_BUSES],
+            actuators: [Label::default(); MAX_ACTUATORS],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_cut_between_letters() {
+        for name in ["", "elbow", &"x".repeat(40), &format!("{}ä", "x".repeat(31))] {
+            let label = Label::new(name);
+            assert!(name.starts_with(label.as_str()) && label.as_str().len() + 1 >= name.len().min(MAX_LABEL), "{name}");
+        }
+    }
+}
