@@ -80,7 +80,10 @@ fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
     let version = run(Command::new(&base).args(["-c", "import sys; print(sys.version_info >= (3, 10), sys.version)"]))
         .map_err(|error| format!("{error}\ninstall Python 3.10 or later, or name it in SARRUS_PYTHON"))?;
     if !version.starts_with("True") {
-        return Err(format!("{base:?} is Python {}; 3.10 or later is needed, name one in SARRUS_PYTHON", version.trim_start_matches("False ")));
+        return Err(format!(
+            "{base:?} is Python {}; 3.10 or later is needed, name one in SARRUS_PYTHON",
+            version.trim_start_matches("False ")
+        ));
     }
     if folder.exists() {
         fs::remove_dir_all(folder).map_err(told)?;

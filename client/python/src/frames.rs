@@ -22,7 +22,10 @@ impl PyFrame {
     #[pyo3(signature = (id, data = &[], *, extended = false, fd = false, bit_rate_switch = false))]
     fn new(id: u32, data: &[u8], extended: bool, fd: bool, bit_rate_switch: bool) -> PyResult<PyFrame> {
         frame(id, data, extended, fd, bit_rate_switch).map(PyFrame).ok_or_else(|| {
-            PyValueError::new_err(format!("no frame has the identifier 0x{id:X} (extended: {extended}) and {} bytes (FD: {fd})", data.len()))
+            PyValueError::new_err(format!(
+                "no frame has the identifier 0x{id:X} (extended: {extended}) and {} bytes (FD: {fd})",
+                data.len()
+            ))
         })
     }
 

@@ -4,7 +4,7 @@
 clock and people are this package's.
 """
 
-from sarrus._native import Configuration, Drives, Frame, protocols
+from sarrus._native import Bridge, Configuration, Controller, Drives, Frame, Service, protocols
 from sarrus.can.adapters import Adapter, Address, BusError, open_bus
 
-__all__ = ["Adapter", "Address", "BusError", "Configuration", "Drives", "Frame", "open_bus", "protocols"]
+__all__ = ["Adapter", "Address", "Bridge", "BusError", "Configuration", "Controller", "Drives", "Frame", "Service", "open_bus", "protocols"]

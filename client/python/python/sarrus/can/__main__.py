@@ -9,12 +9,19 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+import time
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sarrus import __version__
+from sarrus._native import Configuration, Frame
 from sarrus.can import bench as motors
 from sarrus.can.adapters import Address, BusError
-from sarrus.can.leaving import Leave, interrupted
+from sarrus.can.leaving import Leave, interrupted, signals
+from sarrus.can.record import Recorder, recorder
+from sarrus.can.replay import replay
+from sarrus.can.run import open_all, run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,6 +68,24 @@ def parser() -> argparse.ArgumentParser:
     one = argparse.ArgumentParser(add_help=False)
     one.add_argument("motor", metavar="ACTUATOR", help="the motor, by its actuator")
     one.add_argument("--yes", action="store_true", help="do not ask: somebody has looked after safety")
+
+    command = commands.add_parser("run", parents=[where], help="run the bridge until SIGINT, SIGTERM or the end of its parent")
+    command.add_argument("--name", default="bridge", help="name under which controllers find it")
+    command.add_argument("--seconds", type=positive, help="end after this time")
+    command.add_argument("--dry-run", action="store_true", help="send nothing")
+    command.add_argument("--record", metavar="FILE", help="record all frames: .blf, .asc or .log")
+    command.add_argument("--no-realtime", action="store_true", help="ask the system for no priority and no locked memory")
+    command.set_defaults(command=run_bridge)
+
+    command = commands.add_parser("record", parents=[where], help="record the frames of all buses and send nothing")
+    command.add_argument("--out", metavar="FILE", required=True, help="the file: .blf, .asc or .log")
+    command.add_argument("--seconds", type=positive, help="end after this time")
+    command.set_defaults(command=record)
+
+    command = commands.add_parser("replay", help="what the bridge sends for an input log; no bus is opened")
+    command.add_argument("config", metavar="CONFIG", help="the robot's buses and motors")
+    command.add_argument("log", metavar="LOG", help="JSON lines of frames, events, commands, operations and cycles")
+    command.set_defaults(command=replay_log)
 
     command = commands.add_parser("scan", parents=[where, some], help="which motors answer, and who else talks")
     command.add_argument("--seconds", type=positive, default=1.0, help="time to listen for answers")
@@ -128,6 +153,50 @@ def table(rows: list[list[str]]) -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))] if rows else []
     for row in rows:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def run_bridge(options: argparse.Namespace) -> int:
+    """Run the bridge."""
+    return run(
+        Configuration.load(options.config),
+        options.name,
+        addresses(options),
+        seconds=options.seconds,
+        dry_run=options.dry_run,
+        wants_realtime=not options.no_realtime,
+        recorder=recorder(options.record) if options.record else None,
+    )
+
+
+def record(options: argparse.Namespace) -> int:
+    """Record what passes."""
+    buses = Configuration.load(options.config).buses
+    address = addresses(options)
+    end = math.inf if options.seconds is None else time.monotonic() + options.seconds
+    with signals() as noted, Recorder(options.out, [bus["name"] for bus in buses]) as file:
+        adapters = open_all(buses, lambda bus: replace(address(bus), listen_only=True))
+        try:
+            print("ready", flush=True)
+            while not noted and time.monotonic() < end:
+                for bus, adapter in enumerate(adapters):
+                    for heard in adapter.receive():
+                        if isinstance(heard, Frame):
+                            file.write(bus, heard, received=True)
+                time.sleep(0.001)
+        finally:
+            for adapter in adapters:
+                adapter.close()
+    print(f"{file.count} frame(s) in {options.out}", file=sys.stderr)
+    return 0
+
+
+def replay_log(options: argparse.Namespace) -> int:
+    """Print the frames of a replay."""
+    configuration = Configuration.load(options.config)
+    with Path(options.log).open(encoding="utf-8") as lines:
+        for line in replay(configuration, lines):
+            print(line)
+    return 0
 
 
 def scan(options: argparse.Namespace) -> int:

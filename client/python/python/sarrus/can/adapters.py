@@ -55,6 +55,8 @@ class Address:
     channel: str
     bitrate: int = 1_000_000
     data_bitrate: int | None = None
+    listen_only: bool = False
+    """Only to record: nothing is sent, and a bus that others can share belongs to whoever drives it."""
 
     @classmethod
     def of(cls, bus: dict[str, Any], interface: str | None = None, channel: str | None = None) -> Address:
@@ -155,8 +157,8 @@ class Ownership:
 
     def __init__(self, address: Address) -> None:
         self._marks: list[socket.socket | int] = []
-        if address.interface == "virtual":
-            # lives in this process only
+        # a virtual bus lives in this process only
+        if address.interface == "virtual" or (address.listen_only and address.interface != "slcan"):
             return
         taken = BusError(f"{address.name}: {address.interface} {address.channel} is in use by another program; each bus has one owner")
         if address.interface == "slcan":
@@ -310,7 +312,14 @@ class SlcanAdapter(AnyAdapter):
         port = cast("int", self._ownership._marks[0])
         if not select.select([], [port], [], 0.5)[1]:
             raise BusError(f"{self.address.channel} takes no bytes; is the adapter, or the program behind the terminal, alive?")
-        bus = can.Bus(interface="slcan", channel=self.address.channel, ignore_config=True, sleep_after_open=0, **timing)
+        bus = can.Bus(
+            interface="slcan",
+            channel=self.address.channel,
+            ignore_config=True,
+            sleep_after_open=0,
+            listen_only=self.address.listen_only,
+            **timing,
+        )
         self._descriptor: int = bus.fileno()
         self._unread = b""
         self._unwritten = b""
