@@ -93,7 +93,7 @@ pub enum Watchdog {
 pub struct DriveState {
     /// Power.
     pub power: Power,
-    /// The motor's own code of its fault; 0 without one.
+    /// The motor's own code of its fault, or one of [`fault`](crate::protocol::fault); 0 without one.
     pub fault: u32,
     /// The motor's watchdog.
     pub watchdog: Watchdog,
@@ -169,6 +169,12 @@ pub trait Drive: Send + core::fmt::Debug {
 
     /// Identifiers that this drive sends on and its motor answers on; no two motors of a bus may share one.
     fn identifiers(&self) -> Vec<Id>;
+
+    /// Identifiers that several motors of a bus may answer on, told apart by their data; none of them may be in anyone's
+    /// [`identifiers`](Drive::identifiers).
+    fn shared_identifiers(&self) -> Vec<Id> {
+        Vec::new()
+    }
 
     /// What the motor sends back in one cycle while it is on.
     fn replies(&self) -> Vec<Reply>;

@@ -10,5 +10,7 @@ pub mod drive;
 pub mod frame;
 pub mod load;
 pub mod mapping;
+pub mod motor;
 pub mod protocol;
 mod settings;
+pub mod slcan;

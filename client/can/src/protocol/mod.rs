@@ -1,5 +1,9 @@
 //! The protocols. To add one: a file here with its [`Protocol`], and its line in [`PROTOCOLS`].
 
+pub mod fault;
+mod mit;
+mod scale;
+
 use sarrus_models::Findings;
 
 use crate::drive::{Drive, Mode};
@@ -34,7 +38,7 @@ pub struct Protocol {
 }
 
 /// All protocols.
-pub const PROTOCOLS: &[&Protocol] = &[];
+pub const PROTOCOLS: &[&Protocol] = &[&mit::MIT];
 
 /// The protocol of a name.
 pub fn protocol(name: &str) -> Option<&'static Protocol> {

@@ -1,0 +1,187 @@
+//! Registers of Damiao motors: read, written and compared while the motor has no power.
+//!
+//! Source: DM-J4310-2EC manual V1.1 and the register table of the debugging tool. Requests go to 7FF as [id low, id high, 33 read | 55
+//! write, register, 4 bytes little-endian]; the motor answers with the same 8 bytes on its reply identifier.
+
+use crate::drive::{Parameter, Receipt, Watchdog};
+use crate::frame::{Frame, Id};
+use crate::protocol::fault;
+
+const READ: u8 = 0x33;
+const WRITE: u8 = 0x55;
+const SAVE: u8 = 0xAA;
+const TIMEOUT: u8 = 9;
+const CONTROL_MODE: u8 = 10;
+const PMAX: u8 = 21;
+const VMAX: u8 = 22;
+const TMAX: u8 = 23;
+/// Control mode 1 is MIT.
+const MIT: u32 = 1;
+/// Units of TIMEOUT in a millisecond: one is 50 µs.
+const TIMEOUT_PER_MS: u32 = 20;
+/// How far a range may be from the configured one, relatively.
+const SAME_RANGE: f64 = 1e-4;
+/// Registers that there are.
+const LAST: u8 = 81;
+
+/// Place in [`PARAMETERS`], its register and whether that is a whole number.
+const READABLE: [(u8, bool); 10] = [
+    (TIMEOUT, true),
+    (CONTROL_MODE, true),
+    (PMAX, false),
+    (VMAX, false),
+    (TMAX, false),
+    (7, true),
+    (8, true),
+    (14, true),
+    (20, false),
+    (0, false),
+];
+
+pub(super) const PARAMETERS: &[Parameter] = &[
+    Parameter { name: "TIMEOUT", unit: "50 µs" },
+    Parameter { name: "CTRL_MODE", unit: "" },
+    Parameter { name: "PMAX", unit: "rad" },
+    Parameter { name: "VMAX", unit: "rad/s" },
+    Parameter { name: "TMAX", unit: "N m" },
+    Parameter { name: "MST_ID", unit: "" },
+    Parameter { name: "ESC_ID", unit: "" },
+    Parameter { name: "sw_ver", unit: "" },
+    Parameter { name: "Gr", unit: "" },
+    Parameter { name: "UV_Value", unit: "V" },
+];
+
+/// What is set and read before the motor gets power, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    WriteMode,
+    WriteTimeout,
+    ReadTimeout,
+    ReadMode,
+    ReadPosition,
+    ReadVelocity,
+    ReadTorque,
+    Done,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Registers {
+    id: u16,
+    watchdog_ms: u32,
+    ranges: [f64; 3],
+    step: Step,
+    pub(super) watchdog: Watchdog,
+    /// What is wrong, or 0.
+    pub(super) fault: u32,
+}
+
+impl Registers {
+    /// For a motor whose ranges are said to be ± `ranges` of position, velocity and torque.
+    pub(super) fn new(id: u16, watchdog_ms: u32, ranges: [f64; 3]) -> Registers {
+        Registers { id, watchdog_ms, ranges, step: Step::WriteMode, watchdog: Watchdog::Unknown, fault: 0 }
+    }
+
+    /// Begins again.
+    pub(super) fn forget(&mut self) {
+        *self = Registers::new(self.id, self.watchdog_ms, self.ranges);
+    }
+
+    /// Whether all is set and read.
+    pub(super) fn done(&self) -> bool {
+        self.step == Step::Done
+    }
+
+    /// The request of this step; repeated until it is answered.
+    pub(super) fn request(&self) -> Option<Frame> {
+        let timeout = self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS);
+        match self.step {
+            Step::WriteMode => self.frame(WRITE, CONTROL_MODE, MIT.to_le_bytes()),
+            Step::WriteTimeout => self.frame(WRITE, TIMEOUT, timeout.to_le_bytes()),
+            Step::ReadTimeout => self.read(TIMEOUT),
+            Step::ReadMode => self.read(CONTROL_MODE),
+            Step::ReadPosition => self.read(PMAX),
+            Step::ReadVelocity => self.read(VMAX),
+            Step::ReadTorque => self.read(TMAX),
+            Step::Done => None,
+        }
+    }
+
+    /// A request that changes nothing.
+    pub(super) fn probe(&self) -> Option<Frame> {
+        self.read(CONTROL_MODE)
+    }
+
+    /// Asks for a parameter by its place.
+    pub(super) fn read_parameter(&self, parameter: usize) -> Option<Frame> {
+        self.read(READABLE.get(parameter)?.0)
+    }
+
+    fn read(&self, register: u8) -> Option<Frame> {
+        self.frame(READ, register, [0; 4])
+    }
+
+    fn frame(&self, what: u8, register: u8, value: [u8; 4]) -> Option<Frame> {
+        let [low, high] = self.id.to_le_bytes();
+        let [a, b, c, d] = value;
+        Frame::classic(Id::Standard(0x7FF), &[low, high, what, register, a, b, c, d])
+    }
+
+    /// Takes the motor's answer; `None` when the bytes are none.
+    ///
+    /// An answer looks like the feedback of a motor without power that stands at the lower end of its range. There every request's answer,
+    /// also a late one, must be taken for an answer: as feedback it would be a jump.
+    pub(super) fn receive(&mut self, bytes: [u8; 8]) -> Option<Receipt> {
+        let [low, high, what, register, a, b, c, d] = bytes;
+        let mine = [low, high] == self.id.to_le_bytes() && matches!(what, READ | WRITE | SAVE) && register <= LAST;
+        if !mine {
+            return None;
+        }
+        let number = u32::from_le_bytes([a, b, c, d]);
+        let real = f64::from(f32::from_le_bytes([a, b, c, d]));
+        let [position, velocity, torque] = self.ranges;
+        let next = match (self.step, what, register) {
+            (Step::WriteMode, WRITE, CONTROL_MODE) if self.watchdog_ms > 0 => Step::WriteTimeout,
+            (Step::WriteMode, WRITE, CONTROL_MODE) | (Step::WriteTimeout, WRITE, TIMEOUT) => Step::ReadTimeout,
+            (Step::ReadTimeout, READ, TIMEOUT) => {
+                self.watchdog = if number == 0 { Watchdog::Off } else { Watchdog::Set((number / TIMEOUT_PER_MS).max(1)) };
+                Step::ReadMode
+            }
+            (Step::ReadMode, READ, CONTROL_MODE) => {
+                self.demand(number == MIT, fault::MODE_REFUSED);
+                Step::ReadPosition
+            }
+            (Step::ReadPosition, READ, PMAX) => {
+                self.demand(same(real, position), fault::RANGES_DIFFER);
+                Step::ReadVelocity
+            }
+            (Step::ReadVelocity, READ, VMAX) => {
+                self.demand(same(real, velocity), fault::RANGES_DIFFER);
+                Step::ReadTorque
+            }
+            (Step::ReadTorque, READ, TMAX) => {
+                self.demand(same(real, torque), fault::RANGES_DIFFER);
+                Step::Done
+            }
+            (step, ..) => step,
+        };
+        self.step = next;
+        let parameter = READABLE.iter().position(|(readable, _)| *readable == register);
+        Some(match parameter {
+            Some(parameter) if what == READ => {
+                let whole = READABLE.get(parameter).is_some_and(|(_, whole)| *whole);
+                Receipt::Parameter(parameter, if whole { f64::from(number) } else { real })
+            }
+            _ => Receipt::Noted,
+        })
+    }
+
+    fn demand(&mut self, good: bool, fault: u32) {
+        if !good {
+            self.fault = fault;
+        }
+    }
+}
+
+fn same(read: f64, configured: f64) -> bool {
+    (read - configured).abs() <= SAME_RANGE * configured
+}

@@ -1,0 +1,104 @@
+//! Numbers as whole codes over a range: the packing of MIT mode and CyberGear.
+
+/// The codes 0 … 2^bits − 1 stand for `low` … `high` in equal steps, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Scale {
+    low: f64,
+    high: f64,
+    bits: u32,
+}
+
+impl Scale {
+    /// −`half` … `half`.
+    pub(super) const fn around_zero(half: f64, bits: u32) -> Scale {
+        Scale { low: -half, high: half, bits }
+    }
+
+    /// 0 … `high`.
+    pub(super) const fn from_zero(high: f64, bits: u32) -> Scale {
+        Scale { low: 0.0, high, bits }
+    }
+
+    const fn most(self) -> f64 {
+        ((1_u32 << self.bits) - 1) as f64
+    }
+
+    /// The nearest code; values beyond an end get its code, and NaN gets that of zero. `odd` decides values exactly between two codes:
+    /// a range around zero has no code for zero, and taking the two beside it in turn makes zero right on average.
+    pub(super) fn code(self, value: f64, odd: bool) -> u16 {
+        let value = if value.is_nan() { 0.0 } else { value };
+        let place = (value.clamp(self.low, self.high) - self.low) / (self.high - self.low) * self.most();
+        let below = place.floor();
+        let rest = place - below;
+        let up = if rest == 0.5 { odd } else { rest > 0.5 };
+        (below as u16).saturating_add(u16::from(up))
+    }
+
+    /// The value of a code.
+    pub(super) fn value(self, code: u16) -> f64 {
+        self.value_at(i64::from(code))
+    }
+
+    /// The value of a code that was counted on beyond the ends.
+    pub(super) fn value_at(self, code: i64) -> f64 {
+        code as f64 / self.most() * (self.high - self.low) + self.low
+    }
+
+    /// The value of one step.
+    #[cfg(test)]
+    fn step(self) -> f64 {
+        (self.high - self.low) / self.most()
+    }
+}
+
+/// Follows a 16 bit code across its ends: motors count on, their codes begin again.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Unwrap {
+    last: Option<(u16, i64)>,
+}
+
+impl Unwrap {
+    /// The code without jumps: the way from the last one is the shorter of the two. The first one counts as it is.
+    pub(super) fn follow(&mut self, code: u16) -> i64 {
+        let whole = match self.last {
+            Some((last, whole)) => whole + i64::from(code.wrapping_sub(last) as i16),
+            None => i64::from(code),
+        };
+        self.last = Some((code, whole));
+        whole
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_comes_back_as_itself() {
+        for bits in [12, 16] {
+            for scale in [Scale::around_zero(12.5, bits), Scale::around_zero(95.5, bits), Scale::from_zero(500.0, bits)] {
+                for code in 0..=u16::MAX >> (16 - bits) {
+                    assert_eq!(scale.code(scale.value(code), false), code);
+                    assert_eq!(scale.code(scale.value(code) + 0.49 * scale.step(), true), code);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn values_beyond_the_ends_saturate_and_nan_is_zero() {
+        let scale = Scale::around_zero(12.5, 12);
+        assert_eq!((scale.code(f64::INFINITY, false), scale.code(1e300, false)), (4095, 4095));
+        assert_eq!((scale.code(f64::NEG_INFINITY, false), scale.code(-1e300, false)), (0, 0));
+        assert_eq!((scale.code(f64::NAN, false), scale.code(f64::NAN, true)), (2047, 2048));
+        assert_eq!(Scale::from_zero(500.0, 12).code(-1.0, false), 0);
+    }
+
+    #[test]
+    fn a_code_is_followed_over_both_ends() {
+        let mut unwrap = Unwrap::default();
+        let codes = [65_000_u16, 65_500, 300, 10_000, 40_000, 60_000, 20_000, 60_000, 20_000, 65_000];
+        let whole: Vec<i64> = codes.iter().map(|code| unwrap.follow(*code)).collect();
+        assert_eq!(whole, [65_000, 65_500, 65_836, 75_536, 105_536, 125_536, 151_072, 125_536, 151_072, 130_536]);
+    }
+}

@@ -1,0 +1,4 @@
+//! Protocols against independent decoders, golden frames and hostile bytes.
+
+mod mit;
+mod support;
