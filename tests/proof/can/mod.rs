@@ -1,3 +1,5 @@
 //! The CAN bridge as a whole: processes, peers from PyPI, the Python package.
 
+mod harness;
 mod python;
+mod rehearsal;

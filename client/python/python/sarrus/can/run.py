@@ -237,6 +237,5 @@ def _loop(front: Front, service: Service, period: int, noted: list[int], parent:
             skipped = (done - deadline) // period + 1
             missed += skipped
             deadline += skipped * period
-    front.disable()
     print(f"sarrus.can: {why}; {work.count} cycles, {missed} missed; wake {wake}; work {work}", file=sys.stderr)
     return 1 if front.is_alone else 0
