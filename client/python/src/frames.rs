@@ -5,6 +5,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use sarrus_can::frame::{Frame, FrameKind, Id};
 
+/// Data of a frame without any.
+const NO_DATA: &[u8] = &[];
+
 /// One data frame: a value that cannot change. Its text is that of `candump -L`.
 #[pyclass(name = "Frame", module = "sarrus.can", frozen, eq, hash, str, from_py_object)]
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -19,7 +22,7 @@ impl std::fmt::Display for PyFrame {
 #[pymethods]
 impl PyFrame {
     #[new]
-    #[pyo3(signature = (id, data = &[], *, extended = false, fd = false, bit_rate_switch = false))]
+    #[pyo3(signature = (id, data = NO_DATA, *, extended = false, fd = false, bit_rate_switch = false))]
     fn new(id: u32, data: &[u8], extended: bool, fd: bool, bit_rate_switch: bool) -> PyResult<PyFrame> {
         frame(id, data, extended, fd, bit_rate_switch).map(PyFrame).ok_or_else(|| {
             PyValueError::new_err(format!(

@@ -96,7 +96,7 @@ def open_bus(address: Address) -> Adapter:
         return known.get(address.interface, AnyAdapter)(address)
     except BusError:
         raise
-    except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+    except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
         raise BusError(f"{address.name}: {address.interface} {address.channel} cannot be opened: {error}") from error
 
 
