@@ -6,7 +6,7 @@
 //! | type | from | content | data |
 //! |---|---|---|---|
 //! | 0 | host | host | asks who is there; the answer is type 0 to FE with the chip's 64-bit number |
-//! | 1 | host | torque ±12 N m | position ±4π rad, velocity ±30 rad/s, kp 0 to 500, kd 0 to 5 |
+//! | 1 | host | torque ±12 N m | position ±4π rad, velocity ±30 rad/s, kp 0 to 500, kd 0 to 5 (other ranges in the settings) |
 //! | 2 | motor | mode 2 bits, faults 6 bits, own number | position, velocity, torque, temperature ×10 °C |
 //! | 3 | host | host | power |
 //! | 4 | host | host | no power; first byte 1 forgets the fault |
@@ -24,11 +24,14 @@ use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::Common;
 use crate::settings::Settings;
 
-const POSITION: f64 = 12.5;
-const VELOCITY: f64 = 30.0;
-const TORQUE: f64 = 12.0;
-const STIFFNESS: f64 = 500.0;
-const DAMPING: f64 = 5.0;
+/// Ranges of the manual: position ±4π rad, velocity `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.
+const RANGES: [(&str, f64); 5] = [
+    ("position_range", 4.0 * core::f64::consts::PI),
+    ("velocity_range", 30.0),
+    ("torque_range", 12.0),
+    ("stiffness_range", 500.0),
+    ("damping_range", 5.0),
+];
 /// Torque for current `[N m/A]`.
 const TORQUE_CONSTANT: f64 = 0.87;
 /// Nanoseconds of one count of the watchdog.
@@ -39,23 +42,43 @@ const OWN_GAINS: [f64; 2] = [30.0, 1.0];
 #[derive(Debug)]
 pub(super) struct CyberGear {
     id: u8,
+    /// Who hears the answers to set-points: whoever spoke last.
+    host: u8,
+    /// Position, velocity, torque, stiffness, damping.
+    ranges: [f64; 5],
+    watchdog_index: u16,
     run_mode: u8,
     torque_limit: f32,
 }
 
 impl CyberGear {
     pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> CyberGear {
-        body.physics.torque_limit = body.physics.torque_limit.min(TORQUE);
-        CyberGear { id: settings.integer("id") as u8, run_mode: 0, torque_limit: TORQUE as f32 }
+        let known = |(key, usual)| Some(settings.number(key)).filter(|range| range.is_finite()).unwrap_or(usual);
+        let ranges = RANGES.map(known);
+        let [_, _, torque, ..] = ranges;
+        body.physics.torque_limit = body.physics.torque_limit.min(torque);
+        CyberGear {
+            id: settings.integer("id") as u8,
+            host: settings.integer("host_id") as u8,
+            ranges,
+            watchdog_index: settings.integer("watchdog_index") as u16,
+            run_mode: 0,
+            torque_limit: torque as f32,
+        }
+    }
+
+    fn is_watchdog(&self, index: u16) -> bool {
+        index != 0 && index == self.watchdog_index || matches!(index, 0x7028 | 0x200C)
     }
 
     /// Type 2.
     fn tell(&self, host: u8, body: &Body, out: &mut FrameQueue) {
         let mode = if body.power { 2 } else { 0 };
         let id = 2 << 24 | mode << 22 | (body.fault & 0x3F) << 16 | u32::from(self.id) << 8 | u32::from(host);
-        let [a, b] = code(body.measured(), POSITION).to_be_bytes();
-        let [c, d] = code(body.velocity, VELOCITY).to_be_bytes();
-        let [e, f] = code(body.torque, TORQUE).to_be_bytes();
+        let [position, velocity, torque, ..] = self.ranges;
+        let [a, b] = code(body.measured(), position).to_be_bytes();
+        let [c, d] = code(body.velocity, velocity).to_be_bytes();
+        let [e, f] = code(body.torque, torque).to_be_bytes();
         let [g, h] = ((body.temperature * 10.0) as u16).to_be_bytes();
         out.push_some(extended(id, &[a, b, c, d, e, f, g, h]));
     }
@@ -72,7 +95,7 @@ impl CyberGear {
             0x701A => float(body.torque / TORQUE_CONSTANT),
             0x701B => float(body.velocity),
             0x701C => float(24.0),
-            0x7028 | 0x200C => ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes(),
+            index if self.is_watchdog(index) => ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes(),
             _ => return,
         };
         let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value);
@@ -92,13 +115,14 @@ impl CyberGear {
                 }
                 return;
             }
-            (0x7028 | 0x200C, _) => {
+            (index, _) if self.is_watchdog(index) => {
                 body.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
                 return;
             }
             (0x700B, _) => {
                 self.torque_limit = f32::from_le_bytes(value);
-                body.physics.torque_limit = number.clamp(0.0, TORQUE);
+                let [_, _, torque, ..] = self.ranges;
+                body.physics.torque_limit = number.clamp(0.0, torque);
                 return;
             }
             (0x7006, 3) => Setpoint { torque: number * TORQUE_CONSTANT, ..Setpoint::default() },
@@ -120,18 +144,21 @@ impl Firmware for CyberGear {
         let Some(bytes) = frame.exactly::<8>() else { return true };
         let [a, b, c, d, e, f, g, h] = bytes;
         let index = u16::from_le_bytes([a, b]);
+        if kind != 1 {
+            self.host = host;
+        }
         match kind {
             0 => out.push_some(extended(u32::from(self.id) << 8 | 0xFE, &[self.id, 1, 2, 3, 4, 5, 6, 7])),
             1 => {
                 // in this type the whole content is the torque, and the host goes without a number
-                let torque = value([high, host], TORQUE);
-                let (position, velocity) = (value([a, b], POSITION), value([c, d], VELOCITY));
-                let stiffness = (value([e, f], STIFFNESS) + STIFFNESS) / 2.0;
-                let damping = (value([g, h], DAMPING) + DAMPING) / 2.0;
+                let [p, v, t, k, s] = self.ranges;
+                let torque = value([high, host], t);
+                let (position, velocity) = (value([a, b], p), value([c, d], v));
+                let (stiffness, damping) = ((value([e, f], k) + k) / 2.0, (value([g, h], s) + s) / 2.0);
                 if self.run_mode == 0 {
                     body.follow(now_ns, Setpoint { position, velocity, torque, stiffness, damping });
                 }
-                self.tell(0, body, out);
+                self.tell(self.host, body, out);
             }
             3 => {
                 body.start(now_ns);

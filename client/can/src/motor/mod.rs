@@ -136,3 +136,6 @@ impl Simulated {
 fn standard(id: u32, bytes: &[u8]) -> Option<Frame> {
     Frame::classic(Id::standard(id)?, bytes)
 }
+
+#[cfg(test)]
+mod tests;

@@ -193,13 +193,13 @@ fn varuint(rest: &mut &[u8]) -> Option<u32> {
 impl Moteus {
     pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> Moteus {
         let [stiffness, damping] = GAINS;
-        let known = |key: &str, usual: f64| Some(settings.number(key)).filter(|number| number.is_finite()).unwrap_or(usual);
+        let known = |key: &str, usual: f64| Some(settings.number(key)).filter(|gain| gain.is_finite()).unwrap_or(usual) / TAU;
         body.watchdog_ns = DEFAULT_TIMEOUT_NS;
         Moteus {
             id: settings.integer("id") as u8,
             mode: STOPPED,
-            stiffness: known("stiffness", stiffness / TAU),
-            damping: known("damping", damping / TAU),
+            stiffness: known("kp", stiffness),
+            damping: known("kd", damping),
             command: Command::NEW,
         }
     }

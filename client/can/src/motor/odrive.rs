@@ -8,15 +8,16 @@
 //! | 01 heartbeat, each 100 ms | motor | errors u32, state u8, result u8, done u8 |
 //! | 02 emergency stop | host | |
 //! | 03 errors | motor | active u32, reason of disarming u32 |
-//! | 04, 05 endpoint | both | 0 read or 1 write, endpoint u16, 0, value; the answer to a read has 0 first |
+//! | 04, 05 endpoint | both | 0 read or 1 write, endpoint u16, 0, value as long as its type; the answer to a read has 0 first |
 //! | 07 state | host | u32: 1 idle, 8 closed loop |
 //! | 09 estimates, cyclic | motor | position f32, velocity f32 |
 //! | 0B modes | host | control u32 (1 torque, 2 velocity, 3 position), input u32 (1 passed through) |
-//! | 0C position | host | f32, velocity i16 × .001, torque i16 × .001 |
+//! | 0C position | host | f32, velocity i16 × `velocity_scale`, torque i16 × `torque_scale` |
 //! | 0D velocity | host | f32, torque f32 |
 //! | 0E torque | host | f32 |
-//! | 15 temperature, 1C torques, cyclic | motor | f32, f32 |
+//! | 15 temperatures, 1C torques, cyclic | motor | f32, f32 |
 //! | 18 forget errors | host | |
+//! | 19 position is now | host | f32 |
 //!
 //! Without set-points for the time of the endpoint `watchdog_timeout` (f32, s), if `enable_watchdog` is set, it goes to idle with the error
 //! 0x01000000. Source: ODrive Robotics, documentation of the firmware 0.6, *CAN protocol* and *watchdog*.
@@ -31,8 +32,8 @@ use crate::settings::Settings;
 
 /// Time between two heartbeats `[ns]`.
 const HEARTBEAT_NS: u64 = 100_000_000;
-/// Time between two cyclic measurements `[ns]`: 1 ms, the shortest that can be set.
-const FEEDBACK_NS: u64 = 1_000_000;
+/// Time between two cyclic measurements, `encoder_msg_rate_ms` and `torques_msg_rate_ms` `[ns]`.
+const FEEDBACK_NS: u64 = 2_000_000;
 /// `WATCHDOG_TIMER_EXPIRED`.
 const WATCHDOG_EXPIRED: u32 = 0x0100_0000;
 const IDLE: u8 = 1;
@@ -44,6 +45,9 @@ const OWN_GAINS: [f64; 2] = [40.0, 2.0];
 pub(super) struct Odrive {
     node: u16,
     control_mode: u32,
+    velocity_scale: f64,
+    torque_scale: f64,
+    tells_torque: bool,
     enable_watchdog: bool,
     timeout_s: f32,
     enable_endpoint: i64,
@@ -57,6 +61,9 @@ impl Odrive {
         Odrive {
             node: settings.integer("node") as u16,
             control_mode: 3,
+            velocity_scale: settings.number("velocity_scale"),
+            torque_scale: settings.number("torque_scale"),
+            tells_torque: settings.flag("torque_feedback"),
             enable_watchdog: false,
             timeout_s: 0.0,
             enable_endpoint: settings.integer("enable_watchdog_endpoint"),
@@ -107,14 +114,14 @@ impl Firmware for Odrive {
         bytes.iter_mut().zip(frame.data()).for_each(|(byte, given)| *byte = *given);
         let [a, b, c, d, e, f, g, h] = bytes;
         let (first, second) = (f32::from_le_bytes([a, b, c, d]), f32::from_le_bytes([e, f, g, h]));
-        let fine = |low, high| f64::from(i16::from_le_bytes([low, high])) * 0.001;
+        let fine = |low, high| f64::from(i16::from_le_bytes([low, high]));
         let [stiffness, damping] = OWN_GAINS;
         let law = match (id & 0x1F, frame.data().len()) {
             (0x02, _) => {
                 body.stop();
                 return true;
             }
-            (0x04, 8) => {
+            (0x04, 4..=8) => {
                 self.endpoint(a == 1, u16::from_le_bytes([b, c]), [e, f, g, h], body, out);
                 return true;
             }
@@ -134,9 +141,17 @@ impl Firmware for Odrive {
                 body.fault = 0;
                 return true;
             }
-            (0x0C, 8) if self.control_mode == 3 => {
-                Setpoint { position: f64::from(first) * TAU, velocity: fine(e, f) * TAU, torque: fine(g, h), stiffness, damping }
+            (0x19, 4 | 8) => {
+                body.zero = body.position - f64::from(first) * TAU;
+                return true;
             }
+            (0x0C, 8) if self.control_mode == 3 => Setpoint {
+                position: f64::from(first) * TAU,
+                velocity: fine(e, f) * self.velocity_scale * TAU,
+                torque: fine(g, h) * self.torque_scale,
+                stiffness,
+                damping,
+            },
             (0x0D, 8) if self.control_mode == 2 => {
                 Setpoint { velocity: f64::from(first) * TAU, torque: f64::from(second), damping, ..Setpoint::default() }
             }
@@ -167,7 +182,9 @@ impl Firmware for Odrive {
         if now_ns >= self.feedback_ns {
             self.feedback_ns = now_ns + FEEDBACK_NS;
             self.tell(0x09, [float(body.measured() / TAU), float(body.velocity / TAU)], out);
-            self.tell(0x1C, [float(body.law.torque), float(body.torque)], out);
+            if self.tells_torque {
+                self.tell(0x1C, [float(body.law.torque), float(body.torque)], out);
+            }
         }
     }
 }

@@ -1,7 +1,13 @@
 //! The protocols. To add one: a file here with its [`Protocol`], and its line in [`PROTOCOLS`].
 
+mod cia402;
+mod cybergear;
+mod dbc;
 pub mod fault;
 mod mit;
+mod moteus;
+mod number;
+mod odrive;
 mod scale;
 
 use sarrus_models::Findings;
@@ -38,7 +44,7 @@ pub struct Protocol {
 }
 
 /// All protocols.
-pub const PROTOCOLS: &[&Protocol] = &[&mit::MIT];
+pub const PROTOCOLS: &[&Protocol] = &[&mit::MIT, &odrive::ODRIVE, &cybergear::CYBERGEAR, &moteus::MOTEUS, &cia402::CIA402, &dbc::DBC];
 
 /// The protocol of a name.
 pub fn protocol(name: &str) -> Option<&'static Protocol> {

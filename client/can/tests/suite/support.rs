@@ -10,11 +10,16 @@ pub(crate) const COMMON: Common = Common { mode: Mode::Impedance, watchdog_ms: 0
 
 /// A drive of a protocol from the text of its settings, or the report of what is wrong with them.
 pub(crate) fn try_drive(name: &str, yaml: &str, common: Common, file: &str) -> Result<Box<dyn Drive>, String> {
+    settled(name, yaml, common, file).map(|(drive, _)| drive)
+}
+
+/// The same with the settings, of which a simulated motor can be made.
+pub(crate) fn settled(name: &str, yaml: &str, common: Common, file: &str) -> Result<(Box<dyn Drive>, Settings), String> {
     let protocol = protocol(name).expect("a protocol");
     let mut findings = Findings::new(false);
     let node = yaml::read("drive.yml", yaml.as_bytes().to_vec(), "a drive", &mut findings).expect("YAML");
     let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(file.to_owned()), &mut findings);
-    let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut findings));
+    let drive = settings.and_then(|settings| Some(((protocol.make)(&settings, common, &mut findings)?, settings)));
     let report = findings.into_report();
     drive.ok_or_else(|| report.to_string())
 }
@@ -92,7 +97,7 @@ impl Random {
         };
         let lens = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
         let len = lens[(self.bits() % 16) as usize];
-        match len <= 8 && self.bits() % 2 == 0 {
+        match len <= 8 && self.bits().is_multiple_of(2) {
             true => Frame::classic(id, &bytes[..len]),
             false => Frame::fd(id, true, &bytes[..len]),
         }
@@ -121,7 +126,7 @@ pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
         drive.cycle(round, wish, &mut queue);
         assert_eq!(queue.dropped(), 0);
         assert!(!queue.frames().is_empty());
-        if random.bits() % 1000 == 0 {
+        if random.bits().is_multiple_of(1000) {
             drive.forget();
         }
     }

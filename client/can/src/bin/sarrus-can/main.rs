@@ -2,6 +2,7 @@
 
 mod bus;
 mod clock;
+mod listen;
 mod simulate;
 
 use std::process::ExitCode;
@@ -18,12 +19,15 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// What is said on a bus, as `candump -L` prints it; nothing is sent.
+    Listen(listen::Listen),
     /// Motors without motors: the motors of a configuration on pseudo-terminals or on its buses.
     Simulate(simulate::Simulate),
 }
 
 fn main() -> ExitCode {
     match Arguments::parse().command {
+        Command::Listen(listen) => listen::run(&listen),
         Command::Simulate(simulate) => simulate::run(&simulate),
     }
 }

@@ -46,6 +46,7 @@ enum Network {
 pub(super) struct Cia402 {
     node: u16,
     counts_per_turn: f64,
+    velocity_counts_per_turn: f64,
     rated_torque: f64,
     network: Network,
     drive: Drive,
@@ -62,11 +63,15 @@ impl Cia402 {
     pub(super) fn new(settings: &Settings, _common: Common) -> Cia402 {
         let node = settings.integer("node") as u16;
         let rated_torque = settings.number("rated_torque");
+        let counts_per_turn = settings.number("counts_per_turn");
         let mut objects = Objects::new(node);
         objects.rated_torque = (rated_torque * 1000.0) as u32;
         Cia402 {
             node,
-            counts_per_turn: settings.number("counts_per_turn"),
+            counts_per_turn,
+            velocity_counts_per_turn: Some(settings.number("velocity_counts_per_turn"))
+                .filter(|counts| counts.is_finite())
+                .unwrap_or(counts_per_turn),
             rated_torque,
             network: Network::Boot,
             drive: Drive::default(),
@@ -83,7 +88,7 @@ impl Cia402 {
     fn measure(&mut self, body: &Body) {
         let per_rad = self.counts_per_turn / TAU;
         self.objects.position = (body.measured() * per_rad).round() as i32;
-        self.objects.velocity = (body.velocity * per_rad).round() as i32;
+        self.objects.velocity = (body.velocity * self.velocity_counts_per_turn / TAU).round() as i32;
         self.objects.torque = (body.torque / self.rated_torque * 1000.0).round() as i16;
         self.objects.status = self.drive.status_word();
         self.objects.error_code = body.fault as u16;
@@ -100,17 +105,19 @@ impl Cia402 {
             body.stop();
         }
         let rad = TAU / self.counts_per_turn;
+        let rad_per_second = TAU / self.velocity_counts_per_turn;
+        body.physics.torque_limit = f64::from(self.objects.max_torque) / 1000.0 * self.rated_torque;
         let per_mille = self.rated_torque / 1000.0;
         let [stiffness, damping] = OWN_GAINS;
         let torque = f64::from(self.objects.torque_offset) * per_mille;
-        let velocity = f64::from(self.objects.velocity_offset) * rad;
+        let velocity = f64::from(self.objects.velocity_offset) * rad_per_second;
         let law = match self.objects.mode() {
             Some(Mode::Position) => {
                 let position = f64::from(self.objects.target_position) * rad;
                 Setpoint { position, velocity, torque, stiffness, damping }
             }
             Some(Mode::Velocity) => {
-                let velocity = f64::from(self.objects.target_velocity) * rad + velocity;
+                let velocity = f64::from(self.objects.target_velocity) * rad_per_second + velocity;
                 Setpoint { velocity, torque, damping, ..Setpoint::default() }
             }
             Some(Mode::Torque) => Setpoint { torque: f64::from(self.objects.target_torque) * per_mille + torque, ..Setpoint::default() },

@@ -121,6 +121,8 @@ pub(super) struct Objects {
     /// 1017.
     pub(super) producer_ms: u16,
     interpolation: u8,
+    /// 6072 in thousandths of the rated torque.
+    pub(super) max_torque: u16,
     pub(super) receive: [Pdo; 4],
     pub(super) transmit: [Pdo; 4],
     /// What the last SDO wrote.
@@ -161,6 +163,7 @@ impl Objects {
             consumer: 0,
             producer_ms: 0,
             interpolation: 1,
+            max_torque: 3000,
             receive,
             transmit,
             written: None,
@@ -234,6 +237,8 @@ impl Objects {
             (0x1018, 0) => Ok((1, 1)),
             (0x1018, 1) => Ok((0, 4)),
             (0x6007, 0) => Ok((self.abort_option as u32, 2)),
+            (0x6072, 0) => Ok((u32::from(self.max_torque), 2)),
+            (0x6075 | 0x6079, 0) => Ok((24_000, 4)),
             (0x6076, 0) => Ok((self.rated_torque, 4)),
             (0x6502, 0) => Ok((1 << 7 | 1 << 8 | 1 << 9, 4)),
             (0x60C2, 1) => Ok((u32::from(self.interpolation), 1)),
@@ -241,7 +246,7 @@ impl Objects {
             (0x1600..=0x1603, _) => mapping(pdo(&self.receive)?, sub),
             (0x1800..=0x1803, _) => communication(pdo(&self.transmit)?, sub),
             (0x1A00..=0x1A03, _) => mapping(pdo(&self.transmit)?, sub),
-            (0x1016 | 0x1018 | 0x6007 | 0x6076 | 0x60C2, _) => Err(NO_SUBINDEX),
+            (0x1016 | 0x1018 | 0x6007 | 0x6072 | 0x6076 | 0x60C2, _) => Err(NO_SUBINDEX),
             _ => Err(NO_OBJECT),
         }
     }
@@ -261,6 +266,7 @@ impl Objects {
             (0x1016, 1, _) => self.consumer = value,
             (0x1017, 0, _) => self.producer_ms = value as u16,
             (0x6007, 0, _) => self.abort_option = value as i16,
+            (0x6072, 0, _) => self.max_torque = value as u16,
             (0x6076, 0, _) => self.rated_torque = value,
             (0x60C2, 1, _) => self.interpolation = value as u8,
             (0x1400..=0x1403 | 0x1600..=0x1603, _, _) => return change(&mut self.receive, index, sub, value, true),

@@ -9,7 +9,7 @@
 //! - Special commands: FF ×7, then FC power on, FD power off, FE zero here, FB forget faults (Damiao and RobStride only: the others would
 //!   take FB for a set-point).
 //! - Reply on `reply_id`: byte 0 the motor's id (Damiao: id in the low, state in the high half), position 16, velocity 12, torque 12; then
-//!   nothing (`mini_cheetah`, older `t_motor`), temperature and error (`t_motor`), temperatures of bridge and winding (`damiao`), or the
+//!   nothing (`mini_cheetah`, older `t_motor`), temperature + 40 °C and error (`t_motor`), temperatures of bridge and winding (`damiao`), or the
 //!   winding's temperature × 10 in 16 bits (`robstride`).
 //!
 //! A set-point with all of position, velocity, gains at their maximum could be byte for byte a special command: then the torque code FFA is
@@ -19,6 +19,7 @@
 
 mod damiao;
 
+use super::number::limited;
 use super::scale::{Scale, Unwrap};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
@@ -99,6 +100,7 @@ struct Mit {
     outside: bool,
     unwrap: Unwrap,
     odd: bool,
+    turn: bool,
 }
 
 fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
@@ -134,6 +136,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         outside: false,
         unwrap: Unwrap::default(),
         odd: false,
+        turn: false,
     }))
 }
 
@@ -168,9 +171,11 @@ impl Mit {
         self.power != Power::Unknown && self.state().fault == 0 && self.registers.is_none_or(|registers| registers.done())
     }
 
+    /// Without power; what is to be set and read takes every other cycle.
     fn stay_off(&mut self, out: &mut FrameQueue) {
-        out.push_some(self.special(POWER_OFF));
-        out.push_some(self.registers.and_then(|registers| registers.request()));
+        self.turn = !self.turn;
+        let request = if self.turn { None } else { self.registers.and_then(|registers| registers.request()) };
+        out.push_some(request.or_else(|| self.special(POWER_OFF)));
     }
 
     /// Takes the motor's own word of its state, where the reply has one.
@@ -197,11 +202,6 @@ impl Mit {
     }
 }
 
-/// A torque within ± `limit`.
-fn limited(torque: f64, limit: f64) -> f64 {
-    if limit >= 0.0 { torque.clamp(-limit, limit) } else { torque }
-}
-
 impl Drive for Mit {
     fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
         let wanted = match wish {
@@ -217,7 +217,7 @@ impl Drive for Mit {
                 if matches!(self.variant, Variant::Damiao | Variant::RobStride) {
                     out.push_some(self.special(FORGET_FAULT));
                 }
-                return self.stay_off(out);
+                return out.push_some(self.special(POWER_OFF));
             }
         };
         match self.stage {
@@ -277,7 +277,7 @@ impl Drive for Mit {
         let (state, error, temperature) = match self.variant {
             Variant::MiniCheetah => (0, 0, f64::NAN),
             Variant::TMotor if short => (0, 0, f64::NAN),
-            Variant::TMotor => (0, h, f64::from(g as i8)),
+            Variant::TMotor => (0, h, f64::from(g) - 40.0),
             Variant::Damiao => (state >> 4, 0, f64::from(g.max(h))),
             Variant::RobStride => (0, 0, f64::from(u16::from_be_bytes([g, h])) / 10.0),
         };

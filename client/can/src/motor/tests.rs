@@ -1,0 +1,247 @@
+//! Drives and motors against each other: both were written from the makers' manuals, neither from the other.
+
+use crate::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use crate::frame::FrameQueue;
+use crate::motor::{Physics, Simulated};
+use crate::protocol::{Common, Settings, protocol};
+use sarrus_models::{Findings, yaml};
+
+const MS: u64 = 1_000_000;
+const WATCHDOG_MS: u32 = 50;
+
+/// A drive and a motor on one wire.
+struct Pair {
+    drive: Box<dyn Drive>,
+    motor: Simulated,
+    now_ns: u64,
+    out: FrameQueue,
+    back: FrameQueue,
+    measured: Option<Measurement>,
+    malformed: usize,
+}
+
+/// A protocol, its settings, a mode, and by how much a measurement may be off: one step of position, velocity and torque.
+struct Case {
+    protocol: &'static str,
+    settings: &'static str,
+    mode: Mode,
+    step: [f64; 3],
+}
+
+const MIT_STEP: [f64; 3] = [25.0 / 65535.0, 60.0 / 4095.0, 20.0 / 4095.0];
+
+macro_rules! mit {
+    ($variant:literal) => {
+        concat!(
+            "{variant: ",
+            $variant,
+            ", id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, damping_range: 5}"
+        )
+    };
+}
+
+fn cases() -> Vec<Case> {
+    let case = |protocol, settings, mode, step| Case { protocol, settings, mode, step };
+    let exact = [1e-5, 1e-5, 1e-5];
+    let ranged = "{id: 7, position_range: 12.5, velocity_range: 30, torque_range: 12, stiffness_range: 500, damping_range: 5}";
+    let cybergear = [25.0 / 65535.0, 60.0 / 65535.0, 24.0 / 65535.0];
+    let odrive = "{node: 5, torque_feedback: true, enable_watchdog_endpoint: 11, watchdog_timeout_endpoint: 12}";
+    let moteus = [1e-5, 1e-5, 0.01];
+    let cia402 = "{node: 6, rated_torque: 10, counts_per_turn: 65536, torque_offset: true}";
+    let counted = [std::f64::consts::TAU / 65536.0, std::f64::consts::TAU / 65536.0, 0.01];
+    vec![
+        case("mit", mit!("mini_cheetah"), Mode::Impedance, MIT_STEP),
+        case("mit", mit!("t_motor"), Mode::Impedance, MIT_STEP),
+        case("mit", mit!("damiao"), Mode::Impedance, MIT_STEP),
+        case("mit", mit!("robstride"), Mode::Impedance, MIT_STEP),
+        case("mit", mit!("damiao"), Mode::Torque, MIT_STEP),
+        case("cybergear", ranged, Mode::Impedance, cybergear),
+        case("odrive", odrive, Mode::Torque, exact),
+        case("odrive", odrive, Mode::Velocity, exact),
+        case("odrive", odrive, Mode::Position, exact),
+        case("moteus", "{id: 4, kp: 300, kd: 10}", Mode::Impedance, moteus),
+        case("moteus", "{id: 4}", Mode::Torque, moteus),
+        case("cia402", cia402, Mode::Torque, counted),
+        case("cia402", cia402, Mode::Velocity, counted),
+        case("cia402", cia402, Mode::Position, counted),
+    ]
+}
+
+impl Pair {
+    fn new(case: &Case) -> Pair {
+        let common = Common { mode: case.mode, watchdog_ms: WATCHDOG_MS, torque_limit: f64::INFINITY };
+        let protocol = protocol(case.protocol).unwrap();
+        let mut findings = Findings::new(false);
+        let node = yaml::read("drive.yml", case.settings.as_bytes().to_vec(), "a drive", &mut findings).unwrap();
+        let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Err("no file".to_owned()), &mut findings);
+        let drive = settings.as_ref().and_then(|settings| (protocol.make)(settings, common, &mut findings));
+        let drive = drive.unwrap_or_else(|| panic!("{}", findings.into_report()));
+        let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
+        let motor = Simulated::new(case.protocol, &settings.unwrap(), common, physics).unwrap();
+        let (out, back) = (FrameQueue::new(64), FrameQueue::new(64));
+        Pair { drive, motor, now_ns: 1_000 * MS, out, back, measured: None, malformed: 0 }
+    }
+
+    /// Two milliseconds in which the drive wishes something; nothing where it is silent.
+    fn cycle(&mut self, wish: Option<Wish>) {
+        self.out.clear();
+        if let Some(wish) = wish {
+            self.drive.cycle(self.now_ns, wish, &mut self.out);
+        }
+        self.out.push_some(self.drive.sync().filter(|_| wish.is_some()));
+        self.exchange();
+        self.now_ns += 2 * MS;
+        self.motor.step(self.now_ns, &mut self.back);
+        self.exchange();
+    }
+
+    fn exchange(&mut self) {
+        for frame in self.out.frames() {
+            self.motor.receive(self.now_ns, frame, &mut self.back);
+        }
+        self.out.clear();
+        for frame in self.back.frames() {
+            match self.drive.receive(self.now_ns, frame) {
+                Receipt::Measured(measured) => self.measured = Some(measured),
+                Receipt::Malformed => self.malformed += 1,
+                _ => {}
+            }
+        }
+        self.back.clear();
+        assert_eq!(self.malformed, 0);
+    }
+
+    fn cycles(&mut self, n: usize, wish: Wish) {
+        (0..n).for_each(|_| self.cycle(Some(wish)));
+    }
+
+    fn enabled(case: &Case, setpoint: Setpoint) -> Pair {
+        let mut pair = Pair::new(case);
+        pair.cycles(150, Wish::Off);
+        pair.cycles(150, Wish::On(setpoint));
+        assert!(pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        assert_eq!(pair.drive.state().power, Power::On, "{} {}", case.protocol, case.settings);
+        assert_eq!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
+        pair
+    }
+}
+
+const HOLD: Setpoint = Setpoint { position: 0.5, velocity: 0.0, torque: 0.0, stiffness: 20.0, damping: 1.0 };
+
+#[test]
+fn every_motor_gets_power_only_when_it_shall_and_follows() {
+    for case in cases() {
+        let mut pair = Pair::new(&case);
+        pair.cycles(150, Wish::Off);
+        assert!(!pair.motor.body.power, "{}", case.settings);
+        assert_eq!(pair.drive.state().power, Power::Off, "{}", case.settings);
+        let pair = Pair::enabled(&case, Setpoint { velocity: 0.25, torque: 0.125, ..HOLD });
+        let law = pair.motor.body.law;
+        let near = |got: f64, expected: f64, step: f64| (got - expected).abs() <= 0.51 * step + 1e-6;
+        let [p, v, t] = case.step;
+        let told = match case.mode {
+            // its damping cannot be scaled above its stiffness: what is left of it comes as torque
+            Mode::Impedance if case.protocol == "moteus" => {
+                near(law.position, 0.5, p)
+                    && near(law.stiffness, 20.0, 0.01)
+                    && near(law.torque + law.damping * law.velocity, 0.125 + 1.0 * 0.25, 2.0 * t)
+            }
+            Mode::Impedance => {
+                near(law.position, 0.5, p)
+                    && near(law.velocity, 0.25, v)
+                    && near(law.torque, 0.125, t)
+                    && near(law.stiffness, 20.0, 500.0 / 4095.0)
+                    && near(law.damping, 1.0, 5.0 / 4095.0)
+            }
+            // a CANopen drive takes no velocity beside a position
+            Mode::Position if case.protocol == "cia402" => near(law.position, 0.5, p) && near(law.torque, 0.125, t),
+            Mode::Position => near(law.position, 0.5, p) && near(law.velocity, 0.25, 0.001 * 6.3) && near(law.torque, 0.125, 0.001),
+            Mode::Velocity => near(law.velocity, 0.25, v) && near(law.torque, 0.125, t),
+            Mode::Torque => near(law.torque, 0.125, t),
+        };
+        assert!(told, "{} {} {:?}: {law:?}", case.protocol, case.settings, case.mode);
+    }
+}
+
+#[test]
+fn what_a_motor_measures_is_what_its_drive_tells() {
+    for case in cases() {
+        let mut pair = Pair::new(&case);
+        pair.cycles(150, Wish::Off);
+        // a shaft that somebody turns past the end of the range and back
+        for place in (0..200).chain((0..200).rev()) {
+            let position = f64::from(place) * 0.1;
+            pair.motor.body.carry(position, 0.0);
+            pair.cycles(2, Wish::Off);
+            let measured = pair.measured.unwrap();
+            let [p, v, _] = case.step;
+            assert!((measured.position - position).abs() <= p, "{} {}: {position} {measured:?}", case.protocol, case.settings);
+            assert!(measured.velocity.abs() <= v, "{} {}: {measured:?}", case.protocol, case.settings);
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_hears_nothing_lets_go_in_its_time() {
+    for case in cases() {
+        let mut pair = Pair::enabled(&case, HOLD);
+        let silent_ns = pair.now_ns;
+        let read_back = pair.drive.state().watchdog;
+        assert!(matches!(read_back, Watchdog::Set(WATCHDOG_MS) | Watchdog::Unreadable), "{} {read_back:?}", case.settings);
+        while pair.motor.body.tripped_ns.is_none() && pair.now_ns < silent_ns + 1_000 * MS {
+            pair.cycle(None);
+        }
+        let tripped_ns = pair.motor.body.tripped_ns.unwrap_or_else(|| panic!("{} {}", case.protocol, case.settings));
+        let took_ms = (tripped_ns - silent_ns) / MS;
+        // a CANopen drive waits for the master's heartbeat, which is rarer than set-points
+        let least_ms = if case.protocol == "cia402" { 20 } else { 48 };
+        assert!((least_ms..=54).contains(&took_ms), "{} {}: {took_ms} ms", case.protocol, case.settings);
+        let law = pair.motor.body.law;
+        assert!(!pair.motor.body.power || (law.torque, law.stiffness) == (0.0, 0.0), "{} {}: {law:?}", case.protocol, case.settings);
+    }
+}
+
+#[test]
+fn a_fault_reaches_the_drive_stays_and_is_reset() {
+    for case in cases() {
+        if case.settings.contains("mini_cheetah") || case.settings.contains("robstride") {
+            // their replies have no word for faults
+            continue;
+        }
+        let mut pair = Pair::enabled(&case, HOLD);
+        pair.motor.fault(if case.settings.contains("damiao") { 9 } else { 2 });
+        pair.cycles(100, Wish::On(HOLD));
+        assert_ne!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
+        assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        pair.motor.fault(0);
+        pair.cycles(150, Wish::Reset);
+        pair.cycles(10, Wish::Off);
+        assert_eq!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
+        assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        pair.cycles(150, Wish::On(HOLD));
+        assert!(pair.motor.body.power, "{} {}", case.protocol, case.settings);
+    }
+}
+
+#[test]
+fn the_disable_frames_take_power_whatever_was_said_before() {
+    for case in cases() {
+        let mut pair = Pair::enabled(&case, HOLD);
+        pair.out.clear();
+        let Pair { drive, out, .. } = &mut pair;
+        drive.disable(out);
+        pair.exchange();
+        assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
+    }
+}
+
+#[test]
+fn a_motor_that_answers_under_another_identifier_is_not_heard() {
+    for case in cases() {
+        let mut pair = Pair::new(&case);
+        pair.motor.answer_wrongly(true);
+        pair.cycles(150, Wish::Off);
+        assert_eq!(pair.measured, None, "{} {}", case.protocol, case.settings);
+        assert_eq!(pair.drive.state().power, Power::Unknown, "{} {}", case.protocol, case.settings);
+    }
+}

@@ -1,0 +1,218 @@
+//! What a drive is told by SDO before it gets power, one request at a time, and what is read back.
+
+use crate::drive::{Mode, Parameter, Receipt, Watchdog};
+use crate::frame::{Frame, Id};
+use crate::protocol::fault;
+
+/// An unanswered request is sent again after this time `[ns]`.
+const PATIENCE_NS: u64 = 50_000_000;
+/// How far the rated torque may be from the configured one, relatively: it is told in mN m.
+const SAME_TORQUE: f64 = 1e-3;
+
+pub(super) const PARAMETERS: &[Parameter] = &[
+    Parameter { name: "1000 device type", unit: "" },
+    Parameter { name: "6061 mode", unit: "" },
+    Parameter { name: "6076 rated torque", unit: "mN m" },
+    Parameter { name: "6075 rated current", unit: "mA" },
+    Parameter { name: "6072 largest torque", unit: "‰" },
+    Parameter { name: "603F error code", unit: "" },
+    Parameter { name: "6064 position", unit: "counts" },
+    Parameter { name: "6079 voltage", unit: "mV" },
+];
+/// Their objects, and whether those are signed.
+pub(super) const READABLE: [(u16, u8, bool); 8] = [
+    (0x1000, 0, false),
+    (0x6061, 0, true),
+    (0x6076, 0, false),
+    (0x6075, 0, false),
+    (0x6072, 0, false),
+    (0x603F, 0, false),
+    (0x6064, 0, true),
+    (0x6079, 0, false),
+];
+
+/// What the drive is to be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    pub(super) node: u16,
+    pub(super) master: u16,
+    pub(super) mode: Mode,
+    pub(super) watchdog_ms: u16,
+    /// Thousandths of the rated torque; not finite without one.
+    pub(super) torque_limit: f64,
+    /// `[N m]`
+    pub(super) rated_torque: f64,
+    pub(super) torque_offset: bool,
+    pub(super) velocity_feedback: bool,
+    pub(super) configure: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// An NMT command; has no answer.
+    Network(u8),
+    /// Index, subindex, bytes, value; the drive has to take it.
+    Write(u16, u8, u8, u32),
+    /// The same, for objects that not all drives have.
+    Offer(u16, u8, u8, u32),
+    /// An object that is judged when it was read.
+    Read(u16, u8),
+}
+
+#[derive(Debug)]
+pub(super) struct Setup {
+    wanted: Wanted,
+    steps: Vec<Step>,
+    next: usize,
+    sent_ns: Option<u64>,
+    pub(super) watchdog: Watchdog,
+    /// What is wrong, or 0.
+    pub(super) fault: u32,
+}
+
+/// An expedited write of `len` bytes.
+pub(super) fn write(node: u16, index: u16, sub: u8, len: u8, value: u32) -> Option<Frame> {
+    let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
+    Frame::classic(Id::Standard(0x600 + node), &[0x23 | (4 - len.clamp(1, 4)) << 2, low, high, sub, a, b, c, d])
+}
+
+/// A read.
+pub(super) fn read(node: u16, index: u16, sub: u8) -> Option<Frame> {
+    let [low, high] = index.to_le_bytes();
+    Frame::classic(Id::Standard(0x600 + node), &[0x40, low, high, sub, 0, 0, 0, 0])
+}
+
+const fn mode_of(mode: Mode) -> u8 {
+    match mode {
+        Mode::Position => 8,
+        Mode::Velocity => 9,
+        Mode::Torque | Mode::Impedance => 10,
+    }
+}
+
+/// A PDO at `communication` and `mapping` that goes with SYNC and holds these objects; without any it is off.
+fn pdo(communication: u16, mapping: u16, id: u32, objects: &[u32], steps: &mut Vec<Step>) {
+    const OFF: u32 = 1 << 31;
+    if objects.is_empty() {
+        return steps.push(Step::Offer(communication, 1, 4, OFF | id));
+    }
+    steps.push(Step::Write(communication, 1, 4, OFF | id));
+    steps.push(Step::Write(communication, 2, 1, 1));
+    steps.push(Step::Write(mapping, 0, 1, 0));
+    for (i, object) in objects.iter().enumerate() {
+        steps.push(Step::Write(mapping, i as u8 + 1, 4, *object));
+    }
+    steps.push(Step::Write(mapping, 0, 1, objects.len() as u32));
+    steps.push(Step::Write(communication, 1, 4, id));
+}
+
+impl Setup {
+    pub(super) fn new(wanted: Wanted) -> Setup {
+        let node = u32::from(wanted.node);
+        let mut steps = vec![Step::Network(0x80), Step::Write(0x6040, 0, 2, 0)];
+        if wanted.configure {
+            let target = match wanted.mode {
+                Mode::Position => 0x607A_0020,
+                Mode::Velocity => 0x60FF_0020,
+                Mode::Torque | Mode::Impedance => 0x6071_0010,
+            };
+            let command = [0x6040_0010, target, 0x60B2_0010];
+            let n_objects = if wanted.torque_offset { 3 } else { 2 };
+            pdo(0x1400, 0x1600, 0x200 + node, command.get(..n_objects).unwrap_or_default(), &mut steps);
+            pdo(0x1800, 0x1A00, 0x180 + node, &[0x6041_0010, 0x6064_0020, 0x6077_0010], &mut steps);
+            pdo(0x1801, 0x1A01, 0x280 + node, if wanted.velocity_feedback { &[0x606C_0020] } else { &[] }, &mut steps);
+        }
+        steps.push(Step::Write(0x6060, 0, 1, u32::from(mode_of(wanted.mode))));
+        if wanted.torque_limit.is_finite() {
+            steps.push(Step::Offer(0x6072, 0, 2, wanted.torque_limit.clamp(0.0, 65_535.0) as u32));
+        }
+        if wanted.watchdog_ms > 0 {
+            steps.push(Step::Offer(0x6007, 0, 2, 2));
+            steps.push(Step::Write(0x1016, 1, 4, u32::from(wanted.master) << 16 | u32::from(wanted.watchdog_ms)));
+        }
+        steps.extend([Step::Read(0x1016, 1), Step::Read(0x6076, 0), Step::Read(0x6061, 0), Step::Network(0x01)]);
+        Setup { wanted, steps, next: 0, sent_ns: None, watchdog: Watchdog::Unknown, fault: 0 }
+    }
+
+    /// Begins again.
+    pub(super) fn again(&mut self) {
+        (self.next, self.sent_ns, self.watchdog, self.fault) = (0, None, Watchdog::Unknown, 0);
+    }
+
+    pub(super) fn is_done(&self) -> bool {
+        self.next == self.steps.len()
+    }
+
+    /// The next request, or the last one again when it was not answered.
+    pub(super) fn request(&mut self, now_ns: u64) -> Option<Frame> {
+        if self.fault != 0 || self.sent_ns.is_some_and(|sent| now_ns.saturating_sub(sent) < PATIENCE_NS) {
+            return None;
+        }
+        let node = self.wanted.node;
+        self.sent_ns = Some(now_ns);
+        match *self.steps.get(self.next)? {
+            Step::Network(command) => {
+                self.proceed();
+                Frame::classic(Id::Standard(0), &[command, node as u8])
+            }
+            Step::Write(index, sub, len, value) | Step::Offer(index, sub, len, value) => write(node, index, sub, len, value),
+            Step::Read(index, sub) => read(node, index, sub),
+        }
+    }
+
+    fn proceed(&mut self) {
+        self.next += 1;
+        self.sent_ns = None;
+    }
+
+    /// Takes an answer of the SDO server.
+    pub(super) fn answered(&mut self, _now_ns: u64, bytes: [u8; 8]) -> Receipt {
+        let [command, low, high, sub, a, b, c, d] = bytes;
+        let index = u16::from_le_bytes([low, high]);
+        let is_refused = command == 0x80;
+        // expedited, with as many bytes as its bits 2 and 3 leave
+        let n_bytes = if command & 0x01 != 0 { 4 - (command >> 2 & 3) } else { 4 };
+        let value = u32::from_le_bytes([a, b, c, d]) & (u32::MAX >> (8 * (4 - u32::from(n_bytes))));
+        match self.steps.get(self.next) {
+            Some(Step::Write(i, s, ..)) if (*i, *s) == (index, sub) && (is_refused || command == 0x60) => {
+                if is_refused {
+                    self.fault = fault::SETTING_REFUSED;
+                } else {
+                    self.proceed();
+                }
+            }
+            Some(Step::Offer(i, s, ..)) if (*i, *s) == (index, sub) && (is_refused || command == 0x60) => self.proceed(),
+            Some(Step::Read(i, s)) if (*i, *s) == (index, sub) && (is_refused || command & 0xE2 == 0x42) => {
+                self.judge(index, (!is_refused).then_some(value));
+                self.proceed();
+            }
+            _ => {}
+        }
+        if command & 0xE2 != 0x42 {
+            return if is_refused || command == 0x60 { Receipt::Noted } else { Receipt::Malformed };
+        }
+        let Some(parameter) = READABLE.iter().position(|(i, s, _)| (*i, *s) == (index, sub)) else { return Receipt::Noted };
+        let is_signed = READABLE.get(parameter).is_some_and(|(_, _, is_signed)| *is_signed);
+        let unused = 8 * (4 - u32::from(n_bytes));
+        let signed = (value << unused) as i32 >> unused;
+        Receipt::Parameter(parameter, if is_signed { f64::from(signed) } else { f64::from(value) })
+    }
+
+    fn judge(&mut self, index: u16, value: Option<u32>) {
+        match (index, value) {
+            (0x1016, Some(value)) => {
+                let is_ours = value >> 16 & 0x7F == u32::from(self.wanted.master);
+                self.watchdog = if is_ours && value & 0xFFFF > 0 { Watchdog::Set(value & 0xFFFF) } else { Watchdog::Off };
+            }
+            (0x1016, None) => self.watchdog = Watchdog::Unreadable,
+            (0x6076, Some(value)) => {
+                let (read, configured) = (f64::from(value) / 1000.0, self.wanted.rated_torque);
+                if (read - configured).abs() > SAME_TORQUE * configured + 1e-3 {
+                    self.fault = fault::RANGES_DIFFER;
+                }
+            }
+            (0x6061, Some(value)) if value != u32::from(mode_of(self.wanted.mode)) => self.fault = fault::MODE_REFUSED,
+            _ => {}
+        }
+    }
+}

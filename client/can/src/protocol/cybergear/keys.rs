@@ -1,0 +1,29 @@
+//! Settings of the protocol.
+
+use crate::protocol::{Key, KeyKind};
+
+pub(super) const KEYS: &[Key] = &[
+    Key { name: "model", kind: KeyKind::Word(&["cybergear", "robstride"]), default: Some("cybergear"), about: "whose motor it is" },
+    Key { name: "id", kind: KeyKind::Integer(0, 127), default: None, about: "identifier of the motor" },
+    Key { name: "host_id", kind: KeyKind::Integer(0, 255), default: Some("253"), about: "identifier of this side" },
+    Key {
+        name: "position_range",
+        kind: KeyKind::Number(1e-3, 1e5),
+        default: None,
+        about: "position at the end of the range [rad]; of a CyberGear 12.5 in the maker's code and 4 π in its manual",
+    },
+    range("velocity_range", "velocity at the end of the range [rad/s]; of a CyberGear 30"),
+    range("torque_range", "torque at the end of the range [N m]; of a CyberGear 12"),
+    range("stiffness_range", "largest stiffness [N m/rad]; of a CyberGear 500"),
+    range("damping_range", "largest damping [N m s/rad]; of a CyberGear 5"),
+    Key {
+        name: "watchdog_index",
+        kind: KeyKind::Integer(0, 0xFFFF),
+        default: Some(""),
+        about: "index of the parameter canTimeout, 0 where the firmware has none; else 0x200C (CyberGear) or 0x7028 (RobStride)",
+    },
+];
+
+const fn range(name: &'static str, about: &'static str) -> Key {
+    Key { name, kind: KeyKind::Number(1e-3, 1e5), default: Some(""), about }
+}

@@ -1,0 +1,66 @@
+//! Sub-frames: building a frame's bytes, and the values of registers in their types.
+
+/// Register of the board's temperature.
+pub(super) const TEMPERATURE: u32 = 0x00E;
+
+/// Bytes of one frame.
+pub(super) struct Payload {
+    bytes: [u8; 64],
+    len: usize,
+}
+
+impl Payload {
+    pub(super) fn add(mut self, bytes: &[u8]) -> Payload {
+        if let Some(room) = self.bytes.get_mut(self.len..self.len + bytes.len()) {
+            room.copy_from_slice(bytes);
+            self.len += bytes.len();
+        }
+        self
+    }
+
+    /// The bytes up to a length that FD has.
+    pub(super) fn padded(&self) -> &[u8] {
+        let lens = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+        let len = lens.into_iter().find(|len| *len >= self.len).unwrap_or(64);
+        self.bytes.get(..len).unwrap_or_default()
+    }
+}
+
+/// A payload of nothing.
+pub(super) const EMPTY: Payload = Payload { bytes: [0x50; 64], len: 0 };
+
+/// The value of a register in the type of its sub-frame, in the register's unit; and how many bytes it takes.
+pub(super) fn value(kind: u8, register: u32, bytes: &[u8]) -> Option<(f64, usize)> {
+    let (whole, lowest, len) = match (kind, bytes) {
+        (0, [a, ..]) => (i64::from(*a as i8), i64::from(i8::MIN), 1),
+        (1, [a, b, ..]) => (i64::from(i16::from_le_bytes([*a, *b])), i64::from(i16::MIN), 2),
+        (2, [a, b, c, d, ..]) => (i64::from(i32::from_le_bytes([*a, *b, *c, *d])), i64::from(i32::MIN), 4),
+        (3, [a, b, c, d, ..]) => return Some((f64::from(f32::from_le_bytes([*a, *b, *c, *d])), 4)),
+        _ => return None,
+    };
+    let units = match register {
+        1 => [0.01, 1e-4, 1e-5],
+        2 => [0.1, 2.5e-4, 1e-5],
+        3 => [0.5, 0.01, 1e-3],
+        0x00A | TEMPERATURE => [1.0, 0.1, 1e-3],
+        0x00D => [0.5, 0.1, 1e-3],
+        0x027 => [0.01, 1e-3, 1e-6],
+        _ => [1.0; 3],
+    };
+    let unit = units.get(usize::from(kind)).copied()?;
+    // mode and fault are numbers of something, without a value for nothing
+    let has_nan = register != 0x000 && register != 0x00F;
+    Some((if has_nan && whole == lowest { f64::NAN } else { whole as f64 * unit }, len))
+}
+
+/// A number of seven bits a byte, and what follows it.
+pub(super) fn varuint(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    let mut number = 0_u64;
+    for (i, byte) in bytes.iter().enumerate().take(5) {
+        number |= u64::from(byte & 0x7F) << (7 * i);
+        if byte & 0x80 == 0 {
+            return Some((u32::try_from(number).ok()?, bytes.get(i + 1..)?));
+        }
+    }
+    None
+}

@@ -1,0 +1,399 @@
+//! ODrive, CANSimple.
+//!
+//! Source: ODrive documentation 0.6.10, "CAN protocol" (docs.odriverobotics.com/v/latest/manual/can-protocol.html).
+//!
+//! - Standard identifier = `node` << 5 | command; numbers are little-endian, floats IEEE 754 singles. Positions in turns, velocities in
+//!   turns/s, torques in N m.
+//! - Sent: 07 state u32 (1 idle, 8 closed loop), 0B control and input mode u32 u32, 0C position f32, velocity i16 × `velocity_scale`
+//!   turns/s, torque i16 × `torque_scale` N m, 0D velocity f32, torque f32, 0E torque f32, 18 forget errors, 19 position is now f32, 04 write
+//!   or read an endpoint: u8 1 | 0, endpoint u16, 0, value.
+//! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last fall u32; 05 endpoint: 0, endpoint u16, 0,
+//!   value; 09 position f32, velocity f32; 15 temperatures of bridge and motor f32 f32; 1C torque wanted and estimated f32 f32.
+//!
+//! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if wanted) to the bridge's cycle. The
+//! velocity beside a position saturates at ± 32767 steps (32.8 turns/s) where other masters overflow. The endpoints of its watchdog have other
+//! numbers in each firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
+
+mod keys;
+
+use std::f64::consts::TAU;
+
+use super::number::{limited, single, steps};
+use super::{Common, Protocol, Settings, fault};
+use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use keys::KEYS;
+use sarrus_models::Findings;
+
+/// ODrive CANSimple.
+pub(super) const ODRIVE: Protocol = Protocol {
+    name: "odrive",
+    about: "ODrive, CANSimple",
+    modes: &[Mode::Torque, Mode::Position, Mode::Velocity],
+    fd: false,
+    keys: KEYS,
+    make,
+};
+
+const HEARTBEAT: u16 = 0x01;
+const ERRORS: u16 = 0x03;
+const ENDPOINT: u16 = 0x04;
+const ENDPOINT_REPLY: u16 = 0x05;
+const STATE: u16 = 0x07;
+const ESTIMATES: u16 = 0x09;
+const CONTROL_MODE: u16 = 0x0B;
+const POSITION: u16 = 0x0C;
+const VELOCITY: u16 = 0x0D;
+const TORQUE: u16 = 0x0E;
+const TEMPERATURES: u16 = 0x15;
+const FORGET_ERRORS: u16 = 0x18;
+const POSITION_IS: u16 = 0x19;
+const TORQUES: u16 = 0x1C;
+
+const IDLE: u32 = 1;
+const CLOSED_LOOP: u32 = 8;
+/// Input mode 1 passes set-points on as they are.
+const PASSTHROUGH: u32 = 1;
+
+const PARAMETERS: &[Parameter] =
+    &[Parameter { name: "axis0.config.watchdog_timeout", unit: "s" }, Parameter { name: "axis0.config.enable_watchdog", unit: "" }];
+
+/// What is set and read before the motor gets power, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Mode,
+    WriteTimeout,
+    WriteEnable,
+    ReadTimeout,
+    ReadEnable,
+    Done,
+}
+
+/// The way to power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Off,
+    /// A set-point is in the motor.
+    Ready,
+    /// Closed loop was asked for.
+    Asked,
+    On,
+    /// The motor let go by itself; it gets no power before it was told to be off.
+    Lost,
+}
+
+#[derive(Debug)]
+struct ODrive {
+    node: u16,
+    mode: Mode,
+    torque_limit: f64,
+    velocity_scale: f64,
+    torque_scale: f64,
+    torque_feedback: bool,
+    /// Endpoints of the watchdog's time and of its switch.
+    endpoints: Option<(u16, u16)>,
+    watchdog_ms: u32,
+    watchdog_time: f64,
+    watchdog: Watchdog,
+    step: Step,
+    stage: Stage,
+    turn: u8,
+    axis_state: Option<u8>,
+    errors: u32,
+    not_finite: bool,
+    position: f64,
+    torque: f64,
+    temperature: f64,
+}
+
+fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
+    let endpoint = |key| settings.has(key).then(|| settings.integer(key) as u16);
+    let endpoints = match (endpoint("watchdog_timeout_endpoint"), endpoint("enable_watchdog_endpoint")) {
+        (Some(timeout), Some(enable)) => Some((timeout, enable)),
+        (None, None) => None,
+        _ => {
+            let place = settings.place("watchdog_timeout_endpoint");
+            findings.error(place, "one of the watchdog's two endpoints", "both or none", "add the other one from flat_endpoints.json");
+            return None;
+        }
+    };
+    Some(Box::new(ODrive {
+        node: settings.integer("node") as u16,
+        mode: common.mode,
+        torque_limit: common.torque_limit,
+        velocity_scale: settings.number("velocity_scale"),
+        torque_scale: settings.number("torque_scale"),
+        torque_feedback: settings.flag("torque_feedback"),
+        endpoints,
+        watchdog_ms: common.watchdog_ms,
+        watchdog_time: f64::NAN,
+        watchdog: if endpoints.is_some() { Watchdog::Unknown } else { Watchdog::Unreadable },
+        step: Step::Mode,
+        stage: Stage::Off,
+        turn: 0,
+        axis_state: None,
+        errors: 0,
+        not_finite: false,
+        position: f64::NAN,
+        torque: f64::NAN,
+        temperature: f64::NAN,
+    }))
+}
+
+impl ODrive {
+    fn frame(&self, command: u16, bytes: &[u8]) -> Option<Frame> {
+        Frame::classic(Id::Standard(self.node << 5 | command), bytes)
+    }
+
+    fn state_request(&self, state: u32) -> Option<Frame> {
+        self.frame(STATE, &state.to_le_bytes())
+    }
+
+    fn setpoint(&self, wanted: &Setpoint) -> Option<Frame> {
+        let torque = limited(wanted.torque, self.torque_limit);
+        let velocity = wanted.velocity / TAU;
+        match self.mode {
+            Mode::Position => {
+                let [a, b, c, d] = single(wanted.position / TAU).to_le_bytes();
+                let [e, f] = (steps(velocity, self.velocity_scale, 32_767) as i16).to_le_bytes();
+                let [g, h] = (steps(torque, self.torque_scale, 32_767) as i16).to_le_bytes();
+                self.frame(POSITION, &[a, b, c, d, e, f, g, h])
+            }
+            Mode::Velocity => {
+                let [a, b, c, d] = single(velocity).to_le_bytes();
+                let [e, f, g, h] = single(torque).to_le_bytes();
+                self.frame(VELOCITY, &[a, b, c, d, e, f, g, h])
+            }
+            Mode::Torque | Mode::Impedance => self.frame(TORQUE, &single(torque).to_le_bytes()),
+        }
+    }
+
+    /// What keeps the motor where it is.
+    fn neutral(&self) -> Setpoint {
+        Setpoint { position: if self.position.is_finite() { self.position } else { 0.0 }, ..Setpoint::default() }
+    }
+
+    /// The request of this step.
+    fn request(&mut self) -> Option<Frame> {
+        let endpoint = |write: u8, endpoint: u16, value: [u8; 4], len: usize| {
+            let ([low, high], [a, b, c, d]) = (endpoint.to_le_bytes(), value);
+            [write, low, high, 0, a, b, c, d].get(..4 + len).and_then(|bytes| self.frame(ENDPOINT, bytes))
+        };
+        let (timeout, enable) = self.endpoints.unwrap_or_default();
+        match self.step {
+            Step::Mode => {
+                let mode: u32 = match self.mode {
+                    Mode::Torque | Mode::Impedance => 1,
+                    Mode::Velocity => 2,
+                    Mode::Position => 3,
+                };
+                let ([a, b, c, d], [e, f, g, h]) = (mode.to_le_bytes(), PASSTHROUGH.to_le_bytes());
+                let frame = self.frame(CONTROL_MODE, &[a, b, c, d, e, f, g, h]);
+                // this one has no answer
+                self.step = match (self.endpoints, self.watchdog_ms) {
+                    (None, _) => Step::Done,
+                    (Some(_), 0) => Step::ReadTimeout,
+                    (Some(_), _) => Step::WriteTimeout,
+                };
+                frame
+            }
+            Step::WriteTimeout => {
+                let frame = endpoint(1, timeout, single(f64::from(self.watchdog_ms) / 1e3).to_le_bytes(), 4);
+                self.step = Step::WriteEnable;
+                frame
+            }
+            Step::WriteEnable => {
+                let frame = endpoint(1, enable, [1, 0, 0, 0], 1);
+                self.step = Step::ReadTimeout;
+                frame
+            }
+            Step::ReadTimeout => endpoint(0, timeout, [0; 4], 0),
+            Step::ReadEnable => endpoint(0, enable, [0; 4], 0),
+            Step::Done => None,
+        }
+    }
+
+    /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is to be set and read, in turn.
+    fn stay_off(&mut self, out: &mut FrameQueue) {
+        self.turn = (self.turn + 1) % 3;
+        let frame = match self.turn {
+            1 => self.state_request(IDLE),
+            2 => self.setpoint(&self.neutral()),
+            _ => self.request().or_else(|| self.state_request(IDLE)),
+        };
+        out.push_some(frame);
+    }
+
+    /// The answer of an endpoint.
+    fn answered(&mut self, endpoint: u16, value: &[u8]) -> Receipt {
+        let Some((timeout, enable)) = self.endpoints else { return Receipt::Noted };
+        match value {
+            [a, b, c, d] if endpoint == timeout => {
+                self.watchdog_time = f64::from(f32::from_le_bytes([*a, *b, *c, *d]));
+                if self.step == Step::ReadTimeout {
+                    self.step = Step::ReadEnable;
+                }
+                Receipt::Parameter(0, self.watchdog_time)
+            }
+            [on, ..] if endpoint == enable => {
+                if self.step == Step::ReadEnable {
+                    let ms = self.watchdog_time * 1e3;
+                    self.watchdog = if *on != 0 && ms > 0.0 { Watchdog::Set((ms.round() as u32).max(1)) } else { Watchdog::Off };
+                    self.step = Step::Done;
+                }
+                Receipt::Parameter(1, f64::from(*on))
+            }
+            _ => Receipt::Noted,
+        }
+    }
+
+    fn heartbeat(&mut self, errors: u32, state: u8) {
+        self.errors = errors;
+        self.axis_state = Some(state);
+        let is_on = u32::from(state) == CLOSED_LOOP;
+        self.stage = match self.stage {
+            Stage::Asked if is_on => Stage::On,
+            // the request was lost, or the heartbeat is older than it
+            Stage::Asked if errors == 0 => Stage::Ready,
+            Stage::Asked | Stage::On if !is_on => Stage::Lost,
+            stage => stage,
+        };
+    }
+}
+
+/// Two singles.
+fn pair(frame: &Frame) -> Option<(f64, f64)> {
+    let [a, b, c, d, e, f, g, h] = frame.exactly::<8>()?;
+    Some((f64::from(f32::from_le_bytes([a, b, c, d])), f64::from(f32::from_le_bytes([e, f, g, h]))))
+}
+
+impl Drive for ODrive {
+    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+        let is_ready = self.step == Step::Done && self.axis_state.is_some() && self.state().fault == 0;
+        let wanted = match wish {
+            Wish::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
+            Wish::On(_) => return self.stay_off(out),
+            Wish::Off => {
+                self.stage = Stage::Off;
+                return self.stay_off(out);
+            }
+            Wish::Reset => {
+                (self.stage, self.step, self.turn, self.not_finite) = (Stage::Off, Step::Mode, 0, false);
+                return out.push_some(self.frame(FORGET_ERRORS, &[0]));
+            }
+        };
+        match self.stage {
+            Stage::Off | Stage::Asked | Stage::On => out.push_some(self.setpoint(&wanted)),
+            Stage::Ready => out.push_some(self.state_request(CLOSED_LOOP)),
+            Stage::Lost => out.push_some(self.state_request(IDLE)),
+        }
+        self.stage = match self.stage {
+            Stage::Off => Stage::Ready,
+            Stage::Ready => Stage::Asked,
+            stage => stage,
+        };
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+    }
+
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.state_request(IDLE));
+    }
+
+    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        let Id::Standard(id) = frame.id else { return Receipt::NotMine };
+        if id >> 5 != self.node {
+            return Receipt::NotMine;
+        }
+        if frame.is_fd() {
+            return Receipt::Malformed;
+        }
+        match (id & 0x1F, frame.data()) {
+            (HEARTBEAT, [a, b, c, d, state, _, _, ..]) => {
+                self.heartbeat(u32::from_le_bytes([*a, *b, *c, *d]), *state);
+                Receipt::Noted
+            }
+            (ERRORS, [a, b, c, d, _, _, _, _]) => {
+                self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
+                Receipt::Noted
+            }
+            (ENDPOINT_REPLY, [_, low, high, _, value @ ..]) => self.answered(u16::from_le_bytes([*low, *high]), value),
+            (ESTIMATES, _) => {
+                let Some((position, velocity)) = pair(frame) else { return Receipt::Malformed };
+                self.not_finite = !(position.is_finite() && velocity.is_finite());
+                if self.not_finite {
+                    return Receipt::Malformed;
+                }
+                self.position = position * TAU;
+                let (torque, temperature) = (self.torque, self.temperature);
+                Receipt::Measured(Measurement { position: self.position, velocity: velocity * TAU, torque, temperature })
+            }
+            (TEMPERATURES, _) => pair(frame).map_or(Receipt::Malformed, |(bridge, motor)| {
+                self.temperature = bridge.max(motor);
+                Receipt::Noted
+            }),
+            (TORQUES, _) => match pair(frame) {
+                Some((_, estimate)) if estimate.is_finite() => {
+                    self.torque = estimate;
+                    Receipt::Noted
+                }
+                _ => Receipt::Malformed,
+            },
+            (HEARTBEAT | ERRORS | ENDPOINT_REPLY, _) => Receipt::Malformed,
+            _ => Receipt::Noted,
+        }
+    }
+
+    fn state(&self) -> DriveState {
+        let power = match (self.axis_state.map(u32::from), self.stage) {
+            (None, _) => Power::Unknown,
+            (Some(CLOSED_LOOP), _) => Power::On,
+            (Some(IDLE | 0), Stage::Off | Stage::Lost) => Power::Off,
+            _ => Power::Starting,
+        };
+        let fault = match self.stage {
+            _ if self.errors != 0 => self.errors,
+            _ if self.not_finite => fault::NOT_FINITE,
+            Stage::Lost => fault::POWER_LOST,
+            _ => 0,
+        };
+        DriveState { power, fault, watchdog: self.watchdog }
+    }
+
+    fn forget(&mut self) {
+        (self.stage, self.step, self.turn) = (Stage::Off, Step::Mode, 0);
+        (self.axis_state, self.errors, self.not_finite) = (None, 0, false);
+        (self.position, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
+        self.watchdog = if self.endpoints.is_some() { Watchdog::Unknown } else { Watchdog::Unreadable };
+    }
+
+    /// All commands of the node.
+    fn identifiers(&self) -> Vec<Id> {
+        (0..32).map(|command| Id::Standard(self.node << 5 | command)).collect()
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        let reply = |command| Reply { id: Id::Standard(self.node << 5 | command), kind: FrameKind::Classic, len: 8 };
+        if self.torque_feedback { vec![reply(ESTIMATES), reply(TORQUES)] } else { vec![reply(ESTIMATES)] }
+    }
+
+    /// Nothing: heartbeats come by themselves, every 100 ms as an ODrive is delivered.
+    fn probe(&mut self, _out: &mut FrameQueue) {}
+
+    fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
+        out.push_some(self.frame(POSITION_IS, &[0; 4]));
+        true
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        if self.endpoints.is_some() { PARAMETERS } else { &[] }
+    }
+
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        let Some((timeout, enable)) = self.endpoints else { return };
+        let [low, high] = if parameter == 0 { timeout } else { enable }.to_le_bytes();
+        out.push_some(self.frame(ENDPOINT, &[0, low, high, 0]));
+    }
+}

@@ -1,0 +1,158 @@
+//! Each drive with a simulated motor of its protocol, which was written from the makers' manuals alone: power, set-points, watchdog.
+
+use crate::support::settled;
+use sarrus_can::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use sarrus_can::frame::FrameQueue;
+use sarrus_can::motor::{Physics, Simulated};
+use sarrus_can::protocol::Common;
+
+const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
+const MS: u64 = 1_000_000;
+
+/// A bus with one motor, at 500 Hz.
+struct Bench {
+    drive: Box<dyn Drive>,
+    motor: Simulated,
+    now_ns: u64,
+    measured: Option<Measurement>,
+    replies: FrameQueue,
+}
+
+impl Bench {
+    fn new(protocol: &str, yaml: &str, mode: Mode) -> Bench {
+        let common = Common { mode, watchdog_ms: 50, torque_limit: 5.0 };
+        let (drive, settings) = settled(protocol, yaml, common, "").unwrap();
+        let motor = Simulated::new(protocol, &settings, common, Physics { inertia: 0.05, friction: 0.5, torque_limit: 10.0 })
+            .expect("a simulated motor");
+        Bench { drive, motor, now_ns: 1_000 * MS, measured: None, replies: FrameQueue::new(256) }
+    }
+
+    fn cycle(&mut self, wish: Wish) {
+        let mut sent = FrameQueue::new(32);
+        self.drive.cycle(self.now_ns, wish, &mut sent);
+        self.drive.sync().into_iter().for_each(|sync| sent.push(sync));
+        self.pass(&sent, 2);
+    }
+
+    /// Frames go to the motor, time passes, answers come back.
+    fn pass(&mut self, sent: &FrameQueue, ms: u64) {
+        sent.frames().iter().for_each(|frame| {
+            self.motor.receive(self.now_ns, frame, &mut self.replies);
+        });
+        for _ in 0..ms {
+            self.now_ns += MS;
+            self.motor.step(self.now_ns, &mut self.replies);
+        }
+        for frame in self.replies.frames() {
+            match self.drive.receive(self.now_ns, frame) {
+                Receipt::Measured(measured) => self.measured = Some(measured),
+                Receipt::Malformed => panic!("the motor's {frame} is malformed"),
+                _ => {}
+            }
+        }
+        self.replies.clear();
+    }
+
+    fn power_on(&mut self, wanted: Setpoint) {
+        (0..200).for_each(|_| self.cycle(Wish::Off));
+        assert_eq!((self.drive.state().power, self.drive.state().fault), (Power::Off, 0));
+        assert!(self.motor.follows().is_none());
+        assert!(self.measured.is_some(), "a motor without power tells where it is");
+        (0..120).for_each(|_| self.cycle(Wish::On(wanted)));
+        assert_eq!((self.drive.state().power, self.drive.state().fault), (Power::On, 0));
+    }
+}
+
+fn benches() -> Vec<(&'static str, Bench)> {
+    let mit = |variant: &str| Bench::new("mit", &format!("{{variant: {variant}, id: 4, reply_id: 20, {RANGES}}}"), Mode::Torque);
+    vec![
+        ("mini_cheetah", mit("mini_cheetah")),
+        ("t_motor", mit("t_motor")),
+        ("damiao", mit("damiao")),
+        ("robstride", mit("robstride")),
+        ("cybergear", Bench::new("cybergear", "{id: 10, position_range: 12.5}", Mode::Torque)),
+        ("odrive", Bench::new("odrive", "{node: 3, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301}", Mode::Torque)),
+        ("moteus", Bench::new("moteus", "{id: 1}", Mode::Torque)),
+        ("cia402", Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque)),
+    ]
+}
+
+#[test]
+fn every_motor_gets_power_and_follows_a_torque() {
+    for (name, mut bench) in benches() {
+        println!("{name}");
+        let wanted = Setpoint { torque: 0.5, ..Setpoint::default() };
+        bench.power_on(wanted);
+        let follows = bench.motor.follows().expect("power");
+        assert!((follows.torque - 0.5).abs() < 0.006, "{name}: {follows:?}");
+        assert!((follows.stiffness, follows.damping) == (0.0, 0.0), "{name}: {follows:?}");
+        let measured = bench.measured.unwrap();
+        assert!((measured.position - bench.motor.body.position).abs() < 0.2, "{name}: {measured:?} {}", bench.motor.body.position);
+        assert!(measured.position > 0.0, "{name}: it turns the way it is told");
+    }
+}
+
+#[test]
+fn every_watchdog_that_can_be_read_was_set_and_acts() {
+    for (name, mut bench) in benches() {
+        println!("{name}");
+        bench.power_on(Setpoint::default());
+        let watchdog = bench.drive.state().watchdog;
+        let is_readable = !matches!(name, "mini_cheetah" | "t_motor" | "robstride");
+        assert_eq!(watchdog, if is_readable { Watchdog::Set(50) } else { Watchdog::Unreadable }, "{name}");
+        bench.pass(&FrameQueue::new(1), 30);
+        assert!(bench.motor.follows().is_some(), "{name}");
+        bench.pass(&FrameQueue::new(1), 25);
+        let is_off = bench.motor.follows().is_none_or(|law| law.torque == 0.0 && law.stiffness == 0.0);
+        assert!(is_off, "{name}: {:?}", bench.motor.follows());
+    }
+}
+
+#[test]
+fn every_motor_lets_go_by_the_frames_of_the_way_out() {
+    for (name, mut bench) in benches() {
+        bench.power_on(Setpoint { torque: 0.1, ..Setpoint::default() });
+        let mut frames = FrameQueue::new(8);
+        bench.drive.disable(&mut frames);
+        bench.pass(&frames, 2);
+        assert!(bench.motor.follows().is_none(), "{name}");
+    }
+}
+
+#[test]
+fn a_motor_with_a_fault_is_told_and_reset() {
+    for (name, mut bench) in benches() {
+        // the replies of the others have no room for a fault
+        if matches!(name, "mini_cheetah" | "robstride") {
+            continue;
+        }
+        bench.power_on(Setpoint::default());
+        bench.motor.fault(if name == "damiao" { 0xA } else { 4 });
+        (0..60).for_each(|_| bench.cycle(Wish::On(Setpoint::default())));
+        assert!(bench.drive.state().fault != 0, "{name}");
+        assert!(bench.motor.follows().is_none(), "{name} has power again by itself");
+        bench.motor.fault(0);
+        bench.cycle(Wish::Reset);
+        (0..200).for_each(|_| bench.cycle(Wish::Off));
+        bench.power_on(Setpoint::default());
+    }
+}
+
+#[test]
+fn impedance_goes_through_every_protocol_that_has_it() {
+    let wanted = Setpoint { position: 0.3, velocity: 0.1, torque: 0.2, stiffness: 0.5, damping: 0.005 };
+    let mit = format!("{{variant: damiao, id: 4, reply_id: 20, {RANGES}}}");
+    for (protocol, yaml) in
+        [("mit", mit.as_str()), ("cybergear", "{id: 10, position_range: 12.5}"), ("moteus", "{id: 1, kp: 4.0, kd: 0.05}")]
+    {
+        let mut bench = Bench::new(protocol, yaml, Mode::Impedance);
+        bench.power_on(wanted);
+        let law = bench.motor.follows().expect("power");
+        let near = |a: f64, b: f64, by: f64| assert!((a - b).abs() < by, "{protocol}: {a} {b}");
+        near(law.position, 0.3, 1e-3);
+        near(law.velocity, 0.1, 0.012);
+        near(law.torque, 0.2, 0.006);
+        near(law.stiffness, 0.5, 0.07);
+        near(law.damping, 0.005, 1e-3);
+    }
+}

@@ -1,0 +1,241 @@
+//! The protocols against programs of others: what `moteus`, `canopen` and `cantools` from PyPI make of the bridge's frames, and the bridge of
+//! theirs. The script `peers/peers.py` answers JSON lines.
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+
+use sarrus_can::drive::{Drive, Mode, Receipt, Setpoint};
+use sarrus_can::frame::{Frame, FrameQueue, Id};
+use sarrus_can::protocol::{Common, Settings, protocol};
+use sarrus_models::{Findings, yaml};
+use sarrus_tests::python::environment;
+use serde_json::{Value, json};
+
+/// Values in each exchange.
+const ROUNDS: usize = 2_000;
+
+/// The script in its own process.
+struct Peers {
+    child: Child,
+    questions: ChildStdin,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Peers {
+    fn new() -> Peers {
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/proof/can/peers/peers.py");
+        let mut child = environment().command(&[script]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let (questions, answers) = (child.stdin.take().unwrap(), BufReader::new(child.stdout.take().unwrap()));
+        Peers { child, questions, answers }
+    }
+
+    fn ask(&mut self, question: &Value) -> Value {
+        writeln!(self.questions, "{question}").unwrap();
+        let mut line = String::new();
+        self.answers.read_line(&mut line).unwrap();
+        // Python writes numbers that are none, JSON has none
+        serde_json::from_str(&line.replace("NaN", "null")).unwrap_or_else(|error| panic!("{question}: {error}: {line}"))
+    }
+
+    fn decode(&mut self, by: &str, frame: &Frame) -> Value {
+        self.ask(&json!({"ask": by, "data": hex(frame.data())}))
+    }
+}
+
+impl Drop for Peers {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
+}
+
+fn drive(name: &str, text: &str, mode: Mode) -> Box<dyn Drive> {
+    let protocol = protocol(name).unwrap();
+    let mut findings = Findings::new(false);
+    let node = yaml::read("drive.yml", text.as_bytes().to_vec(), "a drive", &mut findings).unwrap();
+    let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(DBC.to_owned()), &mut findings);
+    let common = Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY };
+    let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut findings));
+    drive.unwrap_or_else(|| panic!("{}", findings.into_report()))
+}
+
+fn encode(drive: &dyn Drive, wanted: Setpoint) -> Vec<Frame> {
+    let mut queue = FrameQueue::new(8);
+    drive.encode(&wanted, &mut queue);
+    queue.frames().to_vec()
+}
+
+/// Numbers of [-1, 1) from a fixed seed.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    /// Within ± the largest position, velocity and torque, and up to the largest stiffness and damping.
+    fn setpoint(&mut self, largest: [f64; 5]) -> Setpoint {
+        let [position, velocity, torque, stiffness, damping] = largest.map(|largest| largest * self.next());
+        Setpoint { position, velocity, torque, stiffness: stiffness.abs(), damping: damping.abs() }
+    }
+}
+
+fn near(found: &Value, wanted: f64, by: f64, what: &str) {
+    let found = found.as_f64().unwrap_or_else(|| panic!("{what}: {found}"));
+    assert!((found - wanted).abs() <= by * (1.0 + 1e-9) + wanted.abs() * 1e-7, "{what}: {found} is not {wanted}");
+}
+
+#[test]
+fn cantools_reads_mit_cybergear_and_odrive_commands() {
+    let mut peers = Peers::new();
+    let mut random = Random(1);
+    let ranges = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
+    let mit = drive("mit", &format!("{{variant: mini_cheetah, id: 1, reply_id: 0, {ranges}}}"), Mode::Impedance);
+    let cybergear = drive("cybergear", "{id: 1, position_range: 12.5}", Mode::Impedance);
+    let odrive = drive("odrive", "{node: 1}", Mode::Position);
+    for _ in 0..ROUNDS {
+        let wanted = random.setpoint([12.5, 45.0, 18.0, 500.0, 5.0]);
+        let read = peers.decode("mit", &encode(&*mit, wanted)[0]);
+        near(&read["position"], wanted.position, 12.5 / 65535.0, "MIT position");
+        near(&read["velocity"], wanted.velocity, 45.0 / 4095.0, "MIT velocity");
+        near(&read["torque"], wanted.torque, 18.0 / 4095.0, "MIT torque");
+        near(&read["stiffness"], wanted.stiffness, 250.0 / 4095.0, "MIT stiffness");
+        near(&read["damping"], wanted.damping, 2.5 / 4095.0, "MIT damping");
+        let wanted = random.setpoint([12.5, 30.0, 12.0, 500.0, 5.0]);
+        let read = peers.decode("cybergear", &encode(&*cybergear, wanted)[0]);
+        near(&read["position"], wanted.position, 12.5 / 65535.0, "CyberGear position");
+        near(&read["velocity"], wanted.velocity, 30.0 / 65535.0, "CyberGear velocity");
+        near(&read["stiffness"], wanted.stiffness, 250.0 / 65535.0, "CyberGear stiffness");
+        near(&read["damping"], wanted.damping, 2.5 / 65535.0, "CyberGear damping");
+        let wanted = random.setpoint([100.0, 200.0, 30.0, 0.0, 0.0]);
+        let read = peers.decode("odrive", &encode(&*odrive, wanted)[0]);
+        near(&read["position"], wanted.position / std::f64::consts::TAU, 0.0, "ODrive position");
+        near(&read["velocity"], wanted.velocity / std::f64::consts::TAU, 0.0005, "ODrive velocity");
+        near(&read["torque"], wanted.torque, 0.0005, "ODrive torque");
+    }
+}
+
+#[test]
+fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
+    let mut peers = Peers::new();
+    let mut random = Random(2);
+    let tau = std::f64::consts::TAU;
+    let mut moteus = drive("moteus", "{id: 1, kp: 4.0, kd: 0.05}", Mode::Impedance);
+    for _ in 0..ROUNDS {
+        let stiffness = 4.0 / tau * random.next().abs();
+        let damping = 0.05 / 4.0 * stiffness * random.next().abs();
+        let wanted = Setpoint { stiffness, damping, ..random.setpoint([50.0, 100.0, 300.0, 0.0, 0.0]) };
+        let frame = encode(&*moteus, wanted)[0];
+        let read = peers.decode("moteus", &frame);
+        assert_eq!(read["0"], 10);
+        near(&read["32"], wanted.position / tau, 0.0, "position");
+        near(&read["33"], wanted.velocity / tau, 0.0, "velocity");
+        near(&read["34"], wanted.torque, 0.005, "torque");
+        near(&read["35"], stiffness * tau / 4.0, 0.5 / 32767.0, "stiffness");
+        near(&read["36"], damping * tau / 0.05, 0.5 / 32767.0, "damping");
+        assert!(read["37"].is_null(), "the controller's own largest torque");
+        near(&read["39"], 0.05, 1e-9, "watchdog");
+
+        let kind = (random.next().abs() * 3.0) as usize;
+        let (head, len) = [(0x20_u8, 1), (0x24, 2), (0x28, 4)][kind];
+        let mut bytes = vec![head, 4, 0];
+        bytes.extend((0..4 * len).map(|i| if i == 0 { 10 } else if i < len { 0 } else { (random.next() * 100.0) as i8 as u8 }));
+        let padded = [8, 12, 20][kind];
+        bytes.resize(padded, 0x50);
+        let read = peers.ask(&json!({"ask": "moteus_reply", "data": hex(&bytes)}));
+        let frame = Frame::fd(Id::Standard(0x100), true, &bytes).unwrap();
+        let Receipt::Measured(measured) = moteus.receive(0, &frame) else { panic!("{frame}") };
+        near(&read["1"], measured.position / tau, 1e-9, "told position");
+        near(&read["2"], measured.velocity / tau, 1e-9, "told velocity");
+        near(&read["3"], measured.torque, 1e-9, "told torque");
+    }
+}
+
+#[test]
+fn canopen_takes_every_request_of_the_set_up() {
+    let mut peers = Peers::new();
+    let mut drive = drive("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Position);
+    let mut written = Vec::new();
+    for _ in 0..60 {
+        let mut queue = FrameQueue::new(8);
+        drive.cycle(0, sarrus_can::drive::Wish::Off, &mut queue);
+        for frame in queue.frames().iter().filter(|frame| frame.id == Id::Standard(0x605)) {
+            let bytes = frame.exactly::<8>().unwrap();
+            let (index, sub) = (u16::from_le_bytes([bytes[1], bytes[2]]), bytes[3]);
+            let answer = match bytes[0] {
+                0x40 => {
+                    let value = if index == 0x6076 { 2000_u16 } else { 8 }.to_le_bytes();
+                    hex(&[0x43, bytes[1], bytes[2], sub, value[0], value[1], 0, 0])
+                }
+                first => {
+                    let n_bytes = 4 - (first >> 2 & 3);
+                    let took = peers.ask(&json!({"ask": "sdo", "index": index, "sub": sub, "bytes": n_bytes, "data": hex(&bytes)}));
+                    written.push((index, sub, took["value"].as_u64().unwrap()));
+                    assert_eq!(took["id"], 0x585);
+                    took["answer"].as_str().unwrap().to_uppercase()
+                }
+            };
+            let answer: Vec<u8> = (0..8).map(|i| u8::from_str_radix(&answer[2 * i..2 * i + 2], 16).unwrap()).collect();
+            drive.receive(0, &Frame::classic(Id::Standard(0x585), &answer).unwrap());
+        }
+    }
+    assert!(written.contains(&(0x1400, 1, 0x205)) && written.contains(&(0x1600, 2, 0x607A_0020)), "{written:X?}");
+    assert!(written.contains(&(0x6060, 0, 8)) && written.contains(&(0x1016, 1, 0x7F_0032)), "{written:X?}");
+
+    // then the steps of the state machine: the same control words for the states that canopen sees
+    let commands = peers.ask(&json!({"ask": "control402"}))["commands"].clone();
+    let steps = [
+        (0x0250_u16, "SWITCH ON DISABLED", "READY TO SWITCH ON"),
+        (0x0231, "READY TO SWITCH ON", "SWITCHED ON"),
+        (0x0233, "SWITCHED ON", "OPERATION ENABLED"),
+        (0x0237, "OPERATION ENABLED", "OPERATION ENABLED"),
+    ];
+    for (word, state, next) in steps {
+        assert_eq!(peers.ask(&json!({"ask": "state402", "word": word}))["state"], state);
+        let [low, high] = word.to_le_bytes();
+        drive.receive(0, &Frame::classic(Id::Standard(0x185), &[low, high, 0, 0, 0, 0, 0, 0]).unwrap());
+        let mut queue = FrameQueue::new(8);
+        drive.cycle(0, sarrus_can::drive::Wish::On(Setpoint::default()), &mut queue);
+        let sent = queue.frames().iter().find(|frame| frame.id == Id::Standard(0x205)).unwrap().data();
+        assert_eq!(json!(u16::from_le_bytes([sent[0], sent[1]])), commands[next], "{state}");
+    }
+}
+
+/// Intel and Motorola, signed, scaled and moved signals, and a switch.
+const DBC: &str = r#"VERSION ""
+NS_ :
+BS_:
+BU_: Host Motor
+BO_ 257 Command: 8 Host
+ SG_ Mux M : 0|4@1+ (1,0) [0|0] "" Motor
+ SG_ Enable m1 : 4|1@1+ (1,0) [0|0] "" Motor
+ SG_ Torque m1 : 15|16@0- (0.01,0) [0|0] "" Motor
+ SG_ Position m2 : 10|21@1- (0.002,3) [0|0] "" Motor
+ SG_ Velocity m2 : 36|13@0- (-0.05,1) [0|0] "" Motor
+"#;
+
+#[test]
+fn cantools_reads_what_is_sent_by_a_dbc_file() {
+    let mut peers = Peers::new();
+    let mut random = Random(4);
+    let text = "{file: motor.dbc, enable: Command.Enable, torque: Command.Torque, position: Command.Position, velocity: Command.Velocity, \
+                measured_position: Command.Position}";
+    let drive = drive("dbc", text, Mode::Torque);
+    for _ in 0..ROUNDS {
+        let wanted = random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0]);
+        let frames = encode(&*drive, wanted);
+        let read: Vec<Value> = frames
+            .iter()
+            .map(|frame| peers.ask(&json!({"ask": "dbc", "file": DBC, "id": 257, "data": hex(frame.data())}))["values"].clone())
+            .collect();
+        assert_eq!((&read[0]["Mux"], &read[0]["Enable"], &read[1]["Mux"]), (&json!(1), &json!(1), &json!(2)));
+        near(&read[0]["Torque"], wanted.torque, 0.005, "torque");
+        near(&read[1]["Position"], wanted.position, 0.001, "position");
+        near(&read[1]["Velocity"], wanted.velocity, 0.025, "velocity");
+    }
+}
