@@ -90,7 +90,9 @@ impl Session {
             for frame in self.bridge.frames(bus) {
                 writeln!(self.frames, "({seconds}.{micros:06}) {} {frame}", config.name).unwrap();
                 let of_bus = self.motors.iter_mut().filter(|(place, _)| *place == bus);
-                of_bus.for_each(|(_, motor)| motor.receive(self.now_ns + 100_000, frame, &mut out));
+                of_bus.for_each(|(_, motor)| {
+                    let _ = motor.receive(self.now_ns + 100_000, frame, &mut out);
+                });
             }
             let of_bus = self.motors.iter_mut().filter(|(place, _)| *place == bus);
             of_bus.for_each(|(_, motor)| motor.step(self.now_ns + 1_000_000, &mut out));
@@ -125,10 +127,10 @@ impl Session {
         self.cycles(5, true);
         self.event(0, "backlog", BusEvent::Backlog(0), 0);
         // late, and in time again
-        self.cycles(25, false);
+        self.cycles(80, false);
         self.cycles(60, true);
         // lost
-        self.cycles(100, false);
+        self.cycles(230, false);
         self.operate(Operation::Arm);
         self.cycles(120, true);
         self.event(0, "error_warning", BusEvent::ErrorWarning, 1);

@@ -21,7 +21,7 @@ pub(super) const BUSES: [(&str, &[&str]); 3] = [
 /// Actuators of the upper body.
 pub(super) const N_U: usize = 13;
 /// T1, T2 and the motors' watchdog `[ms]`; long, since computers that test are busy.
-pub(super) const TIMES: [u64; 3] = [100, 400, 1500];
+pub(super) const TIMES: [u64; 3] = [200, 800, 2000];
 /// How long something may take that takes no time of its own.
 pub(super) const PATIENCE: Duration = Duration::from_secs(15);
 
@@ -150,7 +150,7 @@ fn upper_body(folder: &Path) -> String {
     let [damping_ms, disable_ms, watchdog_ms] = TIMES;
     let mut text = format!(
         "robot: rh5v2_upper_body\nrate_hz: 250\nramp_ms: 200\n\
-         timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: 300, arming_ms: 10000}}\nbuses:\n"
+         timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: 700, arming_ms: 10000}}\nbuses:\n"
     );
     for (bus, _) in BUSES {
         let channel = folder.join(bus);

@@ -1,5 +1,6 @@
 //! The CAN bridge as a whole: processes, peers from PyPI, the Python package.
 
+mod fronts;
 mod harness;
 mod python;
 mod rehearsal;
