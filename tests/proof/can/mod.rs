@@ -2,5 +2,6 @@
 
 mod fronts;
 mod harness;
+mod peers;
 mod python;
 mod rehearsal;

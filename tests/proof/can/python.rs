@@ -28,7 +28,7 @@ fn its_own_tests_pass() {
 fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
     let stage = Stage::new();
     let motors = stage.motors("left");
-    let mut can = |arguments: &[&str]| {
+    let can = |arguments: &[&str]| {
         let mut command = environment().can(&arguments[..1]);
         command.arg(&stage.configuration).args(&arguments[1..]);
         let output = command.stdin(std::process::Stdio::null()).output().unwrap();
