@@ -6,6 +6,7 @@
 mod agreement;
 mod allocation;
 mod assembly;
+mod can;
 mod closures;
 mod commands;
 mod conditions;

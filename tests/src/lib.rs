@@ -9,6 +9,7 @@ pub mod draft;
 pub mod dual;
 pub mod path;
 pub mod plans;
+pub mod python;
 pub mod random;
 pub mod reference;
 pub mod rigid;

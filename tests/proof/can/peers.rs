@@ -144,7 +144,15 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
         let kind = (random.next().abs() * 3.0) as usize;
         let (head, len) = [(0x20_u8, 1), (0x24, 2), (0x28, 4)][kind];
         let mut bytes = vec![head, 4, 0];
-        bytes.extend((0..4 * len).map(|i| if i == 0 { 10 } else if i < len { 0 } else { (random.next() * 100.0) as i8 as u8 }));
+        bytes.extend((0..4 * len).map(|i| {
+            if i == 0 {
+                10
+            } else if i < len {
+                0
+            } else {
+                (random.next() * 100.0) as i8 as u8
+            }
+        }));
         let padded = [8, 12, 20][kind];
         bytes.resize(padded, 0x50);
         let read = peers.ask(&json!({"ask": "moteus_reply", "data": hex(&bytes)}));

@@ -1,0 +1,252 @@
+"""`python -m sarrus.can`: results on stdout, the rest on stderr.
+
+Exit codes: 0 done; 1 the configuration is faulty, or what was tried did not come about; 2 wrong flags, or a file or bus that
+cannot be opened.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sarrus import __version__
+from sarrus._native import Configuration, Frame
+from sarrus.can import bench as motors
+from sarrus.can.adapters import Address, BusError
+from sarrus.can.leaving import Leave, interrupted, signals
+from sarrus.can.record import Recorder, recorder
+from sarrus.can.replay import replay
+from sarrus.can.run import open_all, run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+HAZARD = (
+    "{actuator} gets power and moves by {distance:g} (rad or m) and back within {seconds:g} s.\n"
+    "Keep out of its reach, support what gravity pulls, and have a hand on the emergency stop."
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; its exit code."""
+    options = parser().parse_args(arguments)
+    try:
+        return int(options.command(options))
+    except motors.Failed as error:
+        return tell(error, 1)
+    except ValueError as error:
+        return tell(error, 1)
+    except (BusError, OSError) as error:
+        return tell(error, 2)
+    except Leave as error:
+        return tell(f"ended by {error}; motors are without power", 1)
+
+
+def tell(error: object, code: int) -> int:
+    """Say on stderr why it ends."""
+    print(f"sarrus.can: {error}".rstrip(), file=sys.stderr)
+    return code
+
+
+def parser() -> argparse.ArgumentParser:
+    """The flags, each defined once."""
+    top = argparse.ArgumentParser(prog="python -m sarrus.can", description="The CAN bridge under python-can, and commissioning of motors.")
+    top.add_argument("--version", action="version", version=__version__)
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+
+    where = argparse.ArgumentParser(add_help=False)
+    where.add_argument("config", metavar="CONFIG", help="the robot's buses and motors")
+    where.add_argument("--interface", help="python-can's interface for all buses, instead of the configuration's")
+    where.add_argument("--channel", action="append", default=[], metavar="[BUS=]CHANNEL", help="another channel of a bus; may be repeated")
+    some = argparse.ArgumentParser(add_help=False)
+    some.add_argument("motor", nargs="?", metavar="ACTUATOR", help="one motor, by its actuator; without it all")
+    one = argparse.ArgumentParser(add_help=False)
+    one.add_argument("motor", metavar="ACTUATOR", help="the motor, by its actuator")
+    one.add_argument("--yes", action="store_true", help="do not ask: somebody has looked after safety")
+
+    command = commands.add_parser("run", parents=[where], help="run the bridge until SIGINT, SIGTERM or the end of its parent")
+    command.add_argument("--name", default="bridge", help="name under which controllers find it")
+    command.add_argument("--seconds", type=positive, help="end after this time")
+    command.add_argument("--dry-run", action="store_true", help="send nothing")
+    command.add_argument("--record", metavar="FILE", help="record all frames: .blf, .asc or .log")
+    command.add_argument("--no-realtime", action="store_true", help="ask the system for no priority and no locked memory")
+    command.set_defaults(command=run_bridge)
+
+    command = commands.add_parser("record", parents=[where], help="record the frames of all buses and send nothing")
+    command.add_argument("--out", metavar="FILE", required=True, help="the file: .blf, .asc or .log")
+    command.add_argument("--seconds", type=positive, help="end after this time")
+    command.set_defaults(command=record)
+
+    command = commands.add_parser("replay", help="what the bridge sends for an input log; no bus is opened")
+    command.add_argument("config", metavar="CONFIG", help="the robot's buses and motors")
+    command.add_argument("log", metavar="LOG", help="JSON lines of frames, events, commands, operations and cycles")
+    command.set_defaults(command=replay_log)
+
+    command = commands.add_parser("scan", parents=[where, some], help="which motors answer, and who else talks")
+    command.add_argument("--seconds", type=positive, default=1.0, help="time to listen for answers")
+    command.set_defaults(command=scan)
+
+    command = commands.add_parser("read", parents=[where, some], help="measurements, state and parameters of motors")
+    command.add_argument("--seconds", type=positive, default=0.1, help="time to wait for each parameter")
+    command.set_defaults(command=read)
+
+    command = commands.add_parser("zero", parents=[where, one], help="make the present position the motor's zero, or find the offset")
+    command.add_argument("--at", type=finite, metavar="Q", help="the actuator is at Q now (rad or m): print the offset and change nothing")
+    command.set_defaults(command=zero)
+
+    command = commands.add_parser("direction", parents=[where, one], help="move a little and back: direction, sign and scale")
+    command.add_argument("--distance", type=nonzero, required=True, help="how far, in rad or m of the actuator, with its sign")
+    command.add_argument("--stiffness", type=positive, required=True, help="stiffness at the actuator, N m/rad or N/m")
+    command.add_argument("--damping", type=positive, required=True, help="damping at the actuator, N m s/rad or N s/m")
+    command.add_argument("--seconds", type=positive, default=2.0, help="time for one way")
+    command.set_defaults(command=direction)
+    return top
+
+
+def finite(text: str) -> float:
+    """A finite number."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{text} is not finite")
+    return number
+
+
+def positive(text: str) -> float:
+    """A number greater than zero."""
+    number = finite(text)
+    if number <= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not greater than 0")
+    return number
+
+
+def nonzero(text: str) -> float:
+    """A number other than zero."""
+    number = finite(text)
+    if number == 0:
+        raise argparse.ArgumentTypeError("0 is no distance")
+    return number
+
+
+def addresses(options: argparse.Namespace) -> Callable[[dict[str, Any]], Address]:
+    """Where each bus is: what the flags say, else the configuration."""
+    named = dict(channel.split("=", 1) for channel in options.channel if "=" in channel)
+    bare = [channel for channel in options.channel if "=" not in channel]
+
+    def address(bus: dict[str, Any]) -> Address:
+        return Address.of(bus, options.interface, named.get(bus["name"], bare[0] if bare else None))
+
+    return address
+
+
+def opened(options: argparse.Namespace) -> motors.Bench:
+    """The buses of the motors that are meant."""
+    return motors.Bench(options.config, addresses(options), options.motor)
+
+
+def table(rows: list[list[str]]) -> None:
+    """Print rows in columns."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))] if rows else []
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def run_bridge(options: argparse.Namespace) -> int:
+    """Run the bridge."""
+    return run(
+        Configuration.load(options.config),
+        options.name,
+        addresses(options),
+        seconds=options.seconds,
+        dry_run=options.dry_run,
+        wants_realtime=not options.no_realtime,
+        recorder=recorder(options.record) if options.record else None,
+    )
+
+
+def record(options: argparse.Namespace) -> int:
+    """Record what passes."""
+    buses = Configuration.load(options.config).buses
+    address = addresses(options)
+    end = math.inf if options.seconds is None else time.monotonic() + options.seconds
+    with signals() as noted, Recorder(options.out, [bus["name"] for bus in buses]) as file:
+        adapters = open_all(buses, lambda bus: replace(address(bus), listen_only=True))
+        try:
+            print("ready", flush=True)
+            while not noted and time.monotonic() < end:
+                for bus, adapter in enumerate(adapters):
+                    for heard in adapter.receive():
+                        if isinstance(heard, Frame):
+                            file.write(bus, heard, received=True)
+                time.sleep(0.001)
+        finally:
+            for adapter in adapters:
+                adapter.close()
+    print(f"{file.count} frame(s) in {options.out}", file=sys.stderr)
+    return 0
+
+
+def replay_log(options: argparse.Namespace) -> int:
+    """Print the frames of a replay."""
+    configuration = Configuration.load(options.config)
+    with Path(options.log).open(encoding="utf-8") as lines:
+        for line in replay(configuration, lines):
+            print(line)
+    return 0
+
+
+def scan(options: argparse.Namespace) -> int:
+    """Who answers, and who else talks."""
+    with interrupted(), opened(options) as bench:
+        rows, complete = motors.scan(bench, options.seconds)
+        table(rows)
+        for (bus, identifier), count in sorted(bench.unknown.items()):
+            print(f"{bus}: 0x{identifier} of no motor of the configuration, {count} frame(s)")
+    return 0 if complete else 1
+
+
+def read(options: argparse.Namespace) -> int:
+    """Print everything that motors tell."""
+    with interrupted(), opened(options) as bench:
+        rows, complete = motors.read(bench, options.seconds)
+        table(rows)
+    return 0 if complete else 1
+
+
+def zero(options: argparse.Namespace) -> int:
+    """Set a motor's zero, or find the offset for the zero that it has."""
+    with interrupted(), opened(options) as bench:
+        motor = bench.chosen[0]
+        if options.at is None:
+            motors.confirm(
+                f"The present position of {options.motor} becomes the zero of its motor. It has no power; it must not move.", options.yes
+            )
+            print(f"motor position {motors.zero(bench, motor):g} rad")
+            return 0
+        measured = bench.measure(motor, bench.off(motor))
+        print(f"offset: {motors.offset_at(bench.motors[motor], measured, options.at):.9g}")
+    return 0
+
+
+def direction(options: argparse.Namespace) -> int:
+    """Move an actuator by a little."""
+    with interrupted(), opened(options) as bench:
+        hazard = HAZARD.format(actuator=options.motor, distance=options.distance, seconds=2 * options.seconds)
+        motors.confirm(hazard, options.yes)
+        result = motors.direction(bench, bench.chosen[0], options.distance, options.stiffness, options.damping, options.seconds)
+    print(
+        f"from {result['start']:g} to {result['farthest']:g} and back to {result['end']:g}: {100 * result['share']:.0f} % of the distance"
+    )
+    if not 0.5 <= result["share"] <= 1.5:
+        print("it did not follow: stiffness too small for its load, or `gear` is wrong", file=sys.stderr)
+        return 1
+    print("if the actuator itself went the other way, turn `sign`; if it went another distance, correct `gear`")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

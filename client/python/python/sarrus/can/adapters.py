@@ -1,0 +1,495 @@
+"""Buses by python-can: opened so that nothing waits, every loss is counted and one program owns each of them.
+
+`open_bus` gives an `Adapter` for every interface that python-can has. What differs between interfaces is here and nowhere else:
+
+- *slcan*: python-can opens the port; lines go out in one write and come in by one read, since python-can reads byte by byte
+  and its `send` can wait for ever on a stalled port.
+- *socketcan*: python-can opens the socket; error frames become events (`bus.state` never changes there), frames that the
+  receive buffer lost are counted, and echoes of our own frames tell how many still wait.
+- every other one: python-can's `send` and `recv` with a time-out of zero.
+
+Cyclic sending in the kernel or in a thread (`send_periodic`) is never used: it would go on while the program hangs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import re
+import select
+import socket
+import struct
+import termios
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+import can
+
+from sarrus._native import Frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+Event = tuple[str, int]
+"""News of a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`, `overrun`, and a count."""
+
+RECEIVE_BUFFER = 1 << 20
+"""Bytes of a socket's receive buffer: the default one loses most of a burst."""
+
+MOST_RECEIVED = 256
+"""Frames that one call of `Adapter.receive` gives at most: a bus that babbles must not keep the cycle from its end."""
+
+
+class BusError(Exception):
+    """A bus cannot be opened or is gone."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a bus is, in python-can's words."""
+
+    name: str
+    interface: str
+    channel: str
+    bitrate: int = 1_000_000
+    data_bitrate: int | None = None
+    listen_only: bool = False
+    """Only to record: nothing is sent, and a bus that others can share belongs to whoever drives it."""
+
+    @classmethod
+    def of(cls, bus: dict[str, Any], interface: str | None = None, channel: str | None = None) -> Address:
+        """Address of a bus of a configuration, or another one for the same bus."""
+        address = cls(**bus)
+        return replace(address, interface=interface or address.interface, channel=channel or address.channel)
+
+
+class Adapter(Protocol):
+    """A bus that is open. Nothing here waits."""
+
+    address: Address
+
+    def send(self, frames: Iterable[Frame]) -> int:
+        """Send frames in order; the number of those that found no room and are gone."""
+
+    def receive(self) -> Iterator[Frame | Event]:
+        """Frames and events that are already there."""
+
+    def backlog(self) -> int:
+        """Frames that were taken and are not on the wire yet, as far as the adapter tells."""
+
+    def fileno(self) -> int | None:
+        """What becomes readable when there is something to hear, or `None` where the interface has no such thing."""
+
+    def close(self) -> None:
+        """Give the bus back."""
+
+
+def open_bus(address: Address) -> Adapter:
+    """Open a bus; it is this program's alone until it is closed.
+
+    Raises `BusError` for a bus that is not there or belongs to another program.
+    """
+    known = {"slcan": SlcanAdapter, "socketcan": SocketcanAdapter}
+    try:
+        return known.get(address.interface, AnyAdapter)(address)
+    except BusError:
+        raise
+    except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
+        raise BusError(f"{address.name}: {address.interface} {address.channel} cannot be opened: {error}") from error
+
+
+def to_message(frame: Frame) -> can.Message:
+    """Give a frame as python-can's."""
+    return can.Message(
+        arbitration_id=frame.id,
+        data=frame.data,
+        is_extended_id=frame.extended,
+        is_fd=frame.fd,
+        bitrate_switch=frame.bit_rate_switch,
+    )
+
+
+def of_message(message: can.Message) -> Frame | None:
+    """Give python-can's message as a frame; `None` for remote and error frames and for what no frame can be."""
+    if message.is_remote_frame or message.is_error_frame:
+        return None
+    try:
+        return Frame(
+            message.arbitration_id,
+            bytes(message.data),
+            extended=message.is_extended_id,
+            fd=message.is_fd,
+            bit_rate_switch=message.is_fd and message.bitrate_switch,
+        )
+    except (ValueError, OverflowError):
+        return None
+
+
+def events_of_error_frame(error_class: int, data: bytes) -> list[Event]:
+    """Events of a SocketCAN error frame: its class and, in the second data byte, the controller's state (`linux/can/error.h`)."""
+    controller = data[1] if error_class & 0x4 and len(data) > 1 else 0
+    events: list[Event] = []
+    if error_class & 0x40:
+        events.append(("bus_off", 1))
+    elif error_class & 0x100:
+        events.append(("restarted", 1))
+    elif controller & 0x30:
+        events.append(("error_passive", 1))
+    elif controller & 0x0C:
+        events.append(("error_warning", 1))
+    elif controller & 0x40:
+        events.append(("error_active", 1))
+    if controller & 0x01:
+        events.append(("overrun", 1))
+    if controller & 0x02:
+        events.append(("dropped", 1))
+    return events
+
+
+class Ownership:
+    """One owner for each bus, released by the system when the program ends, however it ends.
+
+    The mark is a name in the abstract space of Unix sockets: it leaves no file, and like CAN interfaces it belongs to the
+    network namespace. A serial port is locked itself, which every name of it meets.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self._marks: list[socket.socket | int] = []
+        # a virtual bus lives in this process only
+        if address.interface == "virtual" or (address.listen_only and address.interface != "slcan"):
+            return
+        taken = BusError(f"{address.name}: {address.interface} {address.channel} is in use by another program; each bus has one owner")
+        if address.interface == "slcan":
+            port = os.open(address.channel.split("@")[0], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+            self._marks.append(port)
+            try:
+                fcntl.flock(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                self.release()
+                raise taken from None
+            return
+        mark = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._marks.append(mark)
+        try:
+            mark.bind(f"\0sarrus-can/{address.interface}/{address.channel}")
+        except OSError as error:
+            self.release()
+            if error.errno == errno.EADDRINUSE:
+                raise taken from None
+            raise
+
+    def release(self) -> None:
+        """Let others have the bus."""
+        while self._marks:
+            mark = self._marks.pop()
+            if isinstance(mark, int):
+                os.close(mark)
+            else:
+                mark.close()
+
+
+class AnyAdapter:
+    """A bus by python-can's own `send` and `recv`."""
+
+    def __init__(self, address: Address) -> None:
+        self.address = address
+        self._ownership = Ownership(address)
+        try:
+            self._bus = self._open()
+        except BaseException:
+            self._ownership.release()
+            raise
+
+    def _open(self) -> can.BusABC:
+        interface, channel, data_bitrate = self.address.interface, self.address.channel, self.address.data_bitrate
+        settings: dict[str, Any] = {"bitrate": self.address.bitrate}
+        if data_bitrate is not None:
+            settings |= {"fd": True, "data_bitrate": data_bitrate}
+        # where an interface wants the same said otherwise
+        if interface == "virtual":
+            settings["protocol"] = can.CanProtocol.CAN_20 if data_bitrate is None else can.CanProtocol.CAN_FD
+        elif interface == "pcan" and data_bitrate is not None:
+            settings = {"fd": True, "timing": _fd_timing(self.address.bitrate, data_bitrate)}
+        elif interface == "gs_usb" and channel.isdigit():
+            settings["index"] = int(channel)
+        return can.Bus(interface=interface, channel=channel, ignore_config=True, **settings)
+
+    def send(self, frames: Iterable[Frame]) -> int:
+        """Send frames in order; the number of those that found no room."""
+        dropped = 0
+        for frame in frames:
+            try:
+                self._bus.send(to_message(frame), timeout=0)
+            except can.CanTimeoutError:
+                dropped += 1
+            except can.CanOperationError as error:
+                # `timeout` does not cover a full queue of the interface, and not every backend tells its code
+                if error.error_code not in (None, errno.ENOBUFS, errno.EAGAIN, errno.ENETDOWN, errno.EINTR):
+                    raise BusError(f"{self.address.name} is gone: {error}") from error
+                dropped += 1
+            except can.CanError as error:
+                raise BusError(f"{self.address.name} is gone: {error}") from error
+        return dropped
+
+    def receive(self) -> Iterator[Frame | Event]:
+        """Frames and events that are already there."""
+        for _ in range(MOST_RECEIVED):
+            try:
+                message = self._bus.recv(0)
+            except can.CanError as error:
+                raise BusError(f"{self.address.name} is gone: {error}") from error
+            if message is None:
+                return
+            if message.is_error_frame:
+                yield from events_of_error_frame(message.arbitration_id, bytes(message.data))
+            elif (frame := of_message(message)) is not None:
+                yield frame
+
+    def backlog(self) -> int:
+        """Nothing is known."""
+        return 0
+
+    def fileno(self) -> int | None:
+        """What becomes readable when there is something to hear."""
+        try:
+            number = self._bus.fileno()
+        except NotImplementedError:
+            return None
+        return number if number >= 0 else None
+
+    def close(self) -> None:
+        """Give the bus back."""
+        try:
+            with contextlib.suppress(can.CanError, OSError):
+                self._bus.shutdown()
+        finally:
+            self._ownership.release()
+
+
+_LINE = re.compile(rb"([tTdDbB])([0-9A-Fa-f]*)")
+_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+_STATES: dict[int, str] = {ord("a"): "error_active", ord("w"): "error_warning", ord("p"): "error_passive", ord("b"): "bus_off"}
+
+
+def line_of_frame(frame: Frame) -> bytes:
+    """Give a frame as a line of slcan."""
+    letter = ("tT", "dD", "bB")[frame.fd + frame.bit_rate_switch][frame.extended]
+    width = 8 if frame.extended else 3
+    return b"%b%0*X%X%b\r" % (letter.encode(), width, frame.id, _LENGTHS.index(len(frame.data)), frame.data.hex().upper().encode())
+
+
+def frame_of_line(line: bytes) -> Frame | None:
+    """Give the frame of a line of slcan without its end; `None` for anything else."""
+    match = _LINE.fullmatch(line)
+    if match is None:
+        return None
+    letter, digits = match[1], match[2]
+    width = 8 if letter.isupper() else 3
+    fd = letter in b"dDbB"
+    if len(digits) <= width:
+        return None
+    length = _LENGTHS[int(digits[width : width + 1], 16)]
+    # some adapters add a time stamp of four digits
+    data = digits[width + 1 : width + 1 + 2 * length]
+    if len(data) != 2 * length or len(digits) - width - 1 - 2 * length not in (0, 4) or (not fd and length > 8):
+        return None
+    try:
+        return Frame(int(digits[:width], 16), bytes.fromhex(data.decode()), extended=width == 8, fd=fd, bit_rate_switch=letter in b"bB")
+    except ValueError:
+        return None
+
+
+class SlcanAdapter(AnyAdapter):
+    """A serial adapter, or the pseudo-terminal of simulated motors."""
+
+    def _open(self) -> can.BusABC:
+        timing: dict[str, Any] = {"bitrate": self.address.bitrate}
+        if self.address.data_bitrate is not None:
+            timing = {"timing": _fd_timing(self.address.bitrate, self.address.data_bitrate)}
+        # python-can waits for a port that takes no bytes, and reads answers of an earlier owner as its own
+        port = cast("int", self._ownership._marks[0])
+        if not select.select([], [port], [], 0.5)[1]:
+            raise BusError(f"{self.address.channel} takes no bytes; is the adapter, or the program behind the terminal, alive?")
+        bus = can.Bus(
+            interface="slcan",
+            channel=self.address.channel,
+            ignore_config=True,
+            sleep_after_open=0,
+            listen_only=self.address.listen_only,
+            **timing,
+        )
+        self._descriptor: int = bus.fileno()
+        self._unread = b""
+        self._unwritten = b""
+        self._has_sent = False
+        # without this an idle port reads like one that was closed
+        settings = termios.tcgetattr(self._descriptor)
+        settings[6][termios.VMIN], settings[6][termios.VTIME] = 1, 0
+        termios.tcsetattr(self._descriptor, termios.TCSANOW, settings)
+        os.set_blocking(self._descriptor, False)
+        return bus
+
+    def _write(self, data: bytes) -> int:
+        try:
+            return os.write(self._descriptor, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise BusError(f"{self.address.name} is gone: {error}") from error
+
+    def send(self, frames: Iterable[Frame]) -> int:
+        """Send frames in order by one write; what finds no room is dropped, but a line that was begun is ended first."""
+        if self._unwritten:
+            self._unwritten = self._unwritten[self._write(self._unwritten) :]
+            if self._unwritten:
+                return sum(1 for _ in frames)
+        lines = [line_of_frame(frame) for frame in frames]
+        if not lines:
+            return 0
+        self._has_sent = True
+        data = b"".join(lines)
+        taken = self._write(data)
+        if taken == len(data):
+            return 0
+        # lines that begin in what was not taken are dropped
+        rest, dropped = taken, 0
+        for line in lines:
+            if rest >= len(line):
+                rest -= len(line)
+            elif rest > 0:
+                self._unwritten, rest = line[rest:], 0
+            else:
+                dropped += 1
+        return dropped
+
+    def receive(self) -> Iterator[Frame | Event]:
+        """Frames and events that are already there."""
+        try:
+            data = os.read(self._descriptor, 16384)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            raise BusError(f"{self.address.name} is gone: {error}") from error
+        if not data:
+            raise BusError(f"{self.address.name} is gone: the port was closed")
+        *lines, rest = (self._unread + data).replace(b"\a", b"\a\r").split(b"\r")
+        self._unread = rest if len(rest) <= 256 else b""
+        for line in lines:
+            if (frame := frame_of_line(line)) is not None:
+                yield frame
+            elif line.endswith(b"\a"):
+                # python-can opens a channel twice, which adapters refuse
+                if self._has_sent:
+                    yield ("dropped", 1)
+            elif line[:1] == b"s" and line[1:2] and line[1] in _STATES:
+                yield (_STATES[line[1]], 1)
+            elif line[:1] == b"e" and b"o" in line[1:]:
+                yield ("overrun", 1)
+            elif line[:1] in (b"t", b"T", b"d", b"D", b"b", b"B"):
+                # a frame that was cut: some bytes are lost
+                yield ("overrun", 1)
+
+    def backlog(self) -> int:
+        """A line that is written in part only."""
+        return 1 if self._unwritten else 0
+
+    def close(self) -> None:
+        """End a line that was begun, close the channel and give the port back."""
+        try:
+            bus = cast("Any", self._bus)
+            with contextlib.suppress(BusError):
+                self._write(self._unwritten)
+                self._write(b"C\r")
+            # python-can's own way would wait for a port that takes no bytes
+            with contextlib.suppress(OSError, can.CanError):
+                can.BusABC.shutdown(bus)
+                bus.serialPortOrig.close()
+        finally:
+            self._ownership.release()
+
+
+def _fd_timing(bitrate: int, data_bitrate: int) -> can.BitTimingFd:
+    return can.BitTimingFd.from_sample_point(
+        f_clock=80_000_000, nom_bitrate=bitrate, nom_sample_point=80.0, data_bitrate=data_bitrate, data_sample_point=75.0
+    )
+
+
+_CLASSIC = struct.Struct("=IB3x8s")
+_FD = struct.Struct("=IBB2x64s")
+_MEMORY = struct.Struct("=9I")
+_EXTENDED, _REMOTE, _ERROR, _NUMBER = 1 << 31, 1 << 30, 1 << 29, (1 << 29) - 1
+_SO_MEMINFO, _MSG_CONFIRM = 55, 0x800
+_MOST_WAITING = 4096
+
+
+class SocketcanAdapter(AnyAdapter):
+    """A CAN interface of Linux, by the structures `can_frame` and `canfd_frame` on python-can's socket."""
+
+    def _open(self) -> can.BusABC:
+        fd = self.address.data_bitrate is not None
+        bus = can.Bus(interface="socketcan", channel=self.address.channel, ignore_config=True, fd=fd, receive_own_messages=True)
+        self._socket: socket.socket = cast("Any", bus).socket
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self._waiting = self._lost = 0
+        return bus
+
+    def send(self, frames: Iterable[Frame]) -> int:
+        """Send frames in order; the number of those that found no room."""
+        dropped = 0
+        for frame in frames:
+            number = frame.id | (_EXTENDED if frame.extended else 0)
+            data = frame.data
+            parts = (_FD, int(frame.bit_rate_switch)) if frame.fd else (_CLASSIC,)
+            packed = parts[0].pack(number, len(data), *parts[1:], data)
+            try:
+                self._socket.send(packed)
+                self._waiting = min(self._waiting + 1, _MOST_WAITING)
+            except OSError as error:
+                if error.errno not in (errno.ENOBUFS, errno.EAGAIN, errno.ENETDOWN, errno.EINTR):
+                    raise BusError(f"{self.address.name} is gone: {error}") from error
+                dropped += 1
+        return dropped
+
+    def receive(self) -> Iterator[Frame | Event]:
+        """Frames and events that are already there."""
+        for _ in range(MOST_RECEIVED):
+            try:
+                packed, _, flags, _ = self._socket.recvmsg(72)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                if error.errno == errno.ENETDOWN:
+                    yield ("bus_off", 1)
+                    return
+                raise BusError(f"{self.address.name} is gone: {error}") from error
+            if flags & _MSG_CONFIRM:
+                self._waiting = max(self._waiting - 1, 0)
+                continue
+            layout = _FD if len(packed) == _FD.size else _CLASSIC
+            number, length, *switch, data = layout.unpack(packed)
+            if number & _ERROR:
+                yield from events_of_error_frame(number & _NUMBER, data)
+            elif not number & _REMOTE:
+                fd = bool(switch)
+                try:
+                    yield Frame(
+                        number & _NUMBER,
+                        data[:length],
+                        extended=bool(number & _EXTENDED),
+                        fd=fd,
+                        bit_rate_switch=fd and bool(switch[0] & 1),
+                    )
+                except ValueError:
+                    continue
+        lost = _MEMORY.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY.size))[8]
+        if lost != self._lost:
+            yield ("overrun", (lost - self._lost) & 0xFFFFFFFF)
+            # echoes of ours may be among them
+            self._lost, self._waiting = lost, 0
+
+    def backlog(self) -> int:
+        """Frames without their echo."""
+        return self._waiting

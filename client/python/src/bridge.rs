@@ -1,0 +1,222 @@
+//! The bridge between commands and motors.
+
+use std::sync::{Mutex, MutexGuard};
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Reason, Standing, flag};
+
+use crate::configuration::PyConfiguration;
+use crate::frames::{PyFrame, list};
+use crate::service::operation_of;
+
+/// The rules, of one robot: what its motors are told in each cycle. Times are nanoseconds of the monotonic clock.
+#[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
+pub(crate) struct PyBridge {
+    bridge: Mutex<Bridge>,
+}
+
+#[pymethods]
+impl PyBridge {
+    #[new]
+    fn new(configuration: &PyConfiguration) -> PyResult<PyBridge> {
+        Ok(PyBridge { bridge: Mutex::new(Bridge::new(configuration.take()?)) })
+    }
+
+    /// Takes a frame that came on a bus.
+    fn receive(&self, now_ns: u64, bus: usize, frame: &PyFrame) {
+        self.lock().receive(now_ns, bus, &frame.0);
+    }
+
+    /// Takes what happened on a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`, `backlog`,
+    /// `overrun`, the last three with a number of frames.
+    fn bus_event(&self, now_ns: u64, bus: usize, event: &str, count: u32) -> PyResult<()> {
+        self.lock().bus_event(now_ns, bus, self::event(event, count)?);
+        Ok(())
+    }
+
+    /// Takes a command for all actuators; the verdict is `accepted`, `not_finite`, `negative`, `old`, `ahead`, `wrong_model` or `wrong_size`.
+    /// Without a fingerprint it is that of the configuration's model.
+    #[pyo3(signature = (now_ns, sequence, stamp_ns, position, velocity, effort, stiffness, damping, fingerprint = None))]
+    fn command(
+        &self,
+        now_ns: u64,
+        sequence: u64,
+        stamp_ns: u64,
+        position: Vec<f64>,
+        velocity: Vec<f64>,
+        effort: Vec<f64>,
+        stiffness: Vec<f64>,
+        damping: Vec<f64>,
+        fingerprint: Option<u64>,
+    ) -> PyResult<&'static str> {
+        let mut bridge = self.lock();
+        let fingerprint = fingerprint.unwrap_or(bridge.configuration().fingerprint);
+        let command = self::command(sequence, stamp_ns, fingerprint, [&position, &velocity, &effort, &stiffness, &damping])?;
+        Ok(verdict(bridge.command(now_ns, &command)))
+    }
+
+    /// Does what an operator asks: `arm`, `disarm` or `reset`.
+    fn operate(&self, now_ns: u64, operation: &str) -> PyResult<()> {
+        self.lock().operate(now_ns, operation_of(operation)?);
+        Ok(())
+    }
+
+    /// One cycle: the frames of all buses are new after it.
+    fn cycle(&self, now_ns: u64) {
+        self.lock().cycle(now_ns);
+    }
+
+    /// The frames of the last cycle for a bus, in the order in which they are to be sent.
+    fn frames(&self, bus: usize) -> Vec<PyFrame> {
+        list(self.lock().frames(bus))
+    }
+
+    /// The frames of every bus become those that take the power from its motors.
+    fn shutdown(&self) {
+        self.lock().shutdown();
+    }
+
+    /// Where the robot stands, `disabled`, `arming`, `enabled` or `fault`, and why.
+    #[getter]
+    fn standing(&self) -> (&'static str, &'static str) {
+        let bridge = self.lock();
+        (standing(bridge.state().standing), reason(bridge.state().reason))
+    }
+
+    /// What is known of all actuators after the last cycle, by field; lists in the order of commands.
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let state = *self.lock().state();
+        state_fields(py, &state)
+    }
+
+    /// What was counted since the start: of commands and answers, and in `buses` of each bus.
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let bridge = self.lock();
+        let counters = bridge.counters();
+        let dict = PyDict::new(py);
+        for (name, count) in [
+            ("cycles", counters.cycles),
+            ("accepted", counters.accepted),
+            ("not_finite", counters.not_finite),
+            ("negative", counters.negative),
+            ("old", counters.old),
+            ("ahead", counters.ahead),
+            ("wrong_model", counters.wrong_model),
+            ("wrong_size", counters.wrong_size),
+            ("replies", counters.replies),
+        ] {
+            dict.set_item(name, count)?;
+        }
+        let mut buses = Vec::new();
+        while let Some((state, counters)) = bridge.bus_counters(buses.len()) {
+            let bus = PyDict::new(py);
+            bus.set_item("state", state.name())?;
+            for (name, count) in [
+                ("received", counters.received),
+                ("unknown", counters.unknown),
+                ("malformed", counters.malformed),
+                ("dropped", counters.dropped),
+                ("overrun", counters.overrun),
+                ("passive", counters.passive),
+                ("off", counters.off),
+                ("restarted", counters.restarted),
+            ] {
+                bus.set_item(name, count)?;
+            }
+            buses.push(bus);
+        }
+        dict.set_item("buses", buses)?;
+        Ok(dict)
+    }
+}
+
+impl PyBridge {
+    /// The bridge itself; it never leaves half a cycle behind.
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Bridge> {
+        self.bridge.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+}
+
+/// The fields of a state, by name.
+pub(crate) fn state_fields<'py>(py: Python<'py>, state: &ActuatorState) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let n = usize::try_from(state.n_u).unwrap_or(0).min(MAX_ACTUATORS);
+    dict.set_item("sequence", state.sequence)?;
+    dict.set_item("stamp_ns", state.stamp_ns)?;
+    dict.set_item("fingerprint", state.fingerprint)?;
+    dict.set_item("command", state.command)?;
+    dict.set_item("standing", standing(state.standing))?;
+    dict.set_item("reason", reason(state.reason))?;
+    dict.set_item("standings", state.standings.iter().take(n).map(|code| standing(*code)).collect::<Vec<_>>())?;
+    dict.set_item("reasons", state.reasons.iter().take(n).map(|code| reason(*code)).collect::<Vec<_>>())?;
+    let flags = |bits: u32| flag::NAMES.iter().enumerate().filter(move |(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| *name);
+    dict.set_item("flags", state.flags.iter().take(n).map(|bits| flags(*bits).collect::<Vec<_>>()).collect::<Vec<_>>())?;
+    dict.set_item("faults", state.faults.get(..n).unwrap_or_default())?;
+    dict.set_item("measured_ns", state.measured_ns.get(..n).unwrap_or_default())?;
+    for (name, numbers) in
+        [("position", &state.position), ("velocity", &state.velocity), ("effort", &state.effort), ("temperature", &state.temperature)]
+    {
+        dict.set_item(name, numbers.get(..n).unwrap_or_default())?;
+    }
+    Ok(dict)
+}
+
+/// A command of its parts; numbers of different counts, or too many, are a `ValueError`.
+pub(crate) fn command(sequence: u64, stamp_ns: u64, fingerprint: u64, numbers: [&[f64]; 5]) -> PyResult<ActuatorCommand> {
+    let n = numbers[0].len();
+    let mut command = ActuatorCommand { sequence, stamp_ns, fingerprint, n_u: n as u64, ..ActuatorCommand::default() };
+    let into = [&mut command.position, &mut command.velocity, &mut command.effort, &mut command.stiffness, &mut command.damping];
+    for (numbers, into) in numbers.into_iter().zip(into) {
+        fill(numbers, n, into)?;
+    }
+    Ok(command)
+}
+
+fn fill(numbers: &[f64], n: usize, into: &mut [f64; MAX_ACTUATORS]) -> PyResult<()> {
+    let slots = into.get_mut(..n).filter(|_| numbers.len() == n);
+    let slots = slots.ok_or_else(|| {
+        PyValueError::new_err(format!(
+            "{} number(s) beside {n}: a command has equally many of each, at most {MAX_ACTUATORS}",
+            numbers.len()
+        ))
+    })?;
+    slots.copy_from_slice(numbers);
+    Ok(())
+}
+
+fn event(name: &str, count: u32) -> PyResult<BusEvent> {
+    Ok(match name {
+        "error_active" => BusEvent::ErrorActive,
+        "error_warning" => BusEvent::ErrorWarning,
+        "error_passive" => BusEvent::ErrorPassive,
+        "bus_off" => BusEvent::BusOff,
+        "restarted" => BusEvent::Restarted,
+        "dropped" => BusEvent::Dropped(count),
+        "backlog" => BusEvent::Backlog(count),
+        "overrun" => BusEvent::Overrun(count),
+        _ => return Err(PyValueError::new_err(format!("no event `{name}`"))),
+    })
+}
+
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Accepted => "accepted",
+        Verdict::NotFinite => "not_finite",
+        Verdict::Negative => "negative",
+        Verdict::Old => "old",
+        Verdict::Ahead => "ahead",
+        Verdict::WrongModel => "wrong_model",
+        Verdict::WrongSize => "wrong_size",
+    }
+}
+
+fn standing(code: u32) -> &'static str {
+    Standing::from_code(code).map_or("unknown", Standing::name)
+}
+
+fn reason(code: u32) -> &'static str {
+    Reason::from_code(code).map_or("unknown", Reason::name)
+}

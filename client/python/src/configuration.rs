@@ -1,0 +1,129 @@
+//! Configurations of buses and motors.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard};
+
+use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sarrus_can::config::{Configuration, ConfigurationError};
+
+/// One robot's buses and motors, checked. Whoever runs it takes it: it can be given to one bridge or one commissioning only.
+#[pyclass(name = "Configuration", module = "sarrus.can", frozen)]
+pub(crate) struct PyConfiguration {
+    configuration: Mutex<Option<Configuration>>,
+}
+
+#[pymethods]
+impl PyConfiguration {
+    /// Reads the configuration of a file. A file that cannot be opened is an `OSError`, faulty content a `ValueError` with every fault.
+    #[staticmethod]
+    fn load(path: PathBuf) -> PyResult<PyConfiguration> {
+        match Configuration::load(&path) {
+            Ok(configuration) => Ok(PyConfiguration { configuration: Mutex::new(Some(configuration)) }),
+            Err(ConfigurationError::Faults(report)) => Err(PyValueError::new_err(report.to_string())),
+            Err(other) => Err(PyOSError::new_err(other.to_string())),
+        }
+    }
+
+    /// What may stay but should be known, a line each.
+    #[getter]
+    fn warnings(&self) -> PyResult<Vec<String>> {
+        self.with(|configuration| configuration.warnings.iter().map(ToString::to_string).collect())
+    }
+
+    /// Name of the robot, or `None` without a model.
+    #[getter]
+    fn robot(&self) -> PyResult<Option<String>> {
+        self.with(|configuration| configuration.robot.clone())
+    }
+
+    /// Fingerprint of the robot's model, 0 without one.
+    #[getter]
+    fn fingerprint(&self) -> PyResult<u64> {
+        self.with(|configuration| configuration.fingerprint)
+    }
+
+    /// Names of the actuators, in the order of commands.
+    #[getter]
+    fn actuators(&self) -> PyResult<Vec<String>> {
+        self.with(|configuration| configuration.actuators.clone())
+    }
+
+    /// The closed mechanism of each actuator.
+    #[getter]
+    fn mechanisms(&self) -> PyResult<Vec<usize>> {
+        self.with(|configuration| configuration.mechanisms.clone())
+    }
+
+    /// Cycles in a second.
+    #[getter]
+    fn rate_hz(&self) -> PyResult<f64> {
+        self.with(|configuration| configuration.rate_hz)
+    }
+
+    /// Time between two cycles, in nanoseconds.
+    #[getter]
+    fn period_ns(&self) -> PyResult<u64> {
+        self.with(Configuration::period_ns)
+    }
+
+    /// The buses: `[{name, interface, channel, bitrate, data_bitrate}]`.
+    #[getter]
+    fn buses<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        self.with(|configuration| {
+            let entry = |bus: &sarrus_can::config::BusConfig| {
+                let entry = PyDict::new(py);
+                entry.set_item("name", &bus.name)?;
+                entry.set_item("interface", &bus.interface)?;
+                entry.set_item("channel", &bus.channel)?;
+                entry.set_item("bitrate", bus.bitrate)?;
+                entry.set_item("data_bitrate", bus.data_bitrate)?;
+                Ok(entry)
+            };
+            configuration.buses.iter().map(entry).collect()
+        })?
+    }
+
+    /// The motors: `[{actuator, bus, protocol, identifiers, sign, gear, offset, torque_constant}]`; `bus` is the bus's place, `offset` is
+    /// `None` for a motor that is not calibrated.
+    #[getter]
+    fn motors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        self.with(|configuration| {
+            let entry = |motor: &sarrus_can::config::MotorConfig| {
+                let entry = PyDict::new(py);
+                let identifiers: Vec<u32> = motor.drive.identifiers().into_iter().map(|id| id.number()).collect();
+                entry.set_item("actuator", configuration.actuators.get(motor.actuator))?;
+                entry.set_item("bus", motor.bus)?;
+                entry.set_item("protocol", motor.protocol.name)?;
+                entry.set_item("identifiers", identifiers)?;
+                entry.set_item("sign", motor.mapping.sign)?;
+                entry.set_item("gear", motor.mapping.gear)?;
+                entry.set_item("offset", motor.is_calibrated.then_some(motor.mapping.offset))?;
+                entry.set_item("torque_constant", motor.mapping.torque_constant)?;
+                Ok(entry)
+            };
+            configuration.motors.iter().map(entry).collect()
+        })?
+    }
+}
+
+impl PyConfiguration {
+    fn lock(&self) -> MutexGuard<'_, Option<Configuration>> {
+        // nothing that runs under this lock can leave half a value
+        self.configuration.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    fn with<T>(&self, f: impl FnOnce(&Configuration) -> T) -> PyResult<T> {
+        self.lock().as_ref().map(f).ok_or_else(taken)
+    }
+
+    /// The configuration itself; it can be taken once.
+    pub(crate) fn take(&self) -> PyResult<Configuration> {
+        self.lock().take().ok_or_else(taken)
+    }
+}
+
+fn taken() -> PyErr {
+    PyRuntimeError::new_err("this configuration is in use by a bridge or a commissioning; load it again")
+}

@@ -1,0 +1,165 @@
+//! The motors of a configuration one by one, for commissioning: no state machine, no commands of a robot.
+
+use std::sync::{Mutex, MutexGuard};
+
+use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sarrus_can::config::{Configuration, MotorConfig};
+use sarrus_can::drive::{DriveState, Measurement, Power, Receipt, Watchdog, Wish};
+use sarrus_can::frame::FrameQueue;
+use sarrus_can::mapping::{ActuatorMeasurement, ActuatorSetpoint};
+
+use crate::configuration::PyConfiguration;
+use crate::frames::{PyFrame, list};
+
+/// Room for the frames of one motor.
+const FRAMES: usize = 32;
+
+/// The motors of a configuration, each by its place.
+#[pyclass(name = "Drives", module = "sarrus.can", frozen)]
+pub(crate) struct PyDrives {
+    configuration: Mutex<Configuration>,
+}
+
+#[pymethods]
+impl PyDrives {
+    #[new]
+    fn new(configuration: &PyConfiguration) -> PyResult<PyDrives> {
+        Ok(PyDrives { configuration: Mutex::new(configuration.take()?) })
+    }
+
+    /// Frames that ask for a sign of life without giving power or changing anything.
+    fn probe(&self, motor: usize) -> PyResult<Vec<PyFrame>> {
+        self.frames(motor, |motor, out| motor.drive.probe(out))
+    }
+
+    /// Frames that take the motor's power away.
+    fn disable(&self, motor: usize) -> PyResult<Vec<PyFrame>> {
+        self.frames(motor, |motor, out| motor.drive.disable(out))
+    }
+
+    /// Frames of one cycle without power; the motor says where it is and gets its watchdog.
+    fn off(&self, motor: usize, now_ns: u64) -> PyResult<Vec<PyFrame>> {
+        self.frames(motor, |motor, out| cycle(motor, now_ns, Wish::Off, out))
+    }
+
+    /// The same, and a latched fault is forgotten.
+    fn reset(&self, motor: usize, now_ns: u64) -> PyResult<Vec<PyFrame>> {
+        self.frames(motor, |motor, out| cycle(motor, now_ns, Wish::Reset, out))
+    }
+
+    /// Frames of one cycle towards a set-point of the actuator `[SI]`, limited to the motor's own limits.
+    fn on(&self, motor: usize, now_ns: u64, setpoint: [f64; 5]) -> PyResult<Vec<PyFrame>> {
+        if !setpoint.iter().all(|number| number.is_finite()) {
+            return Err(PyValueError::new_err("a set-point that is not finite"));
+        }
+        let [position, velocity, effort, stiffness, damping] = setpoint;
+        self.frames(motor, |motor, out| {
+            let limits = motor.limits;
+            let setpoint = ActuatorSetpoint {
+                // limits of a motor that has none are infinite, so these are never empty ranges
+                position: position.max(limits.lower).min(limits.upper),
+                velocity: velocity.max(-limits.velocity).min(limits.velocity),
+                effort: effort.max(-limits.effort).min(limits.effort),
+                stiffness: stiffness.max(0.0),
+                damping: damping.max(0.0),
+            };
+            cycle(motor, now_ns, Wish::On(motor.mapping.to_motor(&setpoint)), out);
+        })
+    }
+
+    /// Frames that make the present position the motor's zero; `None` where the protocol has no such command.
+    fn set_zero(&self, motor: usize) -> PyResult<Option<Vec<PyFrame>>> {
+        let mut out = FrameQueue::new(FRAMES);
+        let known = self.motor(motor, |motor| motor.drive.set_zero(&mut out))?;
+        Ok(known.then(|| list(out.frames())))
+    }
+
+    /// Parameters that can be read: `[(name, unit)]`.
+    fn parameters(&self, motor: usize) -> PyResult<Vec<(&'static str, &'static str)>> {
+        self.motor(motor, |motor| motor.drive.parameters().iter().map(|parameter| (parameter.name, parameter.unit)).collect())
+    }
+
+    /// Frames that ask for a parameter by its place.
+    fn read_parameter(&self, motor: usize, parameter: usize) -> PyResult<Vec<PyFrame>> {
+        self.frames(motor, |motor, out| motor.drive.read_parameter(parameter, out))
+    }
+
+    /// Gives a frame of a bus to its motors: `[(motor, what, value)]` of those whose frame it is. `what` is `"malformed"`, `"noted"`,
+    /// `"measured"` with a dict of the actuator's `position`, `velocity`, `effort`, the motor's `motor_position` and `temperature`, or
+    /// `"parameter"` with its place and value.
+    fn receive<'py>(&self, py: Python<'py>, now_ns: u64, bus: usize, frame: &PyFrame) -> PyResult<Vec<(usize, &'static str, Py<PyAny>)>> {
+        let mut heard = Vec::new();
+        let mut configuration = self.lock();
+        for (place, motor) in configuration.motors.iter_mut().enumerate().filter(|(_, motor)| motor.bus == bus) {
+            match motor.drive.receive(now_ns, &frame.0) {
+                Receipt::NotMine => {}
+                Receipt::Malformed => heard.push((place, "malformed", py.None())),
+                Receipt::Noted => heard.push((place, "noted", py.None())),
+                Receipt::Measured(measured) => heard.push((place, "measured", values(py, motor, &measured)?.into_any().unbind())),
+                Receipt::Parameter(parameter, value) => {
+                    heard.push((place, "parameter", (parameter, value).into_pyobject(py)?.into_any().unbind()));
+                }
+            }
+        }
+        Ok(heard)
+    }
+
+    /// What is known of a motor: `power` (`unknown`, `off`, `starting`, `on`), `fault` (its own code, 0 without one), `watchdog` (`unknown`,
+    /// `off`, `unreadable`, or milliseconds).
+    fn state<'py>(&self, py: Python<'py>, motor: usize) -> PyResult<Bound<'py, PyDict>> {
+        let DriveState { power, fault, watchdog } = self.motor(motor, |motor| motor.drive.state())?;
+        let state = PyDict::new(py);
+        let power = match power {
+            Power::Unknown => "unknown",
+            Power::Off => "off",
+            Power::Starting => "starting",
+            Power::On => "on",
+        };
+        state.set_item("power", power)?;
+        state.set_item("fault", fault)?;
+        match watchdog {
+            Watchdog::Unknown => state.set_item("watchdog", "unknown")?,
+            Watchdog::Off => state.set_item("watchdog", "off")?,
+            Watchdog::Unreadable => state.set_item("watchdog", "unreadable")?,
+            Watchdog::Set(ms) => state.set_item("watchdog", ms)?,
+        }
+        Ok(state)
+    }
+}
+
+impl PyDrives {
+    fn lock(&self) -> MutexGuard<'_, Configuration> {
+        // a drive knows what its motor answered, not what was on the way
+        self.configuration.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    fn motor<T>(&self, motor: usize, f: impl FnOnce(&mut MotorConfig) -> T) -> PyResult<T> {
+        let mut configuration = self.lock();
+        configuration.motors.get_mut(motor).map(f).ok_or_else(|| PyIndexError::new_err(format!("there is no motor {motor}")))
+    }
+
+    fn frames(&self, motor: usize, f: impl FnOnce(&mut MotorConfig, &mut FrameQueue)) -> PyResult<Vec<PyFrame>> {
+        let mut out = FrameQueue::new(FRAMES);
+        self.motor(motor, |motor| f(motor, &mut out))?;
+        Ok(list(out.frames()))
+    }
+}
+
+/// One cycle of one motor, with the frame that ends a cycle where its protocol has one.
+fn cycle(motor: &mut MotorConfig, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+    motor.drive.cycle(now_ns, wish, out);
+    out.push_some(motor.drive.sync());
+}
+
+fn values<'py>(py: Python<'py>, motor: &MotorConfig, measured: &Measurement) -> PyResult<Bound<'py, PyDict>> {
+    let ActuatorMeasurement { position, velocity, effort, temperature } = motor.mapping.to_actuator(measured);
+    let values = PyDict::new(py);
+    values.set_item("position", position)?;
+    values.set_item("velocity", velocity)?;
+    values.set_item("effort", effort)?;
+    values.set_item("temperature", temperature)?;
+    values.set_item("motor_position", measured.position)?;
+    Ok(values)
+}

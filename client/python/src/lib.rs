@@ -1,0 +1,29 @@
+//! What `sarrus` for Python is made of: the core of the CAN bridge as Python objects. No I/O and no clock here either; both are Python's.
+use pyo3::prelude::*;
+
+mod bridge;
+mod configuration;
+mod drives;
+mod frames;
+mod protocols;
+mod service;
+
+/// The core of sarrus in Rust. Its Python face is the package around it.
+#[pymodule(name = "_native")]
+mod native {
+    #[pymodule_export]
+    use crate::bridge::PyBridge;
+    #[pymodule_export]
+    use crate::configuration::PyConfiguration;
+    #[pymodule_export]
+    use crate::drives::PyDrives;
+    #[pymodule_export]
+    use crate::frames::PyFrame;
+    #[pymodule_export]
+    use crate::protocols::protocols;
+    #[pymodule_export]
+    use crate::service::{PyController, PyService};
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+}

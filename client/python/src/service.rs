@@ -1,0 +1,152 @@
+//! The bridge's services in shared memory, from its side and from a controller's.
+
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sarrus_proto::actuators::{Operation, OperatorRequest};
+use sarrus_proto::bridge::{BridgeEnd, ControllerEnd, ObserverEnd};
+use sarrus_proto::lane::Threadsafe;
+use sarrus_proto::{Domain, ServerName};
+
+use crate::bridge::{PyBridge, command, state_fields};
+
+/// A name under which controllers find a bridge. It is free again when this is closed or the process ends.
+#[pyclass(name = "Service", module = "sarrus.can")]
+pub(crate) struct PyService {
+    // ports go before their node
+    end: Option<BridgeEnd>,
+    node: Option<iceoryx2::node::Node<Threadsafe>>,
+    domain: Domain,
+}
+
+#[pymethods]
+impl PyService {
+    /// Offers a bridge under a name. A name that is taken, or shared memory that cannot be used, is an `OSError`.
+    #[new]
+    fn new(name: &str) -> PyResult<PyService> {
+        let domain = Domain::of_user().map_err(told)?;
+        let name = ServerName::new(name).map_err(told)?;
+        let node = domain.node::<Threadsafe>().map_err(told)?;
+        let end = BridgeEnd::create(&node, &name).map_err(told)?;
+        Ok(PyService { end: Some(end), node: Some(node), domain })
+    }
+
+    /// Gives the bridge what came since the last time: operations in their order, and the newest command. The verdict on the command is in
+    /// the bridge's counters.
+    fn take(&self, now_ns: u64, bridge: &PyBridge) {
+        let Some(end) = &self.end else { return };
+        let mut bridge = bridge.lock();
+        while let Some(request) = end.operation() {
+            if let Some(operation) = Operation::from_code(request.operation) {
+                bridge.operate(now_ns, operation);
+            }
+        }
+        if let Some(command) = end.command() {
+            bridge.command(now_ns, &command);
+        }
+    }
+
+    /// Gives the bridge's state to everybody who watches; false where that failed.
+    fn publish(&self, bridge: &PyBridge) -> bool {
+        self.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
+    }
+
+    /// Leaves the shared memory.
+    fn close(&mut self) {
+        drop(self.end.take());
+        if self.node.take().is_some() {
+            self.domain.tidy();
+        }
+    }
+}
+
+/// A controller of a running bridge, or somebody who only watches and operates it; a bridge has one controller.
+#[pyclass(name = "Controller", module = "sarrus.can")]
+pub(crate) struct PyController {
+    // ports go before their node
+    end: Option<End>,
+    node: Option<iceoryx2::node::Node<Threadsafe>>,
+    domain: Domain,
+}
+
+enum End {
+    Controller(ControllerEnd),
+    Observer(ObserverEnd),
+}
+
+#[pymethods]
+impl PyController {
+    /// Opens the services of a bridge; with `watch` it can command nothing. A bridge that does not run or has a controller is an `OSError`.
+    #[new]
+    #[pyo3(signature = (name = "bridge", *, watch = false))]
+    fn new(name: &str, watch: bool) -> PyResult<PyController> {
+        let domain = Domain::of_user().map_err(told)?;
+        let name = ServerName::new(name).map_err(told)?;
+        let node = domain.node::<Threadsafe>().map_err(told)?;
+        let end = if watch {
+            End::Observer(ObserverEnd::open(&node, &name).map_err(told)?)
+        } else {
+            End::Controller(ControllerEnd::open(&node, &name).map_err(told)?)
+        };
+        Ok(PyController { end: Some(end), node: Some(node), domain })
+    }
+
+    /// Sends a command for all actuators; false where it could not be sent. `stamp_ns` is the monotonic time at which it was computed, and
+    /// `fingerprint` that of the model which it was computed with, as the state has it.
+    fn command(
+        &self,
+        sequence: u64,
+        stamp_ns: u64,
+        fingerprint: u64,
+        position: Vec<f64>,
+        velocity: Vec<f64>,
+        effort: Vec<f64>,
+        stiffness: Vec<f64>,
+        damping: Vec<f64>,
+    ) -> PyResult<bool> {
+        let command = command(sequence, stamp_ns, fingerprint, [&position, &velocity, &effort, &stiffness, &damping])?;
+        match &self.end {
+            Some(End::Controller(end)) => Ok(end.send(&command)),
+            _ => Err(PyOSError::new_err("who only watches commands nothing, and nobody does after `close`")),
+        }
+    }
+
+    /// Asks the bridge to `arm`, `disarm` or `reset`; false where that could not be sent.
+    fn operate(&self, stamp_ns: u64, operation: &str) -> PyResult<bool> {
+        let operation = operation_of(operation)?;
+        let request = OperatorRequest { stamp_ns, operation: operation as u32, reserved: 0 };
+        Ok(self.observer().is_some_and(|end| end.operate(&request)))
+    }
+
+    /// The newest state of the bridge by field, once; `None` without a new one.
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.observer().and_then(ObserverEnd::state).map(|state| state_fields(py, &state)).transpose()
+    }
+
+    /// Leaves the shared memory.
+    fn close(&mut self) {
+        drop(self.end.take());
+        if self.node.take().is_some() {
+            self.domain.tidy();
+        }
+    }
+}
+
+impl PyController {
+    fn observer(&self) -> Option<&ObserverEnd> {
+        match self.end.as_ref()? {
+            End::Controller(end) => Some(end.observer()),
+            End::Observer(end) => Some(end),
+        }
+    }
+}
+
+/// The operation of a name.
+pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
+    let known = Operation::ALL.iter().find(|known| known.name() == name);
+    known.copied().ok_or_else(|| PyValueError::new_err(format!("no operation `{name}`, expected arm, disarm or reset")))
+}
+
+fn told(error: impl std::fmt::Display) -> PyErr {
+    PyOSError::new_err(error.to_string())
+}

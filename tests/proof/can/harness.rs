@@ -1,0 +1,266 @@
+//! Processes of a rehearsal: motors of each bus, a bridge, a controller. One test at a time.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Mutex, MutexGuard, OnceLock};
+use std::time::{Duration, Instant};
+
+use sarrus_proto::Domain;
+use sarrus_tests::python::environment;
+use serde_json::Value;
+
+/// Buses of the rehearsal, and the actuators of the upper body on them.
+pub(super) const BUSES: [(&str, &[&str]); 3] = [
+    ("torso", &["BodyActL", "BodyActR", "BodyYaw"]),
+    ("left", &["ALShoulder1", "ALShoulder2", "ALShoulder3", "ALElbowAct", "ALWristRoll"]),
+    ("right", &["ARShoulder1", "ARShoulder2", "ARShoulder3", "ARElbowAct", "ARWristRoll"]),
+];
+/// Actuators of the upper body.
+pub(super) const N_U: usize = 13;
+/// T1, T2 and the motors' watchdog `[ms]`; long, since computers that test are busy.
+pub(super) const TIMES: [u64; 3] = [200, 800, 2000];
+/// How long something may take that takes no time of its own.
+pub(super) const PATIENCE: Duration = Duration::from_secs(15);
+
+/// Motor's turn for the actuator's: rad/m for the linear ones, rad/rad for the others.
+pub(super) fn gear(actuator: &str) -> f64 {
+    if actuator.contains("Act") { 100.0 } else { 6.0 }
+}
+
+/// Every second actuator goes against its motor.
+pub(super) fn sign(place: usize) -> f64 {
+    if place.is_multiple_of(2) { 1.0 } else { -1.0 }
+}
+
+/// The program `sarrus-can` of this build.
+pub(super) fn sarrus_can() -> &'static Path {
+    static PATH: OnceLock<PathBuf> = OnceLock::new();
+    PATH.get_or_init(|| {
+        // target/PROFILE/deps/proof-…
+        let test = std::env::current_exe().unwrap();
+        let folder = test.parent().and_then(Path::parent).unwrap();
+        let path = folder.join("sarrus-can");
+        // of the whole workspace, so that nothing is compiled a second time with other features
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "--locked", "--workspace", "--bin", "sarrus-can", "--target-dir"]).arg(folder.parent().unwrap());
+        if folder.ends_with("release") {
+            build.arg("--release");
+        }
+        assert!(build.current_dir(env!("CARGO_MANIFEST_DIR")).status().unwrap().success());
+        path
+    })
+}
+
+/// Which program bridges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Front {
+    /// `python -m sarrus.can run`.
+    Python,
+}
+
+/// All of them.
+pub(super) const FRONTS: [Front; 1] = [Front::Python];
+
+/// A folder, a domain and a configuration of one test; nobody else rehearses meanwhile.
+pub(super) struct Stage {
+    pub(super) folder: PathBuf,
+    pub(super) configuration: String,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Stage {
+    pub(super) fn new() -> Stage {
+        static ALONE: Mutex<()> = Mutex::new(());
+        static STAGES: AtomicU32 = AtomicU32::new(0);
+        let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let folder = std::env::temp_dir().join(format!("sarrus-can-{}-{}", std::process::id(), STAGES.fetch_add(1, Relaxed)));
+        std::fs::create_dir_all(&folder).unwrap();
+        let configuration = folder.join("robot.yml");
+        std::fs::write(&configuration, upper_body(&folder)).unwrap();
+        Stage { configuration: configuration.to_str().unwrap().to_owned(), folder, _alone: alone }
+    }
+
+    fn root(&self) -> PathBuf {
+        self.folder.join("domain")
+    }
+
+    /// A command whose shared memory is this stage's.
+    pub(super) fn at_home(&self, mut command: Command) -> Command {
+        command.env("SARRUS_ROOT", self.root());
+        command
+    }
+
+    /// The motors of one bus.
+    pub(super) fn motors(&self, bus: &str) -> Process {
+        let mut command = Command::new(sarrus_can());
+        command.args(["simulate", &self.configuration, "--bus", bus, "--pty"]);
+        let motors = Process::start(bus, self.at_home(command));
+        let ready = motors.line();
+        assert!(ready.starts_with(&format!("ready {bus} ")), "{ready}");
+        motors
+    }
+
+    /// The command that runs a bridge.
+    pub(super) fn bridge_command(&self, front: Front) -> Command {
+        self.at_home(match front {
+            Front::Python => environment().can(&["run", &self.configuration, "--name", "rehearsal", "--no-realtime"]),
+        })
+    }
+
+    /// A bridge that is ready.
+    pub(super) fn bridge(&self, front: Front) -> Process {
+        let bridge = Process::start("bridge", self.bridge_command(front));
+        let ready = bridge.line();
+        assert!(ready.starts_with("ready rehearsal "), "{ready}");
+        bridge
+    }
+
+    /// A controller that commands.
+    pub(super) fn controller(&self) -> Process {
+        let actuators = || BUSES.iter().flat_map(|(_, actuators)| *actuators);
+        let numbers = |linear: f64, turning: f64| {
+            let of = |actuator: &&str| if actuator.contains("Act") { linear } else { turning };
+            serde_json::to_string(&actuators().map(of).collect::<Vec<f64>>()).unwrap()
+        };
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/can/controller.py");
+        let arguments = [script.to_str().unwrap(), "rehearsal", &numbers(5000.0, 20.0), &numbers(1400.0, 5.0)];
+        let controller = Process::start("controller", self.at_home(environment().command(&arguments)));
+        assert_eq!(controller.line(), "ready");
+        controller
+    }
+}
+
+impl Drop for Stage {
+    fn drop(&mut self) {
+        let prefix = Domain::at(&self.root()).map(|domain| domain.prefix());
+        let _ = std::fs::remove_dir_all(&self.folder);
+        for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            if prefix.as_ref().is_ok_and(|prefix| entry.file_name().to_string_lossy().starts_with(prefix.as_str())) {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+/// The upper body's 13 actuators on three slcan buses, with Damiao motors.
+fn upper_body(folder: &Path) -> String {
+    let [damping_ms, disable_ms, watchdog_ms] = TIMES;
+    let mut text = format!(
+        "robot: rh5v2_upper_body\nrate_hz: 250\nramp_ms: 200\n\
+         timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: 700, arming_ms: 10000}}\nbuses:\n"
+    );
+    for (bus, _) in BUSES {
+        let channel = folder.join(bus);
+        text += &format!("- {{name: {bus}, interface: slcan, channel: {}, bitrate: 1000000}}\n", channel.display());
+    }
+    text += "motors:\n";
+    for (place, (bus, actuator)) in BUSES.iter().flat_map(|(bus, actuators)| actuators.iter().map(move |name| (bus, name))).enumerate() {
+        let (id, sign, gear) = (place + 1, sign(place), gear(actuator));
+        text += &format!(
+            "- actuator: {actuator}\n  bus: {bus}\n  drive: {{protocol: mit, variant: damiao, id: {id}, reply_id: {}, position_range: 12.5, \
+             velocity_range: 30, torque_range: 10, stiffness_range: 50, damping_range: 5}}\n  sign: {sign}\n  gear: {gear}\n  offset: 0\n  \
+             limits: {{effort: 500, velocity: 5}}\n  damping: 1\n  watchdog_ms: {watchdog_ms}\n",
+            id + 0x100
+        );
+    }
+    text
+}
+
+/// A process whose lines are read all the time; killed when dropped.
+pub(super) struct Process {
+    name: String,
+    child: Child,
+    stdin: Option<ChildStdin>,
+    lines: Receiver<(Instant, String)>,
+}
+
+impl Process {
+    pub(super) fn start(name: &str, mut command: Command) -> Process {
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+        let (sender, lines) = channel();
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        std::thread::spawn(move || {
+            for line in stdout.lines().map_while(Result::ok) {
+                if sender.send((Instant::now(), line)).is_err() {
+                    return;
+                }
+            }
+        });
+        Process { name: name.to_owned(), stdin: child.stdin.take(), child, lines }
+    }
+
+    pub(super) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Its next line.
+    pub(super) fn line(&self) -> String {
+        self.lines.recv_timeout(PATIENCE).unwrap_or_else(|_| panic!("{} says nothing", self.name)).1
+    }
+
+    /// Its next line as JSON that a reader wants; others are passed over.
+    pub(super) fn until(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+        let begin = Instant::now();
+        while begin.elapsed() < PATIENCE {
+            let line = self.line();
+            let value: Value = serde_json::from_str(&line).unwrap_or_else(|error| panic!("{}: {error}: {line}", self.name));
+            if wanted(&value) {
+                return value;
+            }
+        }
+        panic!("{} does not say it", self.name)
+    }
+
+    /// All lines that are already there, as JSON.
+    pub(super) fn said(&self) -> Vec<Value> {
+        self.lines.try_iter().map(|(_, line)| serde_json::from_str(&line).unwrap()).collect()
+    }
+
+    pub(super) fn tell(&mut self, line: &str) {
+        writeln!(self.stdin.as_mut().unwrap(), "{line}").unwrap_or_else(|error| panic!("{}: {error}", self.name));
+    }
+
+    /// The motors of a simulated bus, each as it is.
+    pub(super) fn report(&mut self) -> Vec<Value> {
+        self.tell("report");
+        self.until(|value| value["event"] == "report")["motors"].as_array().unwrap().clone()
+    }
+
+    /// The state of the bridge, as the controller sees it.
+    pub(super) fn state(&mut self) -> Value {
+        self.tell("state");
+        self.until(|value| value["standings"].is_array())
+    }
+
+    pub(super) fn signal(&self, signal: &str) {
+        assert!(Command::new("kill").args([signal, &self.id().to_string()]).status().unwrap().success());
+    }
+
+    pub(super) fn end(&mut self) -> ExitStatus {
+        drop(self.stdin.take());
+        wait_for(&format!("the end of {}", self.name), || self.child.try_wait().unwrap())
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Waits until there is something.
+pub(super) fn wait_for<T>(what: &str, mut there: impl FnMut() -> Option<T>) -> T {
+    let begin = Instant::now();
+    while begin.elapsed() < PATIENCE {
+        if let Some(found) = there() {
+            return found;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("{what} does not come")
+}

@@ -1,0 +1,7 @@
+//! The CAN bridge as a whole: processes, peers from PyPI, the Python package.
+
+mod fronts;
+mod harness;
+mod peers;
+mod python;
+mod rehearsal;

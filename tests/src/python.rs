@@ -1,0 +1,149 @@
+//! The Python of the tests: one virtual environment under the target folder, with pinned packages and the package `sarrus` of this build.
+//!
+//! Cargo builds the extension before any test runs, since this crate depends on it without linking it. What is left to do is made once under a
+//! lock and used again until it changes. The interpreter is `SARRUS_PYTHON`, else `python3`; packages come from where `pip` takes them.
+
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// What the tests need beside the package itself.
+const REQUIREMENTS: &str = include_str!("../../client/python/requirements.txt");
+
+/// A virtual environment that is ready.
+#[derive(Debug)]
+pub struct Environment {
+    python: PathBuf,
+    package: PathBuf,
+}
+
+impl Environment {
+    /// Its interpreter.
+    pub fn python(&self) -> &Path {
+        &self.python
+    }
+
+    /// The interpreter as a command with arguments; nothing of the caller's own Python settings reaches it, and it writes nothing beside the sources.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(&self.python);
+        command.args(arguments).env("PYTHONPATH", &self.package).env("PYTHONDONTWRITEBYTECODE", "1").env("PYTHONUNBUFFERED", "1");
+        command.env_remove("PYTHONHOME").env_remove("CAN_INTERFACE").env_remove("CAN_CHANNEL").env_remove("CAN_CONFIG");
+        command
+    }
+
+    /// `python -m sarrus.can` with arguments.
+    pub fn can(&self, arguments: &[&str]) -> Command {
+        let mut command = self.command(&["-m", "sarrus.can"]);
+        command.args(arguments);
+        command
+    }
+}
+
+/// The environment, made when it is not there. A test that needs it fails where no Python of 3.10 or later is.
+pub fn environment() -> &'static Environment {
+    static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
+    ENVIRONMENT.get_or_init(|| make().unwrap_or_else(|error| panic!("the Python of the tests: {error}")))
+}
+
+fn make() -> Result<Environment, String> {
+    // target/PROFILE/deps/proof-…
+    let test = std::env::current_exe().map_err(told)?;
+    let profile = test.ancestors().nth(2).ok_or("this is no test binary of cargo")?;
+    let root = profile.parent().ok_or("this is no test binary of cargo")?.join("python");
+    fs::create_dir_all(&root).map_err(told)?;
+    // one process at a time; the lock ends with the file's handle
+    let lock = File::create(root.join("lock")).map_err(told)?;
+    lock.lock().map_err(told)?;
+    let python = virtual_environment(&root.join("environment"))?;
+    // each profile has a package of its own
+    let package = root.join(profile.file_name().ok_or("no profile")?);
+    let name = format!("{DLL_PREFIX}sarrus_python{DLL_SUFFIX}");
+    let extension = [profile.join("deps").join(&name), profile.join(&name)].into_iter().find(|path| path.exists());
+    let extension = extension.ok_or_else(|| format!("cargo has not built {name}"))?;
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/python/python/sarrus");
+    copy_folder(&sources, &package.join("sarrus"))?;
+    copy_file(&extension, &package.join("sarrus/_native.abi3.so"))?;
+    Ok(Environment { python, package })
+}
+
+/// A virtual environment with the packages of `REQUIREMENTS`; gives its interpreter.
+fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
+    let python = folder.join("bin/python");
+    // what it was made from stands in it; it cannot be moved
+    let (stamp, made_from) = (folder.join("made-from"), format!("{}\n{REQUIREMENTS}", folder.display()));
+    if fs::read_to_string(&stamp).is_ok_and(|stamp| stamp == made_from) && python.exists() {
+        return Ok(python);
+    }
+    let base = std::env::var_os("SARRUS_PYTHON").unwrap_or_else(|| "python3".into());
+    let version = run(Command::new(&base).args(["-c", "import sys; print(sys.version_info >= (3, 10), sys.version)"]))
+        .map_err(|error| format!("{error}\ninstall Python 3.10 or later, or name it in SARRUS_PYTHON"))?;
+    if !version.starts_with("True") {
+        return Err(format!(
+            "{base:?} is Python {}; 3.10 or later is needed, name one in SARRUS_PYTHON",
+            version.trim_start_matches("False ")
+        ));
+    }
+    if folder.exists() {
+        fs::remove_dir_all(folder).map_err(told)?;
+    }
+    run(Command::new(&base).args(["-m", "venv"]).arg(folder)).map_err(|error| format!("{error}\non Debian: apt install python3-venv"))?;
+    let requirements = folder.join("requirements.txt");
+    fs::write(&requirements, REQUIREMENTS).map_err(told)?;
+    let mut install = Command::new(&python);
+    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement"]).arg(&requirements);
+    run(&mut install)?;
+    fs::write(&stamp, made_from).map_err(told)?;
+    Ok(python)
+}
+
+fn told(error: std::io::Error) -> String {
+    error.to_string()
+}
+
+/// Runs a command to its end and gives its stdout.
+fn run(command: &mut Command) -> Result<String, String> {
+    let Output { status, stdout, stderr } = command.output().map_err(|error| format!("{command:?}: {error}"))?;
+    if !status.success() {
+        return Err(format!("{command:?}: {status}\n{}{}", String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr)));
+    }
+    Ok(String::from_utf8_lossy(&stdout).into_owned())
+}
+
+/// Makes a folder of Python sources equal to another one.
+fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
+    fs::create_dir_all(to).map_err(told)?;
+    let wanted: Vec<PathBuf> = entries(from)?.into_iter().filter(|path| !path.ends_with("__pycache__")).collect();
+    // what the sources no longer have must not be found by an import
+    for path in entries(to)? {
+        let same = wanted.iter().any(|wanted| wanted.file_name() == path.file_name());
+        let is_extension = path.extension().is_some_and(|ending| ending == "so");
+        match (same || is_extension, path.is_dir()) {
+            (true, _) => {}
+            (false, true) => fs::remove_dir_all(&path).map_err(told)?,
+            (false, false) => fs::remove_file(&path).map_err(told)?,
+        }
+    }
+    for path in wanted {
+        let Some(name) = path.file_name() else { continue };
+        if path.is_dir() { copy_folder(&path, &to.join(name))? } else { copy_file(&path, &to.join(name))? }
+    }
+    Ok(())
+}
+
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    entries.map(|entry| entry.map(|entry| entry.path()).map_err(told)).collect()
+}
+
+/// Copies a file that differs, under another name first: a process that has the old one open keeps it.
+fn copy_file(from: &Path, to: &Path) -> Result<(), String> {
+    let bytes = fs::read(from).map_err(|error| format!("{}: {error}", from.display()))?;
+    if fs::read(to).is_ok_and(|there| there == bytes) {
+        return Ok(());
+    }
+    let fresh = to.with_extension("fresh");
+    fs::write(&fresh, bytes).map_err(told)?;
+    fs::rename(&fresh, to).map_err(told)
+}
