@@ -54,12 +54,15 @@ echo "step full"
 ip link set slcan0 down; echo active >&3; $B sleep 0.3; ip link set slcan0 up
 $B mkfifo /run/orders2
 PROGRAM simulate FOLDER/full.yml > /run/full 2>&1 < /run/orders2 &
+MOTOR=$!
 exec 4> /run/orders2
 wait_for /run/full "ready arm"
 cansend slcan0 003#FFFFFFFFFFFFFFFD; $B sleep 0.5
-# the adapter stops; what is sent is heard on this computer all the same, and the answers find no room
-$B kill -STOP $ADAPTER
+# the adapter stops, and the queue fills while the motor sleeps; what was sent is heard on this computer all the same, and its answers find
+# no room
+$B kill -STOP $ADAPTER $MOTOR
 cangen slcan0 -g 0 -i -n 6000 -I 003 -L 8
+$B kill -CONT $MOTOR; $B sleep 0.5
 echo report >&4; wait_for /run/full report
 $B grep report /run/full
 echo "step end"

@@ -208,6 +208,7 @@ fn limits_are_kept_and_reported() {
     bench.steps(150);
     bench.commands = false;
     bench.sequence += 1;
+    bench.now_ns += 1;
     let mut command = bench.command();
     command.position[0] = 40.0;
     command.effort[1] = -50.0;
@@ -231,9 +232,10 @@ fn spring_and_effort_together_stay_within_the_effort() {
     bench.steps(150);
     bench.commands = false;
     bench.sequence += 1;
+    bench.now_ns += 1;
     let mut command = bench.command();
     command.stiffness[0] = 1000.0;
-    bench.bridge.command(bench.now_ns, &command);
+    assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::Accepted);
     bench.step();
     let Setpoint { position, torque, stiffness, .. } = bench.setpoint(0);
     // 1000 · (0.5 − 0.2) + torque = 10
