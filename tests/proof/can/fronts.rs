@@ -1,4 +1,4 @@
-//! One input log, the same bytes: the library in this process, and the replay of the Python front.
+//! One input log, the same bytes: the library in this process, and the replay of both fronts.
 
 use std::fmt::Write;
 use std::process::Command;
@@ -12,7 +12,7 @@ use sarrus_tests::python::environment;
 use sarrus_tests::seed::Seeded;
 use serde_json::json;
 
-use super::harness::Stage;
+use super::harness::{Stage, sarrus_can};
 
 const PERIOD_NS: u64 = 4_000_000;
 
@@ -154,7 +154,7 @@ fn replay(mut command: Command) -> String {
 }
 
 #[test]
-fn the_python_front_gives_the_bytes_of_the_library_for_one_log() {
+fn both_fronts_give_the_bytes_of_the_library_for_one_log() {
     let stage = Stage::new();
     let mut session = Session::new(&stage.configuration, 5);
     session.play();
@@ -164,6 +164,9 @@ fn the_python_front_gives_the_bytes_of_the_library_for_one_log() {
     let log = log.to_str().unwrap();
     let python = replay(environment().can(&["replay", &stage.configuration, log]));
     assert!(python == session.frames, "the replay in Python differs from the library");
+    let mut program = Command::new(sarrus_can());
+    program.args(["replay", &stage.configuration, log]);
+    assert!(replay(program) == session.frames, "the replay in Rust differs from the library");
 }
 
 #[test]

@@ -59,10 +59,12 @@ pub(super) fn sarrus_can() -> &'static Path {
 pub(super) enum Front {
     /// `python -m sarrus.can run`.
     Python,
+    /// `sarrus-can run`.
+    Rust,
 }
 
 /// All of them.
-pub(super) const FRONTS: [Front; 1] = [Front::Python];
+pub(super) const FRONTS: [Front; 2] = [Front::Rust, Front::Python];
 
 /// A folder, a domain and a configuration of one test; nobody else rehearses meanwhile.
 pub(super) struct Stage {
@@ -107,6 +109,11 @@ impl Stage {
     pub(super) fn bridge_command(&self, front: Front) -> Command {
         self.at_home(match front {
             Front::Python => environment().can(&["run", &self.configuration, "--name", "rehearsal", "--no-realtime"]),
+            Front::Rust => {
+                let mut command = Command::new(sarrus_can());
+                command.args(["run", &self.configuration, "--name", "rehearsal"]);
+                command
+            }
         })
     }
 

@@ -32,7 +32,7 @@ enum Command {
     Check(check::Check),
     /// Run the bridge between controllers and motors.
     ///
-    /// Prints `ready NAME` when controllers can connect. The motors have no power until somebody arms, and lose it when commands stay away,
+    /// Prints `ready NAME FINGERPRINT` when controllers can connect. The motors have no power until somebody arms, and lose it when commands stay away,
     /// when a motor fails, and on every way out of this program. SIGINT, SIGTERM and SIGHUP are a clean stop, which ends with 0.
     Run(run::Run),
     /// Give the motors power, as soon as everything is in order and a controller commands.

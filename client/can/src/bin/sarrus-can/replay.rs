@@ -119,7 +119,7 @@ fn print(bridge: &Bridge, now_ns: u64, out: &mut impl Write) -> io::Result<()> {
     let (seconds, micros) = (now_ns / 1_000_000_000, now_ns % 1_000_000_000 / 1000);
     for (bus, config) in bridge.configuration().buses.iter().enumerate() {
         for frame in bridge.frames(bus) {
-            writeln!(out, "({seconds:010}.{micros:06}) {} {frame}", config.name)?;
+            writeln!(out, "({seconds}.{micros:06}) {} {frame}", config.name)?;
         }
     }
     Ok(())

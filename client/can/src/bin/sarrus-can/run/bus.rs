@@ -1,17 +1,17 @@
 //! The thread of one bus: sends what the rules hand over, hears what comes, and has the last word.
 
-use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd};
 use sarrus_can::bridge::BusEvent;
+use sarrus_can::config::BusConfig;
 use sarrus_can::frame::Frame;
 
 use super::realtime;
-use crate::bus::{Bus, BusError, Heard, Sent, wait_for};
+use crate::bus::{Address, Bus, BusError, Heard, Sent, open, wait_for};
 use crate::clock::now_ns;
 
 /// Room for frames and events on their way between two threads.
@@ -21,13 +21,25 @@ const LAST_WORDS: (usize, Duration) = (5, Duration::from_millis(5));
 /// A bus whose rules say nothing for this time looks whether they are still there.
 const PATIENCE: Duration = Duration::from_millis(50);
 
+/// Where a bus of a configuration is.
+pub(crate) fn address(config: &BusConfig) -> Address<'_> {
+    let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
+    Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate }
+}
+
 /// What a bus heard, and when `[ns]`.
 pub(crate) type Stamped = (u64, Heard);
 
+/// A bus that is gone is opened anew this often.
+const REOPEN: Duration = Duration::from_millis(500);
+
 /// The thread's side.
 pub(crate) struct BusThread {
-    name: String,
-    port: Box<dyn Bus>,
+    config: BusConfig,
+    /// `None` while the adapter is gone.
+    port: Option<Box<dyn Bus>>,
+    /// When it was last tried to open it.
+    tried: Instant,
     /// Frames with the number of their cycle.
     to_send: Consumer<(u64, Frame)>,
     heard: Producer<Stamped>,
@@ -64,48 +76,67 @@ impl BusEnd {
 }
 
 impl BusThread {
-    pub(crate) fn new(name: String, port: Box<dyn Bus>, last_words: Vec<Frame>) -> io::Result<(BusThread, BusEnd)> {
-        let bell = Arc::new(eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?);
+    /// Opens the bus.
+    pub(crate) fn new(config: BusConfig, last_words: Vec<Frame>) -> Result<(BusThread, BusEnd), BusError> {
+        let port = Some(open(address(&config))?);
+        let flags = EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC;
+        let bell = Arc::new(eventfd(0, flags).map_err(|error| BusError::Open(config.name.clone(), error.into()))?);
         let (send, to_send) = RingBuffer::new(ROOM);
         let (hear, heard) = RingBuffer::new(ROOM);
         let end = BusEnd { to_send: send, heard, bell: bell.clone() };
-        Ok((BusThread { name, port, to_send, heard: hear, bell, last_words, overrun: 0, backlog: 0 }, end))
+        Ok((BusThread { config, port, tried: Instant::now(), to_send, heard: hear, bell, last_words, overrun: 0, backlog: 0 }, end))
     }
 
-    /// Until the rules are gone or the bus is; then the motors are disabled.
-    pub(crate) fn run(mut self, priority: u8) -> Result<(), BusError> {
+    /// Until the rules are gone; then the motors are disabled. An adapter that goes away is a bus that is off, until it comes back.
+    pub(crate) fn run(mut self, priority: u8) {
         realtime::be_first(priority);
-        let result = self.serve();
-        if let Err(error) = &result {
-            eprintln!("sarrus-can run: {}: {error}", self.name);
-        }
-        result
-    }
-
-    fn serve(&mut self) -> Result<(), BusError> {
         while !self.to_send.is_abandoned() {
-            {
-                let (port, bell) = (self.port.readable(), self.bell.as_fd());
-                wait_for(&mut [PollFd::new(&port, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)], PATIENCE)?;
+            let served = match self.port.take() {
+                Some(mut port) => self.serve(port.as_mut()).map(|()| port),
+                None => self.reopen(),
+            };
+            match served {
+                Ok(port) => self.port = Some(port),
+                Err(Some(error)) => {
+                    eprintln!("sarrus-can run: {}: {error}", self.config.name);
+                    self.tell(Heard::Event(BusEvent::BusOff));
+                }
+                Err(None) => {}
             }
-            self.hear()?;
-            self.send()?;
         }
-        Ok(())
     }
 
-    fn hear(&mut self) -> Result<(), BusError> {
-        while let Some(heard) = self.port.next()? {
+    /// Waits, hears and sends once.
+    fn serve(&mut self, port: &mut dyn Bus) -> Result<(), Option<BusError>> {
+        {
+            let (readable, bell) = (port.readable(), self.bell.as_fd());
+            wait_for(&mut [PollFd::new(&readable, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)], PATIENCE)?;
+        }
+        while let Some(heard) = port.next()? {
             self.tell(heard);
         }
         if self.overrun > 0 && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok() {
             self.overrun = 0;
         }
-        Ok(())
+        Ok(self.send(port)?)
+    }
+
+    /// Opens the bus anew, not too often; what was to be sent meanwhile is dropped.
+    fn reopen(&mut self) -> Result<Box<dyn Bus>, Option<BusError>> {
+        std::thread::sleep(PATIENCE);
+        while self.to_send.pop().is_ok() {}
+        if self.tried.elapsed() < REOPEN {
+            return Err(None);
+        }
+        self.tried = Instant::now();
+        let port = open(address(&self.config)).map_err(|_| None)?;
+        eprintln!("sarrus-can run: {}: open again", self.config.name);
+        self.tell(Heard::Event(BusEvent::Restarted));
+        Ok(port)
     }
 
     /// Sends the frames of the newest cycle; older ones that still wait are dropped.
-    fn send(&mut self) -> Result<(), BusError> {
+    fn send(&mut self, port: &mut dyn Bus) -> Result<(), BusError> {
         let mut count = [0; 8];
         // nothing to read means that the bus itself woke this thread
         let _ = rustix::io::read(&*self.bell, &mut count);
@@ -118,14 +149,14 @@ impl BusThread {
         let mut dropped = 0;
         for _ in 0..slots {
             let Ok((cycle, frame)) = self.to_send.pop() else { break };
-            let is_sent = cycle == newest && self.port.send(&frame)? == Sent::Taken;
+            let is_sent = cycle == newest && port.send(&frame)? == Sent::Taken;
             dropped += u32::from(!is_sent);
         }
         if dropped > 0 {
             self.tell(Heard::Event(BusEvent::Dropped(dropped)));
         }
         // frames of this cycle are on their way; what of it still waits at the next is old
-        let backlog = self.port.backlog().saturating_sub(slots as u32);
+        let backlog = port.backlog().saturating_sub(slots as u32);
         if backlog != self.backlog {
             self.backlog = backlog;
             self.tell(Heard::Event(BusEvent::Backlog(backlog)));
@@ -143,11 +174,12 @@ impl BusThread {
 impl Drop for BusThread {
     /// However this thread ends, its motors are told to let go.
     fn drop(&mut self) {
+        let Some(port) = &mut self.port else { return };
         let (times, pause) = LAST_WORDS;
         for _ in 0..times {
             for frame in &self.last_words {
                 // a bus that is gone takes no words; the motors' watchdogs remain
-                let _ = self.port.send(frame);
+                let _ = port.send(frame);
             }
             std::thread::sleep(pause);
         }

@@ -24,7 +24,7 @@ use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::bus::{Address, open, own};
+use crate::bus::own;
 use crate::clock::now_ns;
 use bus::BusThread;
 use rules::Rules;
@@ -78,14 +78,12 @@ impl Run {
         let node = domain.node::<Threadsafe>()?;
         let services = BridgeEnd::create(&node, &name)?;
 
-        let loads = load::loads(&configuration);
+        let (loads, fingerprint) = (load::loads(&configuration), configuration.fingerprint);
         let bridge = Bridge::new(configuration);
         let (mut threads, mut ends, mut owned) = (Vec::new(), Vec::new(), Vec::new());
         for (number, config) in bridge.configuration().buses.iter().enumerate() {
-            let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
-            let address = Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate };
-            owned.extend(own(address)?);
-            let (thread, end) = BusThread::new(config.name.clone(), open(address)?, bridge.last_words(number))?;
+            owned.extend(own(bus::address(config))?);
+            let (thread, end) = BusThread::new(config.clone(), bridge.last_words(number))?;
             threads.push(thread);
             ends.push(end);
         }
@@ -100,8 +98,9 @@ impl Run {
                 realtime::be_first(self.priority);
                 rules.run();
             });
-            announce(&self.name);
+            announce(&self.name, fingerprint);
             while !rules.is_finished() {
+                // a bus only ends before the rules by breaking down
                 if buses.iter().any(|bus| bus.is_finished()) {
                     stop.store(true, Ordering::Relaxed);
                 }
@@ -110,14 +109,12 @@ impl Run {
             let result = rules.join();
             let mut faults = Vec::new();
             for bus in buses {
-                match bus.join() {
-                    Ok(Ok(())) => {}
-                    Ok(Err(error)) => faults.push(error.to_string()),
-                    Err(_) => faults.push("the thread of a bus broke down".to_owned()),
+                if bus.join().is_err() {
+                    faults.push("the thread of a bus broke down");
                 }
             }
             if result.is_err() {
-                faults.push("the thread of the rules broke down; the motors were disabled".to_owned());
+                faults.push("the thread of the rules broke down; the motors were disabled");
             }
             faults
         });
@@ -128,8 +125,8 @@ impl Run {
 }
 
 /// Whoever started the bridge may have closed its end: it goes on.
-fn announce(name: &str) {
+fn announce(name: &str, fingerprint: u64) {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
-    let _ = writeln!(out, "ready {name}").and_then(|()| out.flush());
+    let _ = writeln!(out, "ready {name} {fingerprint:016x}").and_then(|()| out.flush());
 }
