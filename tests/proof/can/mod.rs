@@ -5,3 +5,4 @@ mod harness;
 mod peers;
 mod python;
 mod rehearsal;
+mod rules;

@@ -1,0 +1,129 @@
+//! The rules with every protocol that has a simulated motor, in this process: nothing allocates, and power is the same on both sides.
+
+use sarrus_can::bridge::{Bridge, Verdict};
+use sarrus_can::config::{Configuration, Surroundings};
+use sarrus_can::drive::Measurement;
+use sarrus_can::frame::FrameQueue;
+use sarrus_can::mapping::{ActuatorSetpoint, Mapping};
+use sarrus_can::motor::{Physics, Simulated};
+use sarrus_models::LoadError;
+use sarrus_proto::actuators::{ActuatorCommand, Operation, Standing};
+use sarrus_tests::seed::Seeded;
+
+use crate::allocation::calls;
+
+const MS: u64 = 1_000_000;
+
+/// One motor of each protocol, each on a bus of its own.
+const ONE_OF_EACH: [(&str, &str); 5] = [
+    (
+        "mit",
+        "variant: damiao, id: 1, reply_id: 17, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, damping_range: 5",
+    ),
+    ("cybergear", "id: 10, position_range: 12.5"),
+    ("odrive", "node: 3, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301"),
+    ("moteus", "id: 1"),
+    ("cia402", "node: 5, rated_torque: 2.0, counts_per_turn: 65536"),
+];
+
+fn configuration() -> Configuration {
+    let mut text = "rate_hz: 500\nramp_ms: 50\ntimeouts: {feedback_ms: 50}\nbuses:\n".to_owned();
+    for (name, _) in ONE_OF_EACH {
+        text += &format!("- {{name: {name}, channel: {name}, data_bitrate: 5000000}}\n");
+    }
+    text += "motors:\n";
+    for (name, keys) in ONE_OF_EACH {
+        text +=
+            &format!("- actuator: {name}\n  bus: {name}\n  drive: {{protocol: {name}, {keys}}}\n  sign: -1\n  gear: 2\n  offset: 0.1\n");
+        text += "  limits: {effort: 2, velocity: 5}\n  damping: 0.1\n  watchdog_ms: 100\n";
+    }
+    let absent = |_: &str| Err("absent".to_owned());
+    let robot = |_: &_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() });
+    Configuration::read("each.yml", text.into_bytes(), &Surroundings { file: &absent, robot: &robot })
+        .unwrap_or_else(|report| panic!("{report}"))
+}
+
+#[test]
+fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
+    let config = configuration();
+    let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
+    let mut motors: Vec<Simulated> =
+        config.motors.iter().map(|motor| Simulated::new(motor.protocol.name, &motor.settings, motor.common, physics).unwrap()).collect();
+    let n_u = motors.len();
+    let mut bridge = Bridge::new(config);
+    let mut out = FrameQueue::new(64);
+    let mut command = ActuatorCommand { n_u: n_u as u64, ..ActuatorCommand::default() };
+    command.effort[..n_u].fill(0.05);
+    command.damping[..n_u].fill(0.1);
+    let (mut now_ns, mut calls_of_bridge, mut seen) = (10 * MS, 0, Vec::new());
+    for step in 0..3000_u64 {
+        now_ns += 2 * MS;
+        // armed, late, lost, armed again, a number that is none, a fault
+        match step {
+            200 | 1600 => bridge.operate(now_ns, Operation::Arm),
+            2500 => motors[0].fault(0xA),
+            2600 => bridge.operate(now_ns, Operation::Reset),
+            _ => {}
+        }
+        command.sequence += 1;
+        command.stamp_ns = now_ns;
+        command.position[0] = if step % 500 == 499 { f64::NAN } else { 0.0 };
+        let before = calls();
+        if !(1000..1200).contains(&step) {
+            let verdict = bridge.command(now_ns, &command);
+            assert_eq!(verdict == Verdict::NotFinite, step % 500 == 499);
+        }
+        bridge.cycle(now_ns);
+        calls_of_bridge += calls() - before;
+        seen.push(bridge.state().standing);
+        for (bus, motor) in motors.iter_mut().enumerate() {
+            out.clear();
+            for frame in bridge.frames(bus) {
+                motor.receive(now_ns, frame, &mut out);
+            }
+            motor.step(now_ns + MS, &mut out);
+            let before = calls();
+            out.frames().iter().for_each(|frame| bridge.receive(now_ns + MS, bus, frame));
+            calls_of_bridge += calls() - before;
+        }
+    }
+    assert_eq!(calls_of_bridge, 0);
+    for standing in [Standing::Disabled, Standing::Arming, Standing::Enabled, Standing::Fault] {
+        assert!(seen.contains(&(standing as u32)), "never {}", standing.name());
+    }
+}
+
+#[test]
+fn power_and_stiffness_are_the_same_on_both_sides_of_the_mapping() {
+    let mut seeded = Seeded::new(11);
+    for _ in 0..100_000 {
+        let mapping = Mapping {
+            sign: if seeded.chance(0.5) { 1.0 } else { -1.0 },
+            gear: 10_f64.powf(seeded.within(-2.0, 4.0)),
+            offset: seeded.within(-3.0, 3.0),
+            torque_constant: 10_f64.powf(seeded.within(-1.0, 1.0)),
+        };
+        let at = ActuatorSetpoint {
+            position: seeded.within(-3.0, 3.0),
+            velocity: seeded.within(-10.0, 10.0),
+            effort: seeded.within(-1000.0, 1000.0),
+            stiffness: seeded.within(0.0, 1e4),
+            damping: seeded.within(0.0, 1e3),
+        };
+        let motor = mapping.to_motor(&at);
+        let near = |a: f64, b: f64, size: f64| assert!((a - b).abs() <= 1e-12 * size, "{a} {b} {mapping:?}");
+        // the true torque is the constant times what the protocol says
+        let power = motor.torque * mapping.torque_constant * motor.velocity;
+        near(power, at.effort * at.velocity, at.effort.abs() * at.velocity.abs());
+        // a spring stores the same energy on both sides, a damper takes the same power
+        let (way, turn) = (0.3, 0.3 * mapping.gear);
+        near(motor.stiffness * mapping.torque_constant * turn * turn, at.stiffness * way * way, at.stiffness);
+        near(motor.damping * mapping.torque_constant * turn * turn, at.damping * way * way, at.damping);
+        // there and back
+        let measured = Measurement { position: motor.position, velocity: motor.velocity, torque: motor.torque, temperature: 20.0 };
+        let back = mapping.to_actuator(&measured);
+        near(back.position, at.position, 10.0);
+        near(back.velocity, at.velocity, 10.0);
+        near(back.effort, at.effort, 1000.0);
+    }
+}
