@@ -45,7 +45,21 @@ pub(super) fn sarrus_can() -> &'static Path {
         let path = folder.join("sarrus-can");
         // of the whole workspace, so that nothing is compiled a second time with other features
         let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--locked", "--workspace", "--bin", "sarrus-can", "--target-dir"]).arg(folder.parent().unwrap());
+        build
+            .args([
+                "build",
+                "--quiet",
+                "--locked",
+                "--workspace",
+                "--bin",
+                "sarrus-can",
+                "--bin",
+                "sarrus",
+                "--example",
+                "follow",
+                "--target-dir",
+            ])
+            .arg(folder.parent().unwrap());
         if folder.ends_with("release") {
             build.arg("--release");
         }

@@ -40,13 +40,20 @@ pub(crate) struct BusThread {
     port: Option<Box<dyn Bus>>,
     /// When it was last tried to open it.
     tried: Instant,
+    queues: Queues,
+    /// Frames that take the power from every motor of this bus.
+    last_words: Vec<Frame>,
+}
+
+/// What goes between the rules and a bus.
+struct Queues {
     /// Frames with the number of their cycle.
     to_send: Consumer<(u64, Frame)>,
     heard: Producer<Stamped>,
     bell: Arc<OwnedFd>,
-    /// Frames that take the power from every motor of this bus.
-    last_words: Vec<Frame>,
+    /// Things heard that found no room and are not told yet.
     overrun: u32,
+    /// Frames that waited when it was last told.
     backlog: u32,
 }
 
@@ -84,30 +91,45 @@ impl BusThread {
         let (send, to_send) = RingBuffer::new(ROOM);
         let (hear, heard) = RingBuffer::new(ROOM);
         let end = BusEnd { to_send: send, heard, bell: bell.clone() };
-        Ok((BusThread { config, port, tried: Instant::now(), to_send, heard: hear, bell, last_words, overrun: 0, backlog: 0 }, end))
+        let queues = Queues { to_send, heard: hear, bell, overrun: 0, backlog: 0 };
+        Ok((BusThread { config, port, tried: Instant::now(), queues, last_words }, end))
     }
 
     /// Until the rules are gone; then the motors are disabled. An adapter that goes away is a bus that is off, until it comes back.
     pub(crate) fn run(mut self, priority: u8) {
         realtime::be_first(priority);
-        while !self.to_send.is_abandoned() {
-            let served = match self.port.take() {
-                Some(mut port) => self.serve(port.as_mut()).map(|()| port),
-                None => self.reopen(),
+        while !self.queues.to_send.is_abandoned() {
+            let Some(port) = &mut self.port else {
+                self.reopen();
+                continue;
             };
-            match served {
-                Ok(port) => self.port = Some(port),
-                Err(Some(error)) => {
-                    eprintln!("sarrus-can run: {}: {error}", self.config.name);
-                    self.tell(Heard::Event(BusEvent::BusOff));
-                }
-                Err(None) => {}
+            if let Err(error) = self.queues.serve(port.as_mut()) {
+                eprintln!("sarrus-can run: {}: {error}", self.config.name);
+                self.port = None;
+                self.queues.tell(Heard::Event(BusEvent::BusOff));
             }
         }
     }
 
+    /// Opens the bus anew, not too often; what was to be sent meanwhile is dropped.
+    fn reopen(&mut self) {
+        std::thread::sleep(PATIENCE);
+        while self.queues.to_send.pop().is_ok() {}
+        if self.tried.elapsed() < REOPEN {
+            return;
+        }
+        self.tried = Instant::now();
+        if let Ok(port) = open(address(&self.config)) {
+            eprintln!("sarrus-can run: {}: open again", self.config.name);
+            self.port = Some(port);
+            self.queues.tell(Heard::Event(BusEvent::Restarted));
+        }
+    }
+}
+
+impl Queues {
     /// Waits, hears and sends once.
-    fn serve(&mut self, port: &mut dyn Bus) -> Result<(), Option<BusError>> {
+    fn serve(&mut self, port: &mut dyn Bus) -> Result<(), BusError> {
         {
             let (readable, bell) = (port.readable(), self.bell.as_fd());
             wait_for(&mut [PollFd::new(&readable, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)], PATIENCE)?;
@@ -118,21 +140,7 @@ impl BusThread {
         if self.overrun > 0 && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok() {
             self.overrun = 0;
         }
-        Ok(self.send(port)?)
-    }
-
-    /// Opens the bus anew, not too often; what was to be sent meanwhile is dropped.
-    fn reopen(&mut self) -> Result<Box<dyn Bus>, Option<BusError>> {
-        std::thread::sleep(PATIENCE);
-        while self.to_send.pop().is_ok() {}
-        if self.tried.elapsed() < REOPEN {
-            return Err(None);
-        }
-        self.tried = Instant::now();
-        let port = open(address(&self.config)).map_err(|_| None)?;
-        eprintln!("sarrus-can run: {}: open again", self.config.name);
-        self.tell(Heard::Event(BusEvent::Restarted));
-        Ok(port)
+        self.send(port)
     }
 
     /// Sends the frames of the newest cycle; older ones that still wait are dropped.

@@ -1,0 +1,47 @@
+//! The whole chain: encoders, the server, a controller (the example `follow`), the bridge, and motors that move the robot.
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use super::harness::{BUSES, Front, N_U, Process, Stage, TIMES, sarrus_can, wait_for};
+
+#[test]
+fn motors_go_safe_when_the_server_is_stopped_or_killed() {
+    for signal in ["-STOP", "-KILL"] {
+        let stage = Stage::new();
+        let command = |program: &str, arguments: &[&str]| {
+            let mut command = Command::new(sarrus_can().with_file_name(program));
+            command.args(arguments);
+            stage.at_home(command)
+        };
+        let mut motors =
+            Process::start("motors", command("sarrus-can", &["simulate", &stage.configuration, "--pty", "--dynamics", "robot"]));
+        BUSES.iter().for_each(|_| assert!(motors.line().starts_with("ready ")));
+        let server = Process::start("server", command("sarrus", &["serve", "--name", "rehearsal", "--robot", "rh5v2_upper_body"]));
+        assert!(server.line().starts_with("ready "));
+        let _bridge = stage.bridge(Front::Rust);
+        let _controller = Process::start("controller", command("examples/follow", &["rehearsal", "rehearsal"]));
+        let armed = || command("sarrus-can", &["arm", "rehearsal"]).output().unwrap().status.success().then_some(());
+        wait_for("power", armed);
+        assert!(powers(&mut motors).iter().all(|power| *power));
+
+        server.signal(signal);
+        let report = wait_for("motors without power", || {
+            let report = motors.report();
+            report.iter().all(|motor| motor["power"] == false).then_some(report)
+        });
+        // the bridge took it, before the motors' own watchdogs did
+        let took = |motor: &Value| motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD");
+        assert!(report.len() == N_U && report.iter().all(took), "{signal}: {report:?}");
+        let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
+        while Instant::now() < end {
+            assert!(powers(&mut motors).iter().all(|power| !*power), "{signal}");
+        }
+    }
+}
+
+fn powers(motors: &mut Process) -> Vec<bool> {
+    motors.report().iter().map(|motor| motor["power"] == true).collect()
+}
