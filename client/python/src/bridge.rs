@@ -188,17 +188,7 @@ fn fill(numbers: &[f64], n: usize, into: &mut [f64; MAX_ACTUATORS]) -> PyResult<
 }
 
 fn event(name: &str, count: u32) -> PyResult<BusEvent> {
-    Ok(match name {
-        "error_active" => BusEvent::ErrorActive,
-        "error_warning" => BusEvent::ErrorWarning,
-        "error_passive" => BusEvent::ErrorPassive,
-        "bus_off" => BusEvent::BusOff,
-        "restarted" => BusEvent::Restarted,
-        "dropped" => BusEvent::Dropped(count),
-        "backlog" => BusEvent::Backlog(count),
-        "overrun" => BusEvent::Overrun(count),
-        _ => return Err(PyValueError::new_err(format!("no event `{name}`"))),
-    })
+    BusEvent::named(name, count).ok_or_else(|| PyValueError::new_err(format!("no event `{name}`")))
 }
 
 fn verdict(verdict: Verdict) -> &'static str {

@@ -5,9 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, Signal, getppid, getrlimit, set_parent_process_death_signal};
-use thread_priority::{
-    RealtimeThreadSchedulePolicy, ScheduleParams, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
-};
+use thread_priority::{RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id};
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
 /// SIGTERM comes when the parent ends; where it has ended already, `stop` is set.
@@ -39,7 +37,6 @@ pub(crate) fn lock_memory() -> Option<String> {
 pub(crate) fn be_first(priority: u8) {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
-    let _ = ScheduleParams { sched_priority: i32::from(priority) };
     let set = value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy));
     if !matches!(set, Ok(Ok(()))) {
         eprintln!("sarrus-can run: no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend on other programs");
