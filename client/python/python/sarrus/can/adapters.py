@@ -130,22 +130,17 @@ def of_message(message: can.Message) -> Frame | None:
 def events_of_error_frame(error_class: int, data: bytes) -> list[Event]:
     """Events of a SocketCAN error frame: its class and, in the second data byte, the controller's state (`linux/can/error.h`)."""
     controller = data[1] if error_class & 0x4 and len(data) > 1 else 0
-    events: list[Event] = []
-    if error_class & 0x40:
-        events.append(("bus_off", 1))
-    elif error_class & 0x100:
-        events.append(("restarted", 1))
-    elif controller & 0x30:
-        events.append(("error_passive", 1))
-    elif controller & 0x0C:
-        events.append(("error_warning", 1))
-    elif controller & 0x40:
-        events.append(("error_active", 1))
-    if controller & 0x01:
-        events.append(("overrun", 1))
-    if controller & 0x02:
-        events.append(("dropped", 1))
-    return events
+    states = {
+        "bus_off": error_class & 0x40,
+        "restarted": error_class & 0x100,
+        "error_passive": controller & 0x30,
+        "error_warning": controller & 0x0C,
+        "error_active": controller & 0x40,
+    }
+    losses = {"overrun": controller & 0x01, "dropped": controller & 0x02}
+    # the gravest state only, and every loss
+    told = [name for name, bits in states.items() if bits][:1] + [name for name, bits in losses.items() if bits]
+    return [(name, 1) for name in told]
 
 
 class Ownership:
