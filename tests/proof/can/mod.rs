@@ -7,3 +7,4 @@ mod peers;
 mod python;
 mod rehearsal;
 mod rules;
+mod watch;

@@ -19,7 +19,7 @@ pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
 pub use verdict::Verdict;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Operation, Reason, Standing};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason, Standing};
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};
@@ -29,6 +29,8 @@ use motor::Motor;
 
 /// A reset is repeated for this long to motors that keep a fault `[ns]`.
 const RESET_NS: u64 = 1_000_000_000;
+/// Operations that were asked for longer ago than this are of another time `[ns]`.
+const REQUEST_NS: u64 = 1_000_000_000;
 /// Room for frames of one motor in one cycle.
 const FRAMES_PER_MOTOR: usize = 8;
 
@@ -154,6 +156,15 @@ impl Bridge {
             self.commanded = true;
         }
         verdict
+    }
+
+    /// Does what an operator asked for a moment ago. What waited longer, while the bridge stood still, is not done: only power may be taken.
+    pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) {
+        let is_new = now_ns.saturating_sub(request.stamp_ns) < REQUEST_NS;
+        let operation = Operation::from_code(request.operation);
+        if let Some(operation) = operation.filter(|operation| is_new || *operation == Operation::Disarm) {
+            self.operate(now_ns, operation);
+        }
     }
 
     /// Does what an operator asks.

@@ -7,7 +7,7 @@ use super::*;
 use crate::config::{Limits, Surroundings};
 use crate::drive::{Mode, Setpoint};
 use crate::frame::Id;
-use sarrus_proto::actuators::flag;
+use sarrus_proto::actuators::{OperatorRequest, flag};
 
 #[test]
 fn nothing_has_power_before_it_is_armed() {
@@ -15,6 +15,28 @@ fn nothing_has_power_before_it_is_armed() {
     bench.steps(50);
     assert_eq!(bench.standings(), [Standing::Disabled; 3]);
     assert!(bench.told.iter().all(|told| told.lock().unwrap().iter().all(|wish| *wish == Wish::Off)));
+}
+
+#[test]
+fn an_operation_that_waited_too_long_gives_no_power_but_takes_it() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(3);
+    let asked = |operation: Operation, ago_ms: u64, bench: &mut Bench| {
+        let request = OperatorRequest { stamp_ns: bench.now_ns - ago_ms * MS, operation: operation as u32, reserved: 0 };
+        bench.bridge.request(bench.now_ns, &request);
+        bench.steps(5);
+        bench.standings()
+    };
+    bench.now_ns += 2000 * MS;
+    bench.steps(3);
+    assert_eq!(asked(Operation::Arm, 1000, &mut bench), [Standing::Disabled; 3]);
+    assert_eq!(asked(Operation::Arm, 999, &mut bench), [Standing::Enabled; 3]);
+    assert_eq!(asked(Operation::Reset, 1000, &mut bench), [Standing::Enabled; 3]);
+    assert_eq!(asked(Operation::Disarm, 1000, &mut bench), [Standing::Disabled; 3]);
+    // a number that no operation has is none
+    bench.bridge.request(bench.now_ns, &OperatorRequest { stamp_ns: bench.now_ns, operation: 77, reserved: 0 });
+    bench.steps(5);
+    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
 }
 
 #[test]

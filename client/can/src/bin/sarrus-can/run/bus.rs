@@ -114,7 +114,13 @@ impl BusThread {
     /// Opens the bus anew, not too often; what was to be sent meanwhile is dropped.
     fn reopen(&mut self) {
         std::thread::sleep(PATIENCE);
-        while self.queues.to_send.pop().is_ok() {}
+        let mut dropped = 0;
+        while self.queues.to_send.pop().is_ok() {
+            dropped += 1;
+        }
+        if dropped > 0 {
+            self.queues.tell(Heard::Event(BusEvent::Dropped(dropped)));
+        }
         if self.tried.elapsed() < REOPEN {
             return;
         }

@@ -6,17 +6,11 @@ use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
 use sarrus_can::bridge::{Bridge, BusEvent};
 use sarrus_can::telemetry::{CycleTimes, Telemetry};
-use sarrus_proto::actuators::Operation;
 use sarrus_proto::bridge::BridgeEnd;
 
 use super::bus::BusEnd;
 use crate::bus::Heard;
 use crate::clock::now_ns;
-
-/// Time between two sets of statistics `[ns]`.
-const STATISTICS_NS: u64 = 500_000_000;
-/// Operations older than this are of another time `[ns]`.
-const OPERATION_NS: u64 = 1_000_000_000;
 
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {
@@ -32,16 +26,14 @@ impl Rules<'_> {
     pub(super) fn run(&mut self) {
         let period_ns = self.bridge.configuration().period_ns();
         let mut deadline = now_ns() + period_ns;
-        let mut told = 0;
         while !self.stop.load(Ordering::Relaxed) {
             sleep_until(deadline);
             let begin = now_ns();
             self.cycle(begin);
             let end = now_ns();
             self.telemetry.cycle(&self.bridge, CycleTimes { wake_ns: begin.saturating_sub(deadline), work_ns: end - begin });
-            if end - told > STATISTICS_NS {
-                told = end;
-                self.services.publish_statistics(&self.telemetry.statistics(&self.bridge, end));
+            if let Some(statistics) = self.telemetry.due(&self.bridge, end) {
+                self.services.publish_statistics(&statistics);
             }
             // deadlines that have passed are left out, not made up for
             deadline += period_ns;
@@ -61,10 +53,7 @@ impl Rules<'_> {
             }
         }
         while let Some(request) = self.services.operation() {
-            let is_new = now.saturating_sub(request.stamp_ns) < OPERATION_NS;
-            if let (Some(operation), true) = (Operation::from_code(request.operation), is_new) {
-                self.bridge.operate(now, operation);
-            }
+            self.bridge.request(now, &request);
         }
         if let Some(command) = self.services.command() {
             self.bridge.command(now, &command);
