@@ -19,7 +19,7 @@ pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
 pub use verdict::Verdict;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Operation, Reason, Standing};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, Reason, Standing};
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};

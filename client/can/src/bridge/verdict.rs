@@ -2,7 +2,7 @@
 
 use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS};
 
-use super::{Bridge, Mechanism};
+use super::Bridge;
 
 /// A stamp may lie this far in the future: clocks of two processors differ a little `[ns]`.
 const AHEAD_NS: u64 = 1_000_000;

@@ -2,6 +2,7 @@
 
 use sarrus_models::Findings;
 use sarrus_models::yaml;
+use sarrus_proto::actuators::MAX_ACTUATORS;
 
 use super::super::*;
 use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};
