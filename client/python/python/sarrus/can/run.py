@@ -6,13 +6,13 @@ import contextlib
 import gc
 import os
 import resource
-import sys
 import time
 from typing import TYPE_CHECKING, Any
 
 from sarrus._native import Bridge, Configuration, Frame, Service, Telemetry
 from sarrus.can.adapters import Adapter, Address, BusError, open_bus
 from sarrus.can.leaving import Parent, at_the_end, signals
+from sarrus.can.telling import say
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -28,13 +28,11 @@ PAUSE = 0.005
 class Front:
     """A bridge and its buses."""
 
-    def __init__(
-        self, bridge: Bridge, adapters: Sequence[Adapter | None], *, dry_run: bool = False, recorder: Recorder | None = None
-    ) -> None:
+    def __init__(self, bridge: Bridge, adapters: Sequence[Adapter | None], *, dry_run: bool = False) -> None:
         self.bridge = bridge
         self.adapters = list(adapters)
         self.dry_run = dry_run
-        self.recorder = recorder
+        self.recorder: Recorder | None = None
         self._backlogs = [0] * len(self.adapters)
 
     def receive(self) -> None:
@@ -93,7 +91,7 @@ class Front:
 
     def _lose(self, bus: int, error: BusError) -> None:
         """A bus that is gone is off; its mechanisms stop, the others go on."""
-        print(f"sarrus.can: {error}; start again to use it", file=sys.stderr)
+        say(f"sarrus.can: {error}; start again to use it")
         self.bridge.bus_event(time.monotonic_ns(), bus, "bus_off", 1)
         if (adapter := self.adapters[bus]) is not None:
             adapter.close()
@@ -148,27 +146,28 @@ def run(
 ) -> int:
     """Run the bridge of a configuration until a signal, its parent's end, or for some seconds; its exit code."""
     for warning in configuration.warnings:
-        print(warning, file=sys.stderr)
+        say(f"sarrus.can: warning: {warning}")
     period, fingerprint, buses = configuration.period_ns, configuration.fingerprint, configuration.buses
     parent = Parent()
     with contextlib.ExitStack() as stack:
         noted = stack.enter_context(signals())
         adapters = open_all(buses, address)
-        writer = stack.enter_context(recorder([bus["name"] for bus in buses])) if recorder is not None else None
-        front = Front(Bridge(configuration), adapters, dry_run=dry_run, recorder=writer)
+        front = Front(Bridge(configuration), adapters, dry_run=dry_run)
         stack.callback(front.close)
+        if recorder is not None:
+            front.recorder = stack.enter_context(recorder([bus["name"] for bus in buses]))
         service = Service(name)
         stack.callback(service.close)
         # registered last, so that it comes first
         stack.enter_context(at_the_end(front.disable))
         if wants_realtime:
             for line in realtime():
-                print(f"sarrus.can: {line}", file=sys.stderr)
+                say(f"sarrus.can: {line}")
         # the loop makes no cycles of references, and a collection takes longer than a cycle of the bridge
         gc.collect()
         gc.freeze()
         gc.disable()
-        print(f"ready {name} {fingerprint:016x}", flush=True)
+        say(f"ready {name} {fingerprint:016x}", out=True)
         return _loop(front, service, period, noted, parent, seconds)
 
 
@@ -213,5 +212,5 @@ def _loop(front: Front, service: Service, period: int, noted: list[int], parent:
             deadline += skipped * period
     times = telemetry.times(front.bridge)
     told = "; ".join(f"{name} {in_words(times[name])}" for name in ("wake", "work"))
-    print(f"sarrus.can: {why}; {times['work']['count']} cycles, {missed} missed; {told}", file=sys.stderr)
+    say(f"sarrus.can: {why}; {times['work']['count']} cycles, {missed} missed; {told}")
     return 1 if front.is_alone else 0
