@@ -165,6 +165,13 @@ impl Bridge {
                 for mechanism in &mut self.mechanisms {
                     mechanism.arm(now_ns, unready);
                 }
+                let Bridge { motors, mechanisms, configuration, .. } = self;
+                for motor in motors.iter_mut() {
+                    let number = configuration.mechanisms.get(motor.config.actuator);
+                    if number.and_then(|number| mechanisms.get(*number)).is_some_and(Mechanism::is_waiting) {
+                        motor.config.drive.prepare();
+                    }
+                }
             }
             Operation::Disarm => self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed)),
             Operation::Reset => {
@@ -187,6 +194,8 @@ impl Bridge {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.let_go(Reason::Stalled));
         }
         self.look_for_faults(now_ns);
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        self.motors.iter_mut().for_each(|motor| motor.forget_if_stale(now_ns, feedback_ns));
 
         // how old the command is
         let age_ns = now_ns.saturating_sub(self.command.stamp_ns);
@@ -271,6 +280,8 @@ impl Bridge {
                 Reason::MotorFault
             } else if motor.is_stale(now_ns, feedback_ns) {
                 Reason::FeedbackStale
+            } else if let Some(reason) = motor.missing_watchdog() {
+                reason
             } else if mechanism.standing == Standing::Enabled && motor.config.drive.state().power != Power::On {
                 Reason::PowerLost
             } else {
