@@ -168,6 +168,25 @@ fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
 }
 
 #[test]
+fn requests_of_another_time_give_no_power_and_take_it_at_any_time() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(3000);
+    let request = |stamp_ns, operation: Operation| OperatorRequest { stamp_ns, operation: operation as u32, reserved: 0 };
+    let now_ns = bench.now_ns;
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 1001 * MS, Operation::Arm)), None);
+    assert_eq!(bench.bridge.request(now_ns, &OperatorRequest { stamp_ns: now_ns, operation: 99, reserved: 0 }), None);
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 999 * MS, Operation::Arm)), Some(Operation::Arm));
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 2000 * MS, Operation::Disarm)), Some(Operation::Disarm));
+    bench.steps(5);
+    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    // a later disarm that came before an earlier arm
+    let now_ns = bench.now_ns;
+    bench.bridge.request(now_ns, &request(now_ns - 1, Operation::Disarm));
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 2, Operation::Arm)), None);
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns, Operation::Arm)), Some(Operation::Arm));
+}
+
+#[test]
 fn a_motor_whose_watchdog_is_not_as_configured_has_no_power() {
     for (ms, reason) in [(0, Reason::WatchdogOff), (61, Reason::WatchdogLong)] {
         let mut bench = Bench::armed();
