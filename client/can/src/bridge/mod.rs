@@ -180,14 +180,11 @@ impl Bridge {
             Operation::Arm => {
                 self.armed_at = self.command.stamp_ns;
                 let unready = self.motors.iter().find_map(Motor::never_ready);
-                for mechanism in &mut self.mechanisms {
-                    mechanism.arm(now_ns, unready);
-                }
                 let Bridge { motors, mechanisms, configuration, .. } = self;
-                for motor in motors.iter_mut() {
-                    let number = configuration.mechanisms.get(motor.config.actuator);
-                    if number.and_then(|number| mechanisms.get(*number)).is_some_and(Mechanism::is_waiting) {
-                        motor.config.drive.prepare();
+                for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+                    if mechanism.arm(now_ns, unready) {
+                        let is_member = |motor: &&mut Motor| configuration.mechanisms.get(motor.config.actuator) == Some(&number);
+                        motors.iter_mut().filter(is_member).for_each(|motor| motor.config.drive.prepare());
                     }
                 }
             }
