@@ -14,10 +14,11 @@ use crate::clock::now_ns;
 
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {
+    /// First of all: where this ends, the buses say their last words before anything else is tidied up.
+    pub(super) ends: Vec<BusEnd>,
     pub(super) bridge: Bridge,
     pub(super) telemetry: Telemetry,
     pub(super) services: BridgeEnd,
-    pub(super) ends: Vec<BusEnd>,
     pub(super) stop: &'a AtomicBool,
 }
 
