@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use sarrus_simulation::{Method, Run, Settings};
 
-pub use self::four_bars::four_bars;
+pub use self::four_bars::{four_bars, pendulum};
 use self::problems::Problem;
 use crate::Outcome;
 use crate::progress::Progress;

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use sarrus_models::{Loaded, Options, Source, load};
 use sarrus_simulation::{Input, Method, Point, Run, Settings, Setup, Space, Spring, Start, simulate};
 
-use super::four_bars;
+use super::{four_bars, pendulum};
 use crate::Outcome;
 
 /// A robot, what hangs on it, and where it starts.
@@ -88,7 +88,7 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
     let rows = |id, title, n: usize, duration: f64, step: f64| -> Outcome<Problem> {
         let mut row = Problem::new(id, title, &four_bars(n), duration, step)?;
         row.yd[0] = -1.0;
-        let [angle, rate] = pendulum(n as f64, duration);
+        let [angle, rate] = pendulum(n as f64, [0.5 * PI, -1.0], duration);
         row.known = Some(Known { y: vec![angle - 0.5 * PI], yd: vec![rate], from: "the parallelogram branch as one pendulum", to: 1e-12 });
         Ok(row)
     };
@@ -121,22 +121,4 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
         problems.insert(2, rows("four_bars_40", "40 four-bars in a row to 2 s, through the flat pose", 40, 2.0, 1e-2)?);
     }
     Ok(problems)
-}
-
-/// θ and θ̇ of N four-bars as one pendulum, ((N+1)/3 + N) θ̈ = −((N+1)/2 + N) g cos θ, by Runge and Kutta's method at a step that leaves nothing to
-/// be seen.
-fn pendulum(n: f64, duration: f64) -> [f64; 2] {
-    let pull = |angle: f64| -((n + 1.0) / 2.0 + n) * 9.81 * angle.cos() / ((n + 1.0) / 3.0 + n);
-    let steps = 100_000;
-    let h = duration / f64::from(steps);
-    let (mut angle, mut rate) = (0.5 * PI, -1.0);
-    for _ in 0..steps {
-        let a = [rate, pull(angle)];
-        let b = [rate + 0.5 * h * a[1], pull(angle + 0.5 * h * a[0])];
-        let c = [rate + 0.5 * h * b[1], pull(angle + 0.5 * h * b[0])];
-        let d = [rate + h * c[1], pull(angle + h * c[0])];
-        angle += h / 6.0 * (a[0] + 2.0 * (b[0] + c[0]) + d[0]);
-        rate += h / 6.0 * (a[1] + 2.0 * (b[1] + c[1]) + d[1]);
-    }
-    [angle, rate]
 }

@@ -54,6 +54,8 @@ pub(super) struct Place {
     /// How many points are on the front, and how many of them are not a peer's.
     pub(super) front: usize,
     pub(super) ours: usize,
+    /// Whether a peer competes at all.
+    pub(super) with_peer: bool,
     /// The ends of the front.
     pub(super) fastest: String,
     pub(super) most_exact: String,
@@ -73,6 +75,7 @@ fn place(figure: &Figure) -> Option<Place> {
         figure: figure.id.clone(),
         title: figure.title.clone(),
         front: front.len(),
+        with_peer: figure.series.iter().any(|series| series.front && is_peer(&series.name)),
         ours: front.iter().filter(|point| !is_peer(point.series)).count(),
         fastest: words(fastest),
         most_exact: words(most_exact),
@@ -140,7 +143,10 @@ mod tests {
         let rounding =
             Figure { series: vec![series("a", &[(100.0, 9e-15)]), series("Pinocchio FD", &[(300.0, 1e-16)])], ..Figure::default() };
         assert_eq!(peers(&rounding), "Pinocchio FD: 3.00 times the time at no smaller error");
-        assert_eq!(peers(&Figure { series: vec![ours], ..Figure::default() }), "none measured");
+        assert_eq!(peers(&Figure { series: vec![ours.clone()], ..Figure::default() }), "none measured");
+        let counts = |figure| place(figure).map(|place| (place.ours, place.front, place.with_peer));
+        assert_eq!(counts(&better), Some((2, 3, true)));
+        assert_eq!(counts(&Figure { series: vec![ours], ..Figure::default() }), Some((2, 2, false)));
         assert!(place(&Figure::default()).is_none());
     }
 }

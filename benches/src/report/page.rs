@@ -68,7 +68,8 @@ fn document(title: &str, body: &Markup) -> String {
 fn top(report: &Report) -> Markup {
     let places = places(&report.sections);
     let silent = report.silent_failures();
-    let (front, ours) = places.iter().fold((0, 0), |(front, ours), place| (front + place.front, ours + place.ours));
+    let against = places.iter().filter(|place| place.with_peer);
+    let (front, ours) = against.fold((0, 0), |(front, ours), place| (front + place.front, ours + place.ours));
     html! {
         header {
             h1 { "sarrus: error against run time, stiff and extreme cases" }
@@ -77,7 +78,7 @@ fn top(report: &Report) -> Markup {
                 li { b { (report.worst_error().map_or("-".to_owned(), exponent)) } "worst error of an answer given as good" }
                 li.(if silent == 0 { "good" } else { "bad" }) { b { (silent) } "silent failures" }
                 li { b { (report.cases()) } "extreme cases" }
-                @if front > 0 { li { b { (ours) " of " (front) } "points on Pareto fronts are ours" } }
+                @if front > 0 { li { b { (ours) " of " (front) } "points on the Pareto fronts that a peer competes for are ours" } }
             }
             @for section in &report.sections {
                 @for sentence in &section.summary { p { (sentence) } }

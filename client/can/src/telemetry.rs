@@ -103,9 +103,9 @@ impl Telemetry {
     }
 }
 
-/// Three digits, up to the longest.
+/// Two digits, up to the longest: a table that is soon read.
 fn histogram() -> Option<Histogram<u64>> {
-    Histogram::new_with_bounds(1, LONGEST_NS, 3).ok()
+    Histogram::new_with_bounds(1, LONGEST_NS, 2).ok()
 }
 
 fn times(histogram: &Histogram<u64>) -> Times {

@@ -8,7 +8,6 @@ mod planar;
 mod platforms;
 mod squeezer;
 
-pub(crate) use planar::four_bars;
 use sarrus_dynamics::{Compiled, Field, FieldSet, Request, Wanted};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::run::Robot;

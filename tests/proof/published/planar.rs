@@ -2,6 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use sarrus_benches::four_bars;
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_tests::compare::assert_close;
 use sarrus_tests::seed::Seeded;
@@ -41,8 +42,6 @@ fn the_lambda_stands_where_its_table_says() {
         }
     }
 }
-
-pub(crate) use sarrus_benches::four_bars;
 
 #[test]
 fn four_bars_in_a_row_fall_as_one_pendulum() {

@@ -4,11 +4,12 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use sarrus_benches::{four_bars, pendulum};
 use sarrus_simulation::{Source, Space};
 use sarrus_tests::compare::assert_close;
 
 use super::*;
-use crate::published::{SQUEEZER, four_bars};
+use crate::published::SQUEEZER;
 
 fn squeezer() -> Robot {
     let mut robot = Robot::bundled("squeezer");
@@ -49,22 +50,6 @@ fn the_squeezer_arrives_as_published_by_an_implicit_and_an_explicit_method() {
         assert!(run.drift() < 1e-9, "drift {:e}", run.drift());
         assert_close("work", &[end.work], &[0.033 * end.q[0]], 1e-3, 1e-9);
     }
-}
-
-/// θ and θ̇ of N four-bars as one pendulum, by Runge and Kutta's method at a step that leaves nothing to be seen.
-fn pendulum(n: f64, [mut angle, mut rate]: [f64; 2], duration: f64) -> [f64; 2] {
-    let pull = |angle: f64| -((n + 1.0) / 2.0 + n) * 9.81 * angle.cos() / ((n + 1.0) / 3.0 + n);
-    let steps = 200_000;
-    let h = duration / f64::from(steps);
-    for _ in 0..steps {
-        let a = [rate, pull(angle)];
-        let b = [rate + 0.5 * h * a[1], pull(angle + 0.5 * h * a[0])];
-        let c = [rate + 0.5 * h * b[1], pull(angle + 0.5 * h * b[0])];
-        let d = [rate + h * c[1], pull(angle + h * c[0])];
-        angle += h / 6.0 * (a[0] + 2.0 * (b[0] + c[0]) + d[0]);
-        rate += h / 6.0 * (a[1] + 2.0 * (b[1] + c[1]) + d[1]);
-    }
-    [angle, rate]
 }
 
 #[test]

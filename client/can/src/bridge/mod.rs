@@ -13,11 +13,13 @@ mod report;
 mod setpoint;
 #[cfg(test)]
 mod tests;
+mod verdict;
 
 pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
+pub use verdict::Verdict;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Operation, Reason, Standing};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, Reason, Standing};
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};
@@ -25,31 +27,10 @@ use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use motor::Motor;
 
-/// A stamp may lie this far in the future: clocks of two processors differ a little `[ns]`.
-const AHEAD_NS: u64 = 1_000_000;
 /// A reset is repeated for this long to motors that keep a fault `[ns]`.
 const RESET_NS: u64 = 1_000_000_000;
 /// Room for frames of one motor in one cycle.
 const FRAMES_PER_MOTOR: usize = 8;
-
-/// Whether a command was taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// It is the command from now on.
-    Accepted,
-    /// A number is NaN or infinite; the whole command is not used.
-    NotFinite,
-    /// A stiffness or damping is negative; the whole command is not used.
-    Negative,
-    /// Its sequence or stamp is not newer than that of the command before.
-    Old,
-    /// Its stamp lies in the future.
-    Ahead,
-    /// It was computed with another model.
-    WrongModel,
-    /// It is for another number of actuators.
-    WrongSize,
-}
 
 /// The bridge between commands and motors of one robot.
 #[derive(Debug)]
@@ -173,34 +154,6 @@ impl Bridge {
             self.commanded = true;
         }
         verdict
-    }
-
-    fn judge(&self, now_ns: u64, command: &ActuatorCommand) -> Verdict {
-        let n_u = self.configuration.actuators.len();
-        if command.n_u != n_u as u64 {
-            return Verdict::WrongSize;
-        }
-        if command.fingerprint != self.configuration.fingerprint {
-            return Verdict::WrongModel;
-        }
-        let ActuatorCommand { position, velocity, effort, stiffness, damping, .. } = command;
-        let used = |numbers: &[f64; MAX_ACTUATORS], good: fn(f64) -> bool| numbers.iter().take(n_u).all(|number| good(*number));
-        if ![position, velocity, effort, stiffness, damping].into_iter().all(|numbers| used(numbers, f64::is_finite)) {
-            return Verdict::NotFinite;
-        }
-        if ![stiffness, damping].into_iter().all(|numbers| used(numbers, |number| number >= 0.0)) {
-            return Verdict::Negative;
-        }
-        if command.stamp_ns > now_ns.saturating_add(AHEAD_NS) {
-            return Verdict::Ahead;
-        }
-        // while nothing has power another controller may begin to count anew
-        let is_idle = self.mechanisms.iter().all(|mechanism| !mechanism.is_live());
-        let is_newer = command.sequence > self.command.sequence || is_idle;
-        if self.commanded && !(is_newer && command.stamp_ns > self.command.stamp_ns) {
-            return Verdict::Old;
-        }
-        Verdict::Accepted
     }
 
     /// Does what an operator asks.
@@ -353,12 +306,15 @@ impl Bridge {
             return;
         }
         let missing = self.missing(now_ns, is_late);
+        if missing.is_none() {
+            let Bridge { motors, mechanisms, configuration, .. } = self;
+            let of = |motor: &Motor| configuration.mechanisms.get(motor.config.actuator).and_then(|number| mechanisms.get(*number));
+            let begins = |motor: &&mut Motor| of(motor).is_some_and(Mechanism::is_waiting);
+            motors.iter_mut().filter(begins).for_each(Motor::hold);
+        }
         let arming_ns = self.configuration.timeouts.arming_ns;
         for mechanism in &mut self.mechanisms {
             mechanism.wait(now_ns, arming_ns, missing);
-        }
-        if missing.is_none() {
-            self.motors.iter_mut().for_each(Motor::hold);
         }
     }
 

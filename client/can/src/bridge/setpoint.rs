@@ -11,7 +11,16 @@ impl Motor {
     /// set-point `[s]`. Marks what was limited.
     pub(super) fn setpoint(&mut self, command: &ActuatorCommand, ramp: f64, is_damped: bool, elapsed: f64) -> Setpoint {
         self.flags = 0;
-        let setpoint = if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
+        let mut setpoint = if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
+        if self.config.common.mode == Mode::Torque {
+            // a motor without gains of its own gets their sum
+            setpoint = ActuatorSetpoint { effort: setpoint.effort + self.by_gains(&setpoint), stiffness: 0.0, damping: 0.0, ..setpoint };
+        }
+        if !is_damped {
+            let change = self.config.limits.effort_rate * elapsed;
+            let (least, most) = (self.last_effort - change, self.last_effort + change);
+            setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
+        }
         let setpoint = self.within_effort(setpoint);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
         self.config.mapping.to_motor(&setpoint)
@@ -44,30 +53,39 @@ impl Motor {
         let way = limits.velocity * elapsed;
         let position = self.limited(position, self.last_position - way, self.last_position + way, flag::VELOCITY_LIMITED);
 
-        // growing, no faster than the effort may
-        let change = limits.effort_rate * elapsed;
-        let effort = self.limited(ramp * effort, self.last_effort - change, self.last_effort + change, flag::RATE_LIMITED);
-        ActuatorSetpoint { position, velocity: ramp * velocity, effort, stiffness: ramp * wanted.stiffness, damping: ramp * wanted.damping }
+        ActuatorSetpoint {
+            position,
+            velocity: ramp * velocity,
+            effort: ramp * effort,
+            stiffness: ramp * wanted.stiffness,
+            damping: ramp * wanted.damping,
+        }
     }
 
-    /// Spring, damper and effort together stay within the effort, as far as the last measurement tells. A motor that follows torques
-    /// gets their sum, since it has no gains of its own.
-    fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
-        let ActuatorSetpoint { position, velocity, effort, stiffness, damping } = setpoint;
+    /// What stiffness and damping make of the last measurement `[N m, N]`.
+    fn by_gains(&self, setpoint: &ActuatorSetpoint) -> f64 {
         if matches!(self.config.common.mode, Mode::Position | Mode::Velocity) {
-            return setpoint;
+            return 0.0;
         }
         // a motor that does not tell its velocity counts as standing
         let known = |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
-        let behind = position - known(self.measured.position, position);
-        let slower = velocity - known(self.measured.velocity, 0.0);
-        let by_gains = stiffness * behind + damping * slower;
+        let behind = setpoint.position - known(self.measured.position, setpoint.position);
+        let slower = setpoint.velocity - known(self.measured.velocity, 0.0);
+        setpoint.stiffness * behind + setpoint.damping * slower
+    }
+
+    /// Spring, damper and effort together stay within the limit, as far as the last measurement tells. All three shrink alike, so that
+    /// none of them is left alone where the motor itself saturates another.
+    fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
         let most = self.config.limits.effort;
-        let total = self.limited(effort + by_gains, -most, most, flag::EFFORT_LIMITED);
-        match self.config.common.mode {
-            Mode::Torque => ActuatorSetpoint { effort: total, stiffness: 0.0, damping: 0.0, ..setpoint },
-            _ => ActuatorSetpoint { effort: total - by_gains, ..setpoint },
+        let total = setpoint.effort + self.by_gains(&setpoint);
+        if total.abs() <= most {
+            return setpoint;
         }
+        self.flags |= flag::EFFORT_LIMITED;
+        let part = most / total.abs();
+        let ActuatorSetpoint { effort, stiffness, damping, .. } = setpoint;
+        ActuatorSetpoint { effort: part * effort, stiffness: part * stiffness, damping: part * damping, ..setpoint }
     }
 
     /// A number between two bounds; marks it where it is not. Both comparisons fail for NaN, which commands never hold.

@@ -81,11 +81,19 @@ pub(super) fn whole(configuration: &Configuration, places: &[Place], rate: Place
             let found = format!("{} needs CAN FD, and {} is a classic bus", motor.protocol.name, quoted(&bus.name));
             findings.error(*place, found, "`data_bitrate` on the bus", "add it, or use another bus");
         }
+        if u64::from(motor.common.watchdog_ms) * 1_000_000 <= configuration.period_ns() {
+            let found = format!("a watchdog of {} ms at {} Hz", motor.common.watchdog_ms, configuration.rate_hz);
+            findings.error(*place, found, "a watchdog longer than a cycle", "the motor would let go between two commands; make it longer");
+        }
         let mut frames = FrameQueue::new(16);
         motor.drive.encode(&Setpoint::default(), &mut frames);
         if frames.frames().is_empty() {
             findings.error(*place, "the drive sends nothing for a set-point", "at least one frame", "correct its settings");
         }
+    }
+    if configuration.timeouts.feedback_ns <= configuration.period_ns() {
+        let found = format!("`feedback_ms` is not longer than a cycle at {} Hz", configuration.rate_hz);
+        findings.error(rate, found, "longer than a cycle", "motors answer once a cycle; make it longer, or rate_hz higher");
     }
     for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
         let percent = load.fraction * 100.0;

@@ -231,9 +231,6 @@ impl Reader<'_, '_> {
             if read.integer("sign") == 0 {
                 self.findings.error(read.place("sign"), "`sign` is 0", "1 or -1", "correct it");
             }
-            if read.has("offset") && read.number("offset") == 0.0 && limits.lower > 0.0 {
-                self.findings.warning(read.place("offset"), "the offset is outside the limits", "a position of the actuator", "measure it");
-            }
             let (Some(actuator), Some(bus)) = (actuator, bus) else { continue };
             let motor = MotorConfig {
                 actuator,

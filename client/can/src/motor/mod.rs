@@ -1,7 +1,7 @@
 //! Motors from their own side: what they do with frames, and how their shafts turn. For tests and rehearsals.
 //!
 //! Everything here is written from the makers' manuals and not from the drives of [`crate::protocol`]: the two are a check of each other.
-//! No I/O and no clock; frames and times are arguments. To add a protocol: a file here, and its line in [`Simulated::new`].
+//! No I/O and no clock; frames and times are arguments. To add a protocol: a file here, and its line in [`firmware`].
 
 mod body;
 mod cia402;
@@ -31,6 +31,7 @@ trait Firmware: Send + core::fmt::Debug {
 pub struct Simulated {
     /// Shaft, power, watchdog.
     pub body: Body,
+    made_of: (String, Settings, Common, Physics),
     firmware: Box<dyn Firmware>,
     stepped_ns: Option<u64>,
     heard: Option<(u64, Frame)>,
@@ -44,16 +45,21 @@ impl Simulated {
     /// A motor of a protocol, with the settings that its drive has; `None` for a protocol that is not simulated.
     pub fn new(protocol: &str, settings: &Settings, common: Common, physics: Physics) -> Option<Simulated> {
         let mut body = Body::new(physics);
-        let firmware: Box<dyn Firmware> = match protocol {
-            "mit" => Box::new(mit::Mit::new(settings, common, &mut body)),
-            "cybergear" => Box::new(cybergear::CyberGear::new(settings, common, &mut body)),
-            "odrive" => Box::new(odrive::Odrive::new(settings, common)),
-            "moteus" => Box::new(moteus::Moteus::new(settings, common, &mut body)),
-            "cia402" => Box::new(cia402::Cia402::new(settings, common)),
-            _ => return None,
-        };
-        let replies = FrameQueue::new(16);
-        Some(Simulated { body, firmware, stepped_ns: None, heard: None, n_heard: 0, silent: false, wrong_id: false, replies })
+        let firmware = firmware(protocol, settings, common, &mut body)?;
+        let (made_of, replies) = ((protocol.to_owned(), settings.clone(), common, physics), FrameQueue::new(16));
+        Some(Simulated { body, made_of, firmware, stepped_ns: None, heard: None, n_heard: 0, silent: false, wrong_id: false, replies })
+    }
+
+    /// Its supply went away and came back: no power, no fault, and every setting as when it was new; shaft and zero stay where they are.
+    pub fn reboot(&mut self) {
+        let (protocol, settings, common, physics) = &self.made_of;
+        let Body { position, velocity, zero, .. } = self.body;
+        let mut body = Body::new(*physics);
+        (body.position, body.velocity, body.zero) = (position, velocity, zero);
+        if let Some(firmware) = firmware(protocol, settings, *common, &mut body) {
+            (self.body, self.firmware) = (body, firmware);
+        }
+        self.replies.clear();
     }
 
     /// Gives a frame of the bus to the motor; its answers go to `out`. Whether it was for this motor.
@@ -130,6 +136,18 @@ impl Simulated {
         }
         self.replies.clear();
     }
+}
+
+/// The firmware of a protocol; `None` for one that is not simulated.
+fn firmware(protocol: &str, settings: &Settings, common: Common, body: &mut Body) -> Option<Box<dyn Firmware>> {
+    Some(match protocol {
+        "mit" => Box::new(mit::Mit::new(settings, common, body)),
+        "cybergear" => Box::new(cybergear::CyberGear::new(settings, common, body)),
+        "odrive" => Box::new(odrive::Odrive::new(settings, common)),
+        "moteus" => Box::new(moteus::Moteus::new(settings, common, body)),
+        "cia402" => Box::new(cia402::Cia402::new(settings, common)),
+        _ => return None,
+    })
 }
 
 /// A standard frame of at most eight bytes; more are cut off.

@@ -2,6 +2,7 @@
 
 use sarrus_models::Findings;
 use sarrus_models::yaml;
+use sarrus_proto::actuators::MAX_ACTUATORS;
 
 use super::super::*;
 use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};
@@ -168,11 +169,25 @@ impl Bench {
 
     pub(super) fn armed() -> Bench {
         let mut bench = Bench::new(|_| {});
-        bench.steps(3);
-        bench.bridge.operate(bench.now_ns, Operation::Arm);
-        bench.steps(5);
-        assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+        bench.arm();
         bench
+    }
+
+    pub(super) fn arm(&mut self) {
+        self.steps(3);
+        self.bridge.operate(self.now_ns, Operation::Arm);
+        self.steps(5);
+        assert_eq!(self.standings(), [Standing::Enabled; 3]);
+    }
+
+    /// One command more, which is the last, and ages.
+    pub(super) fn send(&mut self, change: impl Fn(&mut ActuatorCommand)) {
+        self.commands = false;
+        self.sequence += 1;
+        self.now_ns += 1;
+        let mut command = self.command();
+        change(&mut command);
+        assert_eq!(self.bridge.command(self.now_ns, &command), Verdict::Accepted);
     }
 
     pub(super) fn standings(&self) -> [Standing; 3] {

@@ -4,8 +4,8 @@ use bench::{Bench, MS};
 use sarrus_models::LoadError;
 
 use super::*;
-use crate::config::Surroundings;
-use crate::drive::Setpoint;
+use crate::config::{Limits, Surroundings};
+use crate::drive::{Mode, Setpoint};
 use crate::frame::Id;
 use sarrus_proto::actuators::flag;
 
@@ -108,7 +108,7 @@ fn one_number_that_is_none_rejects_the_whole_command() {
     let mut bench = Bench::armed();
     let position = bench.setpoint(0).position;
     bench.commands = false;
-    for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+    for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e61] {
         for field in 0..5 {
             bench.sequence += 1;
             let mut command = bench.command();
@@ -117,7 +117,7 @@ fn one_number_that_is_none_rejects_the_whole_command() {
             assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::NotFinite);
         }
     }
-    assert_eq!(bench.bridge.counters().not_finite, 15);
+    assert_eq!(bench.bridge.counters().not_finite, 20);
     bench.steps(120);
     assert_eq!(bench.reason(0), Reason::CommandLost, "commands that are not taken feed no deadman");
     assert!(position.is_finite());
@@ -158,9 +158,7 @@ fn a_motor_that_fails_stops_its_closed_mechanism_and_no_other() {
 #[test]
 fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
     let mut bench = Bench::new(|configuration| configuration.stop = Stop::Robot);
-    bench.steps(3);
-    bench.bridge.operate(bench.now_ns, Operation::Arm);
-    bench.steps(5);
+    bench.arm();
     bench.fault[2] = 1;
     bench.steps(3);
     assert_eq!(bench.standings(), [Standing::Fault; 3]);
@@ -206,16 +204,13 @@ fn a_bridge_that_was_stopped_lets_go() {
 fn limits_are_kept_and_reported() {
     let mut bench = Bench::armed();
     bench.steps(150);
-    bench.commands = false;
-    bench.sequence += 1;
-    bench.now_ns += 1;
-    let mut command = bench.command();
-    command.position[0] = 40.0;
-    command.effort[1] = -50.0;
-    command.stiffness[1] = 0.0;
-    command.velocity[2] = 1e6;
-    command.stiffness[2] = 0.0;
-    assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::Accepted);
+    bench.send(|command| {
+        command.position[0] = 40.0;
+        command.effort[1] = -50.0;
+        command.stiffness[1] = 0.0;
+        command.velocity[2] = 1e6;
+        command.stiffness[2] = 0.0;
+    });
     bench.steps(10);
     assert_eq!(bench.setpoint(0).position, 1.0);
     assert_eq!(bench.setpoint(1).torque, -10.0);
@@ -228,18 +223,58 @@ fn limits_are_kept_and_reported() {
 
 #[test]
 fn spring_and_effort_together_stay_within_the_effort() {
-    let mut bench = Bench::armed();
+    for most_stiffness in [1000.0, 1e60] {
+        let mut bench = Bench::armed();
+        bench.steps(150);
+        bench.send(|command| command.stiffness[0] = most_stiffness);
+        bench.step();
+        let Setpoint { position, torque, stiffness, .. } = bench.setpoint(0);
+        assert!((stiffness * (position - 0.2) + torque - 10.0).abs() < 1e-9);
+        // neither is large against the other: a motor that saturates one of them is not left with the rest
+        assert!((0.0..=10.0).contains(&torque) && (0.0..=10.0 / 0.3 + 1e-9).contains(&stiffness), "{torque} {stiffness}");
+        assert_ne!(bench.bridge.state().flags[0] & flag::EFFORT_LIMITED, 0);
+    }
+}
+
+#[test]
+fn a_motor_that_follows_torques_gets_the_sum_no_faster_than_it_may_change() {
+    let mut bench = Bench::new(|configuration| {
+        configuration.motors[0].common.mode = Mode::Torque;
+        configuration.motors[0].limits.effort_rate = 1000.0;
+    });
+    bench.arm();
     bench.steps(150);
-    bench.commands = false;
-    bench.sequence += 1;
-    bench.now_ns += 1;
-    let mut command = bench.command();
-    command.stiffness[0] = 1000.0;
-    assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::Accepted);
+    // 1 + 2 (0.5 - 0.2)
+    assert_eq!(bench.setpoint(0), Setpoint { position: 0.5, torque: 1.6, ..Setpoint::default() });
+    bench.send(|command| command.stiffness[0] = 20.0);
+    let torques: Vec<f64> = (0..10)
+        .map(|_| {
+            bench.step();
+            bench.setpoint(0).torque
+        })
+        .collect();
+    let expected = [2.6, 3.6, 4.6, 5.6, 6.6, 7.0, 7.0, 7.0, 7.0, 7.0];
+    assert!(torques.iter().zip(expected).all(|(torque, expected)| (torque - expected).abs() < 1e-5), "{torques:?}");
+}
+
+#[test]
+fn a_mechanism_that_is_armed_does_not_disturb_another_that_follows() {
+    let mut bench = Bench::new(|configuration| {
+        configuration.motors.iter_mut().for_each(|motor| motor.limits = Limits { velocity: 1.0, effort_rate: 100.0, ..motor.limits });
+    });
+    bench.arm();
+    bench.fault[2] = 4;
+    bench.steps(1000);
+    let before = bench.setpoint(0);
+    bench.fault[2] = 0;
+    bench.bridge.operate(bench.now_ns, Operation::Reset);
     bench.step();
-    let Setpoint { position, torque, stiffness, .. } = bench.setpoint(0);
-    // 1000 · (0.5 − 0.2) + torque = 10
-    assert!((stiffness * (position - 0.2) + torque - 10.0).abs() < 1e-9);
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    for _ in 0..5 {
+        bench.step();
+        assert_eq!(bench.setpoint(0), before);
+    }
+    assert_eq!(bench.standings(), [Standing::Enabled; 3]);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! A bus whose adapter may go away and come back.
 
+use std::io::Write;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::time::{Duration, Instant};
 
@@ -77,7 +78,8 @@ impl Lasting {
     /// Says something once.
     fn say(&mut self, what: String) {
         if self.said != what {
-            eprintln!("sarrus-can: bus {}: {what}", self.name);
+            // nobody may be there to read it
+            let _ = writeln!(std::io::stderr(), "sarrus-can: {}: {what}", self.name);
             self.said = what;
         }
     }

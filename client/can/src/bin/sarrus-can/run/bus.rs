@@ -10,12 +10,14 @@ use sarrus_can::bridge::BusEvent;
 use sarrus_can::config::BusConfig;
 use sarrus_can::frame::Frame;
 
-use super::realtime;
+use super::{realtime, say};
 use crate::bus::{Address, Bus, BusError, Heard, Lasting, Sent, wait_for};
 use crate::clock::now_ns;
 
 /// Room for frames and events on their way between two threads.
 const ROOM: usize = 4096;
+/// Things that are heard before frames are sent again.
+const AT_ONCE: usize = 256;
 /// How often the last words are said, and the time between.
 const LAST_WORDS: (usize, Duration) = (5, Duration::from_millis(5));
 /// A bus whose rules say nothing for this time looks whether they are still there.
@@ -54,9 +56,10 @@ pub(crate) struct BusEnd {
 }
 
 impl BusEnd {
-    /// The next thing that was heard.
-    pub(crate) fn next(&mut self) -> Option<Stamped> {
-        self.heard.pop().ok()
+    /// What was heard until now; what comes meanwhile is for the next cycle.
+    pub(crate) fn heard(&mut self) -> impl Iterator<Item = Stamped> {
+        let waiting = self.heard.slots();
+        std::iter::from_fn(|| self.heard.pop().ok()).take(waiting)
     }
 
     /// Hands the frames of a cycle over and wakes the bus; gives how many found no room.
@@ -89,7 +92,7 @@ impl BusThread {
         realtime::be_first(priority);
         while !self.queues.to_send.is_abandoned() {
             if let Err(error) = self.queues.serve(&mut self.port) {
-                eprintln!("sarrus-can run: {}: {error}", self.name);
+                say(format_args!("{}: {error}", self.name));
                 return;
             }
         }
@@ -103,7 +106,9 @@ impl Queues {
             let (readable, bell) = (port.readable(), self.bell.as_fd());
             wait_for(&mut [PollFd::new(&readable, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)], PATIENCE)?;
         }
-        while let Some(heard) = port.next()? {
+        // a bus that never falls silent does not keep this thread from sending
+        for _ in 0..AT_ONCE {
+            let Some(heard) = port.next()? else { break };
             self.tell(heard);
         }
         if self.overrun > 0 && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok() {

@@ -7,6 +7,7 @@ mod bus;
 mod realtime;
 mod rules;
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -55,11 +56,11 @@ impl Run {
                 return ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 });
             }
         };
-        configuration.warnings.iter().for_each(|warning| eprintln!("sarrus-can run: warning: {warning}"));
+        configuration.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));
         match self.bridge(configuration) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
-                eprintln!("sarrus-can run: {error}");
+                say(format_args!("{error}"));
                 ExitCode::from(2)
             }
         }
@@ -88,7 +89,7 @@ impl Run {
             ends.push(end);
         }
         let telemetry = Telemetry::new(&bridge, &loads, std::process::id(), now_ns()).ok_or("no memory for histograms")?;
-        realtime::lock_memory().into_iter().for_each(|note| eprintln!("sarrus-can run: {note}"));
+        realtime::lock_memory().into_iter().for_each(|note| say(format_args!("{note}")));
 
         let result = thread::scope(|scope| {
             let buses: Vec<_> = threads.into_iter().map(|thread| scope.spawn(|| thread.run(self.priority))).collect();
@@ -124,9 +125,13 @@ impl Run {
     }
 }
 
+/// Tells people something. Nobody may be there to read it: the bridge goes on.
+fn say(what: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr(), "sarrus-can run: {what}");
+}
+
 /// Whoever started the bridge may have closed its end: it goes on.
 fn announce(name: &str, fingerprint: u64) {
-    use std::io::Write;
     let mut out = std::io::stdout().lock();
     let _ = writeln!(out, "ready {name} {fingerprint:016x}").and_then(|()| out.flush());
 }

@@ -8,6 +8,8 @@ use rustix::process::{Resource, Signal, getppid, getrlimit, set_parent_process_d
 use thread_priority::{RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id};
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
+use super::say;
+
 /// SIGTERM comes when the parent ends; where it has ended already, `stop` is set.
 pub(crate) fn end_with_parent(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
     let parent = getppid();
@@ -39,6 +41,6 @@ pub(crate) fn be_first(priority: u8) {
     let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
     let set = value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy));
     if !matches!(set, Ok(Ok(()))) {
-        eprintln!("sarrus-can run: no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend on other programs");
+        say(format_args!("no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend on other programs"));
     }
 }

@@ -53,7 +53,7 @@ impl Rules<'_> {
 
     fn cycle(&mut self, now: u64) {
         for (bus, end) in self.ends.iter_mut().enumerate() {
-            while let Some((at_ns, heard)) = end.next() {
+            for (at_ns, heard) in end.heard() {
                 match heard {
                     Heard::Frame(frame) => self.bridge.receive(at_ns, bus, &frame),
                     Heard::Event(event) => self.bridge.bus_event(at_ns, bus, event),

@@ -1,10 +1,11 @@
 //! Lines on stdin: what tests ask and what they break.
 //!
-//! `report` | `fault MOTOR CODE` (0 removes it) | `silence MOTOR on|off` | `wrong_id MOTOR on|off` | `loss PART` | `delay MS` |
-//! `warning` | `passive` | `busoff` | `active` (the adapter's state, over slcan). `loss`, `delay` and the adapter's state are for all buses,
+//! `report` | `fault MOTOR CODE` (0 removes it) | `reboot MOTOR` | `silence MOTOR on|off` | `wrong_id MOTOR on|off` | `loss PART` |
+//! `delay MS` | `warning` | `passive` | `busoff` | `active` (the adapter's state, over slcan). `loss`, `delay` and the adapter's state are for all buses,
 //! or for one whose name follows.
 
 use sarrus_can::bridge::BusEvent;
+use sarrus_can::motor::Simulated;
 
 use super::line::Line;
 use super::plant::Plant;
@@ -16,6 +17,7 @@ use crate::bus::BusError;
 pub(super) enum Order {
     Report,
     Fault(String, u32),
+    Reboot(String),
     Silence(String, bool),
     WrongId(String, bool),
     Loss(f64, Option<String>),
@@ -36,6 +38,7 @@ pub(super) fn read(line: &str) -> Result<Order, String> {
             };
             code.map(|code| Order::Fault((*motor).to_owned(), code)).ok_or_else(|| "the code is a whole number".to_owned())
         }
+        ["reboot", motor] => Ok(Order::Reboot((*motor).to_owned())),
         ["silence", motor, on @ ("on" | "off")] => Ok(Order::Silence((*motor).to_owned(), *on == "on")),
         ["wrong_id", motor, on @ ("on" | "off")] => Ok(Order::WrongId((*motor).to_owned(), *on == "on")),
         ["loss", part, rest @ ..] if rest.len() < 2 => match part.parse() {
@@ -50,8 +53,8 @@ pub(super) fn read(line: &str) -> Result<Order, String> {
         ["warning", rest @ ..] if rest.len() < 2 => state(BusEvent::ErrorWarning, bus(rest)),
         ["passive", rest @ ..] if rest.len() < 2 => state(BusEvent::ErrorPassive, bus(rest)),
         ["busoff", rest @ ..] if rest.len() < 2 => state(BusEvent::BusOff, bus(rest)),
-        _ => Err("expected report, fault MOTOR CODE, silence MOTOR on|off, wrong_id MOTOR on|off, loss PART, delay MS, active, warning, \
-                  passive or busoff"
+        _ => Err("expected report, fault MOTOR CODE, reboot MOTOR, silence MOTOR on|off, wrong_id MOTOR on|off, loss PART, delay MS, \
+                  active, warning, passive or busoff"
             .to_owned()),
     }
 }
@@ -64,6 +67,7 @@ pub(super) fn obey(order: &Order, now_ns: u64, plant: &mut Plant, lines: &mut [L
             true
         }
         Order::Fault(motor, code) => plant.with(motor, |motor| motor.fault(*code)),
+        Order::Reboot(motor) => plant.with(motor, Simulated::reboot),
         Order::Silence(motor, on) => plant.with(motor, |motor| motor.silence(*on)),
         Order::WrongId(motor, on) => plant.with(motor, |motor| motor.answer_wrongly(*on)),
         Order::Loss(part, bus) => each(lines, bus, |line| {
@@ -95,6 +99,7 @@ mod tests {
     fn lines_are_read() {
         assert_eq!(read("report"), Ok(Order::Report));
         assert_eq!(read(" fault elbow 0x10 "), Ok(Order::Fault("elbow".to_owned(), 16)));
+        assert_eq!(read("reboot elbow"), Ok(Order::Reboot("elbow".to_owned())));
         assert_eq!(read("silence elbow on"), Ok(Order::Silence("elbow".to_owned(), true)));
         assert_eq!(read("loss .25"), Ok(Order::Loss(0.25, None)));
         assert_eq!(read("delay 3 arm"), Ok(Order::Delay(3_000_000, Some("arm".to_owned()))));
