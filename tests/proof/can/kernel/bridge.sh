@@ -17,6 +17,7 @@ until_power() {
 powered() { until_power true false; }
 unpowered() { until_power false true; }
 bridge() {
+    $B rm -f /run/bridge /run/controller
     PROGRAM run $1 --name kernel > /run/bridge 2>&1 & BRIDGE=$!
     wait_for /run/bridge "ready kernel"
     HOLD kernel 20 1 > /run/controller 2>&1 & CONTROLLER=$!

@@ -4,6 +4,7 @@
 //! `apt-get install user-mode-linux busybox-static can-utils iproute2 gcc`. Its clock counts hundredths of seconds: these tests are about what
 //! is right and never about time.
 
+use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -136,7 +137,7 @@ fn boot(script: &str) -> Option<String> {
     };
     let motor = |actuator: &str, text: &str| format!("- {{actuator: {actuator}, bus: arm, {text}}}\n");
     // a bridge that lost its bus is to find the motors with power; on the bus that is off their watchdogs take it away
-    let [patient, quick] = ["60000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
+    let [patient, quick] = ["10000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
     write("vcan.yml", &(bus("socketcan", "vcan0", ", data_bitrate: 5000000") + &patient + &motor("wrist", MOTEUS)));
     write("slcan.yml", &(bus("slcan", &path("bus").display().to_string(), "") + &quick));
     write("kernel.yml", &(bus("socketcan", "slcan0", "") + &quick));
@@ -159,19 +160,18 @@ fn boot(script: &str) -> Option<String> {
     if std::path::Path::new("/dev/shm").is_dir() {
         kernel.env("TMPDIR", "/dev/shm");
     }
-    let mut child = kernel.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-    let mut stdout = child.stdout.take().unwrap();
-    let reader = std::thread::spawn(move || {
-        let mut said = Vec::new();
-        let _ = std::io::Read::read_to_end(&mut stdout, &mut said);
-        String::from_utf8_lossy(&said).replace('\r', "")
-    });
+    // into a file: a kernel that is killed leaves processes behind that keep a pipe open
+    let said = std::fs::File::create(path("said")).unwrap();
+    let mut child = kernel.stdin(Stdio::null()).stdout(said).stderr(Stdio::null()).process_group(0).spawn().unwrap();
     // a kernel that hangs is ended, and what it said tells where
     let end = Instant::now() + Duration::from_secs(240);
     while child.try_wait().unwrap().is_none() && Instant::now() < end {
         std::thread::sleep(Duration::from_millis(50));
     }
-    let _ = child.kill();
-    let _ = child.wait();
-    Some(reader.join().unwrap())
+    if child.try_wait().unwrap().is_none() {
+        let group = format!("-{}", child.id());
+        let _ = Command::new("kill").args(["-KILL", "--", &group]).status();
+        let _ = child.wait();
+    }
+    Some(String::from_utf8_lossy(&std::fs::read(path("said")).unwrap()).replace('\r', ""))
 }

@@ -12,10 +12,10 @@ done
 ip() { IPROUTE "$@"; }
 ip link add dev vcan0 type vcan; ip link set vcan0 mtu 72 up
 ip link add dev vcan1 type vcan; ip link set vcan1 mtu 16 up
-# a file holds a word, the second time, the third time
+# a file holds a word, on so many lines or one
 wait_for() {
-    n=0
-    while [ "$($B grep -c "$2" "$1" 2>/dev/null)" -lt "${3:-1}" ]; do
-        n=$((n + 1)); [ $n -gt 200 ] && { echo "no $2 in $1:"; $B cat "$1"; return; }; $B sleep 0.1
+    waits=0
+    while found=$($B grep -c "$2" "$1" 2>/dev/null); [ "${found:-0}" -lt "${3:-1}" ]; do
+        waits=$((waits + 1)); [ $waits -gt 200 ] && { echo "no $2 in $1:"; $B cat "$1"; return; }; $B sleep 0.1
     done
 }

@@ -79,7 +79,7 @@ pub(crate) enum BusError {
              then `ip link set {0} type can restart`, or down and up"
     )]
     Off(String),
-    #[error("{name} has a {what} of {found} bit/s, expected {expected} as in the configuration: `ip link set {name} down`, then `{set}`")]
+    #[error("{name} has a {what} of {found} bit/s, expected {expected}: `ip link set {name} down`, then `{set}`")]
     OtherBitrate {
         name: String,
         what: &'static str,

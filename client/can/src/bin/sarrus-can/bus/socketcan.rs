@@ -260,4 +260,24 @@ mod tests {
         bytes[..4].copy_from_slice(&(REMOTE | 5).to_ne_bytes());
         assert_eq!(decode(&bytes), Decoded::Other);
     }
+    #[test]
+    fn frames_that_the_kernel_threw_away_at_bus_off_wait_no_longer() {
+        use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
+        // a pair of sockets: the other end is the kernel
+        let (ours, kernel) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None).unwrap();
+        let socket = CanFdSocket::from(ours);
+        let mut bus = SocketCan { name: "pair".to_owned(), socket, waiting: 0, lost: 0, events: [None; 3] };
+        for (class, event) in [(0x40_u32, BusEvent::BusOff), (0x100, BusEvent::Restarted)] {
+            bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).unwrap();
+            assert_eq!(bus.backlog(), 1);
+            let mut bytes = [0; CLASSIC];
+            bytes[..4].copy_from_slice(&(class | ERROR).to_ne_bytes());
+            send(&kernel, &bytes, SendFlags::empty()).unwrap();
+            assert_eq!(bus.next().unwrap(), Some(Heard::Event(event)));
+            assert_eq!(bus.backlog(), 0);
+        }
+        // and a bus whose other end is gone is gone
+        drop(kernel);
+        assert!(bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).is_err());
+    }
 }
