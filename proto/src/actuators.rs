@@ -92,6 +92,8 @@ codes! {
         Backlog = 14, "backlog";
         /// Another mechanism failed, and the robot stops as a whole.
         OtherMechanism = 15, "other_mechanism";
+        /// A motor's watchdog is longer than the configuration says.
+        WatchdogLong = 16, "watchdog_long";
     }
 }
 

@@ -147,6 +147,24 @@ pub struct Reply {
     pub len: usize,
 }
 
+/// An identifier that several motors of a bus may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shared {
+    /// The identifier.
+    pub id: Id,
+    /// What the data say of the motor, in the bits of `mask`.
+    pub tag: u16,
+    /// Bits that the data have room for.
+    pub mask: u16,
+}
+
+impl Shared {
+    /// Whether frames of the two cannot be told apart.
+    pub fn collides(&self, other: &Shared) -> bool {
+        self.id == other.id && (self.tag ^ other.tag) & self.mask & other.mask == 0
+    }
+}
+
 /// The bridge's half of the talk with one motor. Nothing here allocates, panics or reads a clock.
 pub trait Drive: Send + core::fmt::Debug {
     /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor answers with a measurement.
@@ -164,15 +182,19 @@ pub trait Drive: Send + core::fmt::Debug {
     /// What is known of the motor.
     fn state(&self) -> DriveState;
 
-    /// Forgets what is known of the motor: it may have been off the bus.
+    /// Is told when an operator arms, and before the motor gets power: what the motor must have been told is set and read back anew, since
+    /// a motor whose supply was away has lost it. Nothing where nothing can be set or read.
+    fn prepare(&mut self) {}
+
+    /// Forgets what is known of the motor: it may have been off the bus, or without supply.
     fn forget(&mut self);
 
     /// Identifiers that this drive sends on and its motor answers on; no two motors of a bus may share one.
     fn identifiers(&self) -> Vec<Id>;
 
-    /// Identifiers that several motors of a bus may answer on, told apart by their data; none of them may be in anyone's
+    /// Identifiers that several motors of a bus may use, told apart by their data; none of them may be in anyone's
     /// [`identifiers`](Drive::identifiers).
-    fn shared_identifiers(&self) -> Vec<Id> {
+    fn shared_identifiers(&self) -> Vec<Shared> {
         Vec::new()
     }
 

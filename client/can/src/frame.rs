@@ -76,6 +76,10 @@ impl Frame {
     /// Reads what [`Frame`] displays, the notation of `candump -L`; `None` for anything else.
     pub fn from_text(text: &str) -> Option<Frame> {
         let (id, rest) = text.split_once('#')?;
+        // numbers here have no signs
+        if text.contains(['+', '-']) {
+            return None;
+        }
         let number = u32::from_str_radix(id, 16).ok()?;
         let id = match id.len() {
             3 => Id::standard(number)?,
@@ -202,6 +206,8 @@ mod tests {
             "123##",
             "123##1000102030405060708090A",
             "123#R",
+            "+12#00",
+            "123#+f",
         ] {
             assert_eq!(Frame::from_text(text), None, "{text}");
         }

@@ -9,6 +9,7 @@ pub mod config;
 pub mod drive;
 pub mod frame;
 pub mod load;
+pub mod log;
 pub mod mapping;
 pub mod motor;
 pub mod protocol;

@@ -54,7 +54,8 @@ impl Controller {
         self.end.observer().state()
     }
 
-    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it.
+    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it. Stay until one does, and ask
+    /// again: a bridge that does not know of this program yet does not hear it.
     pub fn operate(&self, operation: Operation) -> u64 {
         operate(self.end.observer(), operation)
     }
@@ -80,7 +81,8 @@ impl Observer {
         self.end.statistics()
     }
 
-    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it.
+    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it. Stay until one does, and ask
+    /// again: a bridge that does not know of this program yet does not hear it.
     pub fn operate(&self, operation: Operation) -> u64 {
         operate(&self.end, operation)
     }

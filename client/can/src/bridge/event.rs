@@ -24,16 +24,38 @@ pub enum BusEvent {
 impl BusEvent {
     /// The event of a name in recordings; `count` is for those that count frames.
     pub fn named(name: &str, count: u32) -> Option<BusEvent> {
-        Some(match name {
-            "error_active" => BusEvent::ErrorActive,
-            "error_warning" => BusEvent::ErrorWarning,
-            "error_passive" => BusEvent::ErrorPassive,
-            "bus_off" => BusEvent::BusOff,
-            "restarted" => BusEvent::Restarted,
-            "dropped" => BusEvent::Dropped(count),
-            "backlog" => BusEvent::Backlog(count),
-            "overrun" => BusEvent::Overrun(count),
-            _ => return None,
-        })
+        let all = [
+            BusEvent::ErrorActive,
+            BusEvent::ErrorWarning,
+            BusEvent::ErrorPassive,
+            BusEvent::BusOff,
+            BusEvent::Restarted,
+            BusEvent::Dropped(count),
+            BusEvent::Backlog(count),
+            BusEvent::Overrun(count),
+        ];
+        all.into_iter().find(|event| event.name() == name)
+    }
+
+    /// Its name in recordings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BusEvent::ErrorActive => "error_active",
+            BusEvent::ErrorWarning => "error_warning",
+            BusEvent::ErrorPassive => "error_passive",
+            BusEvent::BusOff => "bus_off",
+            BusEvent::Restarted => "restarted",
+            BusEvent::Dropped(_) => "dropped",
+            BusEvent::Backlog(_) => "backlog",
+            BusEvent::Overrun(_) => "overrun",
+        }
+    }
+
+    /// The frames that it counts; `None` for events that count none.
+    pub const fn count(self) -> Option<u32> {
+        match self {
+            BusEvent::Dropped(count) | BusEvent::Backlog(count) | BusEvent::Overrun(count) => Some(count),
+            _ => None,
+        }
     }
 }

@@ -72,18 +72,18 @@ impl Mechanism {
         }
     }
 
-    /// An operator arms. What can never become ready by waiting refuses at once.
-    pub(super) fn arm(&mut self, now_ns: u64, unready: Option<Reason>) {
+    /// An operator arms. What can never become ready by waiting refuses at once. Whether it begins to wait.
+    pub(super) fn arm(&mut self, now_ns: u64, unready: Option<Reason>) -> bool {
         if self.standing != Standing::Disabled || !self.has_motors {
-            return;
+            return false;
         }
-        match unready {
-            Some(reason) => self.disable(reason),
-            None => {
-                (self.standing, self.reason, self.phase) = (Standing::Arming, Reason::None, Phase::Waiting);
-                self.armed_ns = now_ns;
-            }
+        if let Some(reason) = unready {
+            self.disable(reason);
+            return false;
         }
+        (self.standing, self.reason, self.phase) = (Standing::Arming, Reason::None, Phase::Waiting);
+        self.armed_ns = now_ns;
+        true
     }
 
     /// Takes the power away, unless it is latched in a fault, which has none.

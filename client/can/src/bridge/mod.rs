@@ -19,7 +19,7 @@ pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
 pub use verdict::Verdict;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, Reason, Standing};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason, Standing};
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};
@@ -27,6 +27,8 @@ use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use motor::Motor;
 
+/// Requests for power that are older than this are of another time `[ns]`.
+const OPERATION_NS: u64 = 1_000_000_000;
 /// A reset is repeated for this long to motors that keep a fault `[ns]`.
 const RESET_NS: u64 = 1_000_000_000;
 /// Room for frames of one motor in one cycle.
@@ -42,6 +44,8 @@ pub struct Bridge {
     command: ActuatorCommand,
     /// Stamp of the command when the robot was last told to arm `[ns]`; arming waits for a later one.
     armed_at: u64,
+    /// Stamp of the newest request to disarm `[ns]`.
+    disarmed_at: u64,
     /// Whether there was a command yet.
     commanded: bool,
     /// Since when a reset is under way.
@@ -85,6 +89,7 @@ impl Bridge {
             buses,
             command: ActuatorCommand::default(),
             armed_at: 0,
+            disarmed_at: 0,
             commanded: false,
             reset_ns: None,
             last_cycle_ns: None,
@@ -156,14 +161,31 @@ impl Bridge {
         verdict
     }
 
+    /// Takes a request of an operator. Power is given for requests of now only, and not for those before the last one to disarm, in
+    /// whatever order they come.
+    pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
+        let operation = Operation::from_code(request.operation)?;
+        if operation == Operation::Disarm {
+            self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
+        } else if now_ns.saturating_sub(request.stamp_ns) > OPERATION_NS || request.stamp_ns <= self.disarmed_at {
+            return None;
+        }
+        self.operate(now_ns, operation);
+        Some(operation)
+    }
+
     /// Does what an operator asks.
     pub fn operate(&mut self, now_ns: u64, operation: Operation) {
         match operation {
             Operation::Arm => {
                 self.armed_at = self.command.stamp_ns;
                 let unready = self.motors.iter().find_map(Motor::never_ready);
-                for mechanism in &mut self.mechanisms {
-                    mechanism.arm(now_ns, unready);
+                let Bridge { motors, mechanisms, configuration, .. } = self;
+                for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+                    if mechanism.arm(now_ns, unready) {
+                        let is_member = |motor: &&mut Motor| configuration.mechanisms.get(motor.config.actuator) == Some(&number);
+                        motors.iter_mut().filter(is_member).for_each(|motor| motor.config.drive.prepare());
+                    }
                 }
             }
             Operation::Disarm => self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed)),
@@ -187,6 +209,8 @@ impl Bridge {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.let_go(Reason::Stalled));
         }
         self.look_for_faults(now_ns);
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        self.motors.iter_mut().for_each(|motor| motor.forget_if_stale(now_ns, feedback_ns));
 
         // how old the command is
         let age_ns = now_ns.saturating_sub(self.command.stamp_ns);
@@ -271,6 +295,8 @@ impl Bridge {
                 Reason::MotorFault
             } else if motor.is_stale(now_ns, feedback_ns) {
                 Reason::FeedbackStale
+            } else if let Some(reason) = motor.missing_watchdog() {
+                reason
             } else if mechanism.standing == Standing::Enabled && motor.config.drive.state().power != Power::On {
                 Reason::PowerLost
             } else {

@@ -13,6 +13,8 @@ pub(super) struct Motor {
     pub(super) measured: ActuatorMeasurement,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
+    /// It answers; its drive has something to forget.
+    is_known: bool,
     /// When it was last asked `[ns]`; `None` once it has answered.
     pub(super) sent_ns: Option<u64>,
     /// Bits of what was limited in the last set-point.
@@ -30,6 +32,7 @@ impl Motor {
             config,
             measured: ActuatorMeasurement::NONE,
             measured_ns: None,
+            is_known: false,
             sent_ns: None,
             flags: 0,
             hold: 0.0,
@@ -44,12 +47,20 @@ impl Motor {
             return None;
         }
         self.measured = self.config.mapping.to_actuator(measured);
-        self.measured_ns = Some(now_ns);
+        (self.measured_ns, self.is_known) = (Some(now_ns), true);
         self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
     }
 
     pub(super) fn is_stale(&self, now_ns: u64, feedback_ns: u64) -> bool {
         self.measured_ns.is_none_or(|measured| now_ns.saturating_sub(measured) > feedback_ns)
+    }
+
+    /// A motor that no longer answers may come back without what it was told.
+    pub(super) fn forget_if_stale(&mut self, now_ns: u64, feedback_ns: u64) {
+        if self.is_known && self.is_stale(now_ns, feedback_ns) {
+            self.is_known = false;
+            self.config.drive.forget();
+        }
     }
 
     /// Begins anew from where it is.
@@ -81,8 +92,16 @@ impl Motor {
         if state.fault != 0 {
             return Some(Reason::MotorFault);
         }
-        match state.watchdog {
+        self.missing_watchdog()
+    }
+
+    /// What is wrong with the motor's own watchdog.
+    pub(super) fn missing_watchdog(&self) -> Option<Reason> {
+        // some protocols count in steps of ten
+        let longest = self.config.common.watchdog_ms.next_multiple_of(10);
+        match self.config.drive.state().watchdog {
             Watchdog::Off | Watchdog::Set(0) => Some(Reason::WatchdogOff),
+            Watchdog::Set(ms) if ms > longest => Some(Reason::WatchdogLong),
             Watchdog::Unknown => Some(Reason::WatchdogUnknown),
             Watchdog::Unreadable if !self.config.watchdog_believed => Some(Reason::WatchdogUnknown),
             Watchdog::Set(_) | Watchdog::Unreadable => None,

@@ -7,7 +7,7 @@ use sarrus_models::yaml::{Place, quoted};
 
 use super::Configuration;
 use super::read::Read;
-use crate::drive::{Setpoint, Watchdog};
+use crate::drive::{Setpoint, Shared, Watchdog};
 use crate::frame::{FrameQueue, Id};
 use crate::load::{self, REFUSED, WARNED};
 
@@ -46,12 +46,26 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
             findings.warning(read.place, found, "a watchdog that is known to be on", help);
         }
     }
+    let mut seen: Vec<(usize, Shared, &Read)> = Vec::new();
     for read in motors {
-        for id in read.motor.drive.shared_identifiers() {
-            if let Some(other) = identifiers.get(&(read.motor.bus, id)) {
-                let found = format!("{} listens on 0x{:X}, which is {}'s alone", quoted(name(read)), id.number(), quoted(name(other)));
+        let bus = read.motor.bus;
+        for shared in read.motor.drive.shared_identifiers() {
+            if let Some(other) = identifiers.get(&(bus, shared.id)) {
+                let found =
+                    format!("{} listens on 0x{:X}, which is {}'s alone", quoted(name(read)), shared.id.number(), quoted(name(other)));
                 findings.error(read.place, found, "an identifier of nobody's", "give one of them another id");
             }
+            if let Some((.., other)) = seen.iter().find(|(of, known, _)| *of == bus && known.collides(&shared)) {
+                let (one, two) = (quoted(name(read)), quoted(name(other)));
+                let found = format!("frames of {one} and {two} on 0x{:X} cannot be told apart", shared.id.number());
+                findings.error(
+                    read.place,
+                    found,
+                    "ids that differ in the bits that a reply has room for",
+                    "give one of them another id or reply",
+                );
+            }
+            seen.push((bus, shared, read));
         }
     }
     if !has_model {

@@ -9,6 +9,7 @@ mod moteus;
 mod number;
 mod odrive;
 mod scale;
+mod turns;
 
 use sarrus_models::Findings;
 

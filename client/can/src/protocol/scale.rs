@@ -51,24 +51,6 @@ impl Scale {
     }
 }
 
-/// Follows a 16 bit code across its ends: motors count on, their codes begin again.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Unwrap {
-    last: Option<(u16, i64)>,
-}
-
-impl Unwrap {
-    /// The code without jumps: the way from the last one is the shorter of the two. The first one counts as it is.
-    pub(super) fn follow(&mut self, code: u16) -> i64 {
-        let whole = match self.last {
-            Some((last, whole)) => whole + i64::from(code.wrapping_sub(last) as i16),
-            None => i64::from(code),
-        };
-        self.last = Some((code, whole));
-        whole
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,13 +74,5 @@ mod tests {
         assert_eq!((scale.code(f64::NEG_INFINITY, false), scale.code(-1e300, false)), (0, 0));
         assert_eq!((scale.code(f64::NAN, false), scale.code(f64::NAN, true)), (2047, 2048));
         assert_eq!(Scale::from_zero(500.0, 12).code(-1.0, false), 0);
-    }
-
-    #[test]
-    fn a_code_is_followed_over_both_ends() {
-        let mut unwrap = Unwrap::default();
-        let codes = [65_000_u16, 65_500, 300, 10_000, 40_000, 60_000, 20_000, 60_000, 20_000, 65_000];
-        let whole: Vec<i64> = codes.iter().map(|code| unwrap.follow(*code)).collect();
-        assert_eq!(whole, [65_000, 65_500, 65_836, 75_536, 105_536, 125_536, 151_072, 125_536, 151_072, 130_536]);
     }
 }

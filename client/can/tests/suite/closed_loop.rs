@@ -100,6 +100,31 @@ fn every_motor_gets_power_and_follows_a_torque() {
 }
 
 #[test]
+fn a_motor_whose_supply_was_away_is_set_up_anew() {
+    for (name, mut bench) in benches() {
+        println!("{name}");
+        let watchdog = |bench: &Bench| (bench.drive.state().watchdog, bench.motor.body.watchdog_ns);
+        bench.power_on(Setpoint::default());
+        let before = watchdog(&bench);
+        // while it had power: nothing is powered again by itself
+        bench.motor.reboot();
+        (0..200).for_each(|_| bench.cycle(Wish::On(Setpoint::default())));
+        // each frame to a moteus is a whole command: that it was away is seen by its silence, which is the bridge's to judge
+        assert!(bench.motor.follows().is_none() || name == "moteus", "{name}");
+        // while it was off
+        for reset in [true, false] {
+            (0..20).for_each(|_| bench.cycle(if reset { Wish::Reset } else { Wish::Off }));
+            bench.motor.reboot();
+            bench.drive.prepare();
+            let state = bench.drive.state();
+            assert!(matches!(state.watchdog, Watchdog::Unknown | Watchdog::Unreadable) || before.1 == 0, "{name}: {state:?}");
+            bench.power_on(Setpoint::default());
+            assert_eq!(watchdog(&bench), before, "{name}");
+        }
+    }
+}
+
+#[test]
 fn every_watchdog_that_can_be_read_was_set_and_acts() {
     for (name, mut bench) in benches() {
         println!("{name}");

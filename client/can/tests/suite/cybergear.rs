@@ -97,6 +97,8 @@ fn faults_and_frames_of_others_are_told_apart() {
     receive(&mut *drive, "15000AFD#0100000000000000");
     assert_eq!(drive.state().fault, 1);
     receive(&mut *drive, STOPPED);
+    assert_eq!((drive.state().power, drive.state().fault), (Power::Off, 1), "feedback has no room for this one");
+    receive(&mut *drive, "15000AFD#0000000000000000");
     assert_eq!((drive.state().power, drive.state().fault), (Power::Off, fault::POWER_LOST));
     assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), ["0400FD0A#0000000000000000"]);
 }

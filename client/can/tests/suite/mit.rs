@@ -39,6 +39,12 @@ fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
     receive(&mut *drive, off);
     assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
     assert_eq!(drive.state().power, Power::Starting);
+    // a motor that does not tell its state may still answer what was said before
+    for _ in 1..if variant == "damiao" { 1 } else { 4 } {
+        receive(&mut *drive, on);
+        assert_eq!(drive.state().power, Power::Starting, "{variant}");
+        assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
+    }
     receive(&mut *drive, on);
     assert_eq!(drive.state().power, Power::On, "{variant}");
     drive
@@ -276,6 +282,34 @@ fn only_motors_that_know_the_command_are_told_to_forget_faults() {
         assert_eq!(sent.last().map(String::as_str), Some("001#FFFFFFFFFFFFFFFD"));
         assert_eq!(drive.state().watchdog, Watchdog::Unreadable);
     }
+}
+
+#[test]
+fn motors_that_replies_cannot_tell_apart_are_told_apart_here() {
+    let motor = |variant: &str, id: u16| drive("mit", &format!("{{variant: {variant}, id: {id}, reply_id: 0, {RANGES}}}"), COMMON);
+    let collide = |a: &dyn Drive, b: &dyn Drive| {
+        a.shared_identifiers().iter().any(|one| b.shared_identifiers().iter().any(|other| one.collides(other)))
+    };
+    assert!(collide(&*motor("damiao", 1), &*motor("damiao", 0x11)), "four bits");
+    assert!(!collide(&*motor("damiao", 1), &*motor("damiao", 2)));
+    assert!(!collide(&*motor("mini_cheetah", 1), &*motor("mini_cheetah", 0x11)), "eight bits");
+    assert!(collide(&*motor("mini_cheetah", 1), &*motor("mini_cheetah", 0x101)));
+    assert!(collide(&*motor("damiao", 1), &*motor("t_motor", 0x21)), "the fewer bits of the two");
+}
+
+#[test]
+fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_reset() {
+    let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
+    for code in ["C000", "FFF0", "0010"] {
+        receive(&mut *drive, &format!("011#01{code}7FF7FF"));
+    }
+    assert_eq!(drive.state().fault, 0, "torques need no position");
+    drive.forget();
+    receive(&mut *drive, "011#0100107FF7FF");
+    assert_eq!(drive.state().fault, fault::OUT_OF_RANGE, "it may be a whole range away");
+    cycle(&mut *drive, Wish::Reset);
+    receive(&mut *drive, "011#0100107FF7FF");
+    assert_eq!(drive.state().fault, 0);
 }
 
 #[test]

@@ -27,7 +27,9 @@ fn enabled(mode: Mode) -> Box<dyn Drive> {
         _ => ("06E#00000000", "06B#0100000001000000"),
     };
     assert_eq!(sent, ["067#01000000", neutral, control]);
-    assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), [neutral], "a set-point before power");
+    let again: Vec<String> = (0..3).flat_map(|_| cycle(&mut *drive, Wish::Off)).collect();
+    assert_eq!(again, sent, "nothing answers the mode, so it is said again and again");
+    assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), [control, neutral], "mode and set-point before power");
     assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), ["067#08000000"]);
     assert_eq!(drive.state().power, Power::Starting);
     receive(&mut *drive, CLOSED);
@@ -49,7 +51,7 @@ fn known_frames_come_out() {
     assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["06D#000000400000C0BF"]);
     let mut drive = enabled(Mode::Torque);
     assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["06E#0000C0BF"]);
-    assert_eq!(cycle(&mut *drive, Wish::Reset), ["078#00"]);
+    assert_eq!(cycle(&mut *drive, Wish::Reset), ["06E#00000000", "078#00"]);
     assert_eq!(cycle(&mut *drive, Wish::Off), ["067#01000000"]);
 }
 
@@ -101,7 +103,7 @@ fn the_watchdog_is_set_and_read_back_where_its_endpoints_are_known() {
     receive(&mut *drive, STILL);
     let mut sent: Vec<String> = (0..15).flat_map(|_| cycle(&mut *drive, Wish::Off)).collect();
     sent.retain(|frame| frame.starts_with("064"));
-    assert_eq!(sent.len(), 4, "the last one is asked until it answers");
+    assert_eq!(sent.len(), 5, "the last one is asked until it answers");
     sent.dedup();
     assert_eq!(sent, ["064#01230100CDCC4C3D", "064#0124010001", "064#00230100"]);
     assert_eq!(drive.state().watchdog, Watchdog::Unknown);
@@ -119,6 +121,13 @@ fn a_fall_out_of_closed_loop_is_a_fault_and_stays_off() {
     receive(&mut *drive, IDLE);
     assert_eq!((drive.state().power, drive.state().fault), (Power::Off, fault::POWER_LOST));
     (0..5).for_each(|_| assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0))), ["067#01000000"]));
+    // measurements alone do not tell that it has power
+    let mut drive = enabled(Mode::Torque);
+    for now_ns in [400_000_000, 501_000_000] {
+        receive(&mut *drive, STILL);
+        drive.cycle(now_ns, Wish::On(torque(1.0)), &mut FrameQueue::new(2));
+    }
+    assert_eq!((drive.state().power, drive.state().fault), (Power::Unknown, fault::POWER_LOST));
     let mut drive = enabled(Mode::Torque);
     receive(&mut *drive, "061#0000000101000000");
     assert_eq!(drive.state().fault, 0x0100_0000, "the ODrive's own code");

@@ -109,7 +109,7 @@ impl Random {
 /// than the queue holds.
 pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
     let mut random = Random(seed);
-    let ids: Vec<Id> = drive.identifiers().into_iter().chain(drive.shared_identifiers()).collect();
+    let ids: Vec<Id> = drive.identifiers().into_iter().chain(drive.shared_identifiers().iter().map(|shared| shared.id)).collect();
     for round in 0..20_000 {
         let receipt = drive.receive(round, &random.frame(&ids));
         if let Receipt::Measured(measured) = receipt {

@@ -33,7 +33,7 @@ enum Command {
     /// Run the bridge between controllers and motors.
     ///
     /// Prints `ready NAME FINGERPRINT` when controllers can connect. The motors have no power until somebody arms, and lose it when commands stay away,
-    /// when a motor fails, and on every way out of this program. SIGINT, SIGTERM and SIGHUP are a clean stop, which ends with 0.
+    /// when a motor fails, and on every way out of this program. SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP and the other signals that would end or stop it are a clean end, with 0.
     Run(run::Run),
     /// Give the motors power, as soon as everything is in order and a controller commands.
     Arm(operate::Operate),

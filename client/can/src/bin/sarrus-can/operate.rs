@@ -1,12 +1,13 @@
 //! `sarrus-can arm`, `disarm` and `reset`: what an operator tells a running bridge.
 
+use std::io::{self, Write};
 use std::process::ExitCode;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use sarrus_client::Observer;
-use sarrus_client::actuators::{Operation, Reason, Standing};
+use sarrus_client::actuators::{ActuatorState, Operation, Reason, Standing, flag};
 
 /// Flags of the three.
 #[derive(Args)]
@@ -19,6 +20,11 @@ pub(crate) struct Operate {
     timeout: f64,
 }
 
+/// A request may find a bridge that does not know of this program yet: it is repeated after this time.
+const AGAIN: Duration = Duration::from_millis(50);
+/// After this time without a change a request to arm was refused at once.
+const REFUSED: Duration = Duration::from_millis(300);
+
 impl Operate {
     /// 0 when the bridge is where it was to go, 1 when it is not (and why), 2 without a bridge.
     pub(crate) fn run(&self, operation: Operation) -> ExitCode {
@@ -30,32 +36,97 @@ impl Operate {
                 return ExitCode::from(2);
             }
         };
-        let asked = observer.operate(operation);
+        match self.ask(&observer, operation) {
+            Ok(()) => {
+                // whoever asked may not want to know
+                let _ = writeln!(io::stdout(), "{}", goal(operation));
+                ExitCode::SUCCESS
+            }
+            Err(standings) => {
+                eprintln!("sarrus-can {name}: {standings}");
+                ExitCode::from(1)
+            }
+        }
+    }
+
+    /// Asks until the bridge is where it is to go, or will not get there.
+    fn ask(&self, observer: &Observer, operation: Operation) -> Result<(), String> {
         let patience = Duration::try_from_secs_f64(self.timeout).unwrap_or(Duration::MAX);
         let begin = Instant::now();
-        let (mut standing, mut reason) = (None, None);
-        let mut has_begun = operation != Operation::Arm;
+        let (mut asked, mut begun, mut repeated) = (observer.operate(operation), false, begin);
+        let (mut before, mut last) = (None, None);
         while begin.elapsed() < patience {
-            if let Some(state) = observer.state().filter(|state| state.stamp_ns > asked) {
-                (standing, reason) = (Standing::from_code(state.standing), Reason::from_code(state.reason));
-                has_begun |= standing != Some(Standing::Disabled) || reason != Some(Reason::None);
-                let is_there = match (operation, standing) {
-                    (Operation::Arm, Some(Standing::Enabled)) => true,
-                    (Operation::Disarm, Some(Standing::Disabled | Standing::Fault)) => true,
-                    (Operation::Reset, Some(Standing::Disabled | Standing::Arming | Standing::Enabled)) => true,
+            thread::sleep(Duration::from_millis(5));
+            let Some(state) = observer.state() else { continue };
+            let now = Standings::of(&state);
+            let before = *before.get_or_insert(now);
+            last = Some(now);
+            if state.stamp_ns > asked {
+                begun |= now != before || begin.elapsed() > REFUSED;
+                match operation {
+                    Operation::Disarm if now.enabled + now.arming == 0 => return Ok(()),
+                    Operation::Reset if now.fault == 0 => return Ok(()),
+                    Operation::Arm if now.enabled == now.all && now.all > 0 => return Ok(()),
                     // refused, or given up
-                    (Operation::Arm, Some(Standing::Disabled | Standing::Fault)) if has_begun => break,
-                    _ => false,
-                };
-                if is_there {
-                    println!("{}", standing.map_or("unknown", Standing::name));
-                    return ExitCode::SUCCESS;
+                    Operation::Arm if begun && now.arming == 0 => return Err(now.to_string()),
+                    _ => {}
                 }
             }
-            thread::sleep(Duration::from_millis(5));
+            if !begun && repeated.elapsed() > AGAIN {
+                (asked, repeated) = (observer.operate(operation), Instant::now());
+            }
         }
-        let (standing, reason) = (standing.map_or("silent", Standing::name), reason.map_or("unknown", Reason::name));
-        eprintln!("sarrus-can {name}: the bridge is {standing}: {reason}");
-        ExitCode::from(1)
+        let Some(last) = last else { return Err("the bridge is silent".to_owned()) };
+        if operation == Operation::Arm && last.enabled == 0 && last.arming > 0 {
+            // power that comes when nobody waits for it any more would be a surprise
+            observer.operate(Operation::Disarm);
+            thread::sleep(AGAIN);
+            return Err(format!("{last}; given up after {} s and disarmed", self.timeout));
+        }
+        Err(last.to_string())
+    }
+}
+
+/// What people are told when all went well.
+fn goal(operation: Operation) -> &'static str {
+    match operation {
+        Operation::Arm => "enabled",
+        Operation::Disarm => "disarmed",
+        _ => "reset",
+    }
+}
+
+/// How many actuators with motors stand where, and the worst of their reasons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Standings {
+    all: usize,
+    enabled: usize,
+    arming: usize,
+    fault: usize,
+    standing: u32,
+    reason: u32,
+}
+
+impl Standings {
+    fn of(state: &ActuatorState) -> Standings {
+        let flags = state.flags.iter().zip(&state.standings).take(state.n_u as usize);
+        let with_motor: Vec<u32> = flags.filter(|(flags, _)| *flags & flag::NO_MOTOR == 0).map(|(_, standing)| *standing).collect();
+        let count = |standing: Standing| with_motor.iter().filter(|of| **of == standing as u32).count();
+        Standings {
+            all: with_motor.len(),
+            enabled: count(Standing::Enabled),
+            arming: count(Standing::Arming),
+            fault: count(Standing::Fault),
+            standing: state.standing,
+            reason: state.reason,
+        }
+    }
+}
+
+impl core::fmt::Display for Standings {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let standing = Standing::from_code(self.standing).map_or("unknown", Standing::name);
+        let reason = Reason::from_code(self.reason).map_or("unknown", Reason::name);
+        write!(f, "the bridge is {standing}: {reason}; {} of {} actuators have power", self.enabled, self.all)
     }
 }

@@ -5,11 +5,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use sarrus_can::bridge::{Bridge, BusEvent};
-use sarrus_can::config::{Configuration, ConfigurationError, MAX_ACTUATORS};
-use sarrus_can::frame::Frame;
-use sarrus_proto::actuators::{ActuatorCommand, Operation};
-use serde_json::Value;
+use sarrus_can::bridge::Bridge;
+use sarrus_can::config::{Configuration, ConfigurationError};
+use sarrus_can::log::{self, Line, What};
 
 /// Flags of `replay`.
 #[derive(Args)]
@@ -40,87 +38,48 @@ impl Replay {
         };
         let mut out = BufWriter::new(io::stdout().lock());
         let mut bridge = Bridge::new(configuration);
-        for (number, line) in BufReader::new(log).lines().enumerate() {
-            let fault = match line {
-                Ok(line) if line.trim().is_empty() => None,
-                Ok(line) => step(&mut bridge, &line, &mut out).err(),
-                Err(error) => Some(error.to_string()),
-            };
-            if let Some(fault) = fault {
-                let _ = out.flush();
+        let lines = BufReader::new(log).lines().enumerate();
+        let result = lines.map(|(number, line)| (number, line.map_err(Fault::Read))).try_for_each(|(number, line)| {
+            let line = line.and_then(|line| if line.trim().is_empty() { Ok(()) } else { step(&mut bridge, &line, &mut out) });
+            line.map_err(|fault| (number, fault))
+        });
+        let flushed = out.flush();
+        let written = match result {
+            Ok(()) => flushed,
+            Err((_, Fault::Output(error))) => Err(error),
+            Err((number, Fault::Line(fault))) => {
                 eprintln!("{}:{}:1: {fault}", self.log.display(), number + 1);
                 return ExitCode::from(1);
             }
+            Err((_, Fault::Read(error))) => {
+                eprintln!("sarrus-can replay: cannot read {}: {error}; give the path of a text file", self.log.display());
+                return ExitCode::from(2);
+            }
+        };
+        match written {
+            // a reader that has gone away wants no more
+            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+                eprintln!("sarrus-can replay: stdout: {error}");
+                ExitCode::from(2)
+            }
+            _ => ExitCode::SUCCESS,
         }
-        // a reader that has gone away wants no more
-        let _ = out.flush();
-        ExitCode::SUCCESS
     }
 }
 
-/// Does what one line says.
-fn step(bridge: &mut Bridge, line: &str, out: &mut impl Write) -> Result<(), String> {
-    let line: Value = serde_json::from_str(line).map_err(|error| format!("this is not JSON: {error}"))?;
-    let now_ns = line.get("t").and_then(Value::as_u64).ok_or("the line has no time, expected `\"t\": NANOSECONDS`")?;
-    let bus = || {
-        let name = line.get("bus").and_then(Value::as_str).ok_or("the line has no bus, expected `\"bus\": NAME`")?;
-        bridge.configuration().bus(name).ok_or(format!("there is no bus `{name}` in the configuration"))
-    };
-    if let Some(text) = line.get("frame") {
-        let frame = text.as_str().and_then(Frame::from_text).ok_or("the frame cannot be read, expected ID#DATA as candump writes it")?;
-        let bus = bus()?;
-        bridge.receive(now_ns, bus, &frame);
-    } else if let Some(name) = line.get("event") {
-        let count = line.get("count").and_then(Value::as_u64).unwrap_or(1) as u32;
-        let event = name.as_str().and_then(|name| BusEvent::named(name, count)).ok_or("there is no such event")?;
-        let bus = bus()?;
-        bridge.bus_event(now_ns, bus, event);
-    } else if let Some(name) = line.get("operate") {
-        let operation = Operation::ALL.iter().find(|operation| Some(operation.name()) == name.as_str());
-        bridge.operate(now_ns, *operation.ok_or("there is no such operation, expected arm, disarm or reset")?);
-    } else if let Some(fields) = line.get("command") {
-        bridge.command(now_ns, &command(fields, bridge.configuration())?);
-    } else if line.get("cycle").is_some() {
-        bridge.cycle(now_ns);
-        print(bridge, now_ns, out).map_err(|error| error.to_string())?;
-    } else {
-        return Err("the line says nothing, expected frame, event, operate, command or cycle".to_owned());
-    }
-    Ok(())
+/// Why a replay ends early.
+enum Fault {
+    Line(String),
+    Read(io::Error),
+    Output(io::Error),
 }
 
-/// A command; what is not given is zero, `null` is NaN, as JSON has no word for it.
-fn command(fields: &Value, configuration: &Configuration) -> Result<ActuatorCommand, String> {
-    let whole =
-        |key: &str, otherwise: u64| fields.get(key).map_or(Some(otherwise), Value::as_u64).ok_or(format!("`{key}` is no whole number"));
-    let numbers = |key: &str| {
-        let mut numbers = [0.0; MAX_ACTUATORS];
-        let Some(given) = fields.get(key) else { return Ok(numbers) };
-        let given = given.as_array().filter(|given| given.len() <= MAX_ACTUATORS).ok_or(format!("`{key}` is no list of numbers"))?;
-        for (into, number) in numbers.iter_mut().zip(given) {
-            *into = if number.is_null() { f64::NAN } else { number.as_f64().ok_or(format!("`{key}` holds {number}, expected numbers"))? };
-        }
-        Ok::<_, String>(numbers)
-    };
-    Ok(ActuatorCommand {
-        sequence: whole("sequence", 0)?,
-        stamp_ns: whole("stamp_ns", 0)?,
-        fingerprint: whole("fingerprint", configuration.fingerprint)?,
-        n_u: whole("n_u", configuration.actuators.len() as u64)?,
-        position: numbers("position")?,
-        velocity: numbers("velocity")?,
-        effort: numbers("effort")?,
-        stiffness: numbers("stiffness")?,
-        damping: numbers("damping")?,
-    })
-}
-
-fn print(bridge: &Bridge, now_ns: u64, out: &mut impl Write) -> io::Result<()> {
-    let (seconds, micros) = (now_ns / 1_000_000_000, now_ns % 1_000_000_000 / 1000);
-    for (bus, config) in bridge.configuration().buses.iter().enumerate() {
-        for frame in bridge.frames(bus) {
-            writeln!(out, "({seconds}.{micros:06}) {} {frame}", config.name)?;
-        }
+/// Does what one line says; the frames of a cycle are written.
+fn step(bridge: &mut Bridge, text: &str, out: &mut impl Write) -> Result<(), Fault> {
+    let line = Line::read(text, bridge.configuration()).map_err(Fault::Line)?;
+    line.apply(bridge);
+    if line.what == What::Cycle {
+        log::sent(bridge, line.t).try_for_each(|frame| writeln!(out, "{frame}")).map_err(Fault::Output)?;
     }
     Ok(())
 }

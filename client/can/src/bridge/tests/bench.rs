@@ -1,5 +1,7 @@
 //! A bridge with plain motors that answer, one millisecond at a time.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use sarrus_models::Findings;
 use sarrus_models::yaml;
 use sarrus_proto::actuators::MAX_ACTUATORS;
@@ -22,6 +24,7 @@ struct Plain {
     id: u16,
     state: DriveState,
     told: Told,
+    watchdog_ms: std::sync::Arc<AtomicU32>,
 }
 
 impl Drive for Plain {
@@ -43,8 +46,8 @@ impl Drive for Plain {
             return Receipt::NotMine;
         }
         let Some([is_on, fault, position]) = frame.exactly::<3>() else { return Receipt::Malformed };
-        self.state =
-            DriveState { power: if is_on == 1 { Power::On } else { Power::Off }, fault: u32::from(fault), watchdog: Watchdog::Set(50) };
+        let watchdog = Watchdog::Set(self.watchdog_ms.load(Ordering::Relaxed));
+        self.state = DriveState { power: if is_on == 1 { Power::On } else { Power::Off }, fault: u32::from(fault), watchdog };
         Receipt::Measured(Measurement { position: f64::from(position) / 100.0, velocity: 0.0, torque: 0.0, temperature: 30.0 })
     }
     fn state(&self) -> DriveState {
@@ -74,12 +77,15 @@ pub(super) struct Bench {
     pub(super) fault: [u8; 3],
     pub(super) answers: [bool; 3],
     pub(super) position: u8,
+    /// What each motor's watchdog is when it is read `[ms]`.
+    pub(super) watchdog_ms: [std::sync::Arc<AtomicU32>; 3],
     pub(super) commands: bool,
 }
 
 impl Bench {
     pub(super) fn new(change: impl Fn(&mut Configuration)) -> Bench {
         let told: Vec<Told> = (0..3).map(|_| std::sync::Arc::default()).collect();
+        let watchdog_ms: [std::sync::Arc<AtomicU32>; 3] = core::array::from_fn(|_| std::sync::Arc::new(AtomicU32::new(50)));
         let settings = || {
             let mut findings = Findings::new(false);
             let node = yaml::read("", b"{}".to_vec(), "settings", &mut findings).unwrap();
@@ -91,7 +97,12 @@ impl Bench {
             protocol: &PLAIN,
             settings: settings(),
             common: Common { mode: Mode::Impedance, watchdog_ms: 50, torque_limit: 10.0 },
-            drive: Box::new(Plain { id: i as u16, state: DriveState::default(), told: told[i].clone() }),
+            drive: Box::new(Plain {
+                id: i as u16,
+                state: DriveState::default(),
+                told: told[i].clone(),
+                watchdog_ms: watchdog_ms[i].clone(),
+            }),
             mapping: Mapping::DIRECT,
             is_calibrated: true,
             watchdog_believed: false,
@@ -128,6 +139,7 @@ impl Bench {
             fault: [0; 3],
             answers: [true; 3],
             position: 20,
+            watchdog_ms,
             commands: true,
         }
     }

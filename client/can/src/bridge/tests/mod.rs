@@ -1,5 +1,7 @@
 mod bench;
 
+use std::sync::atomic::Ordering;
+
 use bench::{Bench, MS};
 use sarrus_models::LoadError;
 
@@ -163,6 +165,53 @@ fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
     bench.steps(3);
     assert_eq!(bench.standings(), [Standing::Fault; 3]);
     assert_eq!((bench.reason(0), bench.reason(2)), (Reason::OtherMechanism, Reason::MotorFault));
+}
+
+#[test]
+fn requests_of_another_time_give_no_power_and_take_it_at_any_time() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(3000);
+    let request = |stamp_ns, operation: Operation| OperatorRequest { stamp_ns, operation: operation as u32, reserved: 0 };
+    let now_ns = bench.now_ns;
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 1001 * MS, Operation::Arm)), None);
+    assert_eq!(bench.bridge.request(now_ns, &OperatorRequest { stamp_ns: now_ns, operation: 99, reserved: 0 }), None);
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 999 * MS, Operation::Arm)), Some(Operation::Arm));
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 2000 * MS, Operation::Disarm)), Some(Operation::Disarm));
+    bench.steps(5);
+    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    // a later disarm that came before an earlier arm
+    let now_ns = bench.now_ns;
+    bench.bridge.request(now_ns, &request(now_ns - 1, Operation::Disarm));
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 2, Operation::Arm)), None);
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns, Operation::Arm)), Some(Operation::Arm));
+}
+
+#[test]
+fn a_motor_whose_watchdog_is_not_as_configured_has_no_power() {
+    for (ms, reason) in [(0, Reason::WatchdogOff), (61, Reason::WatchdogLong)] {
+        let mut bench = Bench::armed();
+        bench.watchdog_ms[1].store(ms, Ordering::Relaxed);
+        bench.steps(3);
+        assert_eq!((bench.standings()[0], bench.reason(0), bench.last(0)), (Standing::Fault, reason, Wish::Off));
+        bench.bridge.operate(bench.now_ns, Operation::Reset);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(3);
+        assert_eq!((bench.standings()[0], bench.reason(0)), (Standing::Arming, reason));
+        bench.watchdog_ms[1].store(50, Ordering::Relaxed);
+        bench.steps(5);
+        assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+    }
+}
+
+#[test]
+fn what_was_known_of_a_motor_that_fell_silent_is_forgotten() {
+    let mut bench = Bench::armed();
+    bench.answers[2] = false;
+    bench.steps(20);
+    assert_ne!(bench.bridge.state().flags[2] & flag::POWERED, 0);
+    bench.steps(5);
+    assert_eq!(bench.bridge.state().flags[2] & flag::POWERED, 0);
+    assert_eq!(bench.reason(2), Reason::FeedbackStale);
 }
 
 #[test]

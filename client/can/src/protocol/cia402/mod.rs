@@ -20,7 +20,7 @@ use std::f64::consts::TAU;
 
 use super::number::{limited, steps};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Wish};
+use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared, Wish};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use sarrus_models::Findings;
 use setup::{PARAMETERS, READABLE, Setup};
@@ -328,19 +328,24 @@ impl Drive for Cia402 {
         DriveState { power, fault, watchdog: self.setup.watchdog }
     }
 
+    fn prepare(&mut self) {
+        self.setup.again();
+    }
+
     fn forget(&mut self) {
         (self.state, self.counted, self.heartbeat_ns) = (None, None, None);
         (self.asked, self.followed, self.lost, self.emergency) = (false, false, false, 0);
         self.torque = f64::NAN;
-        self.setup.again();
+        self.prepare();
     }
 
     fn identifiers(&self) -> Vec<Id> {
         [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700].map(|base| Id::Standard(base + self.node)).to_vec()
     }
 
-    fn shared_identifiers(&self) -> Vec<Id> {
-        vec![Id::Standard(0), Id::Standard(SYNC), Id::Standard(0x700 + self.master)]
+    fn shared_identifiers(&self) -> Vec<Shared> {
+        // what the master says to all
+        [0, SYNC, 0x700 + self.master].map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F }).to_vec()
     }
 
     fn replies(&self) -> Vec<Reply> {

@@ -1,5 +1,6 @@
-//! Settings of the protocol.
+//! Settings of the protocol, and the motor's parameters.
 
+use crate::drive::Parameter;
 use crate::protocol::{Key, KeyKind};
 
 pub(super) const KEYS: &[Key] = &[
@@ -27,3 +28,17 @@ pub(super) const KEYS: &[Key] = &[
 const fn range(name: &'static str, about: &'static str) -> Key {
     Key { name, kind: KeyKind::Number(1e-3, 1e5), default: Some(""), about }
 }
+
+pub(super) const RUN_MODE: u16 = 0x7005;
+
+pub(super) const PARAMETERS: &[Parameter] = &[
+    Parameter { name: "run_mode", unit: "" },
+    Parameter { name: "limit_torque", unit: "N m" },
+    Parameter { name: "mechPos", unit: "rad" },
+    Parameter { name: "iqf", unit: "A" },
+    Parameter { name: "mechVel", unit: "rad/s" },
+    Parameter { name: "VBUS", unit: "V" },
+    Parameter { name: "canTimeout", unit: "50 µs" },
+];
+/// Their indices; the last one is the motor's.
+pub(super) const INDICES: [u16; 6] = [RUN_MODE, 0x700B, 0x7019, 0x701A, 0x701B, 0x701C];

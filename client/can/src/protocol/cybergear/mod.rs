@@ -16,11 +16,12 @@
 mod keys;
 
 use super::number::limited;
-use super::scale::{Scale, Unwrap};
+use super::scale::Scale;
+use super::turns::Turns;
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use keys::KEYS;
+use keys::{INDICES, KEYS, PARAMETERS, RUN_MODE};
 use sarrus_models::Findings;
 
 /// CyberGear and RobStride.
@@ -47,23 +48,10 @@ const READ: u32 = 17;
 const WRITE: u32 = 18;
 const FAULTS: u32 = 21;
 
-const RUN_MODE: u16 = 0x7005;
 /// Units of canTimeout in a millisecond: one is 50 µs.
 const TIMEOUT_PER_MS: u32 = 20;
 /// Feedback's mode of a motor that runs.
 const RUNS: u32 = 2;
-
-const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "run_mode", unit: "" },
-    Parameter { name: "limit_torque", unit: "N m" },
-    Parameter { name: "mechPos", unit: "rad" },
-    Parameter { name: "iqf", unit: "A" },
-    Parameter { name: "mechVel", unit: "rad/s" },
-    Parameter { name: "VBUS", unit: "V" },
-    Parameter { name: "canTimeout", unit: "50 µs" },
-];
-/// Their indices; the last one is the motor's.
-const INDICES: [u16; 6] = [RUN_MODE, 0x700B, 0x7019, 0x701A, 0x701B, 0x701C];
 
 /// What is set and read before the motor gets power, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,10 +94,11 @@ struct CyberGear {
     stage: Stage,
     /// Feedback's mode.
     runs: Option<u32>,
+    /// Faults of the feedback, and those that the motor told by themselves.
     motor_fault: u32,
+    told_fault: u32,
     refused: bool,
-    outside: bool,
-    unwrap: Unwrap,
+    turns: Turns,
     odd: bool,
     turn: bool,
 }
@@ -151,9 +140,9 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
             stage: Stage::Off,
             runs: None,
             motor_fault: 0,
+            told_fault: 0,
             refused: false,
-            outside: false,
-            unwrap: Unwrap::default(),
+            turns: Turns::default(),
             odd: false,
             turn: false,
         }) as Box<dyn Drive>
@@ -191,12 +180,16 @@ impl CyberGear {
         self.frame(SETPOINT, u32::from(torque), [a, b, c, d, e, f, g, h])
     }
 
+    /// The watchdog's time in its units.
+    fn timeout(&self) -> u32 {
+        self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS)
+    }
+
     fn request(&self) -> Option<Frame> {
-        let timeout = self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS);
         match self.step {
             Step::WriteMode => self.parameter(WRITE, RUN_MODE, 0),
             Step::ReadMode => self.parameter(READ, RUN_MODE, 0),
-            Step::WriteTimeout => self.parameter(WRITE, self.watchdog_index, timeout),
+            Step::WriteTimeout => self.parameter(WRITE, self.watchdog_index, self.timeout()),
             Step::ReadTimeout => self.parameter(READ, self.watchdog_index, 0),
             Step::Done => None,
         }
@@ -224,6 +217,8 @@ impl CyberGear {
         if index == RUN_MODE && self.step == Step::ReadMode {
             self.refused = a != 0;
             self.step = match (self.watchdog_index, self.watchdog_ms) {
+                // the write may have been lost
+                _ if self.refused => Step::WriteMode,
                 (0, _) => Step::Done,
                 (_, 0) => Step::ReadTimeout,
                 _ => Step::WriteTimeout,
@@ -232,7 +227,8 @@ impl CyberGear {
         if index == self.watchdog_index && index != 0 {
             if self.step == Step::ReadTimeout {
                 self.watchdog = if number == 0 { Watchdog::Off } else { Watchdog::Set((number / TIMEOUT_PER_MS).max(1)) };
-                self.step = Step::Done;
+                let is_wanted = self.watchdog_ms == 0 || number == self.timeout();
+                self.step = if is_wanted { Step::Done } else { Step::WriteTimeout };
             }
             return Receipt::Parameter(INDICES.len(), f64::from(number));
         }
@@ -250,12 +246,13 @@ impl CyberGear {
         self.motor_fault = faults;
         self.stage = match self.stage {
             Stage::Asked if mode == RUNS => Stage::On,
-            Stage::On if mode != RUNS => Stage::Lost,
+            Stage::On if mode != RUNS => {
+                self.prepare();
+                Stage::Lost
+            }
             stage => stage,
         };
-        let whole = self.unwrap.follow(u16::from_be_bytes([a, b]));
-        // a motor that does not begin again stays at the end's code
-        self.outside = whole <= 0 || whole >= i64::from(u16::MAX);
+        let whole = self.turns.follow(u16::from_be_bytes([a, b]));
         Receipt::Measured(Measurement {
             position: self.position.value_at(whole),
             velocity: self.velocity.value(u16::from_be_bytes([c, d])),
@@ -272,12 +269,15 @@ impl Drive for CyberGear {
             Wish::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
             Wish::On(_) => return self.stay_off(out),
             Wish::Off => {
-                self.stage = Stage::Off;
+                if self.stage != Stage::Off {
+                    (self.stage, self.turn) = (Stage::Off, false);
+                }
                 return self.stay_off(out);
             }
             Wish::Reset => {
-                (self.stage, self.step, self.refused) = (Stage::Off, Step::WriteMode, false);
-                self.watchdog = unknown(self.watchdog_index);
+                (self.stage, self.told_fault) = (Stage::Off, 0);
+                self.turns.trust();
+                self.prepare();
                 return out.push_some(self.power_off(1));
             }
         };
@@ -325,7 +325,7 @@ impl Drive for CyberGear {
             READ => self.read(bytes),
             FAULTS => {
                 let [a, b, c, d, ..] = bytes;
-                self.motor_fault = u32::from_le_bytes([a, b, c, d]);
+                self.told_fault = u32::from_le_bytes([a, b, c, d]);
                 Receipt::Noted
             }
             _ => Receipt::Noted,
@@ -340,20 +340,25 @@ impl Drive for CyberGear {
             _ => Power::Off,
         };
         let fault = match self.stage {
+            _ if self.told_fault != 0 => self.told_fault,
             _ if self.motor_fault != 0 => self.motor_fault,
             _ if self.refused => fault::MODE_REFUSED,
             Stage::Lost => fault::POWER_LOST,
-            _ if self.outside && self.mode != Mode::Torque => fault::OUT_OF_RANGE,
-            _ => 0,
+            _ => self.turns.fault(self.mode),
         };
         DriveState { power, fault, watchdog: self.watchdog }
     }
 
-    fn forget(&mut self) {
-        (self.stage, self.step, self.runs) = (Stage::Off, Step::WriteMode, None);
-        (self.motor_fault, self.refused, self.outside) = (0, false, false);
-        self.unwrap = Unwrap::default();
+    fn prepare(&mut self) {
+        (self.step, self.refused) = (Step::WriteMode, false);
         self.watchdog = unknown(self.watchdog_index);
+    }
+
+    fn forget(&mut self) {
+        (self.stage, self.turn, self.runs) = (Stage::Off, false, None);
+        (self.motor_fault, self.told_fault) = (0, 0);
+        self.turns.forget();
+        self.prepare();
     }
 
     /// Power on, and feedback without faults: they stand for all kinds of frames of this motor.
@@ -371,7 +376,7 @@ impl Drive for CyberGear {
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
         out.push_some(self.frame(ZERO, self.host, [1, 0, 0, 0, 0, 0, 0, 0]));
-        self.unwrap = Unwrap::default();
+        self.turns = Turns::default();
         true
     }
 

@@ -20,9 +20,10 @@
 mod damiao;
 
 use super::number::limited;
-use super::scale::{Scale, Unwrap};
+use super::scale::Scale;
+use super::turns::Turns;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
+use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared, Watchdog, Wish};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use damiao::Registers;
 use sarrus_models::Findings;
@@ -68,14 +69,17 @@ enum Variant {
     RobStride,
 }
 
+/// Replies after which a motor that does not tell its state counts as having power: earlier ones may answer what was said before.
+const REPLIES_TO_POWER: u8 = 4;
+
 /// The way to power: each step waits for the motor's reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Off,
     /// A set-point of nothing was sent, so that no old one waits in the motor.
     Neutral,
-    /// Power was asked for.
-    Asked,
+    /// Power was asked for; so many replies came since.
+    Asked(u8),
     On,
     /// The motor let go by itself; it gets no power before it was told to be off.
     Lost,
@@ -97,8 +101,7 @@ struct Mit {
     stage: Stage,
     power: Power,
     motor_fault: u32,
-    outside: bool,
-    unwrap: Unwrap,
+    turns: Turns,
     odd: bool,
     turn: bool,
 }
@@ -133,8 +136,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         stage: Stage::Off,
         power: Power::Unknown,
         motor_fault: 0,
-        outside: false,
-        unwrap: Unwrap::default(),
+        turns: Turns::default(),
         odd: false,
         turn: false,
     }))
@@ -167,6 +169,11 @@ impl Mit {
         Frame::classic(Id::Standard(self.id), &bytes)
     }
 
+    /// Bits of the identifier that a reply has room for.
+    fn id_mask(&self) -> u16 {
+        if self.variant == Variant::Damiao { 0x0F } else { 0xFF }
+    }
+
     fn ready(&self) -> bool {
         self.power != Power::Unknown && self.state().fault == 0 && self.registers.is_none_or(|registers| registers.done())
     }
@@ -184,18 +191,23 @@ impl Mit {
             Variant::Damiao => {
                 self.motor_fault = if state > 1 { u32::from(state) } else { 0 };
                 match (state, self.stage) {
-                    (1, Stage::Asked) => self.stage = Stage::On,
+                    (1, Stage::Asked(_)) => self.stage = Stage::On,
                     (1, _) => {}
-                    (_, Stage::On) => self.stage = Stage::Lost,
+                    (_, Stage::On) => {
+                        self.stage = Stage::Lost;
+                        self.prepare();
+                    }
                     _ => {}
                 }
                 self.power = if state == 1 { Power::On } else { Power::Off };
             }
             Variant::MiniCheetah | Variant::TMotor | Variant::RobStride => {
                 self.motor_fault = u32::from(error);
-                if self.stage == Stage::Asked {
-                    self.stage = Stage::On;
-                }
+                self.stage = match self.stage {
+                    Stage::Asked(replies) if replies + 1 < REPLIES_TO_POWER => Stage::Asked(replies + 1),
+                    Stage::Asked(_) => Stage::On,
+                    stage => stage,
+                };
                 self.power = if self.stage == Stage::On { Power::On } else { Power::Off };
             }
         }
@@ -208,12 +220,15 @@ impl Drive for Mit {
             Wish::On(wanted) if self.stage != Stage::Off || self.ready() => wanted,
             Wish::On(_) => return self.stay_off(out),
             Wish::Off => {
-                self.stage = Stage::Off;
+                if self.stage != Stage::Off {
+                    (self.stage, self.turn) = (Stage::Off, false);
+                }
                 return self.stay_off(out);
             }
             Wish::Reset => {
                 self.stage = Stage::Off;
-                self.registers.iter_mut().for_each(Registers::forget);
+                self.turns.trust();
+                self.prepare();
                 if matches!(self.variant, Variant::Damiao | Variant::RobStride) {
                     out.push_some(self.special(FORGET_FAULT));
                 }
@@ -226,10 +241,11 @@ impl Drive for Mit {
                 self.odd = !self.odd;
                 self.stage = Stage::Neutral;
             }
-            Stage::Neutral | Stage::Asked => {
+            Stage::Neutral => {
                 out.push_some(self.special(POWER_ON));
-                self.stage = Stage::Asked;
+                self.stage = Stage::Asked(0);
             }
+            Stage::Asked(_) => out.push_some(self.special(POWER_ON)),
             Stage::On => {
                 out.push_some(self.setpoint(wanted));
                 self.odd = !self.odd;
@@ -251,9 +267,8 @@ impl Drive for Mit {
         if frame.id != Id::Standard(self.reply_id) {
             return Receipt::NotMine;
         }
-        let mask = if self.variant == Variant::Damiao { 0x0F } else { 0xFF };
         let first = bytes.first().copied().unwrap_or_default();
-        if !bytes.is_empty() && (u16::from(first) ^ self.id) & mask != 0 {
+        if !bytes.is_empty() && (u16::from(first) ^ self.id) & self.id_mask() != 0 {
             return Receipt::NotMine;
         }
         let (bytes, short) = match (frame.is_fd(), bytes) {
@@ -282,9 +297,7 @@ impl Drive for Mit {
             Variant::RobStride => (0, 0, f64::from(u16::from_be_bytes([g, h])) / 10.0),
         };
         self.learn(state, error);
-        let whole = self.unwrap.follow(code);
-        // a motor that does not begin again stays at the end's code
-        self.outside = whole <= 0 || whole >= i64::from(u16::MAX);
+        let whole = self.turns.follow(code);
         Receipt::Measured(Measurement {
             position: self.position.value_at(whole),
             velocity: self.velocity.value(u16::from_be_bytes([v_high, v_low]) >> 4),
@@ -299,33 +312,34 @@ impl Drive for Mit {
             _ if self.motor_fault != 0 => self.motor_fault,
             _ if registers != 0 => registers,
             Stage::Lost => fault::POWER_LOST,
-            _ if self.outside && self.mode != Mode::Torque => fault::OUT_OF_RANGE,
-            _ => 0,
+            _ => self.turns.fault(self.mode),
         };
         let power = match (self.power, self.stage) {
-            (Power::Off, Stage::Neutral | Stage::Asked) => Power::Starting,
+            (Power::Off, Stage::Neutral | Stage::Asked(_)) => Power::Starting,
             (power, _) => power,
         };
         let watchdog = self.registers.map_or(Watchdog::Unreadable, |registers| registers.watchdog);
         DriveState { power, fault, watchdog }
     }
 
-    fn forget(&mut self) {
-        self.stage = Stage::Off;
-        self.power = Power::Unknown;
-        self.motor_fault = 0;
-        self.outside = false;
-        self.unwrap = Unwrap::default();
+    fn prepare(&mut self) {
         self.registers.iter_mut().for_each(Registers::forget);
+    }
+
+    fn forget(&mut self) {
+        (self.stage, self.turn, self.power, self.motor_fault) = (Stage::Off, false, Power::Unknown, 0);
+        self.turns.forget();
+        self.prepare();
     }
 
     fn identifiers(&self) -> Vec<Id> {
         vec![Id::Standard(self.id)]
     }
 
-    fn shared_identifiers(&self) -> Vec<Id> {
-        let reply = Id::Standard(self.reply_id);
-        if self.registers.is_some() { vec![reply, Id::Standard(0x7FF)] } else { vec![reply] }
+    fn shared_identifiers(&self) -> Vec<Shared> {
+        let shared = |id, mask| Shared { id: Id::Standard(id), tag: self.id, mask };
+        let reply = shared(self.reply_id, self.id_mask());
+        if self.registers.is_some() { vec![reply, shared(0x7FF, 0xFFFF)] } else { vec![reply] }
     }
 
     fn replies(&self) -> Vec<Reply> {
@@ -344,7 +358,7 @@ impl Drive for Mit {
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
         out.push_some(self.special(ZERO));
-        self.unwrap = Unwrap::default();
+        self.turns = Turns::default();
         true
     }
 

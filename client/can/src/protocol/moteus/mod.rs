@@ -315,9 +315,14 @@ impl Drive for Moteus {
         DriveState { power, fault, watchdog: self.watchdog }
     }
 
+    fn prepare(&mut self) {
+        self.watchdog = Watchdog::Unknown;
+    }
+
     fn forget(&mut self) {
         (self.stage, self.servo_mode, self.code, self.not_finite) = (Stage::Off, None, 0, false);
-        (self.watchdog, self.velocity) = (Watchdog::Unknown, f64::NAN);
+        self.velocity = f64::NAN;
+        self.prepare();
     }
 
     fn identifiers(&self) -> Vec<Id> {

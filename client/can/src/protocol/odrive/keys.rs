@@ -8,13 +8,13 @@ pub(super) const KEYS: &[Key] = &[
         name: "velocity_scale",
         kind: KeyKind::Number(1e-6, 1.0),
         default: Some("0.001"),
-        about: "input_vel_scale: one step of the velocity beside a position [turn/s]",
+        about: "1 / input_vel_scale: one step of the velocity beside a position [turn/s]",
     },
     Key {
         name: "torque_scale",
         kind: KeyKind::Number(1e-6, 1.0),
         default: Some("0.001"),
-        about: "input_torque_scale: one step of the torque beside a position [N m]",
+        about: "1 / input_torque_scale: one step of the torque beside a position [N m]",
     },
     Key { name: "torque_feedback", kind: KeyKind::Flag, default: Some("false"), about: "whether the ODrive tells its torque every cycle" },
     Key {

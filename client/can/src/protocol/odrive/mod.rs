@@ -15,15 +15,17 @@
 //! numbers in each firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
 
 mod keys;
+mod setup;
 
 use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps};
 use super::{Common, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
+use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Wish};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::KEYS;
 use sarrus_models::Findings;
+use setup::Setup;
 
 /// ODrive CANSimple.
 pub(super) const ODRIVE: Protocol = Protocol {
@@ -37,7 +39,6 @@ pub(super) const ODRIVE: Protocol = Protocol {
 
 const HEARTBEAT: u16 = 0x01;
 const ERRORS: u16 = 0x03;
-const ENDPOINT: u16 = 0x04;
 const ENDPOINT_REPLY: u16 = 0x05;
 const STATE: u16 = 0x07;
 const ESTIMATES: u16 = 0x09;
@@ -52,22 +53,10 @@ const TORQUES: u16 = 0x1C;
 
 const IDLE: u32 = 1;
 const CLOSED_LOOP: u32 = 8;
+/// Without a heartbeat for this time nothing is known of the motor's state `[ns]`.
+const HEARTBEAT_LOST_NS: u64 = 500_000_000;
 /// Input mode 1 passes set-points on as they are.
 const PASSTHROUGH: u32 = 1;
-
-const PARAMETERS: &[Parameter] =
-    &[Parameter { name: "axis0.config.watchdog_timeout", unit: "s" }, Parameter { name: "axis0.config.enable_watchdog", unit: "" }];
-
-/// What is set and read before the motor gets power, in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    Mode,
-    WriteTimeout,
-    WriteEnable,
-    ReadTimeout,
-    ReadEnable,
-    Done,
-}
 
 /// The way to power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,15 +79,12 @@ struct ODrive {
     velocity_scale: f64,
     torque_scale: f64,
     torque_feedback: bool,
-    /// Endpoints of the watchdog's time and of its switch.
-    endpoints: Option<(u16, u16)>,
-    watchdog_ms: u32,
-    watchdog_time: f64,
-    watchdog: Watchdog,
-    step: Step,
+    setup: Setup,
     stage: Stage,
     turn: u8,
     axis_state: Option<u8>,
+    /// When its last heartbeat came `[ns]`.
+    heard_ns: u64,
     errors: u32,
     not_finite: bool,
     position: f64,
@@ -117,21 +103,19 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
             return None;
         }
     };
+    let node = settings.integer("node") as u16;
     Some(Box::new(ODrive {
-        node: settings.integer("node") as u16,
+        node,
         mode: common.mode,
         torque_limit: common.torque_limit,
         velocity_scale: settings.number("velocity_scale"),
         torque_scale: settings.number("torque_scale"),
         torque_feedback: settings.flag("torque_feedback"),
-        endpoints,
-        watchdog_ms: common.watchdog_ms,
-        watchdog_time: f64::NAN,
-        watchdog: if endpoints.is_some() { Watchdog::Unknown } else { Watchdog::Unreadable },
-        step: Step::Mode,
+        setup: Setup::new(node, endpoints, common.watchdog_ms),
         stage: Stage::Off,
         turn: 0,
         axis_state: None,
+        heard_ns: 0,
         errors: 0,
         not_finite: false,
         position: f64::NAN,
@@ -173,44 +157,15 @@ impl ODrive {
         Setpoint { position: if self.position.is_finite() { self.position } else { 0.0 }, ..Setpoint::default() }
     }
 
-    /// The request of this step.
-    fn request(&mut self) -> Option<Frame> {
-        let endpoint = |write: u8, endpoint: u16, value: [u8; 4], len: usize| {
-            let ([low, high], [a, b, c, d]) = (endpoint.to_le_bytes(), value);
-            [write, low, high, 0, a, b, c, d].get(..4 + len).and_then(|bytes| self.frame(ENDPOINT, bytes))
+    /// Sets the mode. Nothing answers it, so it is said again and again while the motor has no power.
+    fn control_mode(&self) -> Option<Frame> {
+        let mode: u32 = match self.mode {
+            Mode::Torque | Mode::Impedance => 1,
+            Mode::Velocity => 2,
+            Mode::Position => 3,
         };
-        let (timeout, enable) = self.endpoints.unwrap_or_default();
-        match self.step {
-            Step::Mode => {
-                let mode: u32 = match self.mode {
-                    Mode::Torque | Mode::Impedance => 1,
-                    Mode::Velocity => 2,
-                    Mode::Position => 3,
-                };
-                let ([a, b, c, d], [e, f, g, h]) = (mode.to_le_bytes(), PASSTHROUGH.to_le_bytes());
-                let frame = self.frame(CONTROL_MODE, &[a, b, c, d, e, f, g, h]);
-                // this one has no answer
-                self.step = match (self.endpoints, self.watchdog_ms) {
-                    (None, _) => Step::Done,
-                    (Some(_), 0) => Step::ReadTimeout,
-                    (Some(_), _) => Step::WriteTimeout,
-                };
-                frame
-            }
-            Step::WriteTimeout => {
-                let frame = endpoint(1, timeout, single(f64::from(self.watchdog_ms) / 1e3).to_le_bytes(), 4);
-                self.step = Step::WriteEnable;
-                frame
-            }
-            Step::WriteEnable => {
-                let frame = endpoint(1, enable, [1, 0, 0, 0], 1);
-                self.step = Step::ReadTimeout;
-                frame
-            }
-            Step::ReadTimeout => endpoint(0, timeout, [0; 4], 0),
-            Step::ReadEnable => endpoint(0, enable, [0; 4], 0),
-            Step::Done => None,
-        }
+        let ([a, b, c, d], [e, f, g, h]) = (mode.to_le_bytes(), PASSTHROUGH.to_le_bytes());
+        self.frame(CONTROL_MODE, &[a, b, c, d, e, f, g, h])
     }
 
     /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is to be set and read, in turn.
@@ -219,38 +174,19 @@ impl ODrive {
         let frame = match self.turn {
             1 => self.state_request(IDLE),
             2 => self.setpoint(&self.neutral()),
-            _ => self.request().or_else(|| self.state_request(IDLE)),
+            _ => self.setup.request().or_else(|| self.control_mode()),
         };
         out.push_some(frame);
     }
 
-    /// The answer of an endpoint.
-    fn answered(&mut self, endpoint: u16, value: &[u8]) -> Receipt {
-        let Some((timeout, enable)) = self.endpoints else { return Receipt::Noted };
-        match value {
-            [a, b, c, d] if endpoint == timeout => {
-                self.watchdog_time = f64::from(f32::from_le_bytes([*a, *b, *c, *d]));
-                if self.step == Step::ReadTimeout {
-                    self.step = Step::ReadEnable;
-                }
-                Receipt::Parameter(0, self.watchdog_time)
-            }
-            [on, ..] if endpoint == enable => {
-                if self.step == Step::ReadEnable {
-                    let ms = self.watchdog_time * 1e3;
-                    self.watchdog = if *on != 0 && ms > 0.0 { Watchdog::Set((ms.round() as u32).max(1)) } else { Watchdog::Off };
-                    self.step = Step::Done;
-                }
-                Receipt::Parameter(1, f64::from(*on))
-            }
-            _ => Receipt::Noted,
-        }
-    }
-
-    fn heartbeat(&mut self, errors: u32, state: u8) {
+    fn heartbeat(&mut self, now_ns: u64, errors: u32, state: u8) {
         self.errors = errors;
         self.axis_state = Some(state);
+        self.heard_ns = now_ns;
         let is_on = u32::from(state) == CLOSED_LOOP;
+        if self.stage == Stage::On && !is_on {
+            self.prepare();
+        }
         self.stage = match self.stage {
             Stage::Asked if is_on => Stage::On,
             // the request was lost, or the heartbeat is older than it
@@ -268,22 +204,36 @@ fn pair(frame: &Frame) -> Option<(f64, f64)> {
 }
 
 impl Drive for ODrive {
-    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
-        let is_ready = self.step == Step::Done && self.axis_state.is_some() && self.state().fault == 0;
+    fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+        if self.axis_state.is_some() && now_ns.saturating_sub(self.heard_ns) > HEARTBEAT_LOST_NS {
+            // measurements alone do not tell whether it has power, or errors
+            self.axis_state = None;
+            self.stage = if self.stage == Stage::Off { Stage::Off } else { Stage::Lost };
+        }
+        let is_ready = self.setup.is_done() && self.axis_state.is_some() && self.state().fault == 0;
         let wanted = match wish {
             Wish::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
             Wish::On(_) => return self.stay_off(out),
             Wish::Off => {
-                self.stage = Stage::Off;
+                if self.stage != Stage::Off {
+                    (self.stage, self.turn) = (Stage::Off, 0);
+                }
                 return self.stay_off(out);
             }
             Wish::Reset => {
-                (self.stage, self.step, self.turn, self.not_finite) = (Stage::Off, Step::Mode, 0, false);
+                (self.stage, self.turn, self.not_finite) = (Stage::Off, 0, false);
+                self.prepare();
+                // a set-point, so that the watchdog does not bite again at once
+                out.push_some(self.setpoint(&self.neutral()));
                 return out.push_some(self.frame(FORGET_ERRORS, &[0]));
             }
         };
         match self.stage {
-            Stage::Off | Stage::Asked | Stage::On => out.push_some(self.setpoint(&wanted)),
+            Stage::Off => {
+                out.push_some(self.control_mode());
+                out.push_some(self.setpoint(&wanted));
+            }
+            Stage::Asked | Stage::On => out.push_some(self.setpoint(&wanted)),
             Stage::Ready => out.push_some(self.state_request(CLOSED_LOOP)),
             Stage::Lost => out.push_some(self.state_request(IDLE)),
         }
@@ -302,7 +252,7 @@ impl Drive for ODrive {
         out.push_some(self.state_request(IDLE));
     }
 
-    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+    fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
         let Id::Standard(id) = frame.id else { return Receipt::NotMine };
         if id >> 5 != self.node {
             return Receipt::NotMine;
@@ -312,14 +262,14 @@ impl Drive for ODrive {
         }
         match (id & 0x1F, frame.data()) {
             (HEARTBEAT, [a, b, c, d, state, _, _, ..]) => {
-                self.heartbeat(u32::from_le_bytes([*a, *b, *c, *d]), *state);
+                self.heartbeat(now_ns, u32::from_le_bytes([*a, *b, *c, *d]), *state);
                 Receipt::Noted
             }
             (ERRORS, [a, b, c, d, _, _, _, _]) => {
                 self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
                 Receipt::Noted
             }
-            (ENDPOINT_REPLY, [_, low, high, _, value @ ..]) => self.answered(u16::from_le_bytes([*low, *high]), value),
+            (ENDPOINT_REPLY, [_, low, high, _, value @ ..]) => self.setup.answered(u16::from_le_bytes([*low, *high]), value),
             (ESTIMATES, _) => {
                 let Some((position, velocity)) = pair(frame) else { return Receipt::Malformed };
                 self.not_finite = !(position.is_finite() && velocity.is_finite());
@@ -359,14 +309,18 @@ impl Drive for ODrive {
             Stage::Lost => fault::POWER_LOST,
             _ => 0,
         };
-        DriveState { power, fault, watchdog: self.watchdog }
+        DriveState { power, fault, watchdog: self.setup.watchdog }
+    }
+
+    fn prepare(&mut self) {
+        self.setup.again();
     }
 
     fn forget(&mut self) {
-        (self.stage, self.step, self.turn) = (Stage::Off, Step::Mode, 0);
+        (self.stage, self.turn) = (Stage::Off, 0);
         (self.axis_state, self.errors, self.not_finite) = (None, 0, false);
         (self.position, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
-        self.watchdog = if self.endpoints.is_some() { Watchdog::Unknown } else { Watchdog::Unreadable };
+        self.prepare();
     }
 
     /// All commands of the node.
@@ -388,12 +342,10 @@ impl Drive for ODrive {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        if self.endpoints.is_some() { PARAMETERS } else { &[] }
+        self.setup.parameters()
     }
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
-        let Some((timeout, enable)) = self.endpoints else { return };
-        let [low, high] = if parameter == 0 { timeout } else { enable }.to_le_bytes();
-        out.push_some(self.frame(ENDPOINT, &[0, low, high, 0]));
+        out.push_some(self.setup.read_parameter(parameter));
     }
 }

@@ -74,6 +74,15 @@ impl BusEnd {
     }
 }
 
+impl Drop for BusEnd {
+    /// Wakes the bus for its last words. The queue that it looks at is gone a moment later: it looks again after the bell.
+    fn drop(&mut self) {
+        let (gone, _) = RingBuffer::new(1);
+        drop(std::mem::replace(&mut self.to_send, gone));
+        let _ = rustix::io::write(&*self.bell, &1_u64.to_ne_bytes());
+    }
+}
+
 impl BusThread {
     /// Opens the bus.
     pub(crate) fn new(config: &BusConfig, last_words: Vec<Frame>) -> Result<(BusThread, BusEnd), BusError> {

@@ -16,6 +16,7 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Args;
+use rustix::process::{Pid, getppid};
 use sarrus_can::bridge::Bridge;
 use sarrus_can::config::{Configuration, ConfigurationError};
 use sarrus_can::load;
@@ -23,12 +24,15 @@ use sarrus_can::telemetry::Telemetry;
 use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ};
 
 use crate::bus::{Address, own};
 use crate::clock::now_ns;
 use bus::BusThread;
 use rules::Rules;
+
+/// Signals that would end or stop this program: each is a clean end of it.
+const ENDS: [i32; 12] = [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGXCPU, SIGXFSZ];
 
 /// Flags of `run`.
 #[derive(Args)]
@@ -47,8 +51,9 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Runs until SIGINT, SIGTERM or SIGHUP: 0; 1 for a faulty configuration, 2 for what cannot be opened.
+    /// Runs until a signal ends it: 0; 1 for a faulty configuration, 2 for what cannot be opened.
     pub(crate) fn run(self) -> ExitCode {
+        let parent = if self.outlive_parent { None } else { getppid() };
         let configuration = match Configuration::load(&self.config) {
             Ok(configuration) => configuration,
             Err(error) => {
@@ -57,7 +62,7 @@ impl Run {
             }
         };
         configuration.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));
-        match self.bridge(configuration) {
+        match self.bridge(configuration, parent) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
                 say(format_args!("{error}"));
@@ -66,13 +71,10 @@ impl Run {
         }
     }
 
-    fn bridge(&self, configuration: Configuration) -> Result<(), Box<dyn std::error::Error>> {
+    fn bridge(&self, configuration: Configuration, parent: Option<Pid>) -> Result<(), Box<dyn std::error::Error>> {
         let stop = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in ENDS {
             signal_hook::flag::register(signal, stop.clone())?;
-        }
-        if !self.outlive_parent {
-            realtime::end_with_parent(&stop)?;
         }
         let name = ServerName::new(&self.name)?;
         let domain = Domain::of_user()?;
@@ -102,7 +104,8 @@ impl Run {
             announce(&self.name, fingerprint);
             while !rules.is_finished() {
                 // a bus only ends before the rules by breaking down
-                if buses.iter().any(|bus| bus.is_finished()) {
+                let is_orphan = parent.is_some() && getppid() != parent;
+                if is_orphan || buses.iter().any(|bus| bus.is_finished()) {
                     stop.store(true, Ordering::Relaxed);
                 }
                 thread::sleep(Duration::from_millis(20));

@@ -1,24 +1,11 @@
 //! What the system permits of real time, and what is said where it does not.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use rustix::mm::{MlockAllFlags, mlockall};
-use rustix::process::{Resource, Signal, getppid, getrlimit, set_parent_process_death_signal};
+use rustix::process::{Resource, getrlimit};
 use thread_priority::{RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id};
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
 use super::say;
-
-/// SIGTERM comes when the parent ends; where it has ended already, `stop` is set.
-pub(crate) fn end_with_parent(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    let parent = getppid();
-    set_parent_process_death_signal(Some(Signal::TERM))?;
-    if getppid() != parent {
-        stop.store(true, Ordering::Relaxed);
-    }
-    Ok(())
-}
 
 /// Keeps all memory in memory; says why where it does not.
 ///

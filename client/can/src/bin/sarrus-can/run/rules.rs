@@ -6,7 +6,6 @@ use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
 use sarrus_can::bridge::{Bridge, BusEvent};
 use sarrus_can::telemetry::{CycleTimes, Telemetry};
-use sarrus_proto::actuators::Operation;
 use sarrus_proto::bridge::BridgeEnd;
 
 use super::bus::BusEnd;
@@ -15,15 +14,14 @@ use crate::clock::now_ns;
 
 /// Time between two sets of statistics `[ns]`.
 const STATISTICS_NS: u64 = 500_000_000;
-/// Operations older than this are of another time `[ns]`.
-const OPERATION_NS: u64 = 1_000_000_000;
 
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {
+    /// First of all: where this ends, the buses say their last words before anything else is tidied up.
+    pub(super) ends: Vec<BusEnd>,
     pub(super) bridge: Bridge,
     pub(super) telemetry: Telemetry,
     pub(super) services: BridgeEnd,
-    pub(super) ends: Vec<BusEnd>,
     pub(super) stop: &'a AtomicBool,
 }
 
@@ -61,10 +59,7 @@ impl Rules<'_> {
             }
         }
         while let Some(request) = self.services.operation() {
-            let is_new = now.saturating_sub(request.stamp_ns) < OPERATION_NS;
-            if let (Some(operation), true) = (Operation::from_code(request.operation), is_new) {
-                self.bridge.operate(now, operation);
-            }
+            self.bridge.request(now, &request);
         }
         if let Some(command) = self.services.command() {
             self.bridge.command(now, &command);

@@ -1,0 +1,73 @@
+//! Positions of motors that count on beyond the ends of their protocol's range.
+
+use super::fault;
+use crate::drive::Mode;
+
+/// A 16 bit code that is followed across its ends, where it begins again.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Turns {
+    /// The last code, and what it was without jumps.
+    last: Option<(u16, i64)>,
+    /// It was outside its range when it was forgotten: how often around, nobody knows any more.
+    uncounted: bool,
+}
+
+impl Turns {
+    /// The code without jumps: the way from the last one is the shorter of the two. The first one counts as it is.
+    pub(super) fn follow(&mut self, code: u16) -> i64 {
+        let whole = match self.last {
+            Some((last, whole)) => whole + i64::from(code.wrapping_sub(last) as i16),
+            None => i64::from(code),
+        };
+        self.last = Some((code, whole));
+        whole
+    }
+
+    /// The motor may count anew from now on.
+    pub(super) fn forget(&mut self) {
+        *self = Turns { last: None, uncounted: self.uncounted || self.is_outside() };
+    }
+
+    /// An operator says that the motor's position is right as it is.
+    pub(super) fn trust(&mut self) {
+        self.uncounted = false;
+    }
+
+    /// [`fault::OUT_OF_RANGE`] where set-points of a mode cannot be said, or the position is not known; else 0.
+    pub(super) fn fault(&self, mode: Mode) -> u32 {
+        let is_fault = self.uncounted || self.is_outside() && mode != Mode::Torque;
+        if is_fault { fault::OUT_OF_RANGE } else { 0 }
+    }
+
+    /// A motor that does not begin again stays at the end's code.
+    fn is_outside(&self) -> bool {
+        self.last.is_some_and(|(_, whole)| whole <= 0 || whole >= i64::from(u16::MAX))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_code_is_followed_over_both_ends() {
+        let mut turns = Turns::default();
+        let codes = [65_000_u16, 65_500, 300, 10_000, 40_000, 60_000, 20_000, 60_000, 20_000, 65_000];
+        let whole: Vec<i64> = codes.iter().map(|code| turns.follow(*code)).collect();
+        assert_eq!(whole, [65_000, 65_500, 65_836, 75_536, 105_536, 125_536, 151_072, 125_536, 151_072, 130_536]);
+    }
+
+    #[test]
+    fn a_position_outside_is_a_fault_and_not_known_after_a_silence() {
+        let mut turns = Turns::default();
+        [60_000_u16, 65_000, 100].into_iter().for_each(|code| {
+            turns.follow(code);
+        });
+        assert_eq!((turns.fault(Mode::Torque), turns.fault(Mode::Impedance)), (0, fault::OUT_OF_RANGE));
+        turns.forget();
+        turns.follow(100);
+        assert_eq!(turns.fault(Mode::Torque), fault::OUT_OF_RANGE);
+        turns.trust();
+        assert_eq!((turns.fault(Mode::Torque), turns.fault(Mode::Impedance)), (0, 0));
+    }
+}
