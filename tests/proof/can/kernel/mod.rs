@@ -67,7 +67,7 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
         let heard = report["motors"][0]["frame"].as_str().unwrap();
         assert_eq!(heard == DISABLE, !power, "{name}: {heard}\n{said}");
     };
-    let refused = |name: &str, reason: &str| has(name, &format!("the bridge is fault: {reason}\ncode 1"));
+    let refused = |name: &str, reason: &str| has(name, &format!("the bridge is fault: {reason}; 0 of 2 actuators have power\ncode 1"));
 
     // SIGTERM takes the power away
     has("power", "enabled\ncode 0");
