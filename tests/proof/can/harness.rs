@@ -57,6 +57,8 @@ pub(super) fn sarrus_can() -> &'static Path {
                 "sarrus",
                 "--example",
                 "follow",
+                "--example",
+                "hold",
                 "--target-dir",
             ])
             .arg(folder.parent().unwrap());

@@ -15,7 +15,7 @@ use crate::allocation::calls;
 const MS: u64 = 1_000_000;
 
 /// One motor of each protocol, each on a bus of its own.
-const ONE_OF_EACH: [(&str, &str); 5] = [
+const ONE_OF_EACH: [(&str, &str); 6] = [
     (
         "mit",
         "variant: damiao, id: 1, reply_id: 17, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, damping_range: 5",
@@ -24,7 +24,20 @@ const ONE_OF_EACH: [(&str, &str); 5] = [
     ("odrive", "node: 3, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301"),
     ("moteus", "id: 1"),
     ("cia402", "node: 5, rated_torque: 2.0, counts_per_turn: 65536"),
+    (
+        "dbc",
+        "file: motor.dbc, enable: Set.Power, torque: Set.Torque, measured_position: Is.Turn, measured_velocity: Is.Speed, enabled: Is.Power",
+    ),
 ];
+
+const DBC_FILE: &str = r#"BO_ 32 Set: 8 Host
+ SG_ Power : 0|1@1+ (1,0) [0|1] "" Motor
+ SG_ Torque : 23|16@0- (0.001,0) [0|0] "Nm" Motor
+BO_ 33 Is: 8 Motor
+ SG_ Power : 0|1@1+ (1,0) [0|1] "" Host
+ SG_ Turn : 8|24@1- (0.0001,0) [0|0] "rad" Host
+ SG_ Speed : 32|16@1- (0.01,0) [0|0] "rad/s" Host
+"#;
 
 fn configuration() -> Configuration {
     let mut text = "rate_hz: 500\nramp_ms: 50\ntimeouts: {feedback_ms: 50}\nbuses:\n".to_owned();
@@ -36,10 +49,13 @@ fn configuration() -> Configuration {
         text +=
             &format!("- actuator: {name}\n  bus: {name}\n  drive: {{protocol: {name}, {keys}}}\n  sign: -1\n  gear: 2\n  offset: 0.1\n");
         text += "  limits: {effort: 2, velocity: 5}\n  damping: 0.1\n  watchdog_ms: 100\n";
+        if name == "dbc" {
+            text += "  watchdog: believed\n";
+        }
     }
-    let absent = |_: &str| Err("absent".to_owned());
+    let file = |_: &str| Ok(DBC_FILE.to_owned());
     let robot = |_: &_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() });
-    Configuration::read("each.yml", text.into_bytes(), &Surroundings { file: &absent, robot: &robot })
+    Configuration::read("each.yml", text.into_bytes(), &Surroundings { file: &file, robot: &robot })
         .unwrap_or_else(|report| panic!("{report}"))
 }
 

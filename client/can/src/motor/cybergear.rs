@@ -24,7 +24,7 @@ use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::Common;
 use crate::settings::Settings;
 
-/// Ranges of the manual: position ±4π rad, velocity `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.
+/// Ranges of the manual, for those that the settings leave out: position ±4π rad, velocity `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.
 const RANGES: [(&str, f64); 5] = [
     ("position_range", 4.0 * core::f64::consts::PI),
     ("velocity_range", 30.0),

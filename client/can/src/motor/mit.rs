@@ -13,7 +13,8 @@
 //! | `robstride` | id, p, v, t, temperature ×10 in 16 bits | no power |
 //!
 //! A Damiao has registers at 7FF: `id low, id high, 33 (read) or 55 (write), register, four bytes`, little-endian, answered on the reply's
-//! identifier. Register 9 is its watchdog in 50 µs, off when new; 15 to 17 (hexadecimal) are its ranges.
+//! identifier. Register 9 is its watchdog in 50 µs, off when new; 15 to 17 (hexadecimal) are its ranges,
+//! 0 the voltage at which it lets go, 7 and 8 its identifiers, A its mode, E its firmware, 14 the reduction of its gear.
 //!
 //! Sources: B. Katz, firmware of the mini cheetah's motor controller; CubeMars, *AK series manual*; Damiao, *DM-J4310 manual* and its list of
 //! registers; RobStride, *RS00 manual*, chapter on the MIT protocol.
@@ -28,6 +29,10 @@ use crate::settings::Settings;
 const REGISTERS: u16 = 0x7FF;
 /// Nanoseconds of one count of a Damiao's watchdog.
 const COUNT_NS: u64 = 50_000;
+/// What a Damiao lets go at `[V]`, the version of its firmware, and the reduction of its gear, as those of a DM-J4310 are.
+const UNDER_VOLTAGE: f32 = 15.0;
+const SOFTWARE: u32 = 5013;
+const REDUCTION: f32 = 10.0;
 /// A Damiao's state after its watchdog.
 const COMMUNICATION_LOST: u32 = 0xD;
 
@@ -157,10 +162,13 @@ impl Mit {
             body.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
         }
         let content = match register {
+            0x00 => UNDER_VOLTAGE.to_le_bytes(),
             0x07 => self.reply_id.to_le_bytes(),
             0x08 => u32::from(self.id).to_le_bytes(),
             0x09 => ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes(),
             0x0A => 1u32.to_le_bytes(),
+            0x0E => SOFTWARE.to_le_bytes(),
+            0x14 => REDUCTION.to_le_bytes(),
             0x15 => (self.position_range as f32).to_le_bytes(),
             0x16 => (self.velocity_range as f32).to_le_bytes(),
             0x17 => (self.torque_range as f32).to_le_bytes(),

@@ -6,6 +6,7 @@
 mod body;
 mod cia402;
 mod cybergear;
+mod dbc;
 mod mit;
 mod moteus;
 mod odrive;
@@ -146,6 +147,7 @@ fn firmware(protocol: &str, settings: &Settings, common: Common, body: &mut Body
         "odrive" => Box::new(odrive::Odrive::new(settings, common)),
         "moteus" => Box::new(moteus::Moteus::new(settings, common, body)),
         "cia402" => Box::new(cia402::Cia402::new(settings, common)),
+        "dbc" => Box::new(dbc::Dbc::new(settings, common, body)?),
         _ => return None,
     })
 }

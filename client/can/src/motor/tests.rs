@@ -40,15 +40,47 @@ macro_rules! mit {
     };
 }
 
+/// Signals of both byte orders, with and without signs, of IEEE 754, behind switches, in standard and extended messages.
+const DBC_FILE: &str = r#"VERSION ""
+BU_: Host Motor
+BO_ 257 Command: 8 Host
+ SG_ Page M : 0|4@1+ (1,0) [0|15] "" Motor
+ SG_ Enable m1 : 4|2@1+ (1,0) [0|3] "" Motor
+ SG_ Torque m1 : 15|16@0- (0.001,0) [-32|32] "Nm" Motor
+ SG_ Position m2 : 8|24@1- (0.001,0) [-8000|8000] "deg" Motor
+ SG_ Velocity m2 : 39|20@0- (0.01,0) [-5000|5000] "deg/s" Motor
+BO_ 2147483905 Gains: 8 Host
+ SG_ Stiffness : 0|32@1- (1,0) [0|0] "" Motor
+ SG_ Damping : 39|12@0+ (0.001,0) [0|4] "" Motor
+BO_ 2147484673 State: 8 Motor
+ SG_ Page M : 60|4@1+ (1,0) [0|15] "" Host
+ SG_ Position m3 : 7|32@0- (1,0) [0|0] "deg" Host
+ SG_ Speed m5 : 4|17@1- (0.01,0) [0|0] "deg/s" Host
+ SG_ Torque m5 : 31|16@0- (0.001,0) [0|0] "Nm" Host
+BO_ 3 Health: 3 Motor
+ SG_ On : 1|2@1+ (1,0) [0|3] "" Host
+ SG_ Fault : 15|8@0+ (1,0) [0|255] "" Host
+ SG_ Winding : 16|8@1+ (1,-40) [-40|215] "degC" Host
+SIG_VALTYPE_ 2147483905 Stiffness : 1;
+SIG_VALTYPE_ 2147484673 Position : 1;
+"#;
+
 fn cases() -> Vec<Case> {
     let case = |protocol, settings, mode, step| Case { protocol, settings, mode, step };
     let exact = [1e-5, 1e-5, 1e-5];
     let ranged = "{id: 7, position_range: 12.5, velocity_range: 30, torque_range: 12, stiffness_range: 500, damping_range: 5}";
+    let other =
+        "{model: robstride, id: 8, position_range: 20, velocity_range: 44, torque_range: 17, stiffness_range: 300, damping_range: 3}";
     let cybergear = [25.0 / 65535.0, 60.0 / 65535.0, 24.0 / 65535.0];
     let odrive = "{node: 5, torque_feedback: true, enable_watchdog_endpoint: 11, watchdog_timeout_endpoint: 12}";
     let moteus = [1e-5, 1e-5, 0.01];
     let cia402 = "{node: 6, rated_torque: 10, counts_per_turn: 65536, torque_offset: true}";
     let counted = [std::f64::consts::TAU / 65536.0, std::f64::consts::TAU / 65536.0, 0.01];
+    let dbc = "{file: motor.dbc, enable: Command.Enable, enable_value: 2, disable_value: 1, position: Command.Position, \
+        velocity: Command.Velocity, torque: Command.Torque, stiffness: Gains.Stiffness, damping: Gains.Damping, \
+        measured_position: State.Position, measured_velocity: State.Speed, measured_torque: State.Torque, temperature: Health.Winding, \
+        fault: Health.Fault, enabled: Health.On, enabled_value: 3, position_unit: 0.017453292519943295, velocity_unit: 0.017453292519943295}";
+    let degrees = [1.75e-5, 1.75e-4, 1e-3];
     vec![
         case("mit", mit!("mini_cheetah"), Mode::Impedance, MIT_STEP),
         case("mit", mit!("t_motor"), Mode::Impedance, MIT_STEP),
@@ -56,6 +88,7 @@ fn cases() -> Vec<Case> {
         case("mit", mit!("robstride"), Mode::Impedance, MIT_STEP),
         case("mit", mit!("damiao"), Mode::Torque, MIT_STEP),
         case("cybergear", ranged, Mode::Impedance, cybergear),
+        case("cybergear", other, Mode::Impedance, [40.0 / 65535.0, 88.0 / 65535.0, 34.0 / 65535.0]),
         case("odrive", odrive, Mode::Torque, exact),
         case("odrive", odrive, Mode::Velocity, exact),
         case("odrive", odrive, Mode::Position, exact),
@@ -64,16 +97,20 @@ fn cases() -> Vec<Case> {
         case("cia402", cia402, Mode::Torque, counted),
         case("cia402", cia402, Mode::Velocity, counted),
         case("cia402", cia402, Mode::Position, counted),
+        case("dbc", dbc, Mode::Impedance, degrees),
+        case("dbc", dbc, Mode::Position, degrees),
+        case("dbc", dbc, Mode::Velocity, degrees),
+        case("dbc", dbc, Mode::Torque, degrees),
     ]
 }
 
 impl Pair {
     fn new(case: &Case) -> Pair {
-        let common = Common { mode: case.mode, watchdog_ms: WATCHDOG_MS, torque_limit: f64::INFINITY };
+        let common = Common { mode: case.mode, watchdog_ms: WATCHDOG_MS, torque_limit: f64::INFINITY, period_ns: 2 * MS };
         let protocol = protocol(case.protocol).unwrap();
         let mut findings = Findings::new(false);
         let node = yaml::read("drive.yml", case.settings.as_bytes().to_vec(), "a drive", &mut findings).unwrap();
-        let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Err("no file".to_owned()), &mut findings);
+        let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(DBC_FILE.to_owned()), &mut findings);
         let drive = settings.as_ref().and_then(|settings| (protocol.make)(settings, common, &mut findings));
         let drive = drive.unwrap_or_else(|| panic!("{}", findings.into_report()));
         let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };

@@ -1,9 +1,8 @@
-//! The program `sarrus-can` as scripts meet it: processes, pseudo-terminals, and the CAN of a real kernel.
+//! The program `sarrus-can` as scripts meet it: processes and pseudo-terminals.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that fails panics")]
 
 mod simulated;
-mod socketcan;
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};

@@ -10,7 +10,7 @@ use clap::Args;
 use rustix::event::{PollFd, PollFlags};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::bus::{self, Address, BusError, Heard};
+use crate::bus::{self, Address, Bus, BusError, Heard, Lasting};
 use crate::clock::now_ns;
 
 /// Options of `listen`.
@@ -22,9 +22,9 @@ pub(crate) struct Listen {
     /// Network interface or serial port
     #[arg(long)]
     channel: String,
-    /// Bit rate for slcan [bit/s]
-    #[arg(long, default_value_t = 1_000_000)]
-    bitrate: u32,
+    /// Bit rate [bit/s]; slcan takes 1000000 without it, and an interface of socketcan must have it if it is said
+    #[arg(long)]
+    bitrate: Option<u32>,
     /// Data bit rate of CAN FD [bit/s]
     #[arg(long)]
     data_bitrate: Option<u32>,
@@ -50,7 +50,8 @@ pub(crate) fn run(arguments: &Listen) -> ExitCode {
 
 fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
     let Listen { interface, channel, bitrate, data_bitrate } = arguments;
-    let mut bus = bus::open(Address { interface, channel, bitrate: *bitrate, data_bitrate: *data_bitrate })?;
+    let bitrate = bitrate.or((interface == "slcan").then_some(1_000_000));
+    let mut bus = Lasting::open(channel, Address { interface, channel, bitrate, data_bitrate: *data_bitrate })?;
     eprintln!("ready {channel}");
     while !stop.load(Ordering::Relaxed) {
         bus::wait_for(&mut [PollFd::from_borrowed_fd(bus.readable(), PollFlags::IN)], Duration::from_millis(100))?;

@@ -1,5 +1,7 @@
 //! Buses: what sends and receives frames, by python-can's names of interfaces.
 
+mod interface;
+mod lasting;
 mod lines;
 mod pseudo;
 mod serial;
@@ -13,9 +15,11 @@ use rustix::event::{PollFd, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
 use sarrus_can::bridge::BusEvent;
+use sarrus_can::config::BusConfig;
 use sarrus_can::frame::Frame;
 use thiserror::Error;
 
+pub(crate) use lasting::Lasting;
 pub(crate) use pseudo::Pseudo;
 
 /// A bus that is open. Nothing here waits; [`wait_for`] does.
@@ -68,6 +72,22 @@ pub(crate) enum BusError {
     DataBitrate(String, u32),
     #[error("{0}: the interface carries no CAN FD, expected an MTU of 72: `ip link set {0} mtu 72`, or `type can fd on` before it is up")]
     NoFd(String),
+    #[error("{0} is down: `{1}`")]
+    Down(String, String),
+    #[error(
+        "{0} is bus-off: its controller has left the bus after too many errors; look at wires, termination and the bit rate of every node, \
+             then `ip link set {0} type can restart`, or down and up"
+    )]
+    Off(String),
+    #[error("{name} has a {what} of {found} bit/s, expected {expected}: `ip link set {name} down`, then `{set}`")]
+    OtherBitrate {
+        name: String,
+        what: &'static str,
+        found: u32,
+        expected: u32,
+        /// The command that sets it.
+        set: String,
+    },
     #[error("{0} is in use by another program; each bus has one owner, end the other one first")]
     Owned(String),
     #[error("{0} cannot be opened: {1}")]
@@ -83,10 +103,18 @@ pub(crate) struct Address<'a> {
     pub(crate) interface: &'a str,
     /// Network interface, or path of the serial port, `@` and its speed behind it if it is not 115200.
     pub(crate) channel: &'a str,
-    /// `[bit/s]`; socketcan has its own, set by `ip link`.
-    pub(crate) bitrate: u32,
+    /// `[bit/s]`; socketcan has its own, set by `ip link`, which must be this one. `None`: it may be any.
+    pub(crate) bitrate: Option<u32>,
     /// `[bit/s]` with CAN FD.
     pub(crate) data_bitrate: Option<u32>,
+}
+
+impl<'a> Address<'a> {
+    /// Where a bus of a configuration is.
+    pub(crate) fn of(config: &'a BusConfig) -> Address<'a> {
+        let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
+        Address { interface, channel, bitrate: Some(config.bitrate), data_bitrate: config.data_bitrate }
+    }
 }
 
 /// Opens a bus.

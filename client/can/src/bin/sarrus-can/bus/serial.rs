@@ -29,8 +29,8 @@ impl Serial {
             Some((path, speed)) => (path, speed.parse().map_err(|_| refused(address.channel, "its speed is no number"))?),
             None => (address.channel, SPEED),
         };
-        let Some(code) = BITRATES.iter().position(|&bitrate| bitrate == address.bitrate) else {
-            return Err(BusError::Bitrate(path.to_owned(), address.bitrate));
+        let Some(code) = BITRATES.iter().position(|&bitrate| Some(bitrate) == address.bitrate) else {
+            return Err(BusError::Bitrate(path.to_owned(), address.bitrate.unwrap_or(0)));
         };
         let data_code = match address.data_bitrate {
             None => None,

@@ -14,6 +14,7 @@ use sarrus_can::bridge::BusEvent;
 use sarrus_can::frame::{Frame, FrameKind, Id};
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
+use super::interface::{Controller, Interface};
 use super::{Address, Bus, BusError, Heard, Sent};
 
 /// Bytes of `can_frame` and `canfd_frame`.
@@ -39,22 +40,24 @@ pub(crate) struct SocketCan {
 }
 
 impl SocketCan {
-    /// Opens the interface, which must be up; its bit rate is what `ip link` set.
+    /// Opens the interface, which must be up and not bus-off, with the bit rates of the address.
     pub(crate) fn open(address: Address<'_>) -> Result<SocketCan, BusError> {
         let name = address.channel;
         let failed = |error: io::Error| BusError::Open(name.to_owned(), error);
         let socket = CanFdSocket::open(name).map_err(failed)?;
-        if address.data_bitrate.is_some() {
-            let mtu = std::fs::read_to_string(format!("/sys/class/net/{name}/mtu")).map_err(failed)?;
-            if mtu.trim() != "72" {
-                return Err(BusError::NoFd(name.to_owned()));
-            }
-        }
         socket.set_error_filter_accept_all().map_err(failed)?;
         socket.set_recv_own_msgs(true).map_err(failed)?;
         // the kernel may allow less; what is lost is counted
         let _ = set_socket_recv_buffer_size(&socket, RECEIVE_BUFFER);
-        Ok(SocketCan { name: name.to_owned(), socket, waiting: 0, lost: 0, events: [None; 3] })
+        // after the filter, so that no change of the state is missed
+        let interface = Interface::read(name).map_err(failed)?;
+        interface.check(address)?;
+        let state = match interface.controller {
+            Some(Controller::Warning) => Some(BusEvent::ErrorWarning),
+            Some(Controller::Passive) => Some(BusEvent::ErrorPassive),
+            _ => None,
+        };
+        Ok(SocketCan { name: name.to_owned(), socket, waiting: 0, lost: 0, events: [state, None, None] })
     }
 
     /// Frames that the receive buffer had no room for, since the last time.
@@ -80,7 +83,7 @@ impl Bus for SocketCan {
                 self.waiting = (self.waiting + 1).min(MOST_WAITING);
                 Ok(Sent::Taken)
             }
-            Err(Errno::NOBUFS | Errno::AGAIN | Errno::INTR | Errno::NETDOWN) => Ok(Sent::Dropped),
+            Err(Errno::NOBUFS | Errno::AGAIN | Errno::INTR) => Ok(Sent::Dropped),
             Err(error) => Err(BusError::Gone(self.name.clone(), error.into())),
         }
     }
@@ -109,7 +112,6 @@ impl Bus for SocketCan {
                     self.waiting = 0;
                     return Ok(Some(Heard::Event(BusEvent::Overrun(lost))));
                 }
-                Err(Errno::NETDOWN) => return Ok(Some(Heard::Event(BusEvent::BusOff))),
                 Err(error) => return Err(BusError::Gone(self.name.clone(), error.into())),
             };
             if message.flags.bits() & CONFIRM != 0 {
@@ -118,7 +120,13 @@ impl Bus for SocketCan {
             }
             match decode(bytes.get(..message.bytes).unwrap_or_default()) {
                 Decoded::Frame(frame) => return Ok(Some(Heard::Frame(frame))),
-                Decoded::Errors(events) => self.events = events,
+                Decoded::Errors(events) => {
+                    if matches!(events, [Some(BusEvent::BusOff | BusEvent::Restarted), ..]) {
+                        // the kernel has thrown away what waited, and no echo of it comes
+                        self.waiting = 0;
+                    }
+                    self.events = events;
+                }
                 Decoded::Other => {}
             }
         }
@@ -251,5 +259,25 @@ mod tests {
         assert_eq!(decode(&bytes), Decoded::Other);
         bytes[..4].copy_from_slice(&(REMOTE | 5).to_ne_bytes());
         assert_eq!(decode(&bytes), Decoded::Other);
+    }
+    #[test]
+    fn frames_that_the_kernel_threw_away_at_bus_off_wait_no_longer() {
+        use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
+        // a pair of sockets: the other end is the kernel
+        let (ours, kernel) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None).unwrap();
+        let socket = CanFdSocket::from(ours);
+        let mut bus = SocketCan { name: "pair".to_owned(), socket, waiting: 0, lost: 0, events: [None; 3] };
+        for (class, event) in [(0x40_u32, BusEvent::BusOff), (0x100, BusEvent::Restarted)] {
+            bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).unwrap();
+            assert_eq!(bus.backlog(), 1);
+            let mut bytes = [0; CLASSIC];
+            bytes[..4].copy_from_slice(&(class | ERROR).to_ne_bytes());
+            send(&kernel, &bytes, SendFlags::empty()).unwrap();
+            assert_eq!(bus.next().unwrap(), Some(Heard::Event(event)));
+            assert_eq!(bus.backlog(), 0);
+        }
+        // and a bus whose other end is gone is gone
+        drop(kernel);
+        assert!(bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).is_err());
     }
 }

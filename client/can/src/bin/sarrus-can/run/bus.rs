@@ -2,7 +2,7 @@
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd};
@@ -11,7 +11,7 @@ use sarrus_can::config::BusConfig;
 use sarrus_can::frame::Frame;
 
 use super::{realtime, say};
-use crate::bus::{Address, Bus, BusError, Heard, Sent, open, wait_for};
+use crate::bus::{Address, Bus, BusError, Heard, Lasting, Sent, wait_for};
 use crate::clock::now_ns;
 
 /// Room for frames and events on their way between two threads.
@@ -23,25 +23,14 @@ const LAST_WORDS: (usize, Duration) = (5, Duration::from_millis(5));
 /// A bus whose rules say nothing for this time looks whether they are still there.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Where a bus of a configuration is.
-pub(crate) fn address(config: &BusConfig) -> Address<'_> {
-    let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
-    Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate }
-}
-
 /// What a bus heard, and when `[ns]`.
 pub(crate) type Stamped = (u64, Heard);
 
-/// A bus that is gone is opened anew this often.
-const REOPEN: Duration = Duration::from_millis(500);
-
 /// The thread's side.
 pub(crate) struct BusThread {
-    config: BusConfig,
-    /// `None` while the adapter is gone.
-    port: Option<Box<dyn Bus>>,
-    /// When it was last tried to open it.
-    tried: Instant,
+    name: String,
+    /// A bus whose adapter went away is off until it comes back.
+    port: Lasting,
     queues: Queues,
     /// Frames that take the power from every motor of this bus.
     last_words: Vec<Frame>,
@@ -96,51 +85,25 @@ impl Drop for BusEnd {
 
 impl BusThread {
     /// Opens the bus.
-    pub(crate) fn new(config: BusConfig, last_words: Vec<Frame>) -> Result<(BusThread, BusEnd), BusError> {
-        let port = Some(open(address(&config))?);
+    pub(crate) fn new(config: &BusConfig, last_words: Vec<Frame>) -> Result<(BusThread, BusEnd), BusError> {
+        let (name, port) = (config.name.clone(), Lasting::open(&config.name, Address::of(config))?);
         let flags = EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC;
-        let bell = Arc::new(eventfd(0, flags).map_err(|error| BusError::Open(config.name.clone(), error.into()))?);
+        let bell = Arc::new(eventfd(0, flags).map_err(|error| BusError::Open(name.clone(), error.into()))?);
         let (send, to_send) = RingBuffer::new(ROOM);
         let (hear, heard) = RingBuffer::new(ROOM);
         let end = BusEnd { to_send: send, heard, bell: bell.clone() };
         let queues = Queues { to_send, heard: hear, bell, overrun: 0, backlog: 0 };
-        Ok((BusThread { config, port, tried: Instant::now(), queues, last_words }, end))
+        Ok((BusThread { name, port, queues, last_words }, end))
     }
 
-    /// Until the rules are gone; then the motors are disabled. An adapter that goes away is a bus that is off, until it comes back.
+    /// Until the rules are gone; then the motors are disabled.
     pub(crate) fn run(mut self, priority: u8) {
         realtime::be_first(priority);
         while !self.queues.to_send.is_abandoned() {
-            let Some(port) = &mut self.port else {
-                self.reopen();
-                continue;
-            };
-            if let Err(error) = self.queues.serve(port.as_mut()) {
-                say(format_args!("{}: {error}", self.config.name));
-                self.port = None;
-                self.queues.tell(Heard::Event(BusEvent::BusOff));
+            if let Err(error) = self.queues.serve(&mut self.port) {
+                say(format_args!("{}: {error}", self.name));
+                return;
             }
-        }
-    }
-
-    /// Opens the bus anew, not too often; what was to be sent meanwhile is dropped.
-    fn reopen(&mut self) {
-        std::thread::sleep(PATIENCE);
-        let mut dropped = 0;
-        while self.queues.to_send.pop().is_ok() {
-            dropped += 1;
-        }
-        if dropped > 0 {
-            self.queues.tell(Heard::Event(BusEvent::Dropped(dropped)));
-        }
-        if self.tried.elapsed() < REOPEN {
-            return;
-        }
-        self.tried = Instant::now();
-        if let Ok(port) = open(address(&self.config)) {
-            say(format_args!("{}: open again", self.config.name));
-            self.port = Some(port);
-            self.queues.tell(Heard::Event(BusEvent::Restarted));
         }
     }
 }
@@ -202,12 +165,11 @@ impl Queues {
 impl Drop for BusThread {
     /// However this thread ends, its motors are told to let go.
     fn drop(&mut self) {
-        let Some(port) = &mut self.port else { return };
         let (times, pause) = LAST_WORDS;
         for _ in 0..times {
             for frame in &self.last_words {
                 // a bus that is gone takes no words; the motors' watchdogs remain
-                let _ = port.send(frame);
+                let _ = self.port.send(frame);
             }
             std::thread::sleep(pause);
         }

@@ -26,7 +26,7 @@ use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ};
 
-use crate::bus::own;
+use crate::bus::{Address, own};
 use crate::clock::now_ns;
 use bus::BusThread;
 use rules::Rules;
@@ -85,8 +85,8 @@ impl Run {
         let bridge = Bridge::new(configuration);
         let (mut threads, mut ends, mut owned) = (Vec::new(), Vec::new(), Vec::new());
         for (number, config) in bridge.configuration().buses.iter().enumerate() {
-            owned.extend(own(bus::address(config))?);
-            let (thread, end) = BusThread::new(config.clone(), bridge.last_words(number))?;
+            owned.extend(own(Address::of(config))?);
+            let (thread, end) = BusThread::new(config, bridge.last_words(number))?;
             threads.push(thread);
             ends.push(end);
         }

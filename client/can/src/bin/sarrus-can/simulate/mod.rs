@@ -23,7 +23,7 @@ use sarrus_can::config::Configuration;
 use sarrus_can::motor::Physics;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::bus::{self, Address, Bus, BusError, Pseudo};
+use crate::bus::{self, Address, Bus, BusError, Lasting, Pseudo};
 use crate::clock::now_ns;
 use console::Order;
 use line::Line;
@@ -122,9 +122,8 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
             links.push(Link::make(pseudo.path(), &path)?);
             (Box::new(pseudo), path.display().to_string())
         } else {
-            let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
-            let address = Address { interface, channel, bitrate: config.bitrate, data_bitrate: config.data_bitrate };
-            (bus::open(address).map_err(|error| error.to_string())?, channel.to_owned())
+            let bus = Lasting::open(&config.name, Address::of(config)).map_err(|error| error.to_string())?;
+            (Box::new(bus), config.channel.clone())
         };
         say(&format!("ready {} {channel}", config.name));
         lines.push(Line::new(config.name.clone(), place, bus, arguments.seed.wrapping_add(place as u64)));

@@ -1,17 +1,4 @@
-#!BUSYBOX sh
-# The first process of the virtual machine: it prints "step NAME" and what each step gave.
-export PATH=/usr/sbin:/usr/bin:/sbin:/bin
-B=BUSYBOX
-$B mount -t proc proc /proc; $B mount -t sysfs sysfs /sys
-$B mkdir -p /dev/pts /dev/shm; $B mount -t devpts devpts /dev/pts; $B mount -t tmpfs tmpfs /dev/shm; $B mount -t tmpfs tmpfs /run
-M=/usr/lib/uml/modules/$($B uname -r)/kernel
-for m in net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/vcan drivers/net/can/slcan/slcan; do
-    $B insmod $M/$m.ko || echo "no module $m"
-done
-ip link add dev vcan0 type vcan; ip link set vcan0 mtu 72 up
-ip link add dev vcan1 type vcan; ip link set vcan1 mtu 16 up
-wait_for() { n=0; while ! $B grep -q "$2" "$1" 2>/dev/null; do n=$((n + 1)); [ $n -gt 100 ] && { echo "no $2 in $1"; return; }; $B sleep 0.1; done; }
-
+# Frames, states and full queues.
 echo "step enable"
 PROGRAM simulate FOLDER/vcan.yml > /run/motors 2>&1 < /dev/null &
 wait_for /run/motors "ready arm"
@@ -53,7 +40,7 @@ $B kill $LISTEN
 echo "step full"
 ip link set slcan0 down; echo active >&3; $B sleep 0.3; ip link set slcan0 up
 $B mkfifo /run/orders2
-PROGRAM simulate FOLDER/full.yml > /run/full 2>&1 < /run/orders2 &
+PROGRAM simulate FOLDER/kernel.yml > /run/full 2>&1 < /run/orders2 &
 MOTOR=$!
 exec 4> /run/orders2
 wait_for /run/full "ready arm"
@@ -67,4 +54,3 @@ echo report >&4; wait_for /run/full report
 $B grep report /run/full
 echo "step end"
 $B kill -CONT $ADAPTER
-$B poweroff -f

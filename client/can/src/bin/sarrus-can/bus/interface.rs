@@ -1,0 +1,294 @@
+//! What the kernel knows of a CAN interface: whether it is up, its bit rates, the state of its controller.
+//!
+//! One question RTM_GETLINK over a route socket, and the attributes of its answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`,
+//! `linux/can/netlink.h`.
+
+use std::io;
+
+use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socket_with};
+
+use super::{Address, BusError};
+
+/// Kinds of messages.
+const GET_LINK: u16 = 18;
+const NEW_LINK: u16 = 16;
+const ERROR: u16 = 2;
+/// `NLM_F_REQUEST`.
+const REQUEST: u16 = 1;
+/// Bytes of `nlmsghdr` and of `ifinfomsg`.
+const HEAD: usize = 16;
+const INFO: usize = 16;
+/// `IFF_UP` in the flags of `ifinfomsg`.
+const UP: u32 = 1;
+/// `IFLA_IFNAME`, `IFLA_MTU`, `IFLA_LINKINFO`, and in the last one `IFLA_INFO_DATA`.
+const NAME: u16 = 3;
+const MTU: u16 = 4;
+const LINK_INFO: u16 = 18;
+const DATA: u16 = 2;
+/// `IFLA_CAN_BITTIMING`, `IFLA_CAN_STATE`, `IFLA_CAN_DATA_BITTIMING`.
+const TIMING: u16 = 1;
+const STATE: u16 = 4;
+const DATA_TIMING: u16 = 9;
+/// Where an attribute's kind has flags.
+const FLAGS: u16 = 0xC000;
+/// Bit rates that differ by less than this part of them work together: clocks do not divide into every one exactly.
+const SAME_RATE: f64 = 0.005;
+
+/// How a controller stands on its bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Controller {
+    Active,
+    Warning,
+    Passive,
+    Off,
+    /// Stopped or asleep: the interface is down.
+    Stopped,
+}
+
+/// A CAN interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Interface {
+    is_up: bool,
+    pub(super) mtu: u32,
+    /// Bit rate `[bit/s]`; `None` where there is none (`vcan`), or where the kernel does not know it.
+    bitrate: Option<u32>,
+    /// Bit rate of the data of FD frames `[bit/s]`.
+    data_bitrate: Option<u32>,
+    /// `None` where there is no controller.
+    pub(super) controller: Option<Controller>,
+}
+
+impl Interface {
+    /// Asks the kernel.
+    pub(super) fn read(name: &str) -> io::Result<Interface> {
+        let socket = socket_with(AddressFamily::NETLINK, SocketType::RAW, SocketFlags::CLOEXEC, None)?;
+        send(&socket, &question(name), SendFlags::empty())?;
+        let mut answer = [0; 16384];
+        // the answer to one interface's question is there before the question's call is over
+        let (used, _) = recv(&socket, &mut answer, RecvFlags::DONTWAIT)?;
+        parse(answer.get(..used).unwrap_or_default())
+    }
+
+    /// Whether it can be used as the configuration says.
+    pub(super) fn check(&self, address: Address<'_>) -> Result<(), BusError> {
+        let name = address.channel.to_owned();
+        let set = set_up(address, self.controller.is_some());
+        if !self.is_up || self.controller == Some(Controller::Stopped) {
+            return Err(BusError::Down(name, set));
+        }
+        if self.controller == Some(Controller::Off) {
+            return Err(BusError::Off(name));
+        }
+        if address.data_bitrate.is_some() && self.mtu != FD_MTU {
+            return Err(BusError::NoFd(name));
+        }
+        for (what, found, expected) in
+            [("bit rate", self.bitrate, address.bitrate), ("data bit rate", self.data_bitrate, address.data_bitrate)]
+        {
+            match (found, expected) {
+                (Some(found), Some(expected)) if (f64::from(found) / f64::from(expected) - 1.0).abs() > SAME_RATE => {
+                    return Err(BusError::OtherBitrate { name, what, found, expected, set });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// MTU of an interface that carries CAN FD.
+const FD_MTU: u32 = 72;
+
+/// The command that brings an interface up as the configuration says.
+fn set_up(address: Address<'_>, has_controller: bool) -> String {
+    let name = address.channel;
+    match (address.bitrate, address.data_bitrate) {
+        (Some(bitrate), Some(data)) if has_controller => {
+            format!("ip link set {name} up type can bitrate {bitrate} dbitrate {data} fd on")
+        }
+        (Some(bitrate), None) if has_controller => format!("ip link set {name} up type can bitrate {bitrate}"),
+        _ => format!("ip link set {name} up"),
+    }
+}
+
+/// `nlmsghdr` (length, kind, flags, number, sender), an empty `ifinfomsg`, and the name.
+fn question(name: &str) -> Vec<u8> {
+    let attribute = 4 + name.len() + 1;
+    let total = HEAD + INFO + attribute.next_multiple_of(4);
+    let mut bytes = Vec::with_capacity(total);
+    bytes.extend((total as u32).to_ne_bytes());
+    bytes.extend([GET_LINK, REQUEST].map(u16::to_ne_bytes).as_flattened());
+    bytes.extend([1_u32, 0].map(u32::to_ne_bytes).as_flattened());
+    bytes.extend([0; INFO]);
+    bytes.extend([attribute as u16, NAME].map(u16::to_ne_bytes).as_flattened());
+    bytes.extend(name.as_bytes());
+    bytes.resize(total, 0);
+    bytes
+}
+
+/// Reads an answer: the interface, or why there is none.
+fn parse(message: &[u8]) -> io::Result<Interface> {
+    let garbled = || io::Error::new(io::ErrorKind::InvalidData, "the kernel's answer is not understood");
+    let length = word(message, 0).ok_or_else(garbled)? as usize;
+    let kind = message.get(4..6).and_then(half).ok_or_else(garbled)?;
+    let message = message.get(..length).ok_or_else(garbled)?;
+    if kind == ERROR {
+        let code = word(message, HEAD).ok_or_else(garbled)? as i32;
+        return Err(io::Error::from_raw_os_error(code.wrapping_neg()));
+    }
+    let flags = word(message, HEAD + 8).ok_or_else(garbled)?;
+    let list = message.get(HEAD + INFO..).filter(|_| kind == NEW_LINK).ok_or_else(garbled)?;
+    let mtu = find(list, MTU).and_then(|bytes| word(bytes, 0)).ok_or_else(garbled)?;
+    let data = find(list, LINK_INFO).and_then(|info| find(info, DATA)).unwrap_or_default();
+    // the bit rate is the first number of `can_bittiming`; a rate that nobody has set, or that only the adapter knows, is 0 or −1
+    let rate = |kind: u16| find(data, kind).and_then(|timing| word(timing, 0)).filter(|rate| !matches!(*rate, 0 | u32::MAX));
+    let controller = find(data, STATE).and_then(|state| word(state, 0)).map(|state| match state {
+        0 => Controller::Active,
+        1 => Controller::Warning,
+        2 => Controller::Passive,
+        3 => Controller::Off,
+        _ => Controller::Stopped,
+    });
+    Ok(Interface { is_up: flags & UP != 0, mtu, bitrate: rate(TIMING), data_bitrate: rate(DATA_TIMING), controller })
+}
+
+/// The content of the first attribute of a kind. Attributes are length and kind in 16 bits each, content, and what fills four bytes.
+fn find(mut list: &[u8], wanted: u16) -> Option<&[u8]> {
+    loop {
+        let (length, kind) = (usize::from(half(list.get(..2)?)?), half(list.get(2..4)?)?);
+        let content = list.get(4..length)?;
+        if kind & !FLAGS == wanted {
+            return Some(content);
+        }
+        list = list.get(length.next_multiple_of(4)..)?;
+    }
+}
+
+fn half(bytes: &[u8]) -> Option<u16> {
+    bytes.try_into().ok().map(u16::from_ne_bytes)
+}
+
+fn word(bytes: &[u8], place: usize) -> Option<u32> {
+    bytes.get(place..place + 4)?.try_into().ok().map(u32::from_ne_bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Answers of Linux 6.1, recorded; statistics and settings of the network are left out of them.
+    /// `vcan`, up, with CAN FD.
+    const VCAN: &str = "\
+        540000001000000001000000b90200000000180102000000c1000100000000000a0003007663616e3000000008000d00e8030000050010000000000008000400\
+        4800000010001200090001007663616e00000000";
+    /// The same, down.
+    const DOWN: &str = "\
+        540000001000000001000000bb020000000018010200000080000000000000000a0003007663616e3000000008000d00e8030000050010000200000008000400\
+        4800000010001200090001007663616e00000000";
+    /// `slcan`, up, with `type can bitrate 500000`.
+    const SLCAN: &str = "\
+        f40000001000000001000000d20200000000180103000000c1000100000000000b000300736c63616e30000008000d000a000000050010000600000008000400\
+        10000000b00012000800010063616e001c000300000000000000000001000000010000000000000000000000880002002400010020a107000000000000000000\
+        0000000000000000000000000000000000000000080003000000000008000400000000000c0005000000000000000000080006000000000028000d0010270000\
+        204e000050c30000a086010048e8010090d0030020a1070000350c0040420f0008000f00000000000c0011800800010002000000";
+    /// `slcan` without a bit rate that the kernel knows, bus-off.
+    const OFF: &str = "\
+        d00000001000000001000000cd020000000018010300000081000000000000000b000300736c63616e30000008000d000a000000050010000200000008000400\
+        100000008c0012000800010063616e001c0003000000000000000000010000000100000000000000000000006400020008000300000000000800040003000000\
+        0c0005000000000000000000080006000000000028000d0010270000204e000050c30000a086010048e8010090d0030020a1070000350c0040420f0008000f00\
+        000000000c0011800800010002000000";
+    /// No interface of this name.
+    const NONE: &str = "\
+        400000000200000001000000bc020000edffffff2c00000012000100010000000000000000000000000000000000000000000000090003006e6f6e6500000000";
+
+    fn bytes(text: &str) -> Vec<u8> {
+        text.as_bytes().chunks(2).map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap()).collect()
+    }
+
+    fn read(text: &str) -> Interface {
+        parse(&bytes(text)).unwrap()
+    }
+
+    fn address(bitrate: u32, data_bitrate: Option<u32>) -> Address<'static> {
+        Address { interface: "socketcan", channel: "can0", bitrate: Some(bitrate), data_bitrate }
+    }
+
+    #[test]
+    fn answers_of_a_kernel_are_read() {
+        let vcan = Interface { is_up: true, mtu: 72, bitrate: None, data_bitrate: None, controller: None };
+        assert_eq!(read(VCAN), vcan);
+        assert_eq!(read(DOWN), Interface { is_up: false, ..vcan });
+        let slcan = Interface { mtu: 16, bitrate: Some(500_000), controller: Some(Controller::Active), ..vcan };
+        assert_eq!(read(SLCAN), slcan);
+        assert_eq!(read(OFF), Interface { bitrate: None, controller: Some(Controller::Off), ..slcan });
+        assert_eq!(parse(&bytes(NONE)).unwrap_err().raw_os_error(), Some(19));
+    }
+
+    /// An answer with these rates and this state.
+    fn answer(up: u32, mtu: u32, timings: [(u16, u32); 2], state: u32) -> Interface {
+        let attribute = |kind: u16, content: &[u8]| {
+            let mut bytes = [4 + content.len() as u16, kind].map(u16::to_ne_bytes).as_flattened().to_vec();
+            bytes.extend(content);
+            bytes.resize(bytes.len().next_multiple_of(4), 0);
+            bytes
+        };
+        let timing = |(kind, rate): (u16, u32)| attribute(kind, [rate.to_ne_bytes().as_slice(), &[0; 28]].concat().as_slice());
+        let data = [timings.map(timing).concat(), attribute(STATE, &state.to_ne_bytes())].concat();
+        let info = [attribute(1, b"can\0"), attribute(DATA | 0x8000, &data)].concat();
+        let list = [attribute(NAME, b"can0\0"), attribute(MTU, &mtu.to_ne_bytes()), attribute(LINK_INFO, &info)].concat();
+        let length = (HEAD + INFO + list.len()) as u32;
+        let mut bytes = length.to_ne_bytes().to_vec();
+        bytes.extend([NEW_LINK, 0, 0, 0, 0, 0].map(u16::to_ne_bytes).as_flattened());
+        bytes.extend([0, 3, up, 0].map(u32::to_ne_bytes).as_flattened());
+        bytes.extend(list);
+        parse(&bytes).unwrap()
+    }
+
+    #[test]
+    fn an_interface_that_is_not_as_configured_is_refused_with_the_command_that_sets_it() {
+        let rates = [(TIMING, 1_000_000), (DATA_TIMING, 5_000_000)];
+        let fd = answer(UP, 72, rates, 0);
+        assert_eq!((fd.bitrate, fd.data_bitrate, fd.controller), (Some(1_000_000), Some(5_000_000), Some(Controller::Active)));
+        assert!(fd.check(address(1_000_000, Some(5_000_000))).is_ok());
+        assert!(fd.check(Address { bitrate: None, ..address(1, None) }).is_ok());
+        assert!(
+            answer(UP, 72, [(TIMING, 996_016), (DATA_TIMING, 0)], 1).check(address(1_000_000, None)).is_ok(),
+            "as near as a clock comes"
+        );
+        let told = |interface: Interface, address| interface.check(address).unwrap_err().to_string();
+        assert_eq!(
+            told(fd, address(500_000, None)),
+            "can0 has a bit rate of 1000000 bit/s, expected 500000: `ip link set can0 down`, then `ip link set can0 up type can bitrate 500000`"
+        );
+        let set = "`ip link set can0 up type can bitrate 1000000 dbitrate 2000000 fd on`";
+        assert!(told(fd, address(1_000_000, Some(2_000_000))).ends_with(set));
+        assert_eq!(told(answer(0, 72, rates, 4), address(1_000_000, Some(2_000_000))), format!("can0 is down: {set}"));
+        assert!(told(answer(UP, 16, rates, 0), address(1_000_000, Some(5_000_000))).contains("carries no CAN FD"));
+        assert!(told(answer(UP, 72, rates, 3), address(1_000_000, None)).starts_with("can0 is bus-off"));
+        assert_eq!(told(read(DOWN), address(1_000_000, None)), "can0 is down: `ip link set can0 up`");
+        assert!(read(VCAN).check(address(1_000_000, Some(5_000_000))).is_ok(), "no bit rate to compare");
+    }
+
+    #[test]
+    fn what_is_no_answer_is_refused() {
+        let whole = bytes(SLCAN);
+        for end in 0..whole.len() {
+            assert!(parse(&whole[..end]).is_err(), "{end}");
+        }
+        // attributes that lie about their length end nowhere
+        for place in HEAD + INFO..whole.len() {
+            for wrong in [0, 1, 3, 0xFF] {
+                let mut bytes = whole.clone();
+                bytes[place] = wrong;
+                let _ = parse(&bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn the_kernel_answers_a_question() {
+        assert_eq!(Interface::read("no such name").unwrap_err().raw_os_error(), Some(19));
+        let lo = Interface::read("lo").unwrap();
+        assert_eq!((lo.bitrate, lo.controller), (None, None));
+    }
+}

@@ -1,0 +1,98 @@
+# The bridge itself: power and its end, a bus that goes away and comes back, bit rates. Motors are asked through orders on 3.
+MOTORS=none
+# what the motors say of themselves now
+report() {
+    n=$(($($B grep -c '"report"' $MOTORS) + 1))
+    echo report >&3; wait_for $MOTORS '"report"' $n
+    $B grep '"report"' $MOTORS | $B tail -n 1 > /run/report
+}
+# asks until all motors have power, or none has
+until_power() {
+    tries=0
+    while report; $B grep -q "\"power\":$2" /run/report; do
+        tries=$((tries + 1)); [ $tries -gt 50 ] && { echo "the power does not become $1"; break; }; $B sleep 0.1
+    done
+    $B cat /run/report
+}
+powered() { until_power true false; }
+unpowered() { until_power false true; }
+bridge() {
+    $B rm -f /run/bridge /run/controller
+    PROGRAM run $1 --name kernel > /run/bridge 2>&1 & BRIDGE=$!
+    wait_for /run/bridge "ready kernel"
+    HOLD kernel 20 1 > /run/controller 2>&1 & CONTROLLER=$!
+    wait_for /run/controller holds
+}
+arm() { PROGRAM arm kernel --timeout ${1:-10} 2>&1; echo "code $?"; }
+reset_and_arm() { PROGRAM reset kernel; arm; }
+end() { $B kill -TERM $BRIDGE; wait $BRIDGE; echo "code $?"; $B kill $CONTROLLER; wait $CONTROLLER; }
+
+echo "step power"
+$B mkfifo /run/orders; MOTORS=/run/motors
+PROGRAM simulate FOLDER/vcan.yml > $MOTORS 2>&1 < /run/orders & SIMULATED=$!
+exec 3> /run/orders
+wait_for $MOTORS "ready arm"
+bridge FOLDER/vcan.yml
+arm; powered
+echo "step term"
+end; unpowered
+
+echo "step down"
+bridge FOLDER/vcan.yml
+arm; powered
+ip link set vcan0 down
+wait_for /run/bridge "vcan0 is down"; arm 1
+echo "step up"
+ip link set vcan0 up
+wait_for /run/bridge "open again"; unpowered
+$B sleep 1; arm 1; unpowered
+echo "step reset"
+reset_and_arm; powered
+
+echo "step removed"
+ip link del vcan0
+wait_for /run/bridge "No such device"
+ip link add dev vcan0 type vcan; ip link set vcan0 mtu 72 up
+wait_for /run/bridge "open again" 2; unpowered
+arm 1
+echo "step added"
+reset_and_arm; powered
+
+echo "step told"
+cansend vcan0 20000040#0000000000000000; unpowered
+arm 1
+cansend vcan0 20000100#0000000000000000
+reset_and_arm; powered
+end; $B kill $SIMULATED
+
+echo "step rate"
+$B mkfifo /run/orders2; MOTORS=/run/motors2
+PROGRAM simulate FOLDER/slcan.yml --pty > $MOTORS 2>&1 < /run/orders2 &
+exec 3> /run/orders2
+wait_for $MOTORS "ready arm"
+# slcand puts /dev/ before its port
+slcand -o -s8 ..FOLDER/bus slcan0 || echo "no slcand"
+$B sleep 0.5
+PROGRAM run FOLDER/kernel.yml --name kernel 2>&1; echo "code $?"
+ip link set slcan0 up type can bitrate 500000
+PROGRAM run FOLDER/kernel.yml --name kernel 2>&1; echo "code $?"
+ip link set slcan0 down; ip link set slcan0 up type can bitrate 1000000
+echo passive >&3; $B sleep 0.5
+bridge FOLDER/kernel.yml
+arm 1
+echo active >&3
+echo "step same"
+arm; powered
+
+echo "step off"
+echo busoff >&3; wait_for $MOTORS '"watchdog"'; arm 1
+PROGRAM listen --channel slcan0 2>&1; echo "code $?"
+echo "step on"
+ip link set slcan0 down; echo active >&3; $B sleep 0.3; ip link set slcan0 up
+wait_for /run/bridge "open again"; unpowered
+$B sleep 1; arm 1; unpowered
+reset_and_arm; powered
+echo "step last"
+end; unpowered
+echo "step end"
+$B cat /run/bridge

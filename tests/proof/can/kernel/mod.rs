@@ -1,0 +1,177 @@
+//! SocketCAN of a real kernel: Linux in a process of its own (user-mode Linux), which sees this computer's files and has the modules of CAN.
+//!
+//! Not run, and told so, where `linux.uml`, `busybox`, `cansend`, `candump`, `cangen`, `slcand`, `ip` or `cc` are missing: on Debian
+//! `apt-get install user-mode-linux busybox-static can-utils iproute2 gcc`. Its clock counts hundredths of seconds: these tests are about what
+//! is right and never about time.
+
+use std::os::unix::process::CommandExt;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use super::harness::{Stage, sarrus_can};
+
+/// Completes the state of a processor for a kernel that is older than it.
+const WHOLE_STATE: &str = include_str!("whole_state.c");
+/// The first process of the virtual machine begins with this.
+const START: &str = include_str!("start.sh");
+
+const TOOLS: [&str; 8] = ["linux.uml", "busybox", "cansend", "candump", "cangen", "slcand", "ip", "cc"];
+
+const MIT: &str = "offset: 0, limits: {effort: 10, velocity: 5}, watchdog_ms: WATCHDOG, watchdog: believed, drive: {protocol: mit, \
+    variant: robstride, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, \
+    damping_range: 5}";
+const MOTEUS: &str = "offset: 0, limits: {effort: 1, velocity: 5}, watchdog_ms: 1000, drive: {protocol: moteus, id: 1}";
+/// What a RobStride takes its power away for.
+const DISABLE: &str = "003#FFFFFFFFFFFFFFFD";
+
+#[test]
+fn frames_states_and_full_queues_of_a_real_kernel() {
+    let Some(said) = boot(include_str!("frames.sh")) else { return };
+    let step = |name: &str| step(&said, name);
+
+    // classic and FD frames pass, in both directions
+    assert!(step("enable").contains("vcan0 003#FFFFFFFFFFFFFFFC"), "{said}");
+    assert!(step("enable").contains("vcan0 013#037FFF"), "{said}");
+    for expected in ["vcan0 003#FFFFFFFFFFFFFFFC", "vcan0 013#037FFF", "vcan0 1ABCDEF0##10011223344556677", "\"event\":\"power\""] {
+        assert!(step("heard").contains(expected), "{expected}:\n{said}");
+    }
+    // what cannot be is said
+    assert!(step("classic").contains("carries no CAN FD") && step("classic").contains("none cannot be opened"), "{said}");
+    assert_eq!(step("classic").matches("code 2").count(), 2, "{said}");
+    // the kernel's error frames
+    for state in ["ErrorWarning", "ErrorPassive", "ErrorActive", "BusOff"] {
+        assert!(step("states").contains(state), "{state}:\n{said}");
+    }
+    // a queue that nobody empties drops frames and does not stop the sender
+    let report = reports(step("full")).pop().unwrap_or_else(|| panic!("{said}"));
+    let bus = &report["buses"][0];
+    assert!(bus["sent"].as_u64().unwrap() > 0 && bus["lost"].as_u64().unwrap() > 4, "{said}");
+    assert!(said.contains("ENOBUFS"), "{said}");
+    assert!(said.contains("step end"), "{said}");
+}
+
+#[test]
+fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
+    let Some(said) = boot(include_str!("bridge.sh")) else { return };
+    let step = |name: &str| step(&said, name);
+    let has = |name: &str, expected: &str| assert!(step(name).contains(expected), "{name}, {expected}:\n{said}");
+    // what the motors last said in a step: all with power, or all without it since the bridge took it
+    let powers = |name: &str, power: bool| {
+        let report = reports(step(name)).pop().unwrap_or_else(|| panic!("no report in {name}:\n{said}"));
+        for motor in report["motors"].as_array().unwrap() {
+            assert_eq!(motor["power"], power, "{name}: {motor}\n{said}");
+            assert_eq!(motor["setpoint"].is_object(), power, "{name}: {motor}\n{said}");
+        }
+        let heard = report["motors"][0]["frame"].as_str().unwrap();
+        assert_eq!(heard == DISABLE, !power, "{name}: {heard}\n{said}");
+    };
+    let refused = |name: &str, reason: &str| has(name, &format!("the bridge is fault: {reason}\ncode 1"));
+
+    // SIGTERM takes the power away
+    has("power", "enabled\ncode 0");
+    powers("power", true);
+    has("term", "code 0");
+    powers("term", false);
+    assert!(reports(step("term")).iter().all(|report| report["motors"][0]["tripped"] == false), "{said}");
+    // down and up; removed and added; what error frames tell
+    for (gone, back, again) in [("down", "up", "reset"), ("removed", "removed", "added"), ("told", "told", "told")] {
+        refused(gone, "bus_off");
+        refused(back, "bus_off");
+        assert!(reports(step(back)).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{back}:\n{said}");
+        has(again, "disabled\nenabled\ncode 0");
+        powers(again, true);
+    }
+    powers("up", false);
+    // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or passive
+    has("rate", "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+    has("rate", "slcan0 has a bit rate of 500000 bit/s, expected 1000000");
+    has("rate", "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+    has("rate", "bus_passive\ncode 1");
+    has("same", "enabled\ncode 0");
+    powers("same", true);
+    // the kernel's own bus-off, after which the motors' watchdogs are left
+    refused("off", "bus_off");
+    has("off", "slcan0 is bus-off");
+    has("off", "code 2");
+    refused("on", "bus_off");
+    assert!(reports(step("on")).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{said}");
+    has("on", "disabled\nenabled\ncode 0");
+    powers("on", true);
+    has("last", "code 0");
+    powers("last", false);
+    assert!(said.contains("step end"), "{said}");
+}
+
+/// What a step gave.
+fn step<'a>(said: &'a str, name: &str) -> &'a str {
+    let from = said.split(&format!("step {name}\n")).nth(1).unwrap_or_else(|| panic!("no step {name}:\n{said}"));
+    from.split("step ").next().unwrap_or_default()
+}
+
+/// The reports of simulated motors among lines.
+fn reports(lines: &str) -> Vec<Value> {
+    lines.lines().filter_map(|line| serde_json::from_str(line).ok()).filter(|value: &Value| value["event"] == "report").collect()
+}
+
+fn find(tool: &str) -> Option<std::path::PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    let folders = std::env::split_paths(&path).chain(["/usr/sbin".into(), "/sbin".into()]);
+    folders.map(|folder| folder.join(tool)).find(|path| path.exists())
+}
+
+/// Boots a kernel, which runs a script and ends; all that it said. Nothing where it cannot be.
+fn boot(script: &str) -> Option<String> {
+    let missing: Vec<&str> = TOOLS.into_iter().filter(|tool| find(tool).is_none()).collect();
+    if !missing.is_empty() {
+        eprintln!("NOT RUN: the test of SocketCAN in a real kernel, for want of {}", missing.join(", "));
+        return None;
+    }
+    let stage = Stage::new();
+    let path = |name: &str| stage.folder.join(name);
+    let write = |name: &str, text: &str| std::fs::write(path(name), text).unwrap();
+    let bus = |interface: &str, channel: &str, more: &str| {
+        let times = "rate_hz: 50\nramp_ms: 200\ntimeouts: {damping_ms: 1000, disable_ms: 3000, feedback_ms: 2000, arming_ms: 10000}\n";
+        format!("{times}buses: [{{name: arm, interface: {interface}, channel: {channel}, bitrate: 1000000{more}}}]\nmotors:\n")
+    };
+    let motor = |actuator: &str, text: &str| format!("- {{actuator: {actuator}, bus: arm, {text}}}\n");
+    // a bridge that lost its bus is to find the motors with power; on the bus that is off their watchdogs take it away
+    let [patient, quick] = ["10000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
+    write("vcan.yml", &(bus("socketcan", "vcan0", ", data_bitrate: 5000000") + &patient + &motor("wrist", MOTEUS)));
+    write("slcan.yml", &(bus("slcan", &path("bus").display().to_string(), "") + &quick));
+    write("kernel.yml", &(bus("socketcan", "slcan0", "") + &quick));
+    write("whole_state.c", WHOLE_STATE);
+    let tool = |name: &str| find(name).unwrap().display().to_string();
+    let program = |path: &std::path::Path| path.display().to_string();
+    let init = format!("{START}{script}$B poweroff -f\n");
+    let init = init.replace("BUSYBOX", &tool("busybox")).replace("IPROUTE", &tool("ip")).replace("PROGRAM", &program(sarrus_can()));
+    let init = init.replace("HOLD", &program(&sarrus_can().with_file_name("examples/hold")));
+    write("init", &init.replace("FOLDER", stage.folder.to_str().unwrap()));
+    let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(path("init"), executable).unwrap();
+    let library = path("whole_state.so");
+    let built = Command::new("cc").args(["-O2", "-shared", "-fPIC", "-o"]).arg(&library).arg(path("whole_state.c")).status();
+    assert!(built.unwrap().success());
+
+    let mut kernel = Command::new(find("linux.uml").unwrap());
+    kernel.args(["mem=512M", "rootfstype=hostfs", "rootflags=/", "rw", "con=null", "con0=fd:0,fd:1", "ssl=null", "quiet"]);
+    kernel.arg(format!("init={}", path("init").display())).env("LD_PRELOAD", &library);
+    if std::path::Path::new("/dev/shm").is_dir() {
+        kernel.env("TMPDIR", "/dev/shm");
+    }
+    // into a file: a kernel that is killed leaves processes behind that keep a pipe open
+    let said = std::fs::File::create(path("said")).unwrap();
+    let mut child = kernel.stdin(Stdio::null()).stdout(said).stderr(Stdio::null()).process_group(0).spawn().unwrap();
+    // a kernel that hangs is ended, and what it said tells where
+    let end = Instant::now() + Duration::from_secs(240);
+    while child.try_wait().unwrap().is_none() && Instant::now() < end {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    if child.try_wait().unwrap().is_none() {
+        let group = format!("-{}", child.id());
+        let _ = Command::new("kill").args(["-KILL", "--", &group]).status();
+        let _ = child.wait();
+    }
+    Some(String::from_utf8_lossy(&std::fs::read(path("said")).unwrap()).replace('\r', ""))
+}
