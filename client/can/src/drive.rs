@@ -206,6 +206,11 @@ pub trait Drive: Send + core::fmt::Debug {
         None
     }
 
+    /// A frame that [`Drive::cycle`] sends now and then besides (heartbeat of CANopen), and the time between two `[ns]`.
+    fn heartbeat(&self) -> Option<(Frame, u64)> {
+        None
+    }
+
     /// Asks for a sign of life without giving power or changing anything.
     fn probe(&mut self, out: &mut FrameQueue);
 

@@ -15,7 +15,8 @@ pub const REFUSED: f64 = 0.9;
 pub struct Load {
     /// Frames in one cycle, commands and replies.
     pub frames: usize,
-    /// Time of one cycle's frames on the bus, with the most stuff bits that they can have `[s]`.
+    /// Time of one cycle's frames on the bus, with the most stuff bits that they can have, and of frames that come seldom their part in a
+    /// cycle `[s]`.
     pub busy: f64,
     /// The part of its time that the bus is busy.
     pub fraction: f64,
@@ -27,9 +28,13 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
     let mut has_sync = vec![false; configuration.buses.len()];
     for motor in &configuration.motors {
         let (Some(bus), Some(load)) = (configuration.buses.get(motor.bus), loads.get_mut(motor.bus)) else { continue };
+        let duration = |frame: &Frame| bits::duration(frame.id, frame.kind, frame.data().len(), bus.bitrate, bus.data_bitrate);
+        if let Some((frame, time_ns)) = motor.drive.heartbeat() {
+            load.busy += duration(&frame) * configuration.period_ns() as f64 / time_ns.max(configuration.period_ns()) as f64;
+        }
         let mut add = |frame: &Frame| {
             load.frames += 1;
-            load.busy += bits::duration(frame.id, frame.kind, frame.data().len(), bus.bitrate, bus.data_bitrate);
+            load.busy += duration(frame);
         };
         let mut commands = FrameQueue::new(16);
         motor.drive.encode(&Setpoint::default(), &mut commands);
@@ -47,4 +52,27 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
         load.fraction = load.busy * configuration.rate_hz;
     }
     loads
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Surroundings;
+
+    #[test]
+    fn heartbeats_count_with_their_part_of_a_cycle() {
+        let loads = |watchdog_ms: u32| {
+            let text = format!(
+                "rate_hz: 500\nbuses: [{{name: a, channel: can0}}]\nmotors: [{{actuator: elbow, bus: a, watchdog_ms: {watchdog_ms}, \
+                 limits: {{effort: 1}}, drive: {{protocol: cia402, node: 5, rated_torque: 1, counts_per_turn: 1000}}}}]\n"
+            );
+            let surroundings = Surroundings { file: &|_| Err(String::new()), robot: &|_| panic!("no robot") };
+            let configuration = Configuration::read("motors.yml", text.into_bytes(), &surroundings).unwrap();
+            super::loads(&configuration)[0].busy
+        };
+        let heartbeat = bits::duration(crate::frame::Id::Standard(0x77F), crate::frame::FrameKind::Classic, 1, 1_000_000, None);
+        // one in 10 ms, that is in 5 cycles; and one in each cycle, which is the most that there can be
+        assert!((loads(40) - loads(10_000) - heartbeat / 5.0).abs() < heartbeat * 1e-3);
+        assert!((loads(4) - loads(10_000) - heartbeat).abs() < heartbeat * 1e-3);
+    }
 }

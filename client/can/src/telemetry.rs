@@ -8,6 +8,8 @@ use crate::load::Load;
 
 /// Times beyond this count as this `[ns]`.
 const LONGEST_NS: u64 = 10_000_000_000;
+/// Time between two sets of statistics `[ns]`.
+const STATISTICS_NS: u64 = 500_000_000;
 
 /// Times of one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,6 +29,7 @@ pub struct Telemetry {
     reply: Histogram<u64>,
     replies: u64,
     sent: [u64; MAX_BUSES],
+    told_ns: u64,
     fixed: BridgeStatistics,
 }
 
@@ -45,7 +48,7 @@ impl Telemetry {
             *into = Label::new(name);
         }
         let [wake, work, age, reply] = [histogram()?, histogram()?, histogram()?, histogram()?];
-        Some(Telemetry { wake, work, age, reply, replies: 0, sent: [0; MAX_BUSES], fixed })
+        Some(Telemetry { wake, work, age, reply, replies: 0, sent: [0; MAX_BUSES], told_ns: 0, fixed })
     }
 
     /// Takes a cycle that has just ended.
@@ -65,7 +68,16 @@ impl Telemetry {
         }
     }
 
-    /// Everything, to be told at `now_ns`. Reads whole histograms: not for every cycle.
+    /// Everything, when it is time to tell it again: whole histograms are read, which is too much for every cycle.
+    pub fn due(&mut self, bridge: &Bridge, now_ns: u64) -> Option<BridgeStatistics> {
+        let is_due = now_ns.saturating_sub(self.told_ns) > STATISTICS_NS;
+        is_due.then(|| {
+            self.told_ns = now_ns;
+            self.statistics(bridge, now_ns)
+        })
+    }
+
+    /// Everything, to be told at `now_ns`.
     pub fn statistics(&self, bridge: &Bridge, now_ns: u64) -> BridgeStatistics {
         let counters = bridge.counters();
         let mut told = BridgeStatistics {

@@ -6,6 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
+use sarrus_can::load::{Load, loads};
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Reason, Standing, flag};
 
 use crate::configuration::PyConfiguration;
@@ -16,13 +17,17 @@ use crate::service::operation_of;
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {
     bridge: Mutex<Bridge>,
+    /// How busy its buses are; it needs the motors, which are the bridge's own from now on.
+    pub(crate) loads: Vec<Load>,
 }
 
 #[pymethods]
 impl PyBridge {
     #[new]
     fn new(configuration: &PyConfiguration) -> PyResult<PyBridge> {
-        Ok(PyBridge { bridge: Mutex::new(Bridge::new(configuration.take()?)) })
+        let configuration = configuration.take()?;
+        let loads = loads(&configuration);
+        Ok(PyBridge { bridge: Mutex::new(Bridge::new(configuration)), loads })
     }
 
     /// Takes a frame that came on a bus.

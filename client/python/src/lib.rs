@@ -7,6 +7,7 @@ mod drives;
 mod frames;
 mod protocols;
 mod service;
+mod telemetry;
 
 /// The core of sarrus in Rust. Its Python face is the package around it.
 #[pymodule(name = "_native")]
@@ -23,6 +24,8 @@ mod native {
     use crate::protocols::protocols;
     #[pymodule_export]
     use crate::service::{PyController, PyService};
+    #[pymodule_export]
+    use crate::telemetry::PyTelemetry;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -9,6 +9,7 @@ use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 
 use crate::bridge::{PyBridge, command, state_fields};
+use crate::telemetry::PyTelemetry;
 
 /// A name under which controllers find a bridge. It is free again when this is closed or the process ends.
 #[pyclass(name = "Service", module = "sarrus.can")]
@@ -37,9 +38,7 @@ impl PyService {
         let Some(end) = &self.end else { return };
         let mut bridge = bridge.lock();
         while let Some(request) = end.operation() {
-            if let Some(operation) = Operation::from_code(request.operation) {
-                bridge.operate(now_ns, operation);
-            }
+            bridge.request(now_ns, &request);
         }
         if let Some(command) = end.command() {
             bridge.command(now_ns, &command);
@@ -49,6 +48,12 @@ impl PyService {
     /// Gives the bridge's state to everybody who watches; false where that failed.
     fn publish(&self, bridge: &PyBridge) -> bool {
         self.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
+    }
+
+    /// Gives counts and times to everybody who watches, when it is time to tell them again; false where that failed.
+    fn publish_statistics(&self, bridge: &PyBridge, telemetry: &mut PyTelemetry, now_ns: u64) -> bool {
+        let Some(statistics) = telemetry.due(bridge, now_ns) else { return true };
+        self.end.as_ref().is_some_and(|end| end.publish_statistics(&statistics))
     }
 
     /// Leaves the shared memory.

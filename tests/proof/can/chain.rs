@@ -10,35 +10,43 @@ use super::harness::{BUSES, Front, N_U, Process, Stage, TIMES, sarrus_can, wait_
 #[test]
 fn motors_go_safe_when_the_server_is_stopped_or_killed() {
     for signal in ["-STOP", "-KILL"] {
+        // both fronts at once, each in a world of its own
         let stage = Stage::new();
-        let command = |program: &str, arguments: &[&str]| {
-            let mut command = Command::new(sarrus_can().with_file_name(program));
-            command.args(arguments);
-            stage.at_home(command)
-        };
-        let mut motors =
-            Process::start("motors", command("sarrus-can", &["simulate", &stage.configuration, "--pty", "--dynamics", "robot"]));
-        BUSES.iter().for_each(|_| assert!(motors.line().starts_with("ready ")));
-        let server = Process::start("server", command("sarrus", &["serve", "--name", "rehearsal", "--robot", "rh5v2_upper_body"]));
-        assert!(server.line().starts_with("ready "));
-        let _bridge = stage.bridge(Front::Rust);
-        let _controller = Process::start("controller", command("examples/follow", &["rehearsal", "rehearsal"]));
-        let armed = || command("sarrus-can", &["arm", "rehearsal"]).output().unwrap().status.success().then_some(());
-        wait_for("power", armed);
-        assert!(powers(&mut motors).iter().all(|power| *power));
-
-        server.signal(signal);
-        let report = wait_for("motors without power", || {
-            let report = motors.report();
-            report.iter().all(|motor| motor["power"] == false).then_some(report)
+        let other = stage.beside();
+        std::thread::scope(|scope| {
+            scope.spawn(|| rehearse(Front::Rust, &stage, signal));
+            scope.spawn(|| rehearse(Front::Python, &other, signal));
         });
-        // the bridge took it, before the motors' own watchdogs did
-        let took = |motor: &Value| motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD");
-        assert!(report.len() == N_U && report.iter().all(took), "{signal}: {report:?}");
-        let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
-        while Instant::now() < end {
-            assert!(powers(&mut motors).iter().all(|power| !*power), "{signal}");
-        }
+    }
+}
+
+fn rehearse(front: Front, stage: &Stage, signal: &str) {
+    let command = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(sarrus_can().with_file_name(program));
+        command.args(arguments);
+        stage.at_home(command)
+    };
+    let mut motors = Process::start("motors", command("sarrus-can", &["simulate", &stage.configuration, "--pty", "--dynamics", "robot"]));
+    BUSES.iter().for_each(|_| assert!(motors.line().starts_with("ready ")));
+    let server = Process::start("server", command("sarrus", &["serve", "--name", "rehearsal", "--robot", "rh5v2_upper_body"]));
+    assert!(server.line().starts_with("ready "));
+    let _bridge = stage.bridge(front);
+    let _controller = Process::start("controller", command("examples/follow", &["rehearsal", "rehearsal"]));
+    let armed = || command("sarrus-can", &["arm", "rehearsal"]).output().unwrap().status.success().then_some(());
+    wait_for("power", armed);
+    assert!(powers(&mut motors).iter().all(|power| *power), "{front:?} {signal}");
+
+    server.signal(signal);
+    let report = wait_for("motors without power", || {
+        let report = motors.report();
+        report.iter().all(|motor| motor["power"] == false).then_some(report)
+    });
+    // the bridge took it, before the motors' own watchdogs did
+    let took = |motor: &Value| motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD");
+    assert!(report.len() == N_U && report.iter().all(took), "{front:?} {signal}: {report:?}");
+    let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
+    while Instant::now() < end {
+        assert!(powers(&mut motors).iter().all(|power| !*power), "{front:?} {signal}");
     }
 }
 

@@ -82,18 +82,26 @@ pub(super) enum Front {
 /// All of them.
 pub(super) const FRONTS: [Front; 2] = [Front::Rust, Front::Python];
 
-/// A folder, a domain and a configuration of one test; nobody else rehearses meanwhile.
+/// A folder, a domain and a configuration of one test; no other test rehearses meanwhile.
 pub(super) struct Stage {
     pub(super) folder: PathBuf,
     pub(super) configuration: String,
-    _alone: MutexGuard<'static, ()>,
+    _alone: Option<MutexGuard<'static, ()>>,
 }
 
 impl Stage {
     pub(super) fn new() -> Stage {
         static ALONE: Mutex<()> = Mutex::new(());
+        Stage::with(Some(ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())))
+    }
+
+    /// Another stage of the same test; it has nothing in common with this one.
+    pub(super) fn beside(&self) -> Stage {
+        Stage::with(None)
+    }
+
+    fn with(alone: Option<MutexGuard<'static, ()>>) -> Stage {
         static STAGES: AtomicU32 = AtomicU32::new(0);
-        let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let folder = std::env::temp_dir().join(format!("sarrus-can-{}-{}", std::process::id(), STAGES.fetch_add(1, Relaxed)));
         std::fs::create_dir_all(&folder).unwrap();
         let configuration = folder.join("robot.yml");
@@ -101,7 +109,8 @@ impl Stage {
         Stage { configuration: configuration.to_str().unwrap().to_owned(), folder, _alone: alone }
     }
 
-    fn root(&self) -> PathBuf {
+    /// Where its shared memory is named.
+    pub(super) fn root(&self) -> PathBuf {
         self.folder.join("domain")
     }
 

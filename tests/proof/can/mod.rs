@@ -8,3 +8,4 @@ mod peers;
 mod python;
 mod rehearsal;
 mod rules;
+mod watch;

@@ -54,11 +54,15 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 fn drive(name: &str, text: &str, mode: Mode) -> Box<dyn Drive> {
+    drive_of(name, text, mode, DBC)
+}
+
+fn drive_of(name: &str, text: &str, mode: Mode, file: &str) -> Box<dyn Drive> {
     let protocol = protocol(name).unwrap();
     let mut findings = Findings::new(false);
     let node = yaml::read("drive.yml", text.as_bytes().to_vec(), "a drive", &mut findings).unwrap();
-    let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(DBC.to_owned()), &mut findings);
-    let common = Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY };
+    let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(file.to_owned()), &mut findings);
+    let common = Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY, period_ns: 2_000_000 };
     let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut findings));
     drive.unwrap_or_else(|| panic!("{}", findings.into_report()))
 }
@@ -140,6 +144,9 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
         near(&read["36"], damping * tau / 0.05, 0.5 / 32767.0, "damping");
         assert!(read["37"].is_null(), "the controller's own largest torque");
         near(&read["39"], 0.05, 1e-9, "watchdog");
+        // below 0: no limit
+        near(&read["40"], -0.1, 1e-9, "velocity limit");
+        near(&read["41"], -0.05, 1e-9, "acceleration limit");
 
         let kind = (random.next().abs() * 3.0) as usize;
         let (head, len) = [(0x20_u8, 1), (0x24, 2), (0x28, 4)][kind];
@@ -227,6 +234,14 @@ BO_ 257 Command: 8 Host
  SG_ Velocity m2 : 36|13@0- (-0.05,1) [0|0] "" Motor
 "#;
 
+fn decode_dbc(peers: &mut Peers, file: &str, frames: &[Frame]) -> Vec<Value> {
+    let ask = |frame: &Frame| peers.ask(&json!({"ask": "dbc", "file": file, "id": 257, "data": hex(frame.data())}))["values"].clone();
+    let mut read: Vec<Value> = frames.iter().map(ask).collect();
+    // power comes last
+    read.sort_by_key(|values| values["Mux"].as_u64());
+    read
+}
+
 #[test]
 fn cantools_reads_what_is_sent_by_a_dbc_file() {
     let mut peers = Peers::new();
@@ -236,14 +251,15 @@ fn cantools_reads_what_is_sent_by_a_dbc_file() {
     let drive = drive("dbc", text, Mode::Torque);
     for _ in 0..ROUNDS {
         let wanted = random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0]);
-        let frames = encode(&*drive, wanted);
-        let read: Vec<Value> = frames
-            .iter()
-            .map(|frame| peers.ask(&json!({"ask": "dbc", "file": DBC, "id": 257, "data": hex(frame.data())}))["values"].clone())
-            .collect();
+        let read = decode_dbc(&mut peers, DBC, &encode(&*drive, wanted));
         assert_eq!((&read[0]["Mux"], &read[0]["Enable"], &read[1]["Mux"]), (&json!(1), &json!(1), &json!(2)));
         near(&read[0]["Torque"], wanted.torque, 0.005, "torque");
         near(&read[1]["Position"], wanted.position, 0.001, "position");
         near(&read[1]["Velocity"], wanted.velocity, 0.025, "velocity");
     }
+    // power whatever the switch says: it is in both frames
+    let file = DBC.replace("Enable m1", "Enable");
+    let drive = drive_of("dbc", text, Mode::Torque, &file);
+    let read = decode_dbc(&mut peers, &file, &encode(&*drive, random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0])));
+    assert_eq!((read.len(), &read[0]["Enable"], &read[1]["Enable"]), (2, &json!(1), &json!(1)));
 }

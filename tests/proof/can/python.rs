@@ -63,7 +63,7 @@ fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
     let (code, out, err) = can(&["zero", "ALElbowAct", "--yes"]);
     assert_eq!(code, Some(0), "{out}{err}");
     // flags and files
-    assert_eq!(can(&["scan", "Elbow"]).0, Some(1));
+    assert_eq!(can(&["scan", "Elbow"]).0, Some(2));
     assert_eq!(can(&["direction", "ALElbowAct", "--distance", "0", "--stiffness", "1", "--damping", "1"]).0, Some(2));
     let (code, _, err) = can(&["scan", "BodyYaw"]);
     assert_eq!(code, Some(2), "{err}");

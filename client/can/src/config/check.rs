@@ -38,7 +38,12 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
         }
         if read.motor.watchdog_believed && read.motor.drive.state().watchdog != Watchdog::Unreadable {
             let found = format!("the watchdog of {} is believed", quoted(name(read)));
-            findings.warning(read.place, found, "`read_back`: this protocol can read it", "remove `watchdog: believed`");
+            findings.warning(
+                read.place,
+                found,
+                "`read_back`: this protocol can read it",
+                "remove `watchdog: believed`, unless this motor refuses to tell it",
+            );
         }
         if !read.motor.watchdog_believed && read.motor.drive.state().watchdog == Watchdog::Unreadable {
             let found = format!("the protocol {} cannot read the motor's watchdog", read.motor.protocol.name);

@@ -69,7 +69,7 @@ impl Configuration {
     pub fn read(name: &str, bytes: Vec<u8>, surroundings: &Surroundings) -> Result<Configuration, Report> {
         let mut findings = Findings::new(false);
         let configuration = yaml::read(name, bytes, "a configuration of buses and motors", &mut findings)
-            .and_then(|root| Reader { surroundings, findings: &mut findings }.configuration(&root));
+            .and_then(|root| Reader { surroundings, findings: &mut findings, period_ns: 0 }.configuration(&root));
         let report = findings.into_report();
         match configuration {
             Some(configuration) if report.errors.is_empty() => Ok(Configuration { warnings: report.warnings, ..configuration }),
@@ -81,6 +81,7 @@ impl Configuration {
 struct Reader<'a, 'f> {
     surroundings: &'a Surroundings<'a>,
     findings: &'f mut Findings,
+    period_ns: u64,
 }
 
 impl Reader<'_, '_> {
@@ -90,6 +91,7 @@ impl Reader<'_, '_> {
 
     fn configuration(&mut self, root: &Node) -> Option<Configuration> {
         let top = self.settings(root, "the file", TOP, &["timeouts", "buses", "motors"]);
+        self.period_ns = top.as_ref().map_or(0, |top| (1e9 / top.number("rate_hz")) as u64);
         let timeouts = self.timeouts(root);
         let buses = self.buses(root);
         let robot = top.as_ref().and_then(|top| self.robot(top));
@@ -331,7 +333,7 @@ impl Reader<'_, '_> {
         };
         let read = read?;
         let torque_limit = limits.effort / (read.number("gear") * read.number("torque_constant"));
-        let common = Common { mode, watchdog_ms: read.integer("watchdog_ms") as u32, torque_limit };
+        let common = Common { mode, watchdog_ms: read.integer("watchdog_ms") as u32, torque_limit, period_ns: self.period_ns };
         let drive = (protocol.make)(&settings, common, self.findings)?;
         Some((protocol, settings, common, drive))
     }

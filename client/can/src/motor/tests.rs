@@ -106,7 +106,7 @@ fn cases() -> Vec<Case> {
 
 impl Pair {
     fn new(case: &Case) -> Pair {
-        let common = Common { mode: case.mode, watchdog_ms: WATCHDOG_MS, torque_limit: f64::INFINITY };
+        let common = Common { mode: case.mode, watchdog_ms: WATCHDOG_MS, torque_limit: f64::INFINITY, period_ns: 2 * MS };
         let protocol = protocol(case.protocol).unwrap();
         let mut findings = Findings::new(false);
         let node = yaml::read("drive.yml", case.settings.as_bytes().to_vec(), "a drive", &mut findings).unwrap();

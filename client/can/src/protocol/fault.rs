@@ -14,6 +14,8 @@ pub const SETTING_REFUSED: u32 = 0x8000_0005;
 pub const NOT_FINITE: u32 = 0x8000_0006;
 /// The motor says that it has a fault, without a code.
 pub const UNKNOWN: u32 = 0x8000_0007;
+/// What the motor tells of its fault or its power has stopped coming.
+pub const SILENT: u32 = 0x8000_0008;
 
 /// What a drive's own fault means; `None` for the codes of motors.
 pub fn describe(fault: u32) -> Option<&'static str> {
@@ -25,6 +27,7 @@ pub fn describe(fault: u32) -> Option<&'static str> {
         SETTING_REFUSED => "the motor refused a setting",
         NOT_FINITE => "the motor sent a number that is not finite",
         UNKNOWN => "the motor has a fault without a code",
+        SILENT => "the motor does not tell its state any more",
         _ => return None,
     })
 }

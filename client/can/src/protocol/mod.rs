@@ -25,6 +25,8 @@ pub struct Common {
     pub watchdog_ms: u32,
     /// Torque that the motor must never be asked for `[N m]`, for drives that hold a limit of their own; infinite without one.
     pub torque_limit: f64,
+    /// Time between two cycles `[ns]`; 0 where it is not known.
+    pub period_ns: u64,
 }
 
 /// A protocol: its name and settings in configurations, and how its drives are made.

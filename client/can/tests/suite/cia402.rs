@@ -2,22 +2,29 @@
 
 use std::f64::consts::TAU;
 
+use crate::closed_loop::Bench;
 use crate::support::{COMMON, Random, cycle, drive, receive, survives_hostile_frames, torque, try_drive};
 use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
 use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::protocol::{Common, fault};
 
 const YAML: &str = "{node: 5, rated_torque: 2.0, counts_per_turn: 65536, torque_offset: true}";
-/// The device's type and what is judged: heartbeat of node 127 after 50 ms, 2000 mN m.
+/// What is judged: heartbeat of node 127 after 50 ms, no voltage without it, 2000 mN m.
 const HEARTBEAT_OF: &str = "585#4316100132007F00";
+const WITHOUT_IT: &str = "585#4B07600002000000";
 const RATED: &str = "585#43766000D0070000";
 
 fn cia402(mode: Mode) -> Box<dyn Drive> {
-    drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0 })
+    drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0, period_ns: 2_000_000 })
 }
 
 /// Answers requests as a drive with nothing to complain would; gives the requests.
 fn set_up(drive: &mut dyn Drive, mode: u8) -> Vec<String> {
+    set_up_but(drive, mode, "585#0000000000000000")
+}
+
+/// The same with one answer in the place of that for its object.
+fn set_up_but(drive: &mut dyn Drive, mode: u8, other: &str) -> Vec<String> {
     let mut requests = Vec::new();
     for _ in 0..60 {
         for frame in cycle(drive, Wish::Off) {
@@ -28,8 +35,11 @@ fn set_up(drive: &mut dyn Drive, mode: u8) -> Vec<String> {
                 continue;
             };
             let object = &request[2..8];
+            let is_other = other[6..].starts_with(object) && (&other[4..6] == "80" || (&other[4..6] == "60") != (&request[..2] == "40"));
             match (&request[..2], object) {
+                _ if is_other => receive(drive, other),
                 ("40", "161001") => receive(drive, HEARTBEAT_OF),
+                ("40", "076000") => receive(drive, WITHOUT_IT),
                 ("40", "766000") => receive(drive, RATED),
                 ("40", _) => receive(drive, &format!("585#4F{object}{mode:02X}000000")),
                 _ => receive(drive, &format!("585#60{object}00000000")),
@@ -92,12 +102,15 @@ fn a_drive_is_set_up_by_sdo_and_then_started() {
         "605#23011A0120006C60",
         "605#2F011A0001000000",
         "605#2301180185020000",
-        // mode, 2000 thousandths, no voltage when node 127 is not heard for 50 ms
+        // mode, 2 ms between set-points, 2000 thousandths, no voltage when node 127 is not heard for 50 ms
         "605#2F60600008000000",
+        "605#2FC26002FD000000",
+        "605#2FC2600102000000",
         "605#2B726000D0070000",
         "605#2B07600002000000",
         "605#2316100132007F00",
         "605#4016100100000000",
+        "605#4007600000000000",
         "605#4076600000000000",
         "605#4061600000000000",
         "000#0105",
@@ -107,26 +120,63 @@ fn a_drive_is_set_up_by_sdo_and_then_started() {
 }
 
 #[test]
-fn a_drive_with_another_rated_torque_or_mode_gets_no_power() {
-    for (answer, fault) in [("585#43766000B80B0000", fault::RANGES_DIFFER), ("585#4F61600001000000", fault::MODE_REFUSED)] {
+fn a_drive_with_another_rated_torque_or_mode_or_without_them_gets_no_power() {
+    for (answer, fault) in [
+        ("585#43766000B80B0000", fault::RANGES_DIFFER),
+        ("585#4F61600001000000", fault::MODE_REFUSED),
+        ("585#8076600000000206", fault::SETTING_REFUSED),
+        ("585#8061600000000206", fault::SETTING_REFUSED),
+        ("585#8060600000000206", fault::SETTING_REFUSED),
+    ] {
         let mut drive = cia402(Mode::Torque);
-        for _ in 0..60 {
-            for frame in cycle(&mut *drive, Wish::Off) {
-                let Some(request) = frame.strip_prefix("605#") else { continue };
-                let object = &request[2..8];
-                match (&request[..2], answer[6..].starts_with(object)) {
-                    ("40", true) => receive(&mut *drive, answer),
-                    ("40", false) => receive(&mut *drive, &format!("585#4F{object}0A000000")),
-                    _ => receive(&mut *drive, &format!("585#60{object}00000000")),
-                };
-            }
-        }
-        let found = drive.state().fault;
-        assert!(found == fault || found == fault::RANGES_DIFFER, "{found:X}");
+        let requests = set_up_but(&mut *drive, 10, answer);
+        assert_eq!(drive.state().fault, fault, "{answer}");
+        assert!(!requests.contains(&"000#0105".to_owned()), "{answer}");
         receive(&mut *drive, "185#5002000000000000");
         let sent = cycle(&mut *drive, Wish::On(torque(1.0)));
         assert_eq!(sent, ["205#00000000"]);
     }
+}
+
+#[test]
+fn a_watchdog_counts_if_the_drive_says_what_it_does() {
+    for (answer, watchdog) in [
+        ("585#4B07600001000000", Watchdog::Set(50)),
+        ("585#4B07600000000000", Watchdog::Off),
+        ("585#4B076000FFFF0000", Watchdog::Unreadable),
+        ("585#8007600000000206", Watchdog::Unreadable),
+        ("585#8016100100000206", Watchdog::Unreadable),
+        ("585#4316100100007F00", Watchdog::Off),
+    ] {
+        let mut drive = cia402(Mode::Torque);
+        set_up_but(&mut *drive, 10, answer);
+        let is_refused = answer.starts_with("585#8016");
+        // a drive must take the heartbeat; that it can be read is another matter
+        assert_eq!(drive.state().watchdog, if is_refused { Watchdog::Unknown } else { watchdog }, "{answer}");
+    }
+}
+
+#[test]
+fn the_time_between_set_points_is_told_in_a_unit_that_holds_it() {
+    let offers = |period_ns: u64, mode: Mode, number: u8, other: &str| {
+        let mut drive = drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0, period_ns });
+        let requests = set_up_but(&mut *drive, number, other);
+        requests
+            .into_iter()
+            .filter(|request| request[6..].starts_with("C260"))
+            .map(|request| request[10..14].to_owned())
+            .collect::<Vec<_>>()
+    };
+    const TAKEN: &str = "585#0000000000000000";
+    assert_eq!(offers(1_000_000, Mode::Velocity, 9, TAKEN), ["02FD", "0101"]);
+    assert_eq!(offers(2_500_000, Mode::Position, 8, TAKEN), ["02FC", "0119"], "25 of 100 microseconds");
+    assert_eq!(offers(250_000, Mode::Position, 8, TAKEN), ["02FB", "0119"]);
+    assert_eq!(offers(1_000_000_000, Mode::Position, 8, TAKEN), ["02FE", "0164"]);
+    assert_eq!(offers(3_333_333, Mode::Position, 8, TAKEN), ["02FC", "0121"], "the nearest");
+    assert!(offers(1_000_000, Mode::Torque, 10, TAKEN).is_empty());
+    const REFUSED: &str = "585#80C2600200000206";
+    assert_eq!(offers(2_000_000, Mode::Position, 8, REFUSED), ["02FD", "0102"], "milliseconds are the default");
+    assert_eq!(offers(2_500_000, Mode::Position, 8, REFUSED), ["02FC"], "25 would be milliseconds");
 }
 
 #[test]
@@ -159,7 +209,6 @@ fn random_values_are_within_half_a_step_both_ways() {
         let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
         let p = (wanted.position / count).round() as i32;
         let (v, t) = ((wanted.velocity / count).round() as i32, (wanted.torque / 0.002).round() as i16);
-        position.forget();
         receive(&mut *position, &format!("185#3702{}{}", hex(&p.to_le_bytes()), hex(&t.to_le_bytes())));
         let Receipt::Measured(measured) = receive(&mut *position, &format!("285#{}", hex(&v.to_le_bytes()))) else { panic!() };
         half(measured.position, wanted.position, count);
@@ -170,12 +219,124 @@ fn random_values_are_within_half_a_step_both_ways() {
 
 #[test]
 fn a_position_goes_on_where_its_32_bits_begin_again() {
-    let mut drive = cia402(Mode::Position);
+    let mut drive = cia402(Mode::Torque);
+    set_up(&mut *drive, 10);
     receive(&mut *drive, "185#5002FFFFFF7F0000");
     let Receipt::Measured(before) = receive(&mut *drive, "285#00000000") else { panic!() };
     receive(&mut *drive, "185#5002010000800000");
     let Receipt::Measured(after) = receive(&mut *drive, "285#00000000") else { panic!() };
     assert!((after.position - before.position - 2.0 * TAU / 65536.0).abs() < 1e-6);
+    assert_eq!(drive.state().fault, 0, "a torque can be said anywhere");
+}
+
+#[test]
+fn beyond_its_32_bits_no_position_can_be_commanded() {
+    let mut drive = enabled(Mode::Position, 8);
+    receive(&mut *drive, "185#3702FFFFFF7F0000");
+    assert_eq!(drive.state().fault, 0);
+    receive(&mut *drive, "185#3702000000800000");
+    assert_eq!((drive.state().fault, drive.state().power), (fault::OUT_OF_RANGE, Power::On));
+    receive(&mut *drive, "185#3702FFFFFF7F0000");
+    assert_eq!(drive.state().fault, 0);
+    // the other end
+    receive(&mut *drive, "185#3702000000000000");
+    receive(&mut *drive, "185#3702000000800000");
+    assert_eq!(drive.state().fault, 0);
+    receive(&mut *drive, "185#3702FFFFFF7F0000");
+    assert_eq!(drive.state().fault, fault::OUT_OF_RANGE);
+}
+
+#[test]
+fn a_velocity_without_its_position_is_no_measurement() {
+    let mut drive = enabled(Mode::Torque, 10);
+    receive(&mut *drive, "185#3702010000000000");
+    assert!(matches!(receive(&mut *drive, "285#00000000"), Receipt::Measured(_)));
+    assert_eq!(receive(&mut *drive, "285#00000000"), Receipt::Noted, "the position is that of the cycle before");
+    receive(&mut *drive, "185#3702010000000000");
+    assert!(matches!(receive(&mut *drive, "285#00000000"), Receipt::Measured(_)));
+}
+
+#[test]
+fn what_a_pdo_holds_is_not_known_before_it_was_set_up() {
+    let mut drive = cia402(Mode::Torque);
+    for text in ["185#3702FFFFFF7F0000", "285#00000000"] {
+        assert_eq!(receive(&mut *drive, text), Receipt::Noted, "{text}");
+    }
+    assert_eq!(drive.state().power, Power::Unknown);
+}
+
+/// A drive with its simulated motor, set up.
+fn bench() -> Bench {
+    let mut bench = Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque);
+    (0..200).for_each(|_| bench.cycle(Wish::Off));
+    assert_eq!((bench.drive.state().power, bench.drive.state().watchdog), (Power::Off, Watchdog::Set(50)));
+    bench
+}
+
+#[test]
+fn a_pause_of_the_bridge_is_made_good() {
+    let mut bench = bench();
+    bench.pass(&FrameQueue::new(1), 200);
+    assert_eq!(bench.drive.state().fault, 0x8130);
+    bench.measured = None;
+    (0..20).for_each(|_| bench.cycle(Wish::Off));
+    assert_eq!(bench.measured, None, "the motor went back to pre-operational by itself");
+    (0..500).for_each(|_| bench.cycle(Wish::Off));
+    assert!(bench.measured.is_some());
+    bench.power_on(torque(0.1));
+}
+
+#[test]
+fn a_start_that_was_lost_is_made_good() {
+    let mut bench = Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque);
+    let mut is_lost = false;
+    for cycle in 0..1000_u64 {
+        let mut sent = FrameQueue::new(32);
+        bench.drive.cycle(1_000_000_000 + cycle * 2_000_000, Wish::Off, &mut sent);
+        bench.drive.sync().into_iter().for_each(|sync| sent.push(sync));
+        let mut passed = FrameQueue::new(32);
+        for frame in sent.frames() {
+            if frame.to_string() == "000#0105" && !is_lost {
+                is_lost = true;
+            } else {
+                passed.push(*frame);
+            }
+        }
+        bench.pass(&passed, 2);
+    }
+    assert!(is_lost);
+    assert_eq!((bench.drive.state().power, bench.drive.state().fault), (Power::Off, 0));
+    assert!(bench.measured.is_some());
+}
+
+#[test]
+fn a_drive_that_is_not_operational_any_more_is_set_up_anew() {
+    let at = |drive: &mut dyn Drive, now_ms: u64, text: &str| drive.receive(now_ms * 1_000_000, &crate::support::frame(text));
+    let mut drive = cia402(Mode::Torque);
+    set_up(&mut *drive, 10);
+    at(&mut *drive, 10, "185#5002000000000000");
+    at(&mut *drive, 50, "705#7F");
+    assert_eq!(drive.state().watchdog, Watchdog::Set(50), "it may have been sent before the start");
+    at(&mut *drive, 200, "705#05");
+    assert_eq!(drive.state().watchdog, Watchdog::Set(50));
+    at(&mut *drive, 201, "705#7F");
+    assert_eq!((drive.state().power, drive.state().watchdog), (Power::Unknown, Watchdog::Unknown));
+    assert_eq!(cycle(&mut *drive, Wish::Off), ["205#00000000", "000#8005"]);
+}
+
+#[test]
+fn a_drive_that_boots_is_set_up_anew() {
+    let mut bench = bench();
+    bench.motor.reboot();
+    bench.cycle(Wish::Off);
+    assert_eq!((bench.drive.state().power, bench.drive.state().watchdog), (Power::Unknown, Watchdog::Unknown));
+    bench.power_on(torque(0.1));
+    assert_eq!((bench.motor.body.watchdog_ns, bench.drive.state().watchdog), (50_000_000, Watchdog::Set(50)));
+    bench.motor.reboot();
+    (0..200).for_each(|_| bench.cycle(Wish::On(torque(0.1))));
+    assert!(bench.motor.follows().is_none(), "it has power again by itself");
+    assert_eq!(bench.drive.state().fault, fault::POWER_LOST);
+    bench.power_on(torque(0.1));
 }
 
 #[test]

@@ -2,9 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::{COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, torque, try_drive};
+use crate::closed_loop::Bench;
+use crate::support::{COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive};
 use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
-use sarrus_can::frame::Frame;
+use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::protocol::{Common, fault};
 
 const STOPPED: &str = "100##12C040000000000000000000000000000000000230D181400212705";
@@ -45,12 +46,18 @@ fn enabled(mode: Mode) -> Box<dyn Drive> {
 
 /// The registers of a set-point: position, velocity, torque, scales and largest torque, in their units.
 fn decode(frame: &Frame) -> [f64; 6] {
-    let bytes = frame.data();
-    assert_eq!((bytes.len(), &bytes[..5], &bytes[13..16]), (32, &[1, 0, 10, 0x0E, 0x20][..], &[4, 4, 0x22][..]));
-    assert_eq!(&bytes[24..], [1, 0x27, 5, 0x1C, 4, 0, 0x13, 0x0D]);
-    let single = |i: usize| f64::from(f32::from_le_bytes(bytes[i..i + 4].try_into().unwrap()));
+    let (mode, mut bytes) = frame.data().split_at(3);
+    let [mut position, mut velocity] = [f64::NAN; 2];
+    if let [0x0E, 0x20, values @ ..] = bytes {
+        let single = |i: usize| f64::from(f32::from_le_bytes(values[i..i + 4].try_into().unwrap()));
+        (position, velocity, bytes) = (single(0), single(4), &values[8..]);
+    }
+    assert_eq!((mode, &bytes[..3]), (&[1, 0, 10][..], &[4, 4, 0x22][..]));
+    // 50 ms, and neither a limit of velocity nor one of acceleration
+    assert_eq!(&bytes[11..21], [3, 0x27, 5, 0xFF, 0xFF, 0x1C, 4, 0, 0x13, 0x0D]);
+    assert!(bytes[21..].iter().all(|byte| *byte == 0x50));
     let whole = |i: usize, unit: f64| f64::from(i16::from_le_bytes([bytes[i], bytes[i + 1]])) * unit;
-    [single(5), single(9), whole(16, 0.01), whole(18, 1.0 / 32767.0), whole(20, 1.0 / 32767.0), whole(22, 0.01)]
+    [position, velocity, whole(3, 0.01), whole(5, 1.0 / 32767.0), whole(7, 1.0 / 32767.0), whole(9, 0.01)]
 }
 
 #[test]
@@ -133,10 +140,64 @@ fn frames_of_others_and_malformed_ones_are_told_apart() {
 
 #[test]
 fn the_largest_torque_goes_along_rounded_down() {
-    let mut drive = drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms: 50, torque_limit: 1.239 });
+    let mut drive = drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms: 50, torque_limit: 1.239, ..COMMON });
     answer(&mut *drive, STOPPED);
-    let sent = decode(&last(&mut *drive, Wish::On(torque(9.0))));
+    let frame = last(&mut *drive, Wish::On(torque(9.0)));
+    let sent = decode(&frame);
     assert_eq!((sent[2], sent[5]), (1.24, 1.23));
+    assert_eq!(frame.data().len(), 24, "a torque alone takes no position");
     let report = try_drive("moteus", "{id: 1}", COMMON, "").unwrap_err();
     assert!(report.contains("`kp` and `kd`"), "{report}");
+}
+
+#[test]
+fn a_position_is_followed_at_once_whatever_limits_are_configured() {
+    let hold = Setpoint { stiffness: 0.1, ..Setpoint::default() };
+    let mut bench = Bench::new("moteus", "{id: 1, kp: 4.0, kd: 0.05}", Mode::Impedance);
+    bench.power_on(hold);
+    bench.cycle(Wish::On(Setpoint { position: 1.0, ..hold }));
+    let law = bench.motor.follows().unwrap();
+    assert!((law.position - 1.0).abs() < 1e-6, "the motor has a way of its own: {law:?}");
+}
+
+/// A position command and what is read of register 027, from a host that is not ours.
+fn commanded(bench: &mut Bench, timeout: u8) -> f64 {
+    let mut sent = FrameQueue::new(1);
+    sent.push(frame(&format!("00008001##101000A0127{timeout:02X}1D27")));
+    let mut answers = FrameQueue::new(4);
+    bench.motor.receive(0, &sent.frames()[0], &mut answers);
+    let answer = answers.frames()[0];
+    assert_eq!(answer.data()[..2], [0x2D, 0x27]);
+    f64::from(f32::from_le_bytes(answer.data()[2..6].try_into().unwrap()))
+}
+
+#[test]
+fn a_timeout_of_zero_is_the_motors_own_and_of_nan_is_none() {
+    let mut bench = Bench::new("moteus", "{id: 1}", Mode::Torque);
+    assert_eq!(commanded(&mut bench, 0), 0.0, "what was commanded is read, not what it stands for");
+    assert_eq!(bench.motor.body.watchdog_ns, 100_000_000);
+    assert!(commanded(&mut bench, 0x80).is_nan());
+    assert_eq!(bench.motor.body.watchdog_ns, 0);
+    assert!((commanded(&mut bench, 3) - 0.03).abs() < 1e-6);
+    assert_eq!(bench.motor.body.watchdog_ns, 30_000_000);
+    // and that is how the drive reads them
+    for (value, watchdog) in [("80", Watchdog::Off), ("00", Watchdog::Unreadable), ("03", Watchdog::Set(30))] {
+        let mut drive = moteus(Mode::Torque);
+        answer(&mut *drive, &format!("{}{value}", &STOPPED[..STOPPED.len() - 2]));
+        assert_eq!(drive.state().watchdog, watchdog, "{value}");
+    }
+}
+
+#[test]
+fn a_motor_that_boots_while_it_follows_gets_no_power_again() {
+    let mut bench = Bench::new("moteus", "{id: 1}", Mode::Torque);
+    bench.power_on(torque(0.1));
+    bench.motor.reboot();
+    (0..10).for_each(|_| bench.cycle(Wish::On(torque(0.1))));
+    assert!(bench.motor.follows().is_none());
+    assert_eq!(bench.drive.state().fault, fault::POWER_LOST);
+    // nothing of it needs a set-up: the watchdog goes along in each frame
+    (0..2).for_each(|_| bench.cycle(Wish::Off));
+    bench.power_on(torque(0.1));
+    assert_eq!((bench.motor.body.watchdog_ns, bench.drive.state().watchdog), (50_000_000, Watchdog::Set(50)));
 }

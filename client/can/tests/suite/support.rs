@@ -6,7 +6,7 @@ use sarrus_can::protocol::{Common, Settings, protocol};
 use sarrus_models::{Findings, yaml};
 
 /// No limit, no watchdog.
-pub(crate) const COMMON: Common = Common { mode: Mode::Impedance, watchdog_ms: 0, torque_limit: f64::INFINITY };
+pub(crate) const COMMON: Common = Common { mode: Mode::Impedance, watchdog_ms: 0, torque_limit: f64::INFINITY, period_ns: 0 };
 
 /// A drive of a protocol from the text of its settings, or the report of what is wrong with them.
 pub(crate) fn try_drive(name: &str, yaml: &str, common: Common, file: &str) -> Result<Box<dyn Drive>, String> {

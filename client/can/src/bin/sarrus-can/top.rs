@@ -47,13 +47,14 @@ impl Top {
         let observer = Observer::connect(&self.name)?;
         let is_live = !self.once && std::io::stdout().is_terminal();
         let (mut state, mut statistics) = (None, None);
-        let mut heard = Instant::now();
+        let begin = Instant::now();
+        let mut heard = begin;
         loop {
             if let Some(new) = observer.state() {
                 (state, heard) = (Some(new), Instant::now());
             }
             statistics = observer.statistics().or(statistics);
-            if heard.elapsed() > PATIENCE {
+            if heard.elapsed() > PATIENCE || (statistics.is_none() && begin.elapsed() > PATIENCE) {
                 return Err(Box::new(ConnectError::SilentBridge { name: self.name.clone() }));
             }
             if let (Some(state), Some(statistics)) = (&state, &statistics) {

@@ -96,7 +96,7 @@ impl Bench {
             bus: i / 2,
             protocol: &PLAIN,
             settings: settings(),
-            common: Common { mode: Mode::Impedance, watchdog_ms: 50, torque_limit: 10.0 },
+            common: Common { mode: Mode::Impedance, watchdog_ms: 50, torque_limit: 10.0, period_ns: 0 },
             drive: Box::new(Plain {
                 id: i as u16,
                 state: DriveState::default(),

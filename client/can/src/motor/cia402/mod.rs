@@ -11,7 +11,8 @@
 //! | 700 + node | heartbeat: 0 at start, 4 stopped, 5 operational, 7F pre-operational |
 //!
 //! The state machine of CiA 402 is in [`states`], the objects and the mappings of the PDOs in [`objects`]. A PDO works in the state
-//! operational only. When the master's heartbeat (object 1016) is late, EMCY 8130 comes and the drive does what object 6007 says.
+//! operational only. When the master's heartbeat (object 1016) is late, EMCY 8130 comes, the drive does what object 6007 says and goes to
+//! pre-operational, as object 1029 has it by default; it stays there, and the next heartbeat brings EMCY 0000.
 //!
 //! Sources: CiA 301, *CANopen application layer*; CiA 402-2 and -3, *CANopen device profile for drives and motion control*.
 
@@ -56,6 +57,8 @@ pub(super) struct Cia402 {
     syncs: u32,
     heartbeat_ns: u64,
     master_ns: Option<u64>,
+    /// The master's heartbeat was lost and has not come back.
+    alone: bool,
     told_fault: u32,
 }
 
@@ -80,6 +83,7 @@ impl Cia402 {
             syncs: 0,
             heartbeat_ns: 0,
             master_ns: None,
+            alone: false,
             told_fault: 0,
         }
     }
@@ -136,12 +140,15 @@ impl Cia402 {
                 let rated_torque = self.objects.rated_torque;
                 self.objects = Objects::new(self.node);
                 self.objects.rated_torque = rated_torque;
-                self.master_ns = None;
+                (self.master_ns, self.alone) = (None, false);
                 self.drive = Drive::default();
                 body.stop();
                 self.boot(out);
             }
             _ => {}
+        }
+        if self.network != Network::Operational {
+            self.waiting = [None; 4];
         }
         if self.network == Network::Stopped {
             // what stops the talk stops the motor
@@ -215,7 +222,11 @@ impl Cia402 {
 
     /// The master is silent.
     fn lose_heartbeat(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue) {
-        self.master_ns = None;
+        (self.master_ns, self.alone) = (None, true);
+        if self.network == Network::Operational {
+            self.network = Network::PreOperational;
+            self.waiting = [None; 4];
+        }
         out.push_some(standard(u32::from(0x80 + self.node), &emergency(HEARTBEAT_LOST, 0x10)));
         if body.power {
             body.tripped_ns = Some(now_ns);
@@ -242,6 +253,9 @@ impl Firmware for Cia402 {
         let (master, master_ms) = self.objects.consumer();
         if id == 0x700 + master && master_ms > 0 {
             self.master_ns = Some(now_ns);
+            if core::mem::take(&mut self.alone) && body.fault == 0 {
+                out.push_some(standard(u32::from(0x80 + self.node), &emergency(0, 0)));
+            }
             return true;
         }
         if id == 0x000 {

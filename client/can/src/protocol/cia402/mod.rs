@@ -11,10 +11,14 @@
 //!   torques in thousandths of the rated torque 6076.
 //!
 //! Without power the drive is set up by SDO, one request at a time: PDOs, mode 6060 (8, 9, 10), the largest torque 6072, the heartbeat that it
-//! waits for 1016 with what it does when that is late 6007 (2: no voltage). The rated torque, the mode and the heartbeat are read back. The
-//! position goes on where its 32 bits begin again.
+//! waits for 1016 with what it does when that is late 6007 (2: no voltage), and the time between set-points 60C2. The rated torque, the mode,
+//! the heartbeat and what follows from its loss are read back. All of it is done anew after a boot, and when a drive that should be
+//! operational is not: after a lost NMT command, or when it missed the heartbeat and went back by itself (1029).
+//!
+//! The position goes on where its 32 bits begin again. A target cannot: in the mode position a drive outside them has a fault.
 
 mod setup;
+mod states;
 
 use std::f64::consts::TAU;
 
@@ -24,6 +28,7 @@ use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Recei
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use sarrus_models::Findings;
 use setup::{PARAMETERS, READABLE, Setup};
+use states::{DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, SHUTDOWN, SWITCH_ON, State};
 
 /// CANopen CiA 402.
 pub(super) const CIA402: Protocol = Protocol {
@@ -60,37 +65,10 @@ pub(super) const CIA402: Protocol = Protocol {
 };
 
 const SYNC: u16 = 0x080;
-const DISABLE_VOLTAGE: u16 = 0x00;
-const SHUTDOWN: u16 = 0x06;
-const SWITCH_ON: u16 = 0x07;
-const ENABLE: u16 = 0x0F;
-const FORGET_FAULT: u16 = 0x80;
-
-/// States of the status word.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    NotReady,
-    Disabled,
-    Ready,
-    SwitchedOn,
-    Enabled,
-    QuickStop,
-    Faulty,
-}
-
-impl State {
-    const fn of(status: u16) -> State {
-        match (status & 0x4F, status & 0x6F) {
-            (0x0F | 0x08, _) => State::Faulty,
-            (0x40, _) => State::Disabled,
-            (_, 0x21) => State::Ready,
-            (_, 0x23) => State::SwitchedOn,
-            (_, 0x27) => State::Enabled,
-            (_, 0x07) => State::QuickStop,
-            _ => State::NotReady,
-        }
-    }
-}
+/// A drive that is set up and says nothing for this time is set up anew `[ns]`.
+const SILENCE_NS: u64 = 500_000_000;
+/// The same, if it says that it is not operational.
+const STOPPED_NS: u64 = 100_000_000;
 
 #[derive(Debug)]
 struct Cia402 {
@@ -113,6 +91,10 @@ struct Cia402 {
     emergency: u16,
     /// Of the last measurement.
     counted: Option<(i32, i64)>,
+    /// The first PDO came, and not yet the second one of its cycle.
+    is_new: bool,
+    /// When it last told its status, or was set up `[ns]`.
+    heard_ns: Option<u64>,
     torque: f64,
     heartbeat_ns: Option<u64>,
 }
@@ -138,6 +120,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         torque_offset,
         velocity_feedback,
         configure: settings.flag("configure"),
+        period_ns: common.period_ns,
     });
     Some(Box::new(Cia402 {
         node,
@@ -157,6 +140,8 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         lost: false,
         emergency: 0,
         counted: None,
+        is_new: false,
+        heard_ns: None,
         torque: f64::NAN,
         heartbeat_ns: None,
     }))
@@ -191,15 +176,33 @@ impl Cia402 {
 
     /// The heartbeat of this side, four times in the time that the drive waits for it.
     fn beat(&mut self, now_ns: u64, out: &mut FrameQueue) {
-        let period_ns = u64::from(self.watchdog_ms) * 250_000;
-        if period_ns > 0 && self.heartbeat_ns.is_none_or(|last| now_ns.saturating_sub(last) >= period_ns) {
+        let Some((frame, period_ns)) = self.heartbeat() else { return };
+        if self.heartbeat_ns.is_none_or(|last| now_ns.saturating_sub(last) >= period_ns) {
             self.heartbeat_ns = Some(now_ns);
-            out.push_some(Frame::classic(Id::Standard(0x700 + self.master), &[0x05]));
+            out.push(frame);
         }
+    }
+
+    /// Whether it should have told its status for this time.
+    fn is_silent(&self, now_ns: u64, time_ns: u64) -> bool {
+        self.setup.is_done() && self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > time_ns)
+    }
+
+    /// It is not what it was set up to be any more.
+    fn set_up_again(&mut self) {
+        self.lost |= self.asked;
+        (self.state, self.is_new) = (None, false);
+        self.setup.again();
     }
 
     fn stay_off(&mut self, now_ns: u64, out: &mut FrameQueue) {
         (self.asked, self.followed) = (false, false);
+        if self.is_silent(now_ns, SILENCE_NS) {
+            self.set_up_again();
+        }
+        if !self.setup.is_done() {
+            self.heard_ns = Some(now_ns);
+        }
         out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
         out.push_some(self.setup.request(now_ns));
     }
@@ -242,7 +245,9 @@ impl Drive for Cia402 {
             }
             Wish::Reset => {
                 (self.asked, self.followed, self.lost, self.emergency) = (false, false, false, 0);
-                self.setup.again();
+                if self.setup.fault != 0 {
+                    self.setup.again();
+                }
                 return out.push_some(self.command(FORGET_FAULT, &self.neutral()));
             }
         };
@@ -283,13 +288,17 @@ impl Drive for Cia402 {
                 self.emergency = u16::from_le_bytes([*low, *high]);
                 Receipt::Noted
             }
+            // what a PDO holds is known once it is set up
+            (0x180, [_, _, _, _, _, _, _, _]) | (0x280, [_, _, _, _]) if !self.setup.is_done() => Receipt::Noted,
             (0x180, [low, high, a, b, c, d, e, f]) => {
+                (self.is_new, self.heard_ns) = (true, Some(now_ns));
                 self.status(u16::from_le_bytes([*low, *high]));
                 self.follow(i32::from_le_bytes([*a, *b, *c, *d]));
                 self.torque = f64::from(i16::from_le_bytes([*e, *f])) * self.rated_torque / 1000.0;
                 if self.velocity_feedback { Receipt::Noted } else { self.measured(f64::NAN) }
             }
-            (0x280, [a, b, c, d]) if self.velocity_feedback && self.counted.is_some() => {
+            (0x280, [a, b, c, d]) if self.velocity_feedback && self.is_new => {
+                self.is_new = false;
                 self.measured(f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts)
             }
             (0x280, [_, _, _, _]) => Receipt::Noted,
@@ -298,11 +307,15 @@ impl Drive for Cia402 {
                 None => Receipt::Malformed,
             },
             (0x700, [state]) => {
-                if *state == 0 {
+                match state & 0x7F {
                     // it booted: nothing of what was set is still there
-                    self.lost |= self.asked;
-                    (self.state, self.counted) = (None, None);
-                    self.setup.again();
+                    0 => {
+                        self.set_up_again();
+                        self.counted = None;
+                    }
+                    // stopped or pre-operational, and not just told to be operational
+                    0x04 | 0x7F if self.is_silent(now_ns, STOPPED_NS) => self.set_up_again(),
+                    _ => {}
                 }
                 Receipt::Noted
             }
@@ -318,22 +331,24 @@ impl Drive for Cia402 {
             Some(_) => Power::Off,
         };
         let is_faulty = self.state == Some(State::Faulty);
+        let is_beyond = self.mode == Mode::Position && self.counted.is_some_and(|(_, whole)| i32::try_from(whole).is_err());
         let fault = match self.emergency {
             code if code != 0 => u32::from(code),
             _ if is_faulty => fault::UNKNOWN,
             _ if self.setup.fault != 0 => self.setup.fault,
             _ if self.lost => fault::POWER_LOST,
+            _ if is_beyond => fault::OUT_OF_RANGE,
             _ => 0,
         };
         DriveState { power, fault, watchdog: self.setup.watchdog }
     }
 
     fn prepare(&mut self) {
-        self.setup.again();
+        self.set_up_again();
     }
 
     fn forget(&mut self) {
-        (self.state, self.counted, self.heartbeat_ns) = (None, None, None);
+        (self.counted, self.heard_ns, self.heartbeat_ns) = (None, None, None);
         (self.asked, self.followed, self.lost, self.emergency) = (false, false, false, 0);
         self.torque = f64::NAN;
         self.prepare();
@@ -355,6 +370,11 @@ impl Drive for Cia402 {
 
     fn sync(&self) -> Option<Frame> {
         Frame::classic(Id::Standard(SYNC), &[])
+    }
+
+    fn heartbeat(&self) -> Option<(Frame, u64)> {
+        let frame = Frame::classic(Id::Standard(0x700 + self.master), &[0x05])?;
+        (self.watchdog_ms > 0).then(|| (frame, u64::from(self.watchdog_ms) * 250_000))
     }
 
     /// Asks for the device's type, object 1000.

@@ -6,6 +6,8 @@ use crate::protocol::fault;
 
 /// An unanswered request is sent again after this time `[ns]`.
 const PATIENCE_NS: u64 = 50_000_000;
+/// The unit of 60C2 as drives are delivered, which many of them do not change.
+const MILLISECONDS: u32 = -3_i8 as u8 as u32;
 /// How far the rated torque may be from the configured one, relatively: it is told in mN m.
 const SAME_TORQUE: f64 = 1e-3;
 
@@ -45,6 +47,8 @@ pub(super) struct Wanted {
     pub(super) torque_offset: bool,
     pub(super) velocity_feedback: bool,
     pub(super) configure: bool,
+    /// 0 where it is not known.
+    pub(super) period_ns: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,6 +94,15 @@ const fn mode_of(mode: Mode) -> u8 {
     }
 }
 
+/// A time as 60C2 holds it: value × 10^exponent s, exactly if that can be.
+fn interpolation(period_ns: u64) -> (u8, i8) {
+    let scaled = |exponent: i8| period_ns as f64 * 10_f64.powi(-9 - i32::from(exponent));
+    let fits = |exponent: &i8| (0.5..255.5).contains(&scaled(*exponent));
+    let is_exact = |exponent: &i8| fits(exponent) && (scaled(*exponent) - scaled(*exponent).round()).abs() < 1e-6;
+    let exponent = [-3, -2, -1, 0, -4, -5, -6].into_iter().find(is_exact).or_else(|| (-6..=0).find(fits)).unwrap_or(-3);
+    (scaled(exponent).round() as u8, exponent)
+}
+
 /// A PDO at `communication` and `mapping` that goes with SYNC and holds these objects; without any it is off.
 fn pdo(communication: u16, mapping: u16, id: u32, objects: &[u32], steps: &mut Vec<Step>) {
     const OFF: u32 = 1 << 31;
@@ -123,6 +136,11 @@ impl Setup {
             pdo(0x1801, 0x1A01, 0x280 + node, if wanted.velocity_feedback { &[0x606C_0020] } else { &[] }, &mut steps);
         }
         steps.push(Step::Write(0x6060, 0, 1, u32::from(mode_of(wanted.mode))));
+        if wanted.period_ns > 0 && matches!(wanted.mode, Mode::Position | Mode::Velocity) {
+            let (value, exponent) = interpolation(wanted.period_ns);
+            steps.push(Step::Offer(0x60C2, 2, 1, u32::from(exponent as u8)));
+            steps.push(Step::Offer(0x60C2, 1, 1, u32::from(value)));
+        }
         if wanted.torque_limit.is_finite() {
             steps.push(Step::Offer(0x6072, 0, 2, wanted.torque_limit.clamp(0.0, 65_535.0) as u32));
         }
@@ -130,7 +148,9 @@ impl Setup {
             steps.push(Step::Offer(0x6007, 0, 2, 2));
             steps.push(Step::Write(0x1016, 1, 4, u32::from(wanted.master) << 16 | u32::from(wanted.watchdog_ms)));
         }
-        steps.extend([Step::Read(0x1016, 1), Step::Read(0x6076, 0), Step::Read(0x6061, 0), Step::Network(0x01)]);
+        let read_back = [(0x1016, 1), (0x6007, 0), (0x6076, 0), (0x6061, 0)];
+        steps.extend(read_back.map(|(index, sub)| Step::Read(index, sub)));
+        steps.push(Step::Network(0x01));
         Setup { wanted, steps, next: 0, sent_ns: None, watchdog: Watchdog::Unknown, fault: 0 }
     }
 
@@ -181,7 +201,14 @@ impl Setup {
                     self.proceed();
                 }
             }
-            Some(Step::Offer(i, s, ..)) if (*i, *s) == (index, sub) && (is_refused || command == 0x60) => self.proceed(),
+            Some(Step::Offer(i, s, _, value)) if (*i, *s) == (index, sub) && (is_refused || command == 0x60) => {
+                // a number in a unit that the drive has not is no time: it keeps its own
+                let is_unit = (index, sub) == (0x60C2, 2) && *value != MILLISECONDS;
+                self.proceed();
+                if is_refused && is_unit {
+                    self.proceed();
+                }
+            }
             Some(Step::Read(i, s)) if (*i, *s) == (index, sub) && (is_refused || command & 0xE2 == 0x42) => {
                 self.judge(index, (!is_refused).then_some(value));
                 self.proceed();
@@ -205,6 +232,10 @@ impl Setup {
                 self.watchdog = if is_ours && value & 0xFFFF > 0 { Watchdog::Set(value & 0xFFFF) } else { Watchdog::Off };
             }
             (0x1016, None) => self.watchdog = Watchdog::Unreadable,
+            // when the heartbeat is late: nothing; fault, no voltage or quick stop; what only the maker knows
+            (0x6007, Some(0)) => self.watchdog = Watchdog::Off,
+            (0x6007, Some(1..=3)) => {}
+            (0x6007, _) if matches!(self.watchdog, Watchdog::Set(_)) => self.watchdog = Watchdog::Unreadable,
             (0x6076, Some(value)) => {
                 let (read, configured) = (f64::from(value) / 1000.0, self.wanted.rated_torque);
                 if (read - configured).abs() > SAME_TORQUE * configured + 1e-3 {
@@ -212,6 +243,7 @@ impl Setup {
                 }
             }
             (0x6061, Some(value)) if value != u32::from(mode_of(self.wanted.mode)) => self.fault = fault::MODE_REFUSED,
+            (0x6076 | 0x6061, None) => self.fault = fault::SETTING_REFUSED,
             _ => {}
         }
     }

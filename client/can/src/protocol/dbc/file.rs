@@ -45,18 +45,29 @@ pub(super) struct Signal {
     pub(super) offset: f64,
 }
 
+/// The message under which tools keep signals of no message: it has no bytes, and an identifier that is none.
+const NO_MESSAGE: (&str, &str) = ("VECTOR__INDEPENDENT_SIG_MSG", "3221225472");
+
 /// A fault and its line.
 pub(super) type Fault = (usize, String);
 
 /// Reads the messages of a file.
 pub(super) fn parse(text: &str) -> Result<Vec<Message>, Fault> {
     let mut messages: Vec<Message> = Vec::new();
+    let mut is_message = true;
     for (i, line) in text.lines().enumerate() {
         let line = line.trim();
         let told = |what: &str| (i + 1, what.to_owned());
         if let Some(rest) = line.strip_prefix("BO_ ") {
+            is_message = !rest.split([' ', ':']).any(|word| word == NO_MESSAGE.0);
+            if !is_message {
+                continue;
+            }
             messages.push(message(rest).ok_or_else(|| told("`BO_` is not followed by identifier, name: and length"))?);
         } else if let Some(rest) = line.strip_prefix("SG_ ") {
+            if !is_message {
+                continue;
+            }
             let signal = signal(rest).ok_or_else(|| told("`SG_` is not followed by name : start|length@order (factor,offset)"))?;
             let message = messages.last_mut().ok_or_else(|| told("a signal stands before all messages"))?;
             if !signal.fits(message.len) {
@@ -64,6 +75,9 @@ pub(super) fn parse(text: &str) -> Result<Vec<Message>, Fault> {
             }
             message.signals.push(signal);
         } else if let Some(rest) = line.strip_prefix("SIG_VALTYPE_ ") {
+            if rest.split_whitespace().next() == Some(NO_MESSAGE.1) {
+                continue;
+            }
             float(rest, &mut messages).ok_or_else(|| told("`SIG_VALTYPE_` names no signal of 32 or 64 bits"))?;
         } else if line.starts_with("SG_MUL_VAL_ ") {
             return Err(told("switches of switches (`SG_MUL_VAL_`) are not known"));
@@ -219,6 +233,16 @@ SIG_VALTYPE_ 2147484672 Angle : 1;
         assert!((example.signals[0].value(&bytes) - 250.55).abs() < 1e-9);
         assert_eq!((long.id, long.signals[1].kind), (0x8000_0400, Kind::Single));
         assert_eq!(long.signals[1].multiplexing, Multiplexing::While(3));
+    }
+
+    #[test]
+    fn signals_of_no_message_are_passed_over() {
+        let none = "BO_ 3221225472 VECTOR__INDEPENDENT_SIG_MSG: 0 Vector__XXX\n SG_ Old : 0|32@1- (1,0) [0|0] \"\" Vector__XXX\n\n";
+        let text = FILE.replace("BO_ 2147484672", &format!("{none}BO_ 2147484672"));
+        let text = format!("{text}SIG_VALTYPE_ 3221225472 Old : 1;\n");
+        assert_eq!(parse(&text), parse(FILE));
+        // a message of that kind after the last signal of another takes none of its signals away
+        assert_eq!(parse(&format!("{FILE}{none}")), parse(FILE));
     }
 
     #[test]

@@ -5,16 +5,20 @@
 //! signals are raw 0 unless `constants` says otherwise. Intel and Motorola, signed, scaled and IEEE 754 signals; values saturate.
 //! Units: `position_unit` and so on are how many rad, rad/s, N m, N m/rad and N m s/rad are 1 of the file.
 //!
-//! The motor has power while `enable` has the value `enable_value`. A DBC file says nothing of a watchdog: it cannot be read.
+//! The motor has power while `enable` has the value `enable_value`. Without power it is told the position that it measured, and nothing
+//! else; the first set-point goes out a cycle before power. In each cycle the frames with `enable` come last when they give power and first
+//! when they take it. What the motor told counts for `stale_ms`: later there is no velocity and torque, and where `fault` or `enabled` have
+//! stopped, that is a fault. A DBC file says nothing of a watchdog: it cannot be read.
 
 mod file;
+mod signals;
 
 use super::number::limited;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{Drive, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use file::{Message, Multiplexing, Signal};
 use sarrus_models::Findings;
+use signals::{Finder, Named, Role, Sent, Told, frames, value};
 
 /// Any DBC file.
 pub(super) const DBC: Protocol = Protocol {
@@ -40,6 +44,12 @@ pub(super) const DBC: Protocol = Protocol {
         signal("fault", Some(""), "signal of the motor's fault, 0 without one"),
         signal("enabled", Some(""), "signal that tells whether the motor has power"),
         number("enabled_value", "1", "its value with power"),
+        Key {
+            name: "stale_ms",
+            kind: KeyKind::Integer(1, 60_000),
+            default: Some("200"),
+            about: "what the motor has not told again after this time is not believed any more, in ms",
+        },
         number("position_unit", "1", "rad for 1 of the file's positions"),
         number("velocity_unit", "1", "rad/s for 1 of the file's velocities"),
         number("torque_unit", "1", "N m for 1 of the file's torques"),
@@ -57,32 +67,19 @@ const fn number(name: &'static str, default: &'static str, about: &'static str) 
     Key { name, kind: KeyKind::Number(-1e12, 1e12), default: Some(default), about }
 }
 
-/// What a signal that is sent holds.
-#[derive(Clone, Copy, Debug)]
-enum Role {
-    Enable,
-    /// Place in position, velocity, torque, stiffness, damping.
-    Setpoint(usize),
-    Constant(f64),
-}
+/// A temperature counts for this time: it is told seldom, and changes slowly `[ns]`.
+const TEMPERATURE_NS: u64 = 10_000_000_000;
 
-/// A frame that is sent: its message, and the signals in it.
-#[derive(Clone, Debug)]
-struct Sent {
-    id: Id,
-    len: usize,
-    /// The switch and its value.
-    switch: Option<(Signal, u64)>,
-    signals: Vec<(Signal, Role)>,
-}
-
-/// A signal that the motor sends.
-#[derive(Clone, Debug)]
-struct Told {
-    id: Id,
-    len: usize,
-    switch: Option<(Signal, u64)>,
-    signal: Signal,
+/// The way to power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Off,
+    /// The set-point was sent, without power.
+    Told,
+    /// Power was asked for.
+    Asked,
+    /// The motor let go by itself; it gets no power before it was told to be off.
+    Lost,
 }
 
 #[derive(Debug)]
@@ -98,62 +95,19 @@ struct Dbc {
     fault: Option<Told>,
     enabled: Option<Told>,
     enabled_value: f64,
-    /// Velocity, torque, temperature as last told.
-    last: [f64; 3],
+    stale_ns: u64,
+    /// What tells of fault or power has stopped.
+    silent: bool,
+    /// Position as last measured `[rad]`.
+    place: f64,
     code: u32,
     not_finite: bool,
     power: Power,
-    asked: bool,
-    lost: bool,
+    stage: Stage,
 }
 
 const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
 const UNITS: [&str; 5] = ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
-
-/// Finds the signals that settings name.
-struct Finder<'a> {
-    messages: &'a [Message],
-    settings: &'a Settings,
-    findings: &'a mut Findings,
-    good: bool,
-}
-
-impl Finder<'_> {
-    /// The signal of a setting: nothing where there is none.
-    fn told(&mut self, key: &str) -> Option<Told> {
-        if !self.settings.has(key) {
-            return None;
-        }
-        self.named(key, self.settings.text(key).trim())
-    }
-
-    fn named(&mut self, key: &str, name: &str) -> Option<Told> {
-        let found = name.split_once('.').and_then(|(message, signal)| {
-            let message = self.messages.iter().find(|known| known.name == message)?;
-            let signal = message.signals.iter().find(|known| known.name == signal)?;
-            let switch = message.signals.iter().find(|known| known.multiplexing == Multiplexing::Switch);
-            let switch = match signal.multiplexing {
-                Multiplexing::While(value) => Some((switch?.clone(), value)),
-                Multiplexing::Always | Multiplexing::Switch => None,
-            };
-            let id = if message.id >> 31 == 1 { Id::Extended(message.id & 0x1FFF_FFFF) } else { Id::Standard(message.id as u16) };
-            Some(Told { id, len: message.len, switch, signal: signal.clone() })
-        });
-        match found {
-            Some(told) if told.len <= 8 => Some(told),
-            _ => {
-                let found = format!("`{key}` names {}, which the DBC file has not", sarrus_models::yaml::quoted(name));
-                self.wrong(key, found, "Message.Signal of a message with at most 8 bytes", "correct the name");
-                None
-            }
-        }
-    }
-
-    fn wrong(&mut self, key: &str, found: String, expected: &str, help: &str) {
-        self.findings.error(self.settings.place(key), found, expected, help);
-        self.good = false;
-    }
-}
 
 fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
     let messages = match file::parse(settings.text("file")) {
@@ -164,15 +118,15 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         }
     };
     let mut finder = Finder { messages: &messages, settings, findings, good: true };
-    let mut wanted: Vec<(Told, Role)> = Vec::new();
-    wanted.extend(finder.told("enable").map(|told| (told, Role::Enable)));
+    let mut wanted: Vec<(Named, Role)> = Vec::new();
+    wanted.extend(finder.of("enable").map(|named| (named, Role::Enable)));
     for (i, key) in SETPOINTS.iter().enumerate() {
-        wanted.extend(finder.told(key).map(|told| (told, Role::Setpoint(i))));
+        wanted.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
     }
     for constant in settings.text("constants").split(',').filter(|text| !text.trim().is_empty()) {
         match constant.split_once('=').map(|(name, value)| (name.trim(), value.trim().parse::<f64>())) {
             Some((name, Ok(value))) if value.is_finite() => {
-                wanted.extend(finder.named("constants", name).map(|told| (told, Role::Constant(value))));
+                wanted.extend(finder.named("constants", name).map(|named| (named, Role::Constant(value))));
             }
             _ => finder.wrong("constants", format!("`{constant}` is no constant"), "Message.Signal=number", "correct it"),
         }
@@ -196,17 +150,13 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
     if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key)) {
         finder.wrong(key, format!("`{key}` is 0"), "what 1 of the file is", "correct it");
     }
+    let sent = frames(wanted).unwrap_or_else(|switch| {
+        let found = format!("`{switch}` is the switch of its message, and other signals of that message say what it is");
+        finder.wrong("constants", found, "a signal that is no switch", "remove it");
+        Vec::new()
+    });
     if !finder.good {
         return None;
-    }
-    let mut sent: Vec<Sent> = Vec::new();
-    for (told, role) in wanted {
-        let value = told.switch.as_ref().map(|(_, value)| *value);
-        let place = sent.iter().position(|sent| sent.id == told.id && sent.switch.as_ref().map(|(_, value)| *value) == value);
-        match place.and_then(|place| sent.get_mut(place)) {
-            Some(sent) => sent.signals.push((told.signal, role)),
-            None => sent.push(Sent { id: told.id, len: told.len, switch: told.switch, signals: vec![(told.signal, role)] }),
-        }
     }
     Some(Box::new(Dbc {
         torque_limit: common.torque_limit,
@@ -220,12 +170,13 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         fault,
         enabled,
         enabled_value: settings.number("enabled_value"),
-        last: [f64::NAN; 3],
+        stale_ns: settings.integer("stale_ms").unsigned_abs() * 1_000_000,
+        silent: false,
+        place: f64::NAN,
         code: 0,
         not_finite: false,
         power: Power::Unknown,
-        asked: false,
-        lost: false,
+        stage: Stage::Off,
     }))
 }
 
@@ -234,64 +185,64 @@ impl Dbc {
         let Setpoint { position, velocity, torque, stiffness, damping } = *wanted;
         let setpoint = [position, velocity, limited(torque, self.torque_limit), stiffness, damping];
         let [off, on] = self.enable;
-        for sent in &self.sent {
-            let mut bytes = [0; 8];
-            sent.switch.iter().for_each(|(switch, value)| switch.set_raw(*value, &mut bytes));
-            for (signal, role) in &sent.signals {
-                let value = match role {
-                    Role::Enable => {
-                        if power {
-                            on
-                        } else {
-                            off
-                        }
-                    }
-                    Role::Setpoint(i) => match (setpoint.get(*i), self.units.get(*i)) {
-                        (Some(value), Some(unit)) => value / unit,
-                        _ => 0.0,
-                    },
-                    Role::Constant(value) => *value,
-                };
-                signal.set_value(value, &mut bytes);
-            }
-            out.push_some(bytes.get(..sent.len).and_then(|bytes| Frame::classic(sent.id, bytes)));
+        let value = |role| match role {
+            Role::Enable if power => on,
+            Role::Enable => off,
+            Role::Setpoint(i) => match (setpoint.get(i), self.units.get(i)) {
+                (Some(value), Some(unit)) => value / unit,
+                _ => 0.0,
+            },
+            Role::Constant(value) => value,
+        };
+        // no power before its set-point, and no set-point before power is gone
+        for has_power in [!power, power] {
+            self.sent.iter().filter(|sent| sent.has_power() == has_power).for_each(|sent| out.push_some(sent.frame(value)));
         }
+    }
+
+    /// What keeps the motor where it is.
+    fn neutral(&self) -> Setpoint {
+        Setpoint { position: if self.place.is_finite() { self.place } else { 0.0 }, ..Setpoint::default() }
     }
 
     fn told(&self) -> impl Iterator<Item = &Told> {
         [&self.velocity, &self.torque, &self.temperature, &self.fault, &self.enabled].into_iter().flatten().chain([&self.position])
     }
 
+    /// What the motor tells of its fault and power.
+    fn health(&self) -> impl Iterator<Item = &Told> {
+        [&self.fault, &self.enabled].into_iter().flatten()
+    }
+
+    fn is_silent(&self, now_ns: u64) -> bool {
+        self.health().any(|told| told.is_old(now_ns, self.stale_ns))
+    }
+
     fn powered(&mut self, is_on: bool) {
-        self.lost |= self.power == Power::On && self.asked && !is_on;
+        if self.power == Power::On && self.stage == Stage::Asked && !is_on {
+            self.stage = Stage::Lost;
+        }
         self.power = if is_on { Power::On } else { Power::Off };
     }
 }
 
-impl Told {
-    /// The value, if this frame holds it.
-    fn read(&self, frame: &Frame) -> Option<f64> {
-        let is_there = self.switch.as_ref().is_none_or(|(switch, value)| switch.raw(frame.data()) == *value);
-        (frame.id == self.id && is_there).then(|| self.signal.value(frame.data()))
-    }
-}
-
-/// The value of a signal that may not exist, if this frame holds it.
-fn read(told: &Option<Told>, frame: &Frame) -> Option<f64> {
-    told.as_ref()?.read(frame)
-}
-
 impl Drive for Dbc {
-    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
-        match wish {
-            Wish::On(wanted) if !self.lost && (self.asked || (self.power != Power::Unknown && self.state().fault == 0)) => {
-                self.asked = true;
+    fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+        self.silent = self.is_silent(now_ns);
+        let is_ready = self.place.is_finite() && self.state().power != Power::Unknown && self.state().fault == 0;
+        match (wish, self.stage) {
+            (Wish::On(wanted), Stage::Told | Stage::Asked) => {
+                self.stage = Stage::Asked;
                 self.send(true, &wanted, out);
             }
-            Wish::On(_) => self.send(false, &Setpoint::default(), out),
-            Wish::Off | Wish::Reset => {
-                (self.asked, self.lost) = (false, false);
-                self.send(false, &Setpoint::default(), out);
+            (Wish::On(wanted), Stage::Off) if is_ready => {
+                self.stage = Stage::Told;
+                self.send(false, &wanted, out);
+            }
+            (Wish::On(_), Stage::Off | Stage::Lost) => self.send(false, &self.neutral(), out),
+            (Wish::Off | Wish::Reset, _) => {
+                self.stage = Stage::Off;
+                self.send(false, &self.neutral(), out);
             }
         }
     }
@@ -301,57 +252,70 @@ impl Drive for Dbc {
     }
 
     fn disable(&self, out: &mut FrameQueue) {
-        self.send(false, &Setpoint::default(), out);
+        self.send(false, &self.neutral(), out);
     }
 
-    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
-        let Some(len) = self.told().find(|told| told.id == frame.id).map(|told| told.len) else { return Receipt::NotMine };
+    fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
+        let Some(len) = self.told().find(|told| told.named.id == frame.id).map(|told| told.named.len) else { return Receipt::NotMine };
         if frame.is_fd() || frame.data().len() != len {
             return Receipt::Malformed;
         }
-        let [_, velocity_unit, torque_unit, ..] = self.units;
-        let [velocity, torque, temperature] = [(&self.velocity, velocity_unit), (&self.torque, torque_unit), (&self.temperature, 1.0)]
-            .map(|(told, unit)| read(told, frame).map(|value| value * unit));
-        for (slot, value) in self.last.iter_mut().zip([velocity, torque, temperature]) {
-            value.filter(|value| value.is_finite()).into_iter().for_each(|value| *slot = value);
+        let [position_unit, velocity_unit, torque_unit, ..] = self.units;
+        let take = |told: &mut Option<Told>, unit: f64| told.as_mut()?.take(now_ns, frame, unit);
+        take(&mut self.velocity, velocity_unit);
+        take(&mut self.torque, torque_unit);
+        take(&mut self.temperature, 1.0);
+        if let Some(value) = take(&mut self.fault, 1.0) {
+            // any number that is not 0 is a fault, NaN too; larger ones are the drives' own
+            self.code = if value == 0.0 { 0 } else { (value.abs() as u32).clamp(1, i32::MAX as u32) };
         }
-        if let Some(value) = read(&self.fault, frame) {
-            self.code = if value == 0.0 { 0 } else { (value.abs() as u32).max(1) };
-        }
-        if let Some(value) = read(&self.enabled, frame) {
+        if let Some(value) = take(&mut self.enabled, 1.0) {
             let is_on = value == self.enabled_value;
             self.powered(is_on);
         }
-        let Some(position) = self.position.read(frame) else { return Receipt::Noted };
+        self.silent = self.is_silent(now_ns);
+        let Some(position) = self.position.take(now_ns, frame, position_unit) else { return Receipt::Noted };
         self.not_finite = !position.is_finite();
         if self.not_finite {
             return Receipt::Malformed;
         }
+        self.place = position;
         if self.enabled.is_none() {
-            self.power = if self.asked { Power::On } else { Power::Off };
+            self.power = if self.stage == Stage::Asked { Power::On } else { Power::Off };
         }
-        let [unit, ..] = self.units;
-        let [velocity, torque, temperature] = self.last;
-        Receipt::Measured(Measurement { position: position * unit, velocity, torque, temperature })
+        Receipt::Measured(Measurement {
+            position,
+            velocity: value(self.velocity.as_ref(), now_ns, self.stale_ns),
+            torque: value(self.torque.as_ref(), now_ns, self.stale_ns),
+            temperature: value(self.temperature.as_ref(), now_ns, TEMPERATURE_NS),
+        })
     }
 
     fn state(&self) -> DriveState {
-        let power = if self.power == Power::Off && self.asked && !self.lost { Power::Starting } else { self.power };
+        let is_known = !self.silent && self.health().all(Told::is_known);
+        let power = match (self.power, self.stage) {
+            _ if !is_known => Power::Unknown,
+            (Power::Off, Stage::Told | Stage::Asked) => Power::Starting,
+            (power, _) => power,
+        };
         let fault = match self.code {
             0 if self.not_finite => fault::NOT_FINITE,
-            0 if self.lost => fault::POWER_LOST,
+            0 if self.stage == Stage::Lost => fault::POWER_LOST,
+            0 if self.silent => fault::SILENT,
             code => code,
         };
         DriveState { power, fault, watchdog: Watchdog::Unreadable }
     }
 
     fn forget(&mut self) {
-        (self.last, self.code, self.not_finite) = ([f64::NAN; 3], 0, false);
-        (self.power, self.asked, self.lost) = (Power::Unknown, false, false);
+        let Dbc { position, velocity, torque, temperature, fault, enabled, .. } = self;
+        [velocity, torque, temperature, fault, enabled].into_iter().flatten().chain([position]).for_each(Told::forget);
+        (self.silent, self.place, self.code, self.not_finite) = (false, f64::NAN, 0, false);
+        (self.power, self.stage) = (Power::Unknown, Stage::Off);
     }
 
     fn identifiers(&self) -> Vec<Id> {
-        let mut ids: Vec<Id> = self.sent.iter().map(|sent| sent.id).chain(self.told().map(|told| told.id)).collect();
+        let mut ids: Vec<Id> = self.sent.iter().map(|sent| sent.id).chain(self.told().map(|told| told.named.id)).collect();
         ids.sort_unstable();
         ids.dedup();
         ids
@@ -360,8 +324,9 @@ impl Drive for Dbc {
     fn replies(&self) -> Vec<Reply> {
         let mut replies: Vec<Reply> = Vec::new();
         for told in self.told() {
-            if !replies.iter().any(|reply| reply.id == told.id) {
-                replies.push(Reply { id: told.id, kind: FrameKind::Classic, len: told.len });
+            let Named { id, len, .. } = told.named;
+            if !replies.iter().any(|reply| reply.id == id) {
+                replies.push(Reply { id, kind: FrameKind::Classic, len });
             }
         }
         replies

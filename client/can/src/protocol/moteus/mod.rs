@@ -7,12 +7,16 @@
 //! - Sub-frames: write 00, read 10, answer 20, each + 0 int8, 4 int16, 8 int32, C single, + a count of 1 to 3 (0: the count follows); then
 //!   the first register and, but for reads, the values, little-endian. 30, 31 tell errors.
 //! - Registers: 000 mode (0 stopped, 1 fault, 2 … 4 starts, 10 position, 11 timeout), 001 position, 002 velocity, 003 torque, 00E temperature,
-//!   00F fault, 020 position, 021 velocity, 022 torque, 023 and 024 scales of the motor's own gains, 025 largest torque, 027 watchdog.
-//!   Positions in turns, velocities in turns/s, torques in N m, all at the output.
+//!   00F fault, 020 position, 021 velocity, 022 torque, 023 and 024 scales of the motor's own gains, 025 largest torque, 027 watchdog (0: its
+//!   own default; NaN: none), 028 and 029 limits of velocity and acceleration. Positions in turns, velocities in turns/s, torques in N m, all
+//!   at the output.
 //!
-//! A command takes 32 bytes: mode int8, position and velocity single, torque and largest torque int16 in .01 N m, scales int16 in 1/32767,
-//! watchdog int8 in .01 s. Its answer takes 24: mode, position, velocity, torque single, voltage, temperature, fault int8. The motor makes the
-//! damping's scale no larger than the stiffness's: what is left of the damping is added as torque, at the bus's rate.
+//! A command takes 34 bytes, which FD sends as 48: mode int8, position and velocity single, torque and largest torque int16 in .01 N m, scales
+//! int16 in 1/32767, watchdog int8 in .01 s, and both limits int8 below 0: with a limit, its own or servo.default_accel_limit, a motor would
+//! follow a way to the position and not the position. In the mode torque there is no position, and it takes 24. A motor with
+//! servo.bemf_feedforward takes no command without such a limit and says so by a fault. The answer takes 24: mode, position, velocity, torque
+//! single, voltage, temperature, fault int8. The motor makes the damping's scale no larger than the stiffness's: what is left of the damping
+//! is added as torque, at the bus's rate. What it does when its watchdog ends is servo.timeout_mode.
 
 mod subframes;
 
@@ -57,6 +61,8 @@ const POSITION: u8 = 10;
 const MODE_REGISTER: u32 = 0x000;
 const FAULT_REGISTER: u32 = 0x00F;
 const WATCHDOG: u8 = 0x27;
+/// No limit of velocity or acceleration: anything below 0.
+const NO_LIMIT: u8 = -1_i8 as u8;
 
 const PARAMETERS: &[Parameter] = &[
     Parameter { name: "voltage", unit: "V" },
@@ -91,7 +97,7 @@ struct Moteus {
     torque_limit: f64,
     /// The motor's own gains at scale 1 `[N m/turn, N m s/turn]`.
     gains: [f64; 2],
-    /// Steps of .01 s, 0 to leave it alone.
+    /// Steps of .01 s, 0 for the controller's own.
     watchdog_steps: u8,
     watchdog: Watchdog,
     stage: Stage,
@@ -134,10 +140,7 @@ impl Moteus {
     }
 
     fn stop(&self) -> Option<Frame> {
-        let mut payload = EMPTY.add(&[0x01, 0x00, STOPPED]);
-        if self.watchdog_steps > 0 {
-            payload = payload.add(&[0x01, WATCHDOG, self.watchdog_steps]);
-        }
+        let payload = EMPTY.add(&[0x01, 0x00, STOPPED]).add(&[0x01, WATCHDOG, self.watchdog_steps]);
         self.frame(&Moteus::query(payload.add(&[0x11, WATCHDOG])))
     }
 
@@ -151,10 +154,6 @@ impl Moteus {
             Mode::Position => [1.0, 1.0],
             Mode::Torque | Mode::Velocity => [0.0, 0.0],
         };
-        let [position, velocity] = match self.mode {
-            Mode::Torque | Mode::Velocity => [0.0, 0.0],
-            Mode::Impedance | Mode::Position => [wanted.position, wanted.velocity],
-        };
         let mut torque = wanted.torque;
         if self.mode == Mode::Impedance && self.velocity.is_finite() {
             let [_, own] = self.gains;
@@ -165,17 +164,21 @@ impl Moteus {
         let most = (self.torque_limit / TORQUE_STEP).floor();
         let most = if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
         let scale = |gain: f64| (steps(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16).to_le_bytes();
-        let payload = EMPTY
-            .add(&[0x01, 0x00, POSITION])
-            .add(&[0x0E, 0x20])
-            .add(&single(position / TAU).to_le_bytes())
-            .add(&single(velocity / TAU).to_le_bytes())
+        let payload = EMPTY.add(&[0x01, 0x00, POSITION]);
+        let payload = match self.mode {
+            Mode::Torque | Mode::Velocity => payload,
+            Mode::Impedance | Mode::Position => payload
+                .add(&[0x0E, 0x20])
+                .add(&single(wanted.position / TAU).to_le_bytes())
+                .add(&single(wanted.velocity / TAU).to_le_bytes()),
+        };
+        let payload = payload
             .add(&[0x04, 4, 0x22])
             .add(&torque.to_le_bytes())
             .add(&scale(kp))
             .add(&scale(kd))
-            .add(&most.to_le_bytes());
-        let payload = if self.watchdog_steps > 0 { payload.add(&[0x01, WATCHDOG, self.watchdog_steps]) } else { payload };
+            .add(&most.to_le_bytes())
+            .add(&[0x03, WATCHDOG, self.watchdog_steps, NO_LIMIT, NO_LIMIT]);
         self.frame(&Moteus::query(payload))
     }
 

@@ -4,7 +4,20 @@
 clock and people are this package's.
 """
 
-from sarrus._native import Bridge, Configuration, Controller, Drives, Frame, Service, protocols
+from sarrus._native import Bridge, Configuration, Controller, Drives, Frame, Service, Telemetry, protocols
 from sarrus.can.adapters import Adapter, Address, BusError, open_bus
 
-__all__ = ["Adapter", "Address", "Bridge", "BusError", "Configuration", "Controller", "Drives", "Frame", "Service", "open_bus", "protocols"]
+__all__ = [
+    "Adapter",
+    "Address",
+    "Bridge",
+    "BusError",
+    "Configuration",
+    "Controller",
+    "Drives",
+    "Frame",
+    "Service",
+    "Telemetry",
+    "open_bus",
+    "protocols",
+]

@@ -7,6 +7,8 @@ cannot be opened.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import logging
 import math
 import sys
 import time
@@ -22,6 +24,7 @@ from sarrus.can.leaving import Leave, interrupted, signals
 from sarrus.can.record import Recorder, recorder
 from sarrus.can.replay import replay
 from sarrus.can.run import open_all, run
+from sarrus.can.telling import WrongFlags, hush, say
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,21 +38,28 @@ HAZARD = (
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; its exit code."""
     options = parser().parse_args(arguments)
+    # what goes wrong with an interface is told once, by its error
+    logging.getLogger("can").setLevel(logging.CRITICAL)
     try:
-        return int(options.command(options))
-    except motors.Failed as error:
+        code = int(options.command(options))
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
+    except (motors.Failed, ValueError) as error:
         return tell(error, 1)
-    except ValueError as error:
-        return tell(error, 1)
-    except (BusError, OSError) as error:
+    except BrokenPipeError:
+        # whoever read the results has seen enough of them
+        hush(sys.stdout)
+        return 0
+    except (WrongFlags, BusError, OSError) as error:
         return tell(error, 2)
     except Leave as error:
-        return tell(f"ended by {error}; motors are without power", 1)
+        return tell(f"ended: {error}; motors are without power", 1)
 
 
 def tell(error: object, code: int) -> int:
     """Say on stderr why it ends."""
-    print(f"sarrus.can: {error}".rstrip(), file=sys.stderr)
+    say(f"sarrus.can: {error}".rstrip())
     return code
 
 
@@ -61,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
 
     where = argparse.ArgumentParser(add_help=False)
     where.add_argument("config", metavar="CONFIG", help="the robot's buses and motors")
-    where.add_argument("--interface", help="python-can's interface for all buses, instead of the configuration's")
+    where.add_argument("--interface", type=word, help="python-can's interface for all buses, instead of the configuration's")
     where.add_argument("--channel", action="append", default=[], metavar="[BUS=]CHANNEL", help="another channel of a bus; may be repeated")
     some = argparse.ArgumentParser(add_help=False)
     some.add_argument("motor", nargs="?", metavar="ACTUATOR", help="one motor, by its actuator; without it all")
@@ -108,9 +118,19 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+def word(text: str) -> str:
+    """Anything but nothing."""
+    if not text:
+        raise argparse.ArgumentTypeError("nothing is given")
+    return text
+
+
 def finite(text: str) -> float:
     """A finite number."""
-    number = float(text)
+    try:
+        number = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is no number") from None
     if not math.isfinite(number):
         raise argparse.ArgumentTypeError(f"{text} is not finite")
     return number
@@ -132,20 +152,26 @@ def nonzero(text: str) -> float:
     return number
 
 
-def addresses(options: argparse.Namespace) -> Callable[[dict[str, Any]], Address]:
+def addresses(options: argparse.Namespace, configuration: Configuration) -> Callable[[dict[str, Any]], Address]:
     """Where each bus is: what the flags say, else the configuration."""
-    named = dict(channel.split("=", 1) for channel in options.channel if "=" in channel)
-    bare = [channel for channel in options.channel if "=" not in channel]
-
-    def address(bus: dict[str, Any]) -> Address:
-        return Address.of(bus, options.interface, named.get(bus["name"], bare[0] if bare else None))
-
-    return address
+    names = [bus["name"] for bus in configuration.buses]
+    channels: dict[str, str] = {}
+    for text in options.channel:
+        name, is_named, channel = text.partition("=")
+        if not is_named and len(names) == 1:
+            name, channel = names[0], text
+        if name not in names or not channel:
+            raise WrongFlags(f"--channel `{text}`, expected BUS=CHANNEL with one of the buses {', '.join(names)}")
+        if name in channels:
+            raise WrongFlags(f"--channel `{text}`: {name} has the channel `{channels[name]}` already, expected one for each bus")
+        channels[name] = channel
+    return lambda bus: Address.of(bus, options.interface, channels.get(bus["name"]))
 
 
 def opened(options: argparse.Namespace) -> motors.Bench:
     """The buses of the motors that are meant."""
-    return motors.Bench(options.config, addresses(options), options.motor)
+    configuration = Configuration.load(options.config)
+    return motors.Bench(configuration, addresses(options, configuration), options.motor)
 
 
 def table(rows: list[list[str]]) -> None:
@@ -157,10 +183,11 @@ def table(rows: list[list[str]]) -> None:
 
 def run_bridge(options: argparse.Namespace) -> int:
     """Run the bridge."""
+    configuration = Configuration.load(options.config)
     return run(
-        Configuration.load(options.config),
+        configuration,
         options.name,
-        addresses(options),
+        addresses(options, configuration),
         seconds=options.seconds,
         dry_run=options.dry_run,
         wants_realtime=not options.no_realtime,
@@ -170,32 +197,37 @@ def run_bridge(options: argparse.Namespace) -> int:
 
 def record(options: argparse.Namespace) -> int:
     """Record what passes."""
-    buses = Configuration.load(options.config).buses
-    address = addresses(options)
+    configuration = Configuration.load(options.config)
+    buses, address = configuration.buses, addresses(options, configuration)
     end = math.inf if options.seconds is None else time.monotonic() + options.seconds
-    with signals() as noted, Recorder(options.out, [bus["name"] for bus in buses]) as file:
+    with contextlib.ExitStack() as stack:
+        noted = stack.enter_context(signals())
         adapters = open_all(buses, lambda bus: replace(address(bus), listen_only=True))
-        try:
-            print("ready", flush=True)
-            while not noted and time.monotonic() < end:
-                for bus, adapter in enumerate(adapters):
-                    for heard in adapter.receive():
-                        if isinstance(heard, Frame):
-                            file.write(bus, heard, received=True)
-                time.sleep(0.001)
-        finally:
-            for adapter in adapters:
-                adapter.close()
-    print(f"{file.count} frame(s) in {options.out}", file=sys.stderr)
+        for adapter in adapters:
+            stack.callback(adapter.close)
+        # a bus that cannot be opened leaves an earlier recording as it is
+        file = stack.enter_context(Recorder(options.out, [bus["name"] for bus in buses]))
+        say("ready", out=True)
+        while not noted and time.monotonic() < end:
+            for bus, adapter in enumerate(adapters):
+                for heard in adapter.receive():
+                    if isinstance(heard, Frame):
+                        file.write(bus, heard, received=True)
+            time.sleep(0.001)
+    say(f"{file.count} frame(s) in {options.out}")
     return 0
 
 
 def replay_log(options: argparse.Namespace) -> int:
     """Print the frames of a replay."""
     configuration = Configuration.load(options.config)
-    with Path(options.log).open(encoding="utf-8") as lines:
-        for line in replay(configuration, lines):
-            print(line)
+    # bytes that are no UTF-8 are no JSON either, and so their line is told
+    with Path(options.log).open(encoding="utf-8", errors="replace") as lines:
+        try:
+            for line in replay(configuration, lines):
+                print(line)
+        except ValueError as error:
+            raise ValueError(f"{options.log}: {error}") from error
     return 0
 
 

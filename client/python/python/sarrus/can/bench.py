@@ -7,12 +7,15 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any, cast
 
-from sarrus._native import Configuration, Drives, Frame
+from sarrus._native import Drives, Frame
 from sarrus.can.adapters import Adapter, Address, BusError, open_bus
 from sarrus.can.leaving import Leave, at_the_end
+from sarrus.can.telling import WrongFlags
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from sarrus._native import Configuration
 
 PERIOD = 0.005
 """Time between two cycles of one motor `[s]`."""
@@ -27,13 +30,12 @@ class Failed(Exception):
 class Bench:
     """The buses of a configuration, open, and its motors one by one."""
 
-    def __init__(self, path: str, address: Callable[[dict[str, Any]], Address], only: str | None = None) -> None:
-        configuration = Configuration.load(path)
+    def __init__(self, configuration: Configuration, address: Callable[[dict[str, Any]], Address], only: str | None = None) -> None:
         self.motors: list[dict[str, Any]] = configuration.motors
         self._buses: list[dict[str, Any]] = configuration.buses
         names = [motor["actuator"] for motor in self.motors]
         if only is not None and only not in names:
-            raise ValueError(f"{path} has no motor for the actuator `{only}`, expected one of: {', '.join(names)}")
+            raise WrongFlags(f"no motor for the actuator `{only}` in the configuration, expected one of {', '.join(names)}")
         self.chosen = [names.index(only)] if only is not None else list(range(len(names)))
         self.drives = Drives(configuration)
         self._adapters: dict[int, Adapter] = {}

@@ -52,7 +52,7 @@ def interrupted() -> Iterator[None]:
     """Within this block signals that ask for an end raise `Leave`, for programs that wait for people."""
 
     def leave(number: int, _frame: FrameType | None) -> NoReturn:
-        raise Leave(number)
+        raise Leave(signal.Signals(number).name)
 
     before = {number: signal.signal(number, leave) for number in SIGNALS}
     try:

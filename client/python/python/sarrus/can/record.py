@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import can
 
 from sarrus.can.adapters import to_message
+from sarrus.can.telling import WrongFlags
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,7 +25,7 @@ class Recorder:
 
     def __init__(self, path: str, names: Sequence[str]) -> None:
         if Path(path).suffix not in ENDINGS:
-            raise ValueError(f"{path}: the ending must be one of {', '.join(ENDINGS)}; other formats lose fields")
+            raise WrongFlags(f"{path}: the ending must be one of {', '.join(ENDINGS)}; other formats lose fields")
         self._writer: Any = can.Logger(path)
         self._channels: list[str | int] = list(names) if path.endswith(".log") else list(range(len(names)))
         self.count = 0

@@ -50,5 +50,5 @@ def replay(configuration: Configuration, lines: Iterable[str]) -> Iterator[str]:
                 bridge.operate(now, entry["operate"])
             else:
                 raise ValueError("neither frame, event, command, operate nor cycle")
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
             raise ValueError(f"line {number}: {error}") from error

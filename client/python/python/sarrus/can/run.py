@@ -6,14 +6,13 @@ import contextlib
 import gc
 import os
 import resource
-import sys
 import time
-from array import array
 from typing import TYPE_CHECKING, Any
 
-from sarrus._native import Bridge, Configuration, Frame, Service
+from sarrus._native import Bridge, Configuration, Frame, Service, Telemetry
 from sarrus.can.adapters import Adapter, Address, BusError, open_bus
 from sarrus.can.leaving import Parent, at_the_end, signals
+from sarrus.can.telling import say
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -24,50 +23,17 @@ LAST_WORDS = 5
 """How often the disable frames are sent on the way out: some may be lost."""
 PAUSE = 0.005
 """Time between two of them `[s]`."""
-LONGEST_US = 20_000
-"""Times beyond this are counted as this `[µs]`."""
-
-
-class Times:
-    """A distribution of times in whole microseconds; nothing is allocated when one is added."""
-
-    def __init__(self) -> None:
-        self._counts = array("Q", bytes(8 * (LONGEST_US + 1)))
-        self.count = 0
-        self.longest_us = 0
-
-    def add(self, ns: int) -> None:
-        """Count a time."""
-        us = ns // 1000
-        self._counts[min(max(us, 0), LONGEST_US)] += 1
-        self.count += 1
-        self.longest_us = max(self.longest_us, us)
-
-    def quantile(self, share: float) -> int:
-        """The time that this share of all does not exceed `[µs]`."""
-        left = share * self.count
-        for us, count in enumerate(self._counts):
-            left -= count
-            if left <= 0:
-                return us
-        return LONGEST_US
-
-    def __str__(self) -> str:
-        return f"p50 {self.quantile(0.5)} µs, p99 {self.quantile(0.99)} µs, longest {self.longest_us} µs"
 
 
 class Front:
     """A bridge and its buses."""
 
-    def __init__(
-        self, bridge: Bridge, adapters: Sequence[Adapter | None], *, dry_run: bool = False, recorder: Recorder | None = None
-    ) -> None:
+    def __init__(self, bridge: Bridge, adapters: Sequence[Adapter | None], *, dry_run: bool = False) -> None:
         self.bridge = bridge
         self.adapters = list(adapters)
         self.dry_run = dry_run
-        self.recorder = recorder
+        self.recorder: Recorder | None = None
         self._backlogs = [0] * len(self.adapters)
-        self.sent = [0] * len(self.adapters)
 
     def receive(self) -> None:
         """Give the bridge what came on the buses."""
@@ -94,19 +60,18 @@ class Front:
             if self.recorder is not None:
                 for frame in frames:
                     self.recorder.write(bus, frame, received=False)
-            if adapter is None or self.dry_run:
-                continue
-            try:
-                dropped, backlog = adapter.send(frames), adapter.backlog()
-            except BusError as error:
-                self._lose(bus, error)
-                continue
-            self.sent[bus] += len(frames) - dropped
+            dropped = len(frames)
+            if adapter is not None and not self.dry_run:
+                try:
+                    dropped, backlog = adapter.send(frames), adapter.backlog()
+                except BusError as error:
+                    self._lose(bus, error)
+                else:
+                    if backlog != self._backlogs[bus]:
+                        self._backlogs[bus] = backlog
+                        self.bridge.bus_event(time.monotonic_ns(), bus, "backlog", backlog)
             if dropped:
                 self.bridge.bus_event(time.monotonic_ns(), bus, "dropped", dropped)
-            if backlog != self._backlogs[bus]:
-                self._backlogs[bus] = backlog
-                self.bridge.bus_event(time.monotonic_ns(), bus, "backlog", backlog)
 
     def disable(self) -> None:
         """Take the power from every motor, over every bus that still takes frames."""
@@ -126,7 +91,7 @@ class Front:
 
     def _lose(self, bus: int, error: BusError) -> None:
         """A bus that is gone is off; its mechanisms stop, the others go on."""
-        print(f"sarrus.can: {error}; start again to use it", file=sys.stderr)
+        say(f"sarrus.can: {error}; start again to use it")
         self.bridge.bus_event(time.monotonic_ns(), bus, "bus_off", 1)
         if (adapter := self.adapters[bus]) is not None:
             adapter.close()
@@ -181,33 +146,41 @@ def run(
 ) -> int:
     """Run the bridge of a configuration until a signal, its parent's end, or for some seconds; its exit code."""
     for warning in configuration.warnings:
-        print(warning, file=sys.stderr)
+        say(f"sarrus.can: warning: {warning}")
     period, fingerprint, buses = configuration.period_ns, configuration.fingerprint, configuration.buses
     parent = Parent()
     with contextlib.ExitStack() as stack:
         noted = stack.enter_context(signals())
         adapters = open_all(buses, address)
-        writer = stack.enter_context(recorder([bus["name"] for bus in buses])) if recorder is not None else None
-        front = Front(Bridge(configuration), adapters, dry_run=dry_run, recorder=writer)
+        front = Front(Bridge(configuration), adapters, dry_run=dry_run)
         stack.callback(front.close)
+        if recorder is not None:
+            front.recorder = stack.enter_context(recorder([bus["name"] for bus in buses]))
         service = Service(name)
         stack.callback(service.close)
         # registered last, so that it comes first
         stack.enter_context(at_the_end(front.disable))
         if wants_realtime:
             for line in realtime():
-                print(f"sarrus.can: {line}", file=sys.stderr)
+                say(f"sarrus.can: {line}")
         # the loop makes no cycles of references, and a collection takes longer than a cycle of the bridge
         gc.collect()
         gc.freeze()
         gc.disable()
-        print(f"ready {name} {fingerprint:016x}", flush=True)
+        say(f"ready {name} {fingerprint:016x}", out=True)
         return _loop(front, service, period, noted, parent, seconds)
 
 
+def in_words(times: dict[str, int]) -> str:
+    """A distribution of times, in microseconds."""
+    p50, p99, p999, longest = (f"{times[key] / 1000:.0f} µs" for key in ("p50", "p99", "p999", "max"))
+    return f"p50 {p50}, p99 {p99}, p99.9 {p999}, longest {longest}"
+
+
 def _loop(front: Front, service: Service, period: int, noted: list[int], parent: Parent, seconds: float | None) -> int:
-    wake, work, missed = Times(), Times(), 0
+    missed = 0
     begin = deadline = time.monotonic_ns()
+    telemetry = Telemetry(front.bridge, begin)
     end = None if seconds is None else begin + int(seconds * 1e9)
     why = "the time is over"
     while end is None or deadline < end:
@@ -223,19 +196,21 @@ def _loop(front: Front, service: Service, period: int, noted: list[int], parent:
             why = "no bus is left"
             break
         now = time.monotonic_ns()
-        wake.add(now - deadline)
         front.receive()
         service.take(time.monotonic_ns(), front.bridge)
         front.bridge.cycle(time.monotonic_ns())
         front.send()
         service.publish(front.bridge)
         done = time.monotonic_ns()
-        work.add(done - now)
+        telemetry.cycle(front.bridge, max(now - deadline, 0), done - now)
+        service.publish_statistics(front.bridge, telemetry, done)
         # a deadline that is over is not made up for
         deadline += period
         if done > deadline:
             skipped = (done - deadline) // period + 1
             missed += skipped
             deadline += skipped * period
-    print(f"sarrus.can: {why}; {work.count} cycles, {missed} missed; wake {wake}; work {work}", file=sys.stderr)
+    times = telemetry.times(front.bridge)
+    told = "; ".join(f"{name} {in_words(times[name])}" for name in ("wake", "work"))
+    say(f"sarrus.can: {why}; {times['work']['count']} cycles, {missed} missed; {told}")
     return 1 if front.is_alone else 0

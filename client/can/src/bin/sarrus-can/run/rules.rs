@@ -12,9 +12,6 @@ use super::bus::BusEnd;
 use crate::bus::Heard;
 use crate::clock::now_ns;
 
-/// Time between two sets of statistics `[ns]`.
-const STATISTICS_NS: u64 = 500_000_000;
-
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {
     /// First of all: where this ends, the buses say their last words before anything else is tidied up.
@@ -30,16 +27,14 @@ impl Rules<'_> {
     pub(super) fn run(&mut self) {
         let period_ns = self.bridge.configuration().period_ns();
         let mut deadline = now_ns() + period_ns;
-        let mut told = 0;
         while !self.stop.load(Ordering::Relaxed) {
             sleep_until(deadline);
             let begin = now_ns();
             self.cycle(begin);
             let end = now_ns();
             self.telemetry.cycle(&self.bridge, CycleTimes { wake_ns: begin.saturating_sub(deadline), work_ns: end - begin });
-            if end - told > STATISTICS_NS {
-                told = end;
-                self.services.publish_statistics(&self.telemetry.statistics(&self.bridge, end));
+            if let Some(statistics) = self.telemetry.due(&self.bridge, end) {
+                self.services.publish_statistics(&statistics);
             }
             // deadlines that have passed are left out, not made up for
             deadline += period_ns;

@@ -11,11 +11,17 @@
 //! | 50 | nothing: fills up frames |
 //!
 //! Registers and counter values have seven bits in a byte and go on while the eighth is set. Whole numbers have a unit each (a position
-//! .01, .0001 or .00001 turns in int8, int16, int32), and their lowest value is NaN. Modes: 0 stopped, 1 fault, 10 position, 11 timeout,
-//! 12 zero velocity, 15 brake. A timeout holds against turning until it is stopped. Source: mjbots, *moteus reference*.
+//! .01, .0001 or .00001 turns in int8, int16, int32), and their lowest value is NaN. Modes: 0 stopped, 1 fault, 3 starting, 10 position,
+//! 11 timeout, 12 zero velocity, 15 brake. A command counts if its frame sets the mode, after the answer. A timeout holds against turning
+//! until it is stopped. With a limit of velocity or acceleration, that of the command or the configured one, the position that is followed
+//! goes to the commanded one within the limit. Source: mjbots, *moteus reference*; its firmware of 2026 (moteus_controller.cc,
+//! bldc_servo_control.h).
+
+mod registers;
 
 use core::f64::consts::TAU;
 
+use self::registers::{Answer, COUNTS, Kind, chunk, units, varuint};
 use super::{Body, Firmware};
 use crate::drive::Setpoint;
 use crate::frame::{Frame, FrameQueue, Id, MAX_DATA};
@@ -24,12 +30,15 @@ use crate::settings::Settings;
 
 const STOPPED: u8 = 0;
 const FAULT: u8 = 1;
+const STARTING: u8 = 3;
 const POSITION: u8 = 10;
 const TIMEOUT: u8 = 11;
 const ZERO_VELOCITY: u8 = 12;
 const BRAKE: u8 = 15;
 /// `servo.default_timeout_s`.
-const DEFAULT_TIMEOUT_NS: u64 = 100_000_000;
+const DEFAULT_TIMEOUT: f64 = 0.1;
+/// `servo.default_accel_limit` as it is delivered `[turns/s²]`; `servo.default_velocity_limit` is none, and `servo.max_velocity` far away.
+const DEFAULT_ACCELERATION: f64 = 50.0;
 /// Damping of the timeout and of the brake `[N m s/rad]`.
 const HOLD: f64 = 0.5;
 /// Stiffness and damping at scale 1, `servo.pid_position`, unless the settings say `[N m/turn, N m s/turn]`.
@@ -42,11 +51,15 @@ pub(super) struct Moteus {
     stiffness: f64,
     damping: f64,
     command: Command,
+    /// Its own set-point on the way to the commanded one, where there is a limit `[turns, turns/s]`.
+    way: Option<(f64, f64)>,
+    stepped_ns: u64,
 }
 
-/// The registers 20 to 27 (hexadecimal), in their own units; NaN where they stand for something else.
+/// The mode, and the registers 20 to 29 (hexadecimal), in their own units; NaN where they stand for something else.
 #[derive(Clone, Copy, Debug)]
 struct Command {
+    mode: u8,
     position: f64,
     velocity: f64,
     torque: f64,
@@ -54,153 +67,39 @@ struct Command {
     damping_scale: f64,
     max_torque: f64,
     timeout: f64,
+    velocity_limit: f64,
+    acceleration_limit: f64,
 }
 
 impl Command {
     /// What the registers are at the begin of each frame that sets the mode.
     const NEW: Command = Command {
+        mode: STOPPED,
         position: 0.0,
         velocity: 0.0,
         torque: 0.0,
         stiffness_scale: 1.0,
         damping_scale: 1.0,
         max_torque: f64::NAN,
-        timeout: f64::NAN,
+        timeout: 0.0,
+        velocity_limit: f64::NAN,
+        acceleration_limit: f64::NAN,
     };
-}
-
-/// A type of values, and its bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Int8,
-    Int16,
-    Int32,
-    Float,
-}
-
-/// Units of one count in int8, int16 and int32.
-type Units = [f64; 3];
-const TURNS: Units = [0.01, 0.0001, 0.00001];
-const SPEEDS: Units = [0.1, 0.00025, 0.00001];
-const TORQUES: Units = [0.5, 0.01, 0.001];
-const SCALES: Units = [1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2_147_483_647.0];
-const TEMPERATURES: Units = [1.0, 0.1, 0.001];
-const VOLTAGES: Units = [0.5, 0.1, 0.001];
-const CURRENTS: Units = [1.0, 0.1, 0.001];
-const TIMES: Units = [0.01, 0.001, 0.000001];
-const COUNTS: Units = [1.0; 3];
-
-/// The units of a register.
-fn units(register: u32) -> Option<Units> {
-    Some(match register {
-        0x000 | 0x00B | 0x00C | 0x00F | 0x100 | 0x101 | 0x102 | 0x110 | 0x130 | 0x131 | 0x132 => COUNTS,
-        0x001 | 0x006 | 0x020 | 0x026 | 0x038 | 0x040 | 0x041 => TURNS,
-        0x002 | 0x021 | 0x028 | 0x029 | 0x039 => SPEEDS,
-        0x003 | 0x022 | 0x025 | 0x030..=0x034 | 0x03A => TORQUES,
-        0x004 | 0x005 => CURRENTS,
-        0x023 | 0x024 => SCALES,
-        0x027 => TIMES,
-        0x00A | 0x00E => TEMPERATURES,
-        0x00D => VOLTAGES,
-        _ => return None,
-    })
-}
-
-impl Kind {
-    fn of(bits: u8) -> Kind {
-        match bits & 3 {
-            0 => Kind::Int8,
-            1 => Kind::Int16,
-            2 => Kind::Int32,
-            _ => Kind::Float,
-        }
-    }
-
-    fn take(self, rest: &mut &[u8], units: Units) -> Option<f64> {
-        let [small, middle, large] = units;
-        let whole = |number: i64, least: i64, unit: f64| if number == least { f64::NAN } else { number as f64 * unit };
-        Some(match self {
-            Kind::Int8 => whole(i64::from(i8::from_le_bytes(chunk(rest)?)), i64::from(i8::MIN), small),
-            Kind::Int16 => whole(i64::from(i16::from_le_bytes(chunk(rest)?)), i64::from(i16::MIN), middle),
-            Kind::Int32 => whole(i64::from(i32::from_le_bytes(chunk(rest)?)), i64::from(i32::MIN), large),
-            Kind::Float => f64::from(f32::from_le_bytes(chunk(rest)?)),
-        })
-    }
-
-    fn put(self, number: f64, units: Units, answer: &mut Answer) {
-        let [small, middle, large] = units;
-        let whole = |unit: f64, least: i64, most: i64| {
-            if number.is_nan() { least } else { ((number / unit).round() as i64).clamp(least + 1, most) }
-        };
-        match self {
-            Kind::Int8 => answer.put(&(whole(small, i64::from(i8::MIN), i64::from(i8::MAX)) as i8).to_le_bytes()),
-            Kind::Int16 => answer.put(&(whole(middle, i64::from(i16::MIN), i64::from(i16::MAX)) as i16).to_le_bytes()),
-            Kind::Int32 => answer.put(&(whole(large, i64::from(i32::MIN), i64::from(i32::MAX)) as i32).to_le_bytes()),
-            Kind::Float => answer.put(&(number as f32).to_le_bytes()),
-        }
-    }
-}
-
-/// Bytes of an answer.
-struct Answer {
-    bytes: [u8; MAX_DATA],
-    used: usize,
-}
-
-impl Answer {
-    fn put(&mut self, bytes: &[u8]) {
-        if let Some(place) = self.bytes.get_mut(self.used..self.used + bytes.len()) {
-            place.copy_from_slice(bytes);
-            self.used += bytes.len();
-        }
-    }
-
-    fn put_varuint(&mut self, mut number: u32) {
-        while number > 0x7F {
-            self.put(&[number as u8 | 0x80]);
-            number >>= 7;
-        }
-        self.put(&[number as u8]);
-    }
-
-    /// Filled up to a length that FD has, with sub-frames of nothing.
-    fn frame(&mut self, id: Id) -> Option<Frame> {
-        let length = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64].into_iter().find(|&length| length >= self.used)?;
-        let bytes = self.bytes.get_mut(..length)?;
-        bytes.iter_mut().skip(self.used).for_each(|byte| *byte = 0x50);
-        Frame::fd(id, true, bytes)
-    }
-}
-
-fn chunk<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
-    let (head, tail) = rest.split_first_chunk::<N>()?;
-    *rest = tail;
-    Some(*head)
-}
-
-fn varuint(rest: &mut &[u8]) -> Option<u32> {
-    let mut number = 0;
-    for shift in [0, 7, 14, 21] {
-        let [byte] = chunk(rest)?;
-        number |= u32::from(byte & 0x7F) << shift;
-        if byte & 0x80 == 0 {
-            return Some(number);
-        }
-    }
-    None
 }
 
 impl Moteus {
     pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> Moteus {
         let [stiffness, damping] = GAINS;
         let known = |key: &str, usual: f64| Some(settings.number(key)).filter(|gain| gain.is_finite()).unwrap_or(usual) / TAU;
-        body.watchdog_ns = DEFAULT_TIMEOUT_NS;
+        body.watchdog_ns = (DEFAULT_TIMEOUT * 1e9) as u64;
         Moteus {
             id: settings.integer("id") as u8,
             mode: STOPPED,
             stiffness: known("kp", stiffness),
             damping: known("kd", damping),
             command: Command::NEW,
+            way: None,
+            stepped_ns: 0,
         }
     }
 
@@ -221,7 +120,7 @@ impl Moteus {
                     let Some((count, first)) = parse() else { return };
                     for register in (first..).take(count as usize) {
                         let Some(value) = kind.take(&mut rest, units(register).unwrap_or(COUNTS)) else { return };
-                        commanded |= self.write(now_ns, register, value, body, answer);
+                        commanded |= self.write(register, value, body, answer);
                     }
                 }
                 0x10 => {
@@ -236,24 +135,11 @@ impl Moteus {
         }
     }
 
-    /// Writes a register; whether it is part of a command.
-    fn write(&mut self, now_ns: u64, register: u32, value: f64, body: &mut Body, answer: &mut Answer) -> bool {
+    /// Writes a register; whether it makes a command of the frame.
+    fn write(&mut self, register: u32, value: f64, body: &mut Body, answer: &mut Answer) -> bool {
         match register {
             0x000 => {
-                self.command = Command::NEW;
-                match value as u8 {
-                    STOPPED => {
-                        self.mode = STOPPED;
-                        body.fault = 0;
-                        body.stop();
-                    }
-                    // a fault or a timeout is left by stopping only
-                    mode @ (POSITION | ZERO_VELOCITY | BRAKE) if !matches!(self.mode, FAULT | TIMEOUT) => {
-                        self.mode = mode;
-                        body.start(now_ns);
-                    }
-                    _ => {}
-                }
+                self.command = Command { mode: value as u8, ..Command::NEW };
                 return true;
             }
             0x020 => self.command.position = value,
@@ -263,7 +149,9 @@ impl Moteus {
             0x024 => self.command.damping_scale = value,
             0x025 => self.command.max_torque = value,
             0x027 => self.command.timeout = value,
-            0x026 | 0x028..=0x02F => {}
+            0x028 => self.command.velocity_limit = value,
+            0x029 => self.command.acceleration_limit = value,
+            0x026 | 0x02A..=0x02F => {}
             0x130 => {
                 // the whole turn nearest to the value stays
                 let turn = (body.measured() / TAU - value).round();
@@ -274,31 +162,68 @@ impl Moteus {
                 answer.put(&[0x30]);
                 answer.put_varuint(register);
                 answer.put(&[1]);
-                return false;
             }
         }
-        (0x020..0x030).contains(&register)
+        false
     }
 
-    /// Follows the registers of the command.
+    /// Takes a whole command.
     fn act(&mut self, now_ns: u64, body: &mut Body) {
+        match self.command.mode {
+            STOPPED => {
+                self.mode = STOPPED;
+                body.fault = 0;
+                body.stop();
+            }
+            // a fault or a timeout is left by stopping only
+            mode @ (POSITION | ZERO_VELOCITY | BRAKE) if !matches!(self.mode, FAULT | TIMEOUT) => {
+                self.mode = if matches!(self.mode, STOPPED | STARTING) { STARTING } else { mode };
+                // 0 is the configured one, NaN is none
+                let timeout = if self.command.timeout == 0.0 { DEFAULT_TIMEOUT } else { self.command.timeout };
+                body.watchdog_ns = (timeout * 1e9) as u64;
+                let law = self.law(body);
+                body.follow(now_ns, law);
+            }
+            _ => {}
+        }
+    }
+
+    /// What the command is to the motor.
+    fn law(&mut self, body: &mut Body) -> Setpoint {
         let command = self.command;
         let or = |number: f64, usual: f64| if number.is_nan() { usual } else { number };
-        body.watchdog_ns = if command.timeout.is_nan() { DEFAULT_TIMEOUT_NS } else { (command.timeout * 1e9) as u64 };
         body.physics.torque_limit = or(command.max_torque, f64::INFINITY);
-        let law = match self.mode {
-            POSITION => Setpoint {
-                // no position: where it is
-                position: or(command.position * TAU, body.measured()),
-                velocity: or(command.velocity, 0.0) * TAU,
-                torque: or(command.torque, 0.0),
-                stiffness: self.stiffness * or(command.stiffness_scale, 1.0).clamp(0.0, 1.0),
-                damping: self.damping * or(command.damping_scale, 1.0).clamp(0.0, 1.0),
-            },
-            ZERO_VELOCITY | BRAKE => Setpoint { damping: HOLD, ..Setpoint::default() },
-            _ => return,
-        };
-        body.follow(now_ns, law);
+        if command.mode != POSITION {
+            return Setpoint { damping: HOLD, ..Setpoint::default() };
+        }
+        // no position: where it is
+        let position = or(command.position, body.measured() / TAU);
+        let (position, velocity) = self.way.unwrap_or((position, or(command.velocity, 0.0)));
+        Setpoint {
+            position: position * TAU,
+            velocity: velocity * TAU,
+            torque: or(command.torque, 0.0),
+            stiffness: self.stiffness * or(command.stiffness_scale, 1.0).clamp(0.0, 1.0),
+            damping: self.damping * or(command.damping_scale, 1.0).clamp(0.0, 1.0),
+        }
+    }
+
+    /// Goes on towards the commanded position within the limits, if there are any.
+    fn advance(&mut self, elapsed: f64, body: &Body) {
+        let limit =
+            |number: f64, usual: f64| if number < 0.0 { f64::INFINITY } else { Some(number).filter(|n| !n.is_nan()).unwrap_or(usual) };
+        let most = limit(self.command.velocity_limit, f64::INFINITY);
+        let acceleration = limit(self.command.acceleration_limit, DEFAULT_ACCELERATION);
+        if most.is_infinite() && acceleration.is_infinite() {
+            self.way = None;
+            return;
+        }
+        let (position, velocity) = self.way.unwrap_or((body.measured() / TAU, body.velocity / TAU));
+        let rest = if self.command.position.is_nan() { 0.0 } else { self.command.position - position };
+        let wanted = (2.0 * acceleration * rest.abs()).sqrt().min(most).min(rest.abs() / elapsed).copysign(rest);
+        let change = acceleration * elapsed;
+        let velocity = wanted.clamp(velocity - change, velocity + change);
+        self.way = Some((position + velocity * elapsed, velocity));
     }
 
     fn read(&self, kind: Kind, first: u32, count: u32, body: &Body, answer: &mut Answer) {
@@ -342,7 +267,9 @@ impl Moteus {
             0x023 => self.command.stiffness_scale,
             0x024 => self.command.damping_scale,
             0x025 => self.command.max_torque,
-            0x027 => body.watchdog_ns as f64 * 1e-9,
+            0x027 => self.command.timeout,
+            0x028 => self.command.velocity_limit,
+            0x029 => self.command.acceleration_limit,
             0x038 => {
                 if body.power {
                     body.law.position / TAU
@@ -375,6 +302,16 @@ impl Firmware for Moteus {
     }
 
     fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
+        let elapsed = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
+        self.stepped_ns = now_ns;
+        if self.mode == STARTING {
+            (self.mode, self.way) = (self.command.mode, None);
+            body.start(now_ns);
+        }
+        if body.power && self.mode == POSITION && elapsed > 0.0 {
+            self.advance(elapsed, body);
+            body.law = self.law(body);
+        }
         if body.trips(now_ns) {
             self.mode = TIMEOUT;
             body.law = Setpoint { damping: HOLD, ..Setpoint::default() };

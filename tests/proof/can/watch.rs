@@ -1,0 +1,126 @@
+//! What `sarrus-can top` shows of a running bridge, whichever program it is.
+
+use std::process::{Command, Output};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use sarrus_proto::actuators::ActuatorState;
+use sarrus_proto::bridge::BridgeEnd;
+use sarrus_proto::lane::Threadsafe;
+use sarrus_proto::{Domain, ServerName};
+use serde_json::Value;
+
+use super::harness::{BUSES, FRONTS, Front, N_U, Process, Stage, sarrus_can, wait_for};
+
+fn top(stage: &Stage, format: &str) -> Output {
+    let mut top = Command::new(sarrus_can());
+    top.args(["top", "rehearsal", "--once", "--format", format]);
+    stage.at_home(top).output().unwrap()
+}
+
+/// One look at the bridge.
+fn look(stage: &Stage, format: &str) -> String {
+    let output = top(stage, format);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Looks until something is seen.
+fn until(stage: &Stage, what: &str, is_seen: impl Fn(&Value) -> bool) -> Value {
+    wait_for(what, || Some(serde_json::from_str(&look(stage, "json")).unwrap()).filter(&is_seen))
+}
+
+fn count(value: &Value) -> u64 {
+    value.as_u64().unwrap_or_else(|| panic!("{value} is no count"))
+}
+
+#[test]
+fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
+    for front in FRONTS {
+        let stage = Stage::new();
+        let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
+        let bridge = stage.bridge(front);
+        let mut controller = stage.controller();
+        controller.tell("nan 7");
+        let first = until(&stage, "commands with NaN", |seen| count(&seen["commands"]["not_finite"]) > 0);
+        controller.tell("good");
+        // the controller sends for each state that it sees, about as often as there are cycles
+        let accepted = count(&first["commands"]["accepted"]) + 50;
+        let seen = until(&stage, "accepted commands", |seen| count(&seen["commands"]["accepted"]) > accepted);
+        assert_eq!(seen["process"], bridge.id(), "{front:?}");
+        let cycles = count(&seen["cycles"]);
+        assert!(cycles >= count(&first["cycles"]) + 50 && count(&seen["stamp_ns"]) > count(&first["stamp_ns"]), "{front:?} {seen}");
+
+        let times = &seen["times_ns"];
+        for (name, least) in [("wake", cycles), ("work", cycles), ("age", 50), ("reply", 50)] {
+            let [n, p50, p99, p999, max] = ["count", "p50", "p99", "p999", "max"].map(|key| count(&times[name][key]));
+            assert!((least..=cycles).contains(&n), "{front:?} {name}: {n} of {cycles}");
+            assert!(0 < p50 && p50 <= p99 && p99 <= p999 && p999 <= max, "{front:?} {name}: {times}");
+        }
+        // work ends before the state goes out, which a controller answers before the next cycle
+        assert!(count(&times["work"]["p50"]) < 4_000_000, "{front:?}: more than a cycle: {times}");
+
+        let buses = seen["buses"].as_array().unwrap();
+        assert_eq!(buses.len(), BUSES.len());
+        for (bus, (name, actuators)) in buses.iter().zip(BUSES) {
+            assert_eq!((&bus["name"], &bus["state"]), (&name.into(), &"active".into()), "{front:?}");
+            // each motor is told something and answers in each cycle, but for a few at the start
+            let [sent, received, dropped] = ["sent", "received", "dropped"].map(|key| count(&bus[key]));
+            let all = cycles * actuators.len() as u64;
+            assert!(
+                sent + dropped + 50 >= all && sent > all / 2 && received > all / 2 && received <= sent,
+                "{front:?} {cycles} cycles: {bus}"
+            );
+            assert!(["unknown", "malformed", "off"].iter().all(|key| bus[*key] == 0), "{front:?}: {bus}");
+            assert!((0.01..0.9).contains(&bus["load"].as_f64().unwrap()), "{front:?}: {bus}");
+        }
+        let names: Vec<&str> = seen["actuators"].as_array().unwrap().iter().map(|actuator| actuator["name"].as_str().unwrap()).collect();
+        assert_eq!((names.len(), names), (N_U, BUSES.iter().flat_map(|(_, actuators)| *actuators).copied().collect()), "{front:?}");
+
+        let text = look(&stage, "text");
+        for word in ["disabled", " cycles", "wake", "work", "command age", "reply", "torso", "left", "right", "ARWristRoll"] {
+            assert!(text.contains(word), "{front:?}: no `{word}` in\n{text}");
+        }
+
+        // what cannot be sent any more does not count as sent
+        drop(motors.remove(0));
+        let off = until(&stage, "a bus that is off", |seen| seen["buses"][0]["state"] == "off");
+        let later = until(&stage, "later cycles", |seen| count(&seen["cycles"]) >= count(&off["cycles"]) + 250);
+        let [sent, dropped] = ["sent", "dropped"].map(|key| count(&later["buses"][0][key]) as i64 - count(&off["buses"][0][key]) as i64);
+        assert!(sent < 300 && dropped > 450, "{front:?}: {sent} sent, {dropped} dropped of 750 or more");
+    }
+}
+
+#[test]
+fn a_dry_run_has_sent_nothing() {
+    let stage = Stage::new();
+    let _motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
+    let mut command = stage.bridge_command(Front::Python);
+    command.arg("--dry-run");
+    let bridge = Process::start("bridge", command);
+    assert!(bridge.line().starts_with("ready rehearsal "));
+    let seen = until(&stage, "frames that were not sent", |seen| count(&seen["buses"][0]["dropped"]) > 0);
+    assert!(seen["buses"].as_array().unwrap().iter().all(|bus| bus["sent"] == 0 && bus["received"] == 0), "{seen}");
+}
+
+#[test]
+fn a_bridge_without_statistics_is_not_waited_for_for_ever() {
+    let stage = Stage::new();
+    let node = Domain::at(&stage.root()).unwrap().node::<Threadsafe>().unwrap();
+    let end = BridgeEnd::create(&node, &ServerName::new("rehearsal").unwrap()).unwrap();
+    let over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let looking = scope.spawn(|| {
+            let output = top(&stage, "text");
+            over.store(true, Relaxed);
+            output
+        });
+        while !over.load(Relaxed) {
+            assert!(end.publish(&ActuatorState::default()));
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let output = looking.join().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).starts_with("sarrus-can top: "), "{output:?}");
+    });
+}
