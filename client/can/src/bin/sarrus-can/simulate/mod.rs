@@ -33,6 +33,10 @@ use plant::Plant;
 /// Longest time between two steps of the motors.
 const STEP: Duration = Duration::from_millis(1);
 
+/// Inertia and viscous friction of a small brushless motor on a shaft of its own `[kg m², N m s/rad]`. Through a screw with a lead of 10 mm
+/// they are 39 kg and 39 N s/m.
+const ROTOR: f64 = 1e-4;
+
 /// Options of `simulate`.
 #[derive(Args)]
 pub(crate) struct Simulate {
@@ -50,12 +54,12 @@ pub(crate) struct Simulate {
     /// What turns behind the motors
     #[arg(long, value_enum, default_value_t = Dynamics::Motor)]
     dynamics: Dynamics,
-    /// Inertia of each motor with its load, at the motor's output [kg m²]
-    #[arg(long, default_value_t = 0.01)]
-    inertia: f64,
-    /// Viscous friction of each motor, at its output [N m s/rad]
-    #[arg(long, default_value_t = 0.01)]
-    friction: f64,
+    /// Inertia of each motor, at its output [kg m²]: without it 0.01, which counts the load, and 1e-4 with `--dynamics robot`, which has the loads
+    #[arg(long)]
+    inertia: Option<f64>,
+    /// Viscous friction of each motor, at its output [N m s/rad]: without it 0.01, and 1e-4 with `--dynamics robot`
+    #[arg(long)]
+    friction: Option<f64>,
     /// A line as on stdin, done at the start; may be repeated
     #[arg(long, value_name = "LINE")]
     fault: Vec<String>,
@@ -111,7 +115,12 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
             vec![configuration.bus(name).ok_or_else(|| format!("no bus `{name}` in the configuration, expected one of {}", known()))?]
         }
     };
-    let physics = Physics { inertia: arguments.inertia, friction: arguments.friction, torque_limit: f64::INFINITY };
+    let usual = match arguments.dynamics {
+        Dynamics::Motor => 0.01,
+        Dynamics::Robot => ROTOR,
+    };
+    let [inertia, friction] = [arguments.inertia, arguments.friction].map(|given| given.unwrap_or(usual));
+    let physics = Physics { inertia, friction, torque_limit: f64::INFINITY };
     let plant = Plant::new(configuration, &chosen, physics, arguments.dynamics)?;
     let (mut lines, mut links) = (Vec::new(), Vec::new());
     for &place in &chosen {
