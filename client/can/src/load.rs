@@ -4,6 +4,7 @@ use crate::bits;
 use crate::config::Configuration;
 use crate::drive::Setpoint;
 use crate::frame::{Frame, FrameQueue};
+use crate::slcan;
 
 /// Above this fraction of its time a bus is warned about.
 pub const WARNED: f64 = 0.7;
@@ -20,7 +21,15 @@ pub struct Load {
     pub busy: f64,
     /// The part of its time that the bus is busy.
     pub fraction: f64,
+    /// The part of its time that the serial port of an slcan adapter is busy, one way or the other; 0 without a port's speed behind the
+    /// channel's `@`.
+    pub serial: f64,
+    /// Bytes of a cycle's lines on such a port, out and in.
+    bytes: [usize; 2],
 }
+
+/// Bits of a byte on a serial port, with start and stop.
+const BITS_OF_A_BYTE: f64 = 10.0;
 
 /// The load of each bus, in the order of the configuration.
 pub fn loads(configuration: &Configuration) -> Vec<Load> {
@@ -35,6 +44,7 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
         let mut add = |frame: &Frame| {
             load.frames += 1;
             load.busy += duration(frame);
+            load.bytes[0] += slcan::length(frame.id, frame.data().len());
         };
         let mut commands = FrameQueue::new(16);
         motor.drive.encode(&Setpoint::default(), &mut commands);
@@ -45,11 +55,17 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
         }
         for reply in motor.drive.replies() {
             load.frames += 1;
+            load.bytes[1] += slcan::length(reply.id, reply.len);
             load.busy += bits::duration(reply.id, reply.kind, reply.len, bus.bitrate, bus.data_bitrate);
         }
     }
-    for load in &mut loads {
+    for (load, bus) in loads.iter_mut().zip(&configuration.buses) {
         load.fraction = load.busy * configuration.rate_hz;
+        let speed = bus.channel.rsplit_once('@').and_then(|(_, speed)| speed.parse::<f64>().ok());
+        if let (Some(speed), "slcan") = (speed, bus.interface.as_str()) {
+            let [out, back] = load.bytes;
+            load.serial = out.max(back) as f64 * BITS_OF_A_BYTE * configuration.rate_hz / speed;
+        }
     }
     loads
 }
@@ -58,6 +74,23 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
 mod tests {
     use super::*;
     use crate::config::Surroundings;
+
+    #[test]
+    fn a_serial_port_that_is_too_slow_for_its_bus_is_refused() {
+        let read = |channel: &str| {
+            let text = format!(
+                "rate_hz: 250\nbuses: [{{name: a, interface: slcan, channel: '{channel}'}}]\nmotors: [{{actuator: elbow, bus: a, watchdog_ms: 50, \
+                 limits: {{effort: 1}}, offset: 0, drive: {{protocol: cybergear, id: 1, position_range: 12.5}}}}]\n"
+            );
+            let surroundings = Surroundings { file: &|_| Err(String::new()), robot: &|_| panic!("no robot") };
+            Configuration::read("motors.yml", text.into_bytes(), &surroundings)
+        };
+        // 27 characters of ten bits, 250 times in a second
+        let load = super::loads(&read("/dev/ttyS0@115200").unwrap())[0];
+        assert!((load.serial - 67_500.0 / 115_200.0).abs() < 1e-12);
+        assert_eq!(super::loads(&read("/dev/ttyACM0").unwrap())[0].serial, 0.0);
+        assert!(read("/dev/ttyS0@57600").unwrap_err().to_string().contains("serial port of `a` is loaded to 117 %"));
+    }
 
     #[test]
     fn heartbeats_count_with_their_part_of_a_cycle() {

@@ -77,6 +77,12 @@ pub enum Line {
     Garbled,
 }
 
+/// Bytes of a frame's line with its end.
+pub fn length(id: Id, len: usize) -> usize {
+    let digits = if matches!(id, Id::Extended(_)) { 8 } else { 3 };
+    1 + digits + 1 + 2 * len + 1
+}
+
 /// Writes a frame as a line with its end; the bytes used.
 pub fn write(frame: &Frame, line: &mut [u8; MAX_LINE]) -> usize {
     let extended = matches!(frame.id, Id::Extended(_));
@@ -235,6 +241,7 @@ mod tests {
                 let data = &bytes[..usize::from(length)];
                 let frames = [Frame::classic(id, data), Frame::fd(id, false, data), Frame::fd(id, true, data)];
                 for frame in frames.into_iter().flatten() {
+                    assert_eq!(text(&frame).len(), super::length(id, data.len()));
                     let back: Vec<Line> = text(&frame).bytes().filter_map(|byte| lines.take(byte)).collect();
                     assert_eq!(back, [Line::Frame(frame)]);
                 }

@@ -57,20 +57,15 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
             assert!((least..=cycles).contains(&n), "{front:?} {name}: {n} of {cycles}");
             assert!(0 < p50 && p50 <= p99 && p99 <= p999 && p999 <= max, "{front:?} {name}: {times}");
         }
-        // work ends before the state goes out, which a controller answers before the next cycle
-        assert!(count(&times["work"]["p50"]) < 4_000_000, "{front:?}: more than a cycle: {times}");
 
         let buses = seen["buses"].as_array().unwrap();
         assert_eq!(buses.len(), BUSES.len());
         for (bus, (name, actuators)) in buses.iter().zip(BUSES) {
             assert_eq!((&bus["name"], &bus["state"]), (&name.into(), &"active".into()), "{front:?}");
-            // each motor is told something and answers in each cycle, but for a few at the start
+            // each motor has a frame in each cycle, and answers what it hears
             let [sent, received, dropped] = ["sent", "received", "dropped"].map(|key| count(&bus[key]));
             let all = cycles * actuators.len() as u64;
-            assert!(
-                sent + dropped + 50 >= all && sent > all / 2 && received > all / 2 && received <= sent,
-                "{front:?} {cycles} cycles: {bus}"
-            );
+            assert!(sent + dropped >= all && received > 50 && received <= sent, "{front:?} {cycles} cycles: {bus}");
             assert!(["unknown", "malformed", "off"].iter().all(|key| bus[*key] == 0), "{front:?}: {bus}");
             assert!((0.01..0.9).contains(&bus["load"].as_f64().unwrap()), "{front:?}: {bus}");
         }
@@ -85,9 +80,10 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
         // what cannot be sent any more does not count as sent
         drop(motors.remove(0));
         let off = until(&stage, "a bus that is off", |seen| seen["buses"][0]["state"] == "off");
-        let later = until(&stage, "later cycles", |seen| count(&seen["cycles"]) >= count(&off["cycles"]) + 250);
-        let [sent, dropped] = ["sent", "dropped"].map(|key| count(&later["buses"][0][key]) as i64 - count(&off["buses"][0][key]) as i64);
-        assert!(sent < 300 && dropped > 450, "{front:?}: {sent} sent, {dropped} dropped of 750 or more");
+        until(&stage, "frames that were dropped and not sent", |seen| {
+            let [bus, before] = [seen, &off].map(|seen| &seen["buses"][0]);
+            count(&bus["dropped"]) > count(&before["dropped"]) + 450 && count(&bus["sent"]) < count(&before["sent"]) + 150
+        });
     }
 }
 

@@ -115,13 +115,15 @@ pub(super) fn whole(configuration: &Configuration, places: &[Place], rate: Place
         findings.error(rate, found, "longer than a cycle", "motors answer once a cycle; make it longer, or rate_hz higher");
     }
     for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
-        let percent = load.fraction * 100.0;
-        let found = format!("{} is loaded to {percent:.0} % at {} Hz", quoted(&bus.name), configuration.rate_hz);
-        let help = "lower rate_hz, or spread the motors over more buses";
-        if load.fraction > REFUSED {
-            findings.error(rate, found, format!("at most {:.0} %", REFUSED * 100.0), help);
-        } else if load.fraction > WARNED {
-            findings.warning(rate, found, format!("at most {:.0} %", WARNED * 100.0), help);
+        let name = quoted(&bus.name);
+        for (what, fraction) in [(name.clone(), load.fraction), (format!("the serial port of {name}"), load.serial)] {
+            let found = format!("{what} is loaded to {:.0} % at {} Hz", fraction * 100.0, configuration.rate_hz);
+            let help = "lower rate_hz, or spread the motors over more buses";
+            if fraction > REFUSED {
+                findings.error(rate, found, format!("at most {:.0} %", REFUSED * 100.0), help);
+            } else if fraction > WARNED {
+                findings.warning(rate, found, format!("at most {:.0} %", WARNED * 100.0), help);
+            }
         }
     }
 }

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use sarrus_can::config::{Configuration, ConfigurationError, MotorConfig};
 use sarrus_can::drive::Setpoint;
 use sarrus_can::frame::FrameQueue;
-use sarrus_can::load::{self, Load};
+use sarrus_can::load;
 use sarrus_models::Report;
 use serde_json::{Value, json};
 
@@ -139,9 +139,8 @@ pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
 
 fn object(configuration: &Configuration) -> Value {
     let buses: Vec<Value> = configuration.buses.iter().zip(load::loads(configuration)).map(|(bus, load)| {
-        let Load { frames, busy, fraction } = load;
         json!({"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate, "data_bitrate": bus.data_bitrate,
-               "frames": frames, "busy_us": busy * 1e6, "load": fraction})
+               "frames": load.frames, "busy_us": load.busy * 1e6, "load": load.fraction, "serial_load": load.serial})
     }).collect();
     let motors: Vec<Value> = configuration
         .motors

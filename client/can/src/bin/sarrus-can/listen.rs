@@ -51,7 +51,7 @@ pub(crate) fn run(arguments: &Listen) -> ExitCode {
 fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
     let Listen { interface, channel, bitrate, data_bitrate } = arguments;
     let bitrate = bitrate.or((interface == "slcan").then_some(1_000_000));
-    let mut bus = Lasting::open(channel, Address { interface, channel, bitrate, data_bitrate: *data_bitrate })?;
+    let mut bus = Lasting::open(channel, Address { interface, channel, bitrate, data_bitrate: *data_bitrate, listen_only: true })?;
     eprintln!("ready {channel}");
     while !stop.load(Ordering::Relaxed) {
         bus::wait_for(&mut [PollFd::from_borrowed_fd(bus.readable(), PollFlags::IN)], Duration::from_millis(100))?;

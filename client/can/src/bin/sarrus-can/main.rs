@@ -7,6 +7,7 @@ mod listen;
 mod operate;
 mod replay;
 mod run;
+mod say;
 mod simulate;
 mod top;
 

@@ -210,7 +210,7 @@ mod tests {
     }
 
     fn address(bitrate: u32, data_bitrate: Option<u32>) -> Address<'static> {
-        Address { interface: "socketcan", channel: "can0", bitrate: Some(bitrate), data_bitrate }
+        Address { interface: "socketcan", channel: "can0", bitrate: Some(bitrate), data_bitrate, listen_only: false }
     }
 
     #[test]

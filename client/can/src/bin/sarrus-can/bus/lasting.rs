@@ -1,6 +1,5 @@
 //! A bus whose adapter may go away and come back.
 
-use std::io::Write;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::time::{Duration, Instant};
 
@@ -9,6 +8,7 @@ use sarrus_can::bridge::BusEvent;
 use sarrus_can::frame::Frame;
 
 use super::{Address, Bus, BusError, Heard, Sent, open};
+use crate::say::say;
 
 /// A bus that is gone is opened anew this often.
 const REOPEN: Duration = Duration::from_millis(500);
@@ -20,6 +20,7 @@ pub(crate) struct Lasting {
     channel: String,
     bitrate: Option<u32>,
     data_bitrate: Option<u32>,
+    listen_only: bool,
     /// `None` while the adapter is gone.
     port: Option<Box<dyn Bus>>,
     /// Never readable; what there is to wait for while the adapter is gone.
@@ -38,7 +39,7 @@ impl Lasting {
         let port = Some(open(address)?);
         let flags = EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC;
         let nothing = eventfd(0, flags).map_err(|error| BusError::Open(name.to_owned(), error.into()))?;
-        let Address { interface, channel, bitrate, data_bitrate } = address;
+        let Address { interface, channel, bitrate, data_bitrate, listen_only } = address;
         let [name, interface, channel] = [name, interface, channel].map(str::to_owned);
         Ok(Lasting {
             name,
@@ -46,6 +47,7 @@ impl Lasting {
             channel,
             bitrate,
             data_bitrate,
+            listen_only,
             port,
             nothing,
             tried: Instant::now(),
@@ -55,8 +57,8 @@ impl Lasting {
     }
 
     fn lose(&mut self, error: &BusError) {
-        self.say(error.to_string());
         (self.port, self.tried, self.news) = (None, Instant::now(), Some(BusEvent::BusOff));
+        self.say(error.to_string());
     }
 
     /// Opens the bus anew, not too often.
@@ -66,7 +68,8 @@ impl Lasting {
         }
         self.tried = Instant::now();
         let (interface, channel) = (self.interface.as_str(), self.channel.as_str());
-        match open(Address { interface, channel, bitrate: self.bitrate, data_bitrate: self.data_bitrate }) {
+        let Lasting { bitrate, data_bitrate, listen_only, .. } = *self;
+        match open(Address { interface, channel, bitrate, data_bitrate, listen_only }) {
             Ok(port) => {
                 self.say("open again".to_owned());
                 (self.port, self.news) = (Some(port), Some(BusEvent::Restarted));
@@ -78,8 +81,7 @@ impl Lasting {
     /// Says something once.
     fn say(&mut self, what: String) {
         if self.said != what {
-            // nobody may be there to read it
-            let _ = writeln!(std::io::stderr(), "sarrus-can: {}: {what}", self.name);
+            say(format_args!("{}: {what}", self.name));
             self.said = what;
         }
     }

@@ -107,13 +107,15 @@ pub(crate) struct Address<'a> {
     pub(crate) bitrate: Option<u32>,
     /// `[bit/s]` with CAN FD.
     pub(crate) data_bitrate: Option<u32>,
+    /// Nothing is sent, where the adapter can do that also no acknowledgement.
+    pub(crate) listen_only: bool,
 }
 
 impl<'a> Address<'a> {
     /// Where a bus of a configuration is.
     pub(crate) fn of(config: &'a BusConfig) -> Address<'a> {
         let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
-        Address { interface, channel, bitrate: Some(config.bitrate), data_bitrate: config.data_bitrate }
+        Address { interface, channel, bitrate: Some(config.bitrate), data_bitrate: config.data_bitrate, listen_only: false }
     }
 }
 

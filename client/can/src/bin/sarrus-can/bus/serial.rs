@@ -60,7 +60,7 @@ impl Serial {
         if let Some(code) = data_code {
             serial.tell(&format!("Y{code}\r"))?;
         }
-        serial.tell("O\r")?;
+        serial.tell(if address.listen_only { "L\r" } else { "O\r" })?;
         Ok(serial)
     }
 

@@ -10,9 +10,10 @@ use sarrus_can::bridge::BusEvent;
 use sarrus_can::config::BusConfig;
 use sarrus_can::frame::Frame;
 
-use super::{realtime, say};
+use super::realtime;
 use crate::bus::{Address, Bus, BusError, Heard, Lasting, Sent, wait_for};
 use crate::clock::now_ns;
+use crate::say::say;
 
 /// Room for frames and events on their way between two threads.
 const ROOM: usize = 4096;
@@ -44,6 +45,8 @@ struct Queues {
     bell: Arc<OwnedFd>,
     /// Things heard that found no room and are not told yet.
     overrun: u32,
+    /// News of the bus that found no room; the newest counts.
+    untold: Option<BusEvent>,
     /// Frames that waited when it was last told.
     backlog: u32,
 }
@@ -92,7 +95,7 @@ impl BusThread {
         let (send, to_send) = RingBuffer::new(ROOM);
         let (hear, heard) = RingBuffer::new(ROOM);
         let end = BusEnd { to_send: send, heard, bell: bell.clone() };
-        let queues = Queues { to_send, heard: hear, bell, overrun: 0, backlog: 0 };
+        let queues = Queues { to_send, heard: hear, bell, overrun: 0, untold: None, backlog: 0 };
         Ok((BusThread { name, port, queues, last_words }, end))
     }
 
@@ -119,6 +122,9 @@ impl Queues {
         for _ in 0..AT_ONCE {
             let Some(heard) = port.next()? else { break };
             self.tell(heard);
+        }
+        if let Some(event) = self.untold.take() {
+            self.tell(Heard::Event(event));
         }
         if self.overrun > 0 && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok() {
             self.overrun = 0;
@@ -148,17 +154,21 @@ impl Queues {
         }
         // frames of this cycle are on their way; what of it still waits at the next is old
         let backlog = port.backlog().saturating_sub(slots as u32);
-        if backlog != self.backlog {
+        if backlog != self.backlog && self.tell(Heard::Event(BusEvent::Backlog(backlog))) {
             self.backlog = backlog;
-            self.tell(Heard::Event(BusEvent::Backlog(backlog)));
         }
         Ok(())
     }
 
-    fn tell(&mut self, heard: Heard) {
-        if self.heard.push((now_ns(), heard)).is_err() {
-            self.overrun += 1;
+    /// Tells the rules; false where there is no room. How the bus stands is told later then.
+    fn tell(&mut self, heard: Heard) -> bool {
+        let is_told = self.heard.push((now_ns(), heard)).is_ok();
+        match heard {
+            _ if is_told => {}
+            Heard::Event(event) if event.count().is_none() => self.untold = Some(event),
+            _ => self.overrun += 1,
         }
+        is_told
     }
 }
 
@@ -166,12 +176,14 @@ impl Drop for BusThread {
     /// However this thread ends, its motors are told to let go.
     fn drop(&mut self) {
         let (times, pause) = LAST_WORDS;
+        let mut are_taken = false;
         for _ in 0..times {
-            for frame in &self.last_words {
-                // a bus that is gone takes no words; the motors' watchdogs remain
-                let _ = self.port.send(frame);
-            }
+            let refused = self.last_words.iter().filter(|frame| self.port.send(frame).ok() != Some(Sent::Taken)).count();
+            are_taken |= refused == 0;
             std::thread::sleep(pause);
+        }
+        if !are_taken {
+            say(format_args!("{}: its motors could not be told to let go; what is left are their own watchdogs", self.name));
         }
     }
 }

@@ -28,6 +28,7 @@ use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGTERM, SI
 
 use crate::bus::{Address, own};
 use crate::clock::now_ns;
+use crate::say::{self, say};
 use bus::BusThread;
 use rules::Rules;
 
@@ -61,14 +62,17 @@ impl Run {
                 return ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 });
             }
         };
+        say::never_wait();
         configuration.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));
-        match self.bridge(configuration, parent) {
+        let code = match self.bridge(configuration, parent) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
                 say(format_args!("{error}"));
                 ExitCode::from(2)
             }
-        }
+        };
+        say::finish();
+        code
     }
 
     fn bridge(&self, configuration: Configuration, parent: Option<Pid>) -> Result<(), Box<dyn std::error::Error>> {
@@ -126,11 +130,6 @@ impl Run {
         domain.tidy();
         if result.is_empty() { Ok(()) } else { Err(result.join("; ").into()) }
     }
-}
-
-/// Tells people something. Nobody may be there to read it: the bridge goes on.
-fn say(what: std::fmt::Arguments<'_>) {
-    let _ = writeln!(std::io::stderr(), "sarrus-can run: {what}");
 }
 
 /// Whoever started the bridge may have closed its end: it goes on.

@@ -5,7 +5,7 @@ use rustix::process::{Resource, getrlimit};
 use thread_priority::{RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id};
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
-use super::say;
+use crate::say::say;
 
 /// Keeps all memory in memory; says why where it does not.
 ///
