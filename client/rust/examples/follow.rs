@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (mut motion, mut tau_u) = (vec![0.0; 3 * n_y], vec![0.0; n_u]);
     let (mut start, mut y_start) = (None, vec![0.0; n_y]);
     let mut command = ActuatorCommand { n_u: n_u as u64, ..ActuatorCommand::default() };
-    let (begin, mut worst) = (Instant::now(), 0.0_f64);
+    let (begin, mut worst) = (Instant::now(), None::<f64>);
     let mut next = begin;
     while begin.elapsed().as_secs_f64() < seconds {
         next += Duration::from_secs_f64(1.0 / RATE);
@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             motion[n_y + i] = yd;
             motion[2 * n_y + i] = if is_enabled { acceleration } else { 0.0 } + GAINS.0 * behind + GAINS.1 * (velocity - yd);
             if t > 2.0 {
-                worst = worst.max(behind.abs());
+                worst = Some(worst.unwrap_or(0.0).max(behind.abs()));
             }
         }
 
@@ -78,6 +78,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         command.effort[..n_u].copy_from_slice(&tau_u);
         controller.send(&mut command);
     }
-    println!("largest distance from the wanted motion: {worst:.4} rad");
+    match worst {
+        Some(worst) => println!("largest distance from the wanted motion, from two seconds after power on: {worst:.4} rad"),
+        None => println!("the motors never had power for two seconds"),
+    }
     Ok(())
 }
