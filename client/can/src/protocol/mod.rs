@@ -9,6 +9,7 @@ mod moteus;
 mod number;
 mod odrive;
 mod scale;
+mod stage;
 mod turns;
 
 use sarrus_models::Findings;

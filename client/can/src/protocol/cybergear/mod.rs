@@ -17,6 +17,7 @@ mod keys;
 
 use super::number::limited;
 use super::scale::Scale;
+use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
@@ -61,19 +62,6 @@ enum Step {
     WriteTimeout,
     ReadTimeout,
     Done,
-}
-
-/// The way to power.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Off,
-    /// A set-point of nothing was sent, so that no old one waits in the motor.
-    Neutral,
-    /// Power was asked for.
-    Asked,
-    On,
-    /// The motor let go by itself; it gets no power before it was told to be off.
-    Lost,
 }
 
 #[derive(Debug)]
@@ -245,7 +233,7 @@ impl CyberGear {
         self.runs = Some(mode);
         self.motor_fault = faults;
         self.stage = match self.stage {
-            Stage::Asked if mode == RUNS => Stage::On,
+            Stage::Asked(_) if mode == RUNS => Stage::On,
             Stage::On if mode != RUNS => {
                 self.prepare();
                 Stage::Lost
@@ -287,9 +275,9 @@ impl Drive for CyberGear {
                 self.odd = !self.odd;
                 self.stage = Stage::Neutral;
             }
-            Stage::Neutral | Stage::Asked => {
+            Stage::Neutral | Stage::Asked(_) => {
                 out.push_some(self.frame(POWER_ON, self.host, [0; 8]));
-                self.stage = Stage::Asked;
+                self.stage = Stage::Asked(0);
             }
             Stage::On => {
                 out.push_some(self.setpoint(&wanted));
@@ -336,7 +324,7 @@ impl Drive for CyberGear {
         let power = match (self.runs, self.stage) {
             (None, _) => Power::Unknown,
             (Some(RUNS), _) => Power::On,
-            (_, Stage::Neutral | Stage::Asked) => Power::Starting,
+            (_, Stage::Neutral | Stage::Asked(_)) => Power::Starting,
             _ => Power::Off,
         };
         let fault = match self.stage {

@@ -21,6 +21,7 @@ mod damiao;
 
 use super::number::limited;
 use super::scale::Scale;
+use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared, Watchdog, Wish};
@@ -71,19 +72,6 @@ enum Variant {
 
 /// Replies after which a motor that does not tell its state counts as having power: earlier ones may answer what was said before.
 const REPLIES_TO_POWER: u8 = 4;
-
-/// The way to power: each step waits for the motor's reply.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Off,
-    /// A set-point of nothing was sent, so that no old one waits in the motor.
-    Neutral,
-    /// Power was asked for; so many replies came since.
-    Asked(u8),
-    On,
-    /// The motor let go by itself; it gets no power before it was told to be off.
-    Lost,
-}
 
 #[derive(Debug)]
 struct Mit {
