@@ -1,6 +1,7 @@
 """Buses by python-can: opened so that nothing waits, every loss is counted and one program owns each of them.
 
-`open_bus` gives an `Adapter` for every interface of python-can that a channel and bit rates open. What differs between interfaces is here and nowhere else:
+`open_bus` gives an `Adapter` for every interface of python-can that a channel and bit rates open. What differs between interfaces is here
+and nowhere else:
 
 - *slcan*: python-can opens the port; lines go out in one write and come in by one read, since python-can reads byte by byte
   and its `send` can wait for ever on a stalled port.
