@@ -8,6 +8,7 @@
 //!
 //! Source: LAWICEL, *CANUSB manual* (2007), for the classic lines; the firmware of CANable 2.0 for FD; the driver `slcan` of Linux for `s`.
 
+use crate::bridge::BusEvent;
 use crate::frame::{Frame, FrameKind, Id};
 
 /// Most bytes of a line with its end: an extended FD frame of 64 bytes.
@@ -75,6 +76,21 @@ pub enum Line {
     },
     /// None of these.
     Garbled,
+}
+
+impl Line {
+    /// What a line of an adapter says of its bus; a refusal is a frame that was dropped, and a line that is none one that came and is lost.
+    pub fn event(&self) -> Option<BusEvent> {
+        match self {
+            Line::State(BusState::Active) => Some(BusEvent::ErrorActive),
+            Line::State(BusState::Warning) => Some(BusEvent::ErrorWarning),
+            Line::State(BusState::Passive) => Some(BusEvent::ErrorPassive),
+            Line::State(BusState::Off) => Some(BusEvent::BusOff),
+            Line::Refused => Some(BusEvent::Dropped(1)),
+            Line::Errors { overrun: true } | Line::Garbled => Some(BusEvent::Overrun(1)),
+            _ => None,
+        }
+    }
 }
 
 /// Bytes of a frame's line with its end.

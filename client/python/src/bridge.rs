@@ -1,22 +1,26 @@
 //! The bridge between commands and motors.
 
+use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
 use sarrus_can::load::{Load, loads};
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, Reason, Standing, flag};
+use sarrus_can::log::{Line, What, sent};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, OperatorRequest, Reason, Standing, flag};
 
 use crate::configuration::PyConfiguration;
 use crate::frames::{PyFrame, list};
+use crate::log::Log;
 use crate::service::operation_of;
 
 /// The rules, of one robot: what its motors are told in each cycle. Times are nanoseconds of the monotonic clock.
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {
     bridge: Mutex<Bridge>,
+    log: Mutex<Option<Log>>,
     /// How busy its buses are; it needs the motors, which are the bridge's own from now on.
     pub(crate) loads: Vec<Load>,
 }
@@ -27,18 +31,21 @@ impl PyBridge {
     fn new(configuration: &PyConfiguration) -> PyResult<PyBridge> {
         let configuration = configuration.take()?;
         let loads = loads(&configuration);
-        Ok(PyBridge { bridge: Mutex::new(Bridge::new(configuration)), loads })
+        Ok(PyBridge { bridge: Mutex::new(Bridge::new(configuration)), log: Mutex::new(None), loads })
     }
 
     /// Takes a frame that came on a bus.
     fn receive(&self, now_ns: u64, bus: usize, frame: &PyFrame) {
+        self.note(now_ns, || What::Frame(bus, frame.0));
         self.lock().receive(now_ns, bus, &frame.0);
     }
 
     /// Takes what happened on a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`, `backlog`,
     /// `overrun`, the last three with a number of frames.
     fn bus_event(&self, now_ns: u64, bus: usize, event: &str, count: u32) -> PyResult<()> {
-        self.lock().bus_event(now_ns, bus, self::event(event, count)?);
+        let event = self::event(event, count)?;
+        self.note(now_ns, || What::Event(bus, event));
+        self.lock().bus_event(now_ns, bus, event);
         Ok(())
     }
 
@@ -57,21 +64,48 @@ impl PyBridge {
         damping: Vec<f64>,
         fingerprint: Option<u64>,
     ) -> PyResult<&'static str> {
-        let mut bridge = self.lock();
-        let fingerprint = fingerprint.unwrap_or(bridge.configuration().fingerprint);
+        let fingerprint = fingerprint.unwrap_or_else(|| self.lock().configuration().fingerprint);
         let command = self::command(sequence, stamp_ns, fingerprint, [&position, &velocity, &effort, &stiffness, &damping])?;
-        Ok(verdict(bridge.command(now_ns, &command)))
+        Ok(verdict(self.obey(now_ns, &command)))
     }
 
     /// Does what an operator asks: `arm`, `disarm` or `reset`.
     fn operate(&self, now_ns: u64, operation: &str) -> PyResult<()> {
-        self.lock().operate(now_ns, operation_of(operation)?);
+        let operation = operation_of(operation)?;
+        self.note(now_ns, || What::Operate(operation));
+        self.lock().operate(now_ns, operation);
         Ok(())
     }
 
     /// One cycle: the frames of all buses are new after it.
     fn cycle(&self, now_ns: u64) {
+        self.note(now_ns, || What::Cycle);
         self.lock().cycle(now_ns);
+    }
+
+    /// Takes a line of a log; the frames that it makes the bridge send, as `candump -L` writes them. A line that is none is a `ValueError`.
+    fn replay(&self, line: &str) -> PyResult<Vec<String>> {
+        let mut bridge = self.lock();
+        let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;
+        line.apply(&mut bridge);
+        Ok(if line.what == What::Cycle { sent(&bridge, line.t).collect() } else { Vec::new() })
+    }
+
+    /// From now on everything that the bridge is given goes into a new log, which `replay` reads; a thread of its own writes it. A file that
+    /// cannot be made is an `OSError`.
+    fn begin_log(&self, path: PathBuf) -> PyResult<()> {
+        let configuration = self.lock().configuration().without_motors();
+        let log = Log::new(&path, configuration).map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))?;
+        *self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(log);
+        Ok(())
+    }
+
+    /// Ends the log: how many lines were written, and how many were lost since they came faster than they could be. `None` without a log; an
+    /// `OSError` when it could not be written.
+    fn end_log(&self, py: Python<'_>) -> PyResult<Option<(u64, u64)>> {
+        let log = self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
+        let ended = log.map(|log| py.detach(|| log.end())).transpose();
+        ended.map_err(|error| PyOSError::new_err(format!("the log: {error}")))
     }
 
     /// The frames of the last cycle for a bus, in the order in which they are to be sent.
@@ -139,6 +173,27 @@ impl PyBridge {
 }
 
 impl PyBridge {
+    /// Adds to the log, where there is one.
+    fn note(&self, t: u64, what: impl FnOnce() -> What) {
+        if let Some(log) = self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).as_mut() {
+            log.put(Line { t, what: what() });
+        }
+    }
+
+    /// Gives the bridge a command.
+    pub(crate) fn obey(&self, now_ns: u64, command: &ActuatorCommand) -> Verdict {
+        self.note(now_ns, || What::Command(Box::new(*command)));
+        self.lock().command(now_ns, command)
+    }
+
+    /// Gives the bridge a request of an operator.
+    pub(crate) fn request(&self, now_ns: u64, request: &OperatorRequest) {
+        let done = self.lock().request(now_ns, request);
+        if let Some(operation) = done {
+            self.note(now_ns, || What::Operate(operation));
+        }
+    }
+
     /// The bridge itself; it never leaves half a cycle behind.
     pub(crate) fn lock(&self) -> MutexGuard<'_, Bridge> {
         self.bridge.lock().unwrap_or_else(|poisoned| poisoned.into_inner())

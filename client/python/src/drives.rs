@@ -9,6 +9,7 @@ use sarrus_can::config::{Configuration, MotorConfig};
 use sarrus_can::drive::{DriveState, Measurement, Power, Receipt, Watchdog, Wish};
 use sarrus_can::frame::FrameQueue;
 use sarrus_can::mapping::{ActuatorMeasurement, ActuatorSetpoint};
+use sarrus_proto::actuators::Reason;
 
 use crate::configuration::PyConfiguration;
 use crate::frames::{PyFrame, list};
@@ -126,6 +127,11 @@ impl PyDrives {
             Watchdog::Set(ms) => state.set_item("watchdog", ms)?,
         }
         Ok(state)
+    }
+
+    /// Why a motor must get no power: what is wrong with its own watchdog; `None` where nothing is.
+    fn unguarded(&self, motor: usize) -> PyResult<Option<&'static str>> {
+        self.motor(motor, |motor| motor.missing_watchdog().map(Reason::name))
     }
 }
 

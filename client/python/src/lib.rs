@@ -5,8 +5,10 @@ mod bridge;
 mod configuration;
 mod drives;
 mod frames;
+mod log;
 mod protocols;
 mod service;
+mod slcan;
 mod telemetry;
 
 /// The core of sarrus in Rust. Its Python face is the package around it.
@@ -24,6 +26,8 @@ mod native {
     use crate::protocols::protocols;
     #[pymodule_export]
     use crate::service::{PyController, PyService};
+    #[pymodule_export]
+    use crate::slcan::{PySlcanReader, slcan_line};
     #[pymodule_export]
     use crate::telemetry::PyTelemetry;
 

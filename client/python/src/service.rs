@@ -36,12 +36,11 @@ impl PyService {
     /// the bridge's counters.
     fn take(&self, now_ns: u64, bridge: &PyBridge) {
         let Some(end) = &self.end else { return };
-        let mut bridge = bridge.lock();
         while let Some(request) = end.operation() {
             bridge.request(now_ns, &request);
         }
         if let Some(command) = end.command() {
-            bridge.command(now_ns, &command);
+            bridge.obey(now_ns, &command);
         }
     }
 
@@ -83,7 +82,7 @@ enum End {
 impl PyController {
     /// Opens the services of a bridge; with `watch` it can command nothing. A bridge that does not run or has a controller is an `OSError`.
     #[new]
-    #[pyo3(signature = (name = "bridge", *, watch = false))]
+    #[pyo3(signature = (name = "default", *, watch = false))]
     fn new(name: &str, watch: bool) -> PyResult<PyController> {
         let domain = Domain::of_user().map_err(told)?;
         let name = ServerName::new(name).map_err(told)?;

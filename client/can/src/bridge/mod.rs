@@ -295,7 +295,7 @@ impl Bridge {
                 Reason::MotorFault
             } else if motor.is_stale(now_ns, feedback_ns) {
                 Reason::FeedbackStale
-            } else if let Some(reason) = motor.missing_watchdog() {
+            } else if let Some(reason) = motor.config.missing_watchdog() {
                 reason
             } else if mechanism.standing == Standing::Enabled && motor.config.drive.state().power != Power::On {
                 Reason::PowerLost

@@ -92,19 +92,6 @@ impl Motor {
         if state.fault != 0 {
             return Some(Reason::MotorFault);
         }
-        self.missing_watchdog()
-    }
-
-    /// What is wrong with the motor's own watchdog.
-    pub(super) fn missing_watchdog(&self) -> Option<Reason> {
-        // some protocols count in steps of ten
-        let longest = self.config.common.watchdog_ms.next_multiple_of(10);
-        match self.config.drive.state().watchdog {
-            Watchdog::Off | Watchdog::Set(0) => Some(Reason::WatchdogOff),
-            Watchdog::Set(ms) if ms > longest => Some(Reason::WatchdogLong),
-            Watchdog::Unknown => Some(Reason::WatchdogUnknown),
-            Watchdog::Unreadable if !self.config.watchdog_believed => Some(Reason::WatchdogUnknown),
-            Watchdog::Set(_) | Watchdog::Unreadable => None,
-        }
+        self.config.missing_watchdog()
     }
 }

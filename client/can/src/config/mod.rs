@@ -28,11 +28,12 @@ mod read;
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
 
-use crate::drive::Drive;
+use crate::drive::{Drive, Watchdog};
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
 use sarrus_models::{Finding, LoadError, Loaded, Source};
 pub use sarrus_proto::actuators::MAX_ACTUATORS;
+use sarrus_proto::actuators::Reason;
 pub use sarrus_proto::watch::MAX_BUSES;
 
 /// Buses, motors and rules of one robot.
@@ -144,6 +145,21 @@ pub struct Limits {
     pub effort_rate: f64,
 }
 
+impl MotorConfig {
+    /// What is wrong with the motor's own watchdog, as far as it has told; without one nothing may give it power.
+    pub fn missing_watchdog(&self) -> Option<Reason> {
+        // some protocols count in steps of ten
+        let longest = self.common.watchdog_ms.next_multiple_of(10);
+        match self.drive.state().watchdog {
+            Watchdog::Off | Watchdog::Set(0) => Some(Reason::WatchdogOff),
+            Watchdog::Set(ms) if ms > longest => Some(Reason::WatchdogLong),
+            Watchdog::Unknown => Some(Reason::WatchdogUnknown),
+            Watchdog::Unreadable if !self.watchdog_believed => Some(Reason::WatchdogUnknown),
+            Watchdog::Set(_) | Watchdog::Unreadable => None,
+        }
+    }
+}
+
 /// The files beside a configuration, and its robot: how [`Configuration::read`] gets at them.
 pub struct Surroundings<'a> {
     /// The content of a file beside the configuration, or why there is none.
@@ -161,6 +177,20 @@ impl Configuration {
     /// Time between two cycles `[ns]`.
     pub fn period_ns(&self) -> u64 {
         (1e9 / self.rate_hz) as u64
+    }
+
+    /// The same without its motors, whose drives are one bridge's alone. Allocates.
+    pub fn without_motors(&self) -> Configuration {
+        Configuration {
+            robot: self.robot.clone(),
+            source: self.source.clone(),
+            actuators: self.actuators.clone(),
+            mechanisms: self.mechanisms.clone(),
+            buses: self.buses.clone(),
+            motors: Vec::new(),
+            warnings: self.warnings.clone(),
+            ..*self
+        }
     }
 
     /// How many mechanisms there are.

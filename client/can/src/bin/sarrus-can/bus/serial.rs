@@ -6,9 +6,8 @@ use std::os::fd::{AsFd, BorrowedFd};
 use rustix::fs::{FlockOperation, Mode, OFlags, flock};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
-use sarrus_can::bridge::BusEvent;
 use sarrus_can::frame::Frame;
-use sarrus_can::slcan::{BITRATES, BusState, DATA_BITRATES, Line};
+use sarrus_can::slcan::{BITRATES, DATA_BITRATES, Line};
 
 use super::lines::LinePort;
 use super::{Address, Bus, BusError, Heard, Sent};
@@ -89,18 +88,15 @@ impl Bus for Serial {
     fn next(&mut self) -> Result<Option<Heard>, BusError> {
         loop {
             let line = self.port.next().map_err(|error| BusError::Gone(self.name.clone(), error))?;
-            let event = match line {
+            match line {
                 None => return Ok(None),
                 Some(Line::Frame(frame)) => return Ok(Some(Heard::Frame(frame))),
-                Some(Line::State(BusState::Active)) => BusEvent::ErrorActive,
-                Some(Line::State(BusState::Warning)) => BusEvent::ErrorWarning,
-                Some(Line::State(BusState::Passive)) => BusEvent::ErrorPassive,
-                Some(Line::State(BusState::Off)) => BusEvent::BusOff,
-                Some(Line::Refused) => BusEvent::Dropped(1),
-                Some(Line::Errors { overrun: true } | Line::Garbled) => BusEvent::Overrun(1),
-                Some(_) => continue,
-            };
-            return Ok(Some(Heard::Event(event)));
+                Some(line) => {
+                    if let Some(event) = line.event() {
+                        return Ok(Some(Heard::Event(event)));
+                    }
+                }
+            }
         }
     }
 
