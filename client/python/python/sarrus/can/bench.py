@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any, cast
 
 from sarrus._native import Drives, Frame
-from sarrus.can.adapters import Adapter, Address, BusError, open_bus
-from sarrus.can.leaving import Leave, at_the_end
+from sarrus.can.adapters import Adapter, Address, BusError, close_all, open_bus
+from sarrus.can.leaving import Ending, Leave, at_the_end
 from sarrus.can.telling import WrongFlags
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ PERIOD = 0.005
 """Time between two cycles of one motor `[s]`."""
 SILENCE = 0.1
 """A motor under power that has not measured for this time has failed `[s]`."""
+READY = 2.0
+"""Time in which a motor's watchdog is set and read back `[s]`."""
 
 
 class Failed(Exception):
@@ -30,7 +33,10 @@ class Failed(Exception):
 class Bench:
     """The buses of a configuration, open, and its motors one by one."""
 
-    def __init__(self, configuration: Configuration, address: Callable[[dict[str, Any]], Address], only: str | None = None) -> None:
+    def __init__(
+        self, configuration: Configuration, address: Callable[[dict[str, Any]], Address], ending: Ending, only: str | None = None
+    ) -> None:
+        self.ending = ending
         self.motors: list[dict[str, Any]] = configuration.motors
         self._buses: list[dict[str, Any]] = configuration.buses
         names = [motor["actuator"] for motor in self.motors]
@@ -50,8 +56,7 @@ class Bench:
 
     def close(self) -> None:
         """Give the buses back."""
-        for adapter in self._adapters.values():
-            adapter.close()
+        close_all(self._adapters.values())
 
     def __enter__(self) -> Bench:
         return self
@@ -67,9 +72,10 @@ class Bench:
             )
 
     def hear(self, seconds: float) -> Iterator[tuple[int, str, Any]]:
-        """What motors say within a time: `(motor, what, value)`."""
+        """What motors say within a time: `(motor, what, value)`. `Leave` when somebody asks for the end."""
         end = time.monotonic() + seconds
         while True:
+            self.ending.check()
             for place, adapter in self._adapters.items():
                 for heard in adapter.receive():
                     if isinstance(heard, Frame):
@@ -102,10 +108,23 @@ class Bench:
         """Frames of a cycle without power."""
         return lambda: self.drives.off(motor, time.monotonic_ns())
 
+    def guarded(self, motor: int) -> float:
+        """Wait without power until the motor's own watchdog is known to be on; the actuator's position then."""
+        end = time.monotonic() + READY
+        while True:
+            position = self.measure(motor, self.off(motor))["position"]
+            if (why := self.drives.unguarded(motor)) is None:
+                return position
+            if time.monotonic() > end:
+                state = self.drives.state(motor)["watchdog"]
+                raise Failed(f"{self.name(motor)} gets no power: {why}, its watchdog is {state}; see `watchdog` of the configuration")
+
     def disable(self, motor: int) -> None:
         """Take a motor's power, some times over: a frame may be lost."""
         for _ in range(3):
-            self._adapters[self.motors[motor]["bus"]].send(self.drives.disable(motor))
+            # a bus that takes none now may take the next
+            with contextlib.suppress(Exception):
+                self._adapters[self.motors[motor]["bus"]].send(self.drives.disable(motor))
             time.sleep(PERIOD)
 
 
@@ -169,8 +188,9 @@ def zero(bench: Bench, motor: int) -> float:
 def direction(bench: Bench, motor: int, distance: float, stiffness: float, damping: float, seconds: float) -> dict[str, float]:
     """Move an actuator by a little and back, softly; how far it came `[rad, m]` and what share that is of the distance.
 
-    The set-point follows p₀ + d (1 - cos(π t / T)) / 2. Power goes when the motor tells a fault, is silent, or is farther from
-    its set-point than the whole distance and a half: then the sign of the motor's own control, or the load, is not as it should be.
+    Power comes when the motor's own watchdog is known to be on. The set-point follows p₀ + d (1 - cos(π t / T)) / 2. Power goes when
+    the motor tells a fault, is silent, or is farther from its set-point than the whole distance and a half: then the sign of the
+    motor's own control, or the load, is not as it should be. It also goes when somebody asks for the end.
     """
     limit = 1.5 * abs(distance)
 
@@ -184,8 +204,9 @@ def direction(bench: Bench, motor: int, distance: float, stiffness: float, dampi
             raise Failed(f"{bench.name(motor)} tells its fault {fault}")
         return latest
 
+    bench.ending.be_patient()
     with at_the_end(lambda: bench.disable(motor)):
-        start = bench.measure(motor, bench.off(motor))["position"]
+        start = bench.guarded(motor)
         end = time.monotonic() + 1.0
         while bench.drives.state(motor)["power"] != "on":
             if time.monotonic() > end:

@@ -5,66 +5,91 @@ from __future__ import annotations
 import atexit
 import os
 import signal
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, NoReturn
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that ask for an orderly end."""
+IGNORED = (signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTTIN, signal.SIGTTOU)
+"""Signals that tell what a read or a write tells anyway, and would end or stop the program."""
+
+_FAULTS = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV, signal.SIGSYS, signal.SIGTRAP)
+_HARMLESS = (signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH)
+_NOBODYS = (signal.SIGKILL, signal.SIGSTOP)
+
+SIGNALS = sorted(signal.valid_signals() - {*IGNORED, *_FAULTS, *_HARMLESS, *_NOBODYS})
+"""Every other signal ends or stops a program that does nothing about it, so each of them asks for an orderly end."""
+
+
+def name_of(number: int) -> str:
+    """A signal in words; most real-time signals have no name."""
+    return next((known.name for known in signal.Signals if known == number), f"signal {number}")
 
 
 class Leave(BaseException):
-    """A signal asked for the end; no `except Exception` may hold it up."""
+    """Somebody asked for the end; no `except Exception` may hold it up."""
 
 
-class Parent:
-    """The process that started this one; motors are not left under power when it is gone."""
+class Ending:
+    """Whether somebody asked for the end: by a signal, or by the end of the process that started this one."""
 
-    def __init__(self) -> None:
-        self._number = os.getppid()
+    def __init__(self, *, patient: bool) -> None:
+        self._parent = os.getppid()
+        self._noted: list[int] = []
+        self._is_patient = patient
 
-    def is_gone(self) -> bool:
-        """Whether somebody else, or nobody, is the parent now."""
-        return os.getppid() != self._number
+    def __bool__(self) -> bool:
+        return bool(self.why)
+
+    @property
+    def why(self) -> str:
+        """Who asked for the end; empty as long as nobody did."""
+        if self._noted:
+            return name_of(self._noted[0])
+        return "" if os.getppid() == self._parent else "the parent is gone"
+
+    def check(self) -> None:
+        """Raise `Leave` if somebody asked for the end."""
+        if why := self.why:
+            raise Leave(why)
+
+    def be_patient(self) -> None:
+        """From now on, and until the program has ended, signals are only noted."""
+        self._is_patient = True
+
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        self._noted.append(number)
+        # only the first: a second one must not cut short what is done about the first
+        if not self._is_patient:
+            self._is_patient = True
+            self.check()
 
 
 @contextmanager
-def signals() -> Iterator[list[int]]:
-    """Within this block signals that ask for an end are only noted, in the list that it gives, for loops that look at it in every cycle."""
-    noted: list[int] = []
+def ending(*, patient: bool = True) -> Iterator[Ending]:
+    """Give what tells within this block whether somebody asked for the end.
 
-    def note(number: int, _frame: FrameType | None) -> None:
-        noted.append(number)
-
-    before = {number: signal.signal(number, note) for number in SIGNALS}
-    try:
-        yield noted
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextmanager
-def interrupted() -> Iterator[None]:
-    """Within this block signals that ask for an end raise `Leave`, for programs that wait for people."""
-
-    def leave(number: int, _frame: FrameType | None) -> NoReturn:
-        raise Leave(signal.Signals(number).name)
-
-    before = {number: signal.signal(number, leave) for number in SIGNALS}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    Without patience the first signal also raises `Leave` where the program is: for programs that wait for people and give no power, which
+    `Ending.be_patient` makes good before power is given.
+    """
+    told = Ending(patient=patient)
+    with ExitStack() as stack:
+        for number in (*SIGNALS, *IGNORED):
+            before = signal.signal(number, signal.SIG_IGN if number in IGNORED else told._note)
+            # a handler that is not Python's cannot be put back
+            if before is not None:
+                stack.callback(signal.signal, number, before)
+        yield told
 
 
 @contextmanager
 def at_the_end(safe: Callable[[], None]) -> Iterator[None]:
-    """Call `safe` once when the block ends in any way, or when the interpreter ends inside it; signals cannot cut it short."""
+    """Call `safe` once when the block ends in any way, or when the interpreter ends inside it.
+
+    No signal may raise here or inside the block: whoever enters it made its `Ending` patient.
+    """
     done = False
 
     def once() -> None:
@@ -77,9 +102,7 @@ def at_the_end(safe: Callable[[], None]) -> Iterator[None]:
     try:
         yield
     finally:
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
         try:
             once()
         finally:
             atexit.unregister(once)
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
