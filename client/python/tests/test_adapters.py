@@ -4,19 +4,16 @@ import errno
 import os
 import pty
 import random
-import subprocess
-import sys
-import tempfile
+import struct
 import time
 import tty
 import unittest
-from pathlib import Path
 
 import can
 from can.interfaces.slcan import slcanBus
+from sarrus._native import SlcanReader, slcan_line
 from sarrus.can import Address, BusError, Frame, open_bus
-from sarrus.can.adapters import AnyAdapter, events_of_error_frame, frame_of_line, line_of_frame, of_message, to_message
-from sarrus.can.replay import frame_of_text
+from sarrus.can.adapters import AnyAdapter, SocketcanAdapter, events_of_error_frame, of_message, to_message
 
 LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 
@@ -63,11 +60,11 @@ class Terminal:
 
 
 class Lines(unittest.TestCase):
-    def test_frames_come_back_from_lines_messages_and_text(self):
+    def test_frames_come_back_from_lines_and_messages(self):
+        reader = SlcanReader()
         for frame in frames(2000):
-            self.assertEqual(frame_of_line(line_of_frame(frame)[:-1]), frame)
+            self.assertEqual(reader.take(slcan_line(frame)), [frame])
             self.assertEqual(of_message(to_message(frame)), frame)
-            self.assertEqual(frame_of_text(str(frame)), frame)
 
     def test_lines_are_those_of_python_can(self):
         for frame in frames(500):
@@ -82,31 +79,15 @@ class Lines(unittest.TestCase):
             bus.serialPortOrig = Port
             bus._is_shutdown = True
             bus.send(to_message(frame))
-            self.assertEqual(written, [line_of_frame(frame)])
+            self.assertEqual(written, [slcan_line(frame)])
 
-    def test_what_is_no_frame_gives_none(self):
-        for line in (
-            b"",
-            b"t",
-            b"t12",
-            b"t123",
-            b"t1239",
-            b"t12320",
-            b"t1232001",
-            b"t1231zz",
-            b"tFFF0",
-            b"TFFFFFFFF0",
-            b"x123",
-            b"t1231001",
-            b"t\xff",
-        ):
-            with self.subTest(line=line):
-                self.assertIsNone(frame_of_line(line))
-        # a time stamp may follow
-        self.assertEqual(frame_of_line(b"t1231AA1234"), Frame(0x123, b"\xaa"))
-        chance = random.Random(5)
-        for _ in range(20000):
-            frame_of_line(bytes(chance.choice(b"tTdDbB0123456789abcdefABCDEFzs\a\xff") for _ in range(chance.randrange(30))))
+    def test_a_line_that_is_too_long_is_none_and_neither_is_its_end(self):
+        # what looks like a frame is the end of a line whose beginning was too long to keep
+        for length in (150, 1000, 16384, 100_000):
+            reader = SlcanReader()
+            whole = b"t" * length + b"t1231AA\r" + b"t1231BB\r"
+            heard = [what for begin in range(0, len(whole), 4096) for what in reader.take(whole[begin : begin + 4096])]
+            self.assertEqual(heard, [("overrun", 1), Frame(0x123, b"\xbb")])
 
     def test_frames_that_cannot_be_are_refused(self):
         for parts in (
@@ -162,9 +143,9 @@ class Serial(unittest.TestCase):
         self.terminal.read()
         sent = list(frames(20))
         self.assertEqual(adapter.send(sent), 0)
-        self.assertEqual(self.terminal.read(), b"".join(map(line_of_frame, sent)))
+        self.assertEqual(self.terminal.read(), b"".join(map(slcan_line, sent)))
         # in pieces, with answers between
-        data = b"z\r\r" + b"Z\r".join(map(line_of_frame, sent))
+        data = b"z\r\r" + b"Z\r".join(map(slcan_line, sent))
         heard = []
         for begin in range(0, len(data), 37):
             self.terminal.write(data[begin : begin + 37])
@@ -193,7 +174,7 @@ class Serial(unittest.TestCase):
             arrived += data
         lines = arrived.split(b"\r")
         self.assertEqual(lines.pop(), b"")
-        known = {line_of_frame(frame)[:-1] for frame in burst} | {b"t0010"}
+        known = {slcan_line(frame)[:-1] for frame in burst} | {b"t0010"}
         self.assertEqual([line for line in lines if line not in known], [])
         self.assertEqual(len(lines), 5 * len(burst) - dropped + 1)
 
@@ -237,6 +218,82 @@ class Serial(unittest.TestCase):
             self.open(bitrate=123_456)
 
 
+class Refusing:
+    """A python-can bus that fails in one way."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def _fail(self, *_, **__):
+        raise self.error
+
+    send = recv = shutdown = _fail
+
+
+class Interface:
+    """What a kernel gives to a raw socket, without a kernel that has CAN."""
+
+    def __init__(self):
+        self.answers, self.refusal = [], None
+
+    def send(self, packed):
+        if self.refusal is not None:
+            raise OSError(self.refusal, os.strerror(self.refusal))
+
+    def recvmsg(self, _):
+        if not self.answers:
+            raise BlockingIOError
+        answer = self.answers.pop(0)
+        if isinstance(answer, int):
+            raise OSError(answer, os.strerror(answer))
+        return answer
+
+    def getsockopt(self, *_):
+        return bytes(36)
+
+
+class Socketcan(unittest.TestCase):
+    def setUp(self):
+        self.adapter = SocketcanAdapter.__new__(SocketcanAdapter)
+        self.adapter.address = Address("arm", "socketcan", "can0")
+        self.adapter._socket = self.socket = Interface()
+        self.adapter._waiting = self.adapter._lost = 0
+        self.adapter._echoed = 0.0
+
+    def errors(self, kind):
+        return (struct.pack("=IB3x8s", 1 << 29 | kind, 8, bytes(8)), (), 0, None)
+
+    def test_frames_wait_until_their_echo_comes(self):
+        self.assertEqual(self.adapter.send([Frame(1), Frame(2), Frame(3)]), 0)
+        self.assertEqual(self.adapter.backlog(), 3)
+        self.socket.answers = [(bytes(16), (), 0x800, None)] * 2
+        self.assertEqual(list(self.adapter.receive()), [])
+        self.assertEqual(self.adapter.backlog(), 1)
+
+    def test_nothing_waits_after_a_bus_was_off_or_came_back(self):
+        for kind, event in ((0x40, ("bus_off", 1)), (0x100, ("restarted", 1))):
+            self.adapter.send([Frame(1), Frame(2)])
+            self.socket.answers = [self.errors(kind)]
+            self.assertEqual(list(self.adapter.receive()), [event])
+            self.assertEqual(self.adapter.backlog(), 0)
+
+    def test_echoes_that_stay_away_are_not_waited_for_for_ever(self):
+        self.adapter.send([Frame(1), Frame(2)])
+        self.assertEqual(self.adapter.backlog(), 2)
+        self.adapter._echoed -= 10
+        self.assertEqual(self.adapter.backlog(), 0)
+
+    def test_an_interface_that_goes_down_is_gone_and_a_full_queue_is_not(self):
+        self.socket.refusal = errno.ENOBUFS
+        self.assertEqual(self.adapter.send([Frame(1), Frame(2)]), 2)
+        self.socket.refusal = errno.ENETDOWN
+        with self.assertRaisesRegex(BusError, "arm is gone"):
+            self.adapter.send([Frame(1)])
+        self.socket.answers = [errno.ENETDOWN]
+        with self.assertRaisesRegex(BusError, "arm is gone"):
+            list(self.adapter.receive())
+
+
 class Virtual(unittest.TestCase):
     def test_every_interface_of_python_can_works_by_its_own_send_and_recv(self):
         address = Address("arm", "virtual", "sarrus-test", 1_000_000, 5_000_000)
@@ -269,68 +326,32 @@ class Virtual(unittest.TestCase):
             else:
                 self.assertEqual(adapter.send([Frame(1), Frame(2)]), dropped)
 
+    def test_whatever_an_interface_raises_the_bus_is_gone_and_can_be_closed(self):
+        # socketcand and gs_usb let errors of their sockets through, serial ones those of closed files
+        for error in (can.CanError("gone"), OSError(errno.EPIPE, "Broken pipe"), ConnectionResetError(), ValueError("closed file")):
+            adapter = open_bus(Address("arm", "virtual", "sarrus-gone"))
+            adapter._bus.shutdown()
+            adapter._bus = Refusing(error)
+            with self.subTest(error=error):
+                with self.assertRaisesRegex(BusError, "arm is gone"):
+                    adapter.send([Frame(1)])
+                with self.assertRaisesRegex(BusError, "arm is gone"):
+                    list(adapter.receive())
+                adapter.close()
+
+    def test_an_interface_that_takes_and_brings_nothing_for_long_is_gone(self):
+        adapter = open_bus(Address("arm", "virtual", "sarrus-unplugged"))
+        self.addCleanup(adapter.close)
+        adapter._bus.send = Refusing(can.CanOperationError("The message could not be sent")).send
+        self.assertEqual(adapter.send([Frame(1)]), 1)
+        adapter._heard -= 10
+        with self.assertRaisesRegex(BusError, "arm is gone"):
+            adapter.send([Frame(1)])
+
     def test_interfaces_that_are_not_there_are_told(self):
         for interface, channel in (("nonsense", "x"), ("socketcan", "nocan9"), ("slcan", "/dev/nothing")):
             with self.assertRaises(BusError):
                 open_bus(Address("arm", interface, channel))
-
-
-class Ends(unittest.TestCase):
-    SCRIPT = """
-import os, sys, time
-from sarrus.can.leaving import Parent, at_the_end, interrupted, signals
-kind, log = sys.argv[1:]
-def safe():
-    with open(log, "a") as file:
-        file.write("safe\\n")
-if kind == "loop":
-    parent = Parent()
-    with signals() as noted, at_the_end(safe):
-        print("ready", flush=True)
-        while not noted and not parent.is_gone():
-            time.sleep(0.01)
-elif kind == "people":
-    with interrupted(), at_the_end(safe):
-        print("ready", flush=True)
-        time.sleep(60)
-elif kind == "exception":
-    with at_the_end(safe):
-        raise RuntimeError
-else:
-    with at_the_end(safe):
-        sys.exit(3)
-"""
-
-    def ends(self, kind, signal=None):
-        with tempfile.TemporaryDirectory() as folder:
-            log = Path(folder) / "log"
-            process = subprocess.Popen([sys.executable, "-c", self.SCRIPT, kind, str(log)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-            if signal:
-                self.assertEqual(process.stdout.readline(), b"ready\n")
-                process.send_signal(signal)
-            process.communicate(timeout=20)
-            return log.read_text()
-
-    def test_every_way_out_makes_it_safe_once(self):
-        from signal import SIGHUP, SIGINT, SIGTERM
-
-        for kind in ("loop", "people"):
-            for signal in (SIGHUP, SIGINT, SIGTERM):
-                with self.subTest(kind=kind, signal=signal):
-                    self.assertEqual(self.ends(kind, signal), "safe\n")
-        for kind in ("exception", "exit"):
-            with self.subTest(kind=kind):
-                self.assertEqual(self.ends(kind), "safe\n")
-
-    def test_the_end_of_the_parent_is_noticed(self):
-        with tempfile.TemporaryDirectory() as folder:
-            log = Path(folder) / "log"
-            middle = "import subprocess, sys; p = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE); p.stdout.readline()"
-            subprocess.run([sys.executable, "-c", middle, sys.executable, "-c", self.SCRIPT, "loop", str(log)], check=True, timeout=20)
-            end = time.monotonic() + 10
-            while not log.exists() and time.monotonic() < end:
-                time.sleep(0.02)
-            self.assertEqual(log.read_text(), "safe\n")
 
 
 if __name__ == "__main__":

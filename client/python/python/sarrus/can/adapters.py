@@ -1,13 +1,13 @@
-"""Buses by python-can: opened so that nothing waits, every loss is counted and one program owns each of them.
+"""Buses by python-can: every loss is counted and one program owns each of them.
 
 `open_bus` gives an `Adapter` for every interface of python-can that a channel and bit rates open. What differs between interfaces is here
 and nowhere else:
 
-- *slcan*: python-can opens the port; lines go out in one write and come in by one read, since python-can reads byte by byte
-  and its `send` can wait for ever on a stalled port.
+- *slcan*: python-can opens the port; lines, which the core reads and writes, go out in one write and come in by one read that never wait,
+  since python-can reads byte by byte and its `send` can wait for ever on a stalled port.
 - *socketcan*: python-can opens the socket; error frames become events (`bus.state` never changes there), frames that the
   receive buffer lost are counted, and echoes of our own frames tell how many still wait.
-- every other one: python-can's `send` and `recv` with a time-out of zero.
+- every other one: python-can's `send` and `recv` with a time-out of zero, which some interfaces do not keep.
 
 Cyclic sending in the kernel or in a thread (`send_periodic`) is never used: it would go on while the program hangs.
 """
@@ -18,20 +18,20 @@ import contextlib
 import errno
 import fcntl
 import os
-import re
 import select
 import socket
 import struct
 import termios
+import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import can
 
-from sarrus._native import Frame
+from sarrus._native import Frame, SlcanReader, slcan_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
 Event = tuple[str, int]
 """News of a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`, `overrun`, and a count."""
@@ -41,6 +41,10 @@ RECEIVE_BUFFER = 1 << 20
 
 MOST_RECEIVED = 256
 """Frames that one call of `Adapter.receive` gives at most: a bus that babbles must not keep the cycle from its end."""
+
+
+SILENCE = 2.0
+"""An interface that takes no frame and brings none for this time is gone `[s]`."""
 
 
 class BusError(Exception):
@@ -67,21 +71,18 @@ class Address:
 
 
 class Adapter(Protocol):
-    """A bus that is open. Nothing here waits."""
+    """A bus that is open. It waits as little as its interface lets it."""
 
     address: Address
 
-    def send(self, frames: Iterable[Frame]) -> int:
-        """Send frames in order; the number of those that found no room and are gone."""
+    def send(self, frames: Sequence[Frame]) -> int:
+        """Send frames in order until one finds no room; the number of those that did not go and are dropped."""
 
     def receive(self) -> Iterator[Frame | Event]:
         """Frames and events that are already there."""
 
     def backlog(self) -> int:
         """Frames that were taken and are not on the wire yet, as far as the adapter tells."""
-
-    def fileno(self) -> int | None:
-        """What becomes readable when there is something to hear, or `None` where the interface has no such thing."""
 
     def close(self) -> None:
         """Give the bus back."""
@@ -101,6 +102,13 @@ def open_bus(address: Address) -> Adapter:
         # each interface, and each driver behind one, fails in its own way
         why = " ".join(str(error).split()) or type(error).__name__
         raise BusError(f"{address.name}: {address.interface} {address.channel} cannot be opened: {why}") from error
+
+
+def close_all(adapters: Iterable[Adapter]) -> None:
+    """Give buses back; one that cannot be closed keeps no other from it."""
+    for adapter in adapters:
+        with contextlib.suppress(Exception):
+            adapter.close()
 
 
 def to_message(frame: Frame) -> can.Message:
@@ -193,6 +201,7 @@ class AnyAdapter:
 
     def __init__(self, address: Address) -> None:
         self.address = address
+        self._heard = time.monotonic()
         self._ownership = Ownership(address)
         try:
             self._bus = self._open()
@@ -214,22 +223,31 @@ class AnyAdapter:
             settings["index"] = int(channel)
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **settings)
 
-    def send(self, frames: Iterable[Frame]) -> int:
-        """Send frames in order; the number of those that found no room."""
-        dropped = 0
-        for frame in frames:
+    def send(self, frames: Sequence[Frame]) -> int:
+        """Send frames in order until one finds no room; the number of those that did not go."""
+        for sent, frame in enumerate(frames):
             try:
                 self._bus.send(to_message(frame), timeout=0)
+                self._heard = time.monotonic()
             except can.CanTimeoutError:
-                dropped += 1
+                return self._full(len(frames) - sent)
             except can.CanOperationError as error:
                 # `timeout` does not cover a full queue of the interface, and not every backend tells its code
-                if error.error_code not in (None, errno.ENOBUFS, errno.EAGAIN, errno.ENETDOWN, errno.EINTR):
-                    raise BusError(f"{self.address.name} is gone: {error}") from error
-                dropped += 1
+                if error.error_code not in (None, errno.ENOBUFS, errno.EAGAIN, errno.EINTR):
+                    raise self._gone(error) from error
+                return self._full(len(frames) - sent)
             except Exception as error:
-                raise BusError(f"{self.address.name} is gone: {error}") from error
+                raise self._gone(error) from error
+        return 0
+
+    def _full(self, dropped: int) -> int:
+        # an interface that was unplugged may say the same as one whose queue is full
+        if time.monotonic() - self._heard > SILENCE:
+            raise BusError(f"{self.address.name} is gone: it has taken and brought nothing for {SILENCE:g} s")
         return dropped
+
+    def _gone(self, error: Exception) -> BusError:
+        return BusError(f"{self.address.name} is gone: {error}")
 
     def receive(self) -> Iterator[Frame | Event]:
         """Frames and events that are already there."""
@@ -237,9 +255,10 @@ class AnyAdapter:
             try:
                 message = self._bus.recv(0)
             except Exception as error:
-                raise BusError(f"{self.address.name} is gone: {error}") from error
+                raise self._gone(error) from error
             if message is None:
                 return
+            self._heard = time.monotonic()
             if message.is_error_frame:
                 yield from events_of_error_frame(message.arbitration_id, bytes(message.data))
             elif (frame := of_message(message)) is not None:
@@ -249,14 +268,6 @@ class AnyAdapter:
         """Nothing is known."""
         return 0
 
-    def fileno(self) -> int | None:
-        """What becomes readable when there is something to hear."""
-        try:
-            number = self._bus.fileno()
-        except NotImplementedError:
-            return None
-        return number if number >= 0 else None
-
     def close(self) -> None:
         """Give the bus back."""
         try:
@@ -264,39 +275,6 @@ class AnyAdapter:
                 self._bus.shutdown()
         finally:
             self._ownership.release()
-
-
-_LINE = re.compile(rb"([tTdDbB])([0-9A-Fa-f]*)")
-_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
-_STATES: dict[int, str] = {ord("a"): "error_active", ord("w"): "error_warning", ord("p"): "error_passive", ord("b"): "bus_off"}
-
-
-def line_of_frame(frame: Frame) -> bytes:
-    """Give a frame as a line of slcan."""
-    letter = ("tT", "dD", "bB")[frame.fd + frame.bit_rate_switch][frame.extended]
-    width = 8 if frame.extended else 3
-    return b"%b%0*X%X%b\r" % (letter.encode(), width, frame.id, _LENGTHS.index(len(frame.data)), frame.data.hex().upper().encode())
-
-
-def frame_of_line(line: bytes) -> Frame | None:
-    """Give the frame of a line of slcan without its end; `None` for anything else."""
-    match = _LINE.fullmatch(line)
-    if match is None:
-        return None
-    letter, digits = match[1], match[2]
-    width = 8 if letter.isupper() else 3
-    fd = letter in b"dDbB"
-    if len(digits) <= width:
-        return None
-    length = _LENGTHS[int(digits[width : width + 1], 16)]
-    # some adapters add a time stamp of four digits
-    data = digits[width + 1 : width + 1 + 2 * length]
-    if len(data) != 2 * length or len(digits) - width - 1 - 2 * length not in (0, 4) or (not fd and length > 8):
-        return None
-    try:
-        return Frame(int(digits[:width], 16), bytes.fromhex(data.decode()), extended=width == 8, fd=fd, bit_rate_switch=letter in b"bB")
-    except ValueError:
-        return None
 
 
 class SlcanAdapter(AnyAdapter):
@@ -319,7 +297,7 @@ class SlcanAdapter(AnyAdapter):
             **timing,
         )
         self._descriptor: int = bus.fileno()
-        self._unread = b""
+        self._reader = SlcanReader()
         self._unwritten = b""
         self._has_sent = False
         # without this an idle port reads like one that was closed
@@ -335,15 +313,15 @@ class SlcanAdapter(AnyAdapter):
         except BlockingIOError:
             return 0
         except OSError as error:
-            raise BusError(f"{self.address.name} is gone: {error}") from error
+            raise self._gone(error) from error
 
-    def send(self, frames: Iterable[Frame]) -> int:
+    def send(self, frames: Sequence[Frame]) -> int:
         """Send frames in order by one write; what finds no room is dropped, but a line that was begun is ended first."""
         if self._unwritten:
             self._unwritten = self._unwritten[self._write(self._unwritten) :]
             if self._unwritten:
-                return sum(1 for _ in frames)
-        lines = [line_of_frame(frame) for frame in frames]
+                return len(frames)
+        lines = [slcan_line(frame) for frame in frames]
         if not lines:
             return 0
         self._has_sent = True
@@ -369,25 +347,13 @@ class SlcanAdapter(AnyAdapter):
         except BlockingIOError:
             return
         except OSError as error:
-            raise BusError(f"{self.address.name} is gone: {error}") from error
+            raise self._gone(error) from error
         if not data:
             raise BusError(f"{self.address.name} is gone: the port was closed")
-        *lines, rest = (self._unread + data).replace(b"\a", b"\a\r").split(b"\r")
-        self._unread = rest if len(rest) <= 256 else b""
-        for line in lines:
-            if (frame := frame_of_line(line)) is not None:
-                yield frame
-            elif line.endswith(b"\a"):
-                # python-can opens a channel twice, which adapters refuse
-                if self._has_sent:
-                    yield ("dropped", 1)
-            elif line[:1] == b"s" and line[1:2] and line[1] in _STATES:
-                yield (_STATES[line[1]], 1)
-            elif line[:1] == b"e" and b"o" in line[1:]:
-                yield ("overrun", 1)
-            elif line[:1] in (b"t", b"T", b"d", b"D", b"b", b"B"):
-                # a frame that was cut: some bytes are lost
-                yield ("overrun", 1)
+        for heard in self._reader.take(data):
+            # python-can opens a channel twice, which adapters refuse
+            if self._has_sent or heard != ("dropped", 1):
+                yield heard
 
     def backlog(self) -> int:
         """A line that is written in part only."""
@@ -401,7 +367,7 @@ class SlcanAdapter(AnyAdapter):
                 self._write(self._unwritten)
                 self._write(b"C\r")
             # python-can's own way would wait for a port that takes no bytes
-            with contextlib.suppress(OSError, can.CanError):
+            with contextlib.suppress(Exception):
                 can.BusABC.shutdown(bus)
                 bus.serialPortOrig.close()
         finally:
@@ -420,36 +386,48 @@ _MEMORY = struct.Struct("=9I")
 _EXTENDED, _REMOTE, _ERROR, _NUMBER = 1 << 31, 1 << 30, 1 << 29, (1 << 29) - 1
 _SO_MEMINFO, _MSG_CONFIRM = 55, 0x800
 _MOST_WAITING = 4096
+_LONGEST_ECHO = 1.0
+_NAME, _FLAGS = struct.Struct("=16s24x"), struct.Struct("=16xH22x")
+_GET_FLAGS, _UP = 0x8913, 1
 
 
 class SocketcanAdapter(AnyAdapter):
     """A CAN interface of Linux, by the structures `can_frame` and `canfd_frame` on python-can's socket."""
 
     def _open(self) -> can.BusABC:
-        fd = self.address.data_bitrate is not None
-        bus = can.Bus(interface="socketcan", channel=self.address.channel, ignore_config=True, fd=fd, receive_own_messages=True)
+        fd, name = self.address.data_bitrate is not None, self.address.channel
+        bus = can.Bus(interface="socketcan", channel=name, ignore_config=True, fd=fd, receive_own_messages=True)
         self._socket: socket.socket = cast("Any", bus).socket
+        try:
+            (flags,) = _FLAGS.unpack(fcntl.ioctl(self._socket, _GET_FLAGS, _NAME.pack(name.encode())))
+            if not flags & _UP:
+                raise BusError(f"{self.address.name}: {name} is down; set its bit rate, then `ip link set {name} up`")
+        except BaseException:
+            bus.shutdown()
+            raise
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         self._waiting = self._lost = 0
+        self._echoed = 0.0
         return bus
 
-    def send(self, frames: Iterable[Frame]) -> int:
-        """Send frames in order; the number of those that found no room."""
-        dropped = 0
-        for frame in frames:
+    def send(self, frames: Sequence[Frame]) -> int:
+        """Send frames in order until one finds no room; the number of those that did not go."""
+        for sent, frame in enumerate(frames):
             number = frame.id | (_EXTENDED if frame.extended else 0)
             data = frame.data
             parts = (_FD, int(frame.bit_rate_switch)) if frame.fd else (_CLASSIC,)
             packed = parts[0].pack(number, len(data), *parts[1:], data)
             try:
                 self._socket.send(packed)
-                self._waiting = min(self._waiting + 1, _MOST_WAITING)
             except OSError as error:
-                if error.errno not in (errno.ENOBUFS, errno.EAGAIN, errno.ENETDOWN, errno.EINTR):
-                    raise BusError(f"{self.address.name} is gone: {error}") from error
-                dropped += 1
-        return dropped
+                if error.errno not in (errno.ENOBUFS, errno.EAGAIN, errno.EINTR):
+                    raise self._gone(error) from error
+                return len(frames) - sent
+            if self._waiting == 0:
+                self._echoed = time.monotonic()
+            self._waiting = min(self._waiting + 1, _MOST_WAITING)
+        return 0
 
     def receive(self) -> Iterator[Frame | Event]:
         """Frames and events that are already there."""
@@ -459,17 +437,18 @@ class SocketcanAdapter(AnyAdapter):
             except BlockingIOError:
                 break
             except OSError as error:
-                if error.errno == errno.ENETDOWN:
-                    yield ("bus_off", 1)
-                    return
-                raise BusError(f"{self.address.name} is gone: {error}") from error
+                raise self._gone(error) from error
             if flags & _MSG_CONFIRM:
-                self._waiting = max(self._waiting - 1, 0)
+                self._waiting, self._echoed = max(self._waiting - 1, 0), time.monotonic()
                 continue
             layout = _FD if len(packed) == _FD.size else _CLASSIC
             number, length, *switch, data = layout.unpack(packed)
             if number & _ERROR:
-                yield from events_of_error_frame(number & _NUMBER, data)
+                events = events_of_error_frame(number & _NUMBER, data)
+                if any(name in ("bus_off", "restarted") for name, _ in events):
+                    # the kernel has thrown away what waited, and no echo of it comes
+                    self._waiting = 0
+                yield from events
             elif not number & _REMOTE:
                 fd = bool(switch)
                 try:
@@ -489,5 +468,7 @@ class SocketcanAdapter(AnyAdapter):
             self._lost, self._waiting = lost, 0
 
     def backlog(self) -> int:
-        """Frames without their echo."""
+        """Frames without their echo; echoes that stay away for too long are not waited for."""
+        if self._waiting and time.monotonic() - self._echoed > _LONGEST_ECHO:
+            self._waiting = 0
         return self._waiting

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import can
 
 from sarrus.can.adapters import to_message
+from sarrus.can.aside import Aside
 from sarrus.can.telling import WrongFlags
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from sarrus._native import Frame
 
@@ -20,30 +21,53 @@ ENDINGS = (".blf", ".asc", ".log")
 """Formats by the ending of the file."""
 
 
+PATIENCE = 10.0
+"""Time to write what still waits when a recording ends `[s]`."""
+ROOM = 1 << 16
+"""Frames that may wait to be written."""
+
+
 class Recorder:
-    """A file of frames. In `.log` a bus has its name, in `.blf` and `.asc` its number in the configuration, from 1."""
+    """A file of frames. In `.log` a bus has its name, in `.blf` and `.asc` its number in the configuration, from 1.
+
+    A thread of its own writes; what a slow disk leaves no room for is lost and counted.
+    """
 
     def __init__(self, path: str, names: Sequence[str]) -> None:
         if Path(path).suffix not in ENDINGS:
             raise WrongFlags(f"{path}: the ending must be one of {', '.join(ENDINGS)}; other formats lose fields")
+        self._path = path
         self._writer: Any = can.Logger(path)
         self._channels: list[str | int] = list(names) if path.endswith(".log") else list(range(len(names)))
-        self.count = 0
+        self._aside: Aside[tuple[float, int, Frame, bool]] = Aside(self._write, ROOM)
+        self._is_ended = False
 
-    def write(self, bus: int, frame: Frame, *, received: bool) -> None:
-        """Add a frame with the present time."""
+    def put(self, bus: int, frame: Frame, *, received: bool) -> None:
+        """Add a frame with the present time; never waits."""
+        self._aside.put((time.time(), bus, frame, received))
+
+    @property
+    def summary(self) -> str:
+        """What was written."""
+        lost = f", {self._aside.lost} lost" if self._aside.lost else ""
+        error = f": {self._aside.error}" if self._aside.error else ""
+        return f"{self._aside.done} frame(s) in {self._path}{lost}{error}"
+
+    def _write(self, item: tuple[float, int, Frame, bool]) -> None:
+        stamp, bus, frame, received = item
         message = to_message(frame)
-        message.timestamp, message.channel, message.is_rx = time.time(), self._channels[bus], received
+        message.timestamp, message.channel, message.is_rx = stamp, self._channels[bus], received
         self._writer.on_message_received(message)
-        self.count += 1
 
     def __enter__(self) -> Recorder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._writer.stop()
+        self.end()
 
-
-def recorder(path: str) -> Callable[[list[str]], Recorder]:
-    """A recorder for buses whose names are known later."""
-    return lambda names: Recorder(path, names)
+    def end(self) -> None:
+        """Write what still waits, and close the file."""
+        if not self._is_ended:
+            self._is_ended = True
+            self._aside.end(PATIENCE)
+            self._writer.stop()

@@ -6,37 +6,57 @@ import contextlib
 import gc
 import os
 import resource
+import sys
+import threading
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from sarrus._native import Bridge, Configuration, Frame, Service, Telemetry
-from sarrus.can.adapters import Adapter, Address, BusError, open_bus
-from sarrus.can.leaving import Parent, at_the_end, signals
+from sarrus.can.adapters import Adapter, Address, BusError, close_all, open_bus
+from sarrus.can.aside import start, voice
+from sarrus.can.leaving import Ending, at_the_end, ending
+from sarrus.can.record import Recorder
 from sarrus.can.telling import say
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from sarrus.can.record import Recorder
-
 LAST_WORDS = 5
 """How often the disable frames are sent on the way out: some may be lost."""
 PAUSE = 0.005
 """Time between two of them `[s]`."""
+REOPEN = 0.5
+"""Time between two tries to open a bus that is gone `[s]`."""
+GIVE_WAY = 1e-4
+"""Time after which another thread gives way to the cycle `[s]`."""
 
 
 class Front:
-    """A bridge and its buses."""
+    """A bridge and its buses. A bus that goes away is off, and is opened again when it is back."""
 
-    def __init__(self, bridge: Bridge, adapters: Sequence[Adapter | None], *, dry_run: bool = False) -> None:
+    def __init__(
+        self,
+        bridge: Bridge,
+        adapters: Sequence[Adapter],
+        say: Callable[[str], None],
+        *,
+        dry_run: bool = False,
+    ) -> None:
         self.bridge = bridge
-        self.adapters = list(adapters)
+        self.adapters: list[Adapter | None] = list(adapters)
+        self.names = [adapter.address.name for adapter in adapters]
         self.dry_run = dry_run
         self.recorder: Recorder | None = None
+        self._say = say
         self._backlogs = [0] * len(self.adapters)
+        # buses that were opened again, by the threads that did it
+        self._back: deque[tuple[int, Adapter]] = deque()
+        self._closed = threading.Event()
 
     def receive(self) -> None:
         """Give the bridge what came on the buses."""
+        self._take_back()
         receive, recorder = self.bridge.receive, self.recorder
         for bus, adapter in enumerate(self.adapters):
             if adapter is None:
@@ -47,26 +67,27 @@ class Front:
                     if isinstance(heard, Frame):
                         receive(now, bus, heard)
                         if recorder is not None:
-                            recorder.write(bus, heard, received=True)
+                            recorder.put(bus, heard, received=True)
                     else:
                         self.bridge.bus_event(now, bus, *heard)
             except BusError as error:
-                self._lose(bus, error)
+                self._lose(bus, adapter, error)
 
     def send(self) -> None:
         """Send the bridge's frames; what finds no room is dropped, since the next cycle knows better."""
         for bus, adapter in enumerate(self.adapters):
             frames = self.bridge.frames(bus)
-            if self.recorder is not None:
-                for frame in frames:
-                    self.recorder.write(bus, frame, received=False)
             dropped = len(frames)
-            if adapter is not None and not self.dry_run:
+            if self.dry_run:
+                self._record(bus, frames)
+            elif adapter is not None:
                 try:
-                    dropped, backlog = adapter.send(frames), adapter.backlog()
+                    # what still waits now is of an earlier cycle
+                    backlog, dropped = adapter.backlog(), adapter.send(frames)
                 except BusError as error:
-                    self._lose(bus, error)
+                    self._lose(bus, adapter, error)
                 else:
+                    self._record(bus, frames[: len(frames) - dropped])
                     if backlog != self._backlogs[bus]:
                         self._backlogs[bus] = backlog
                         self.bridge.bus_event(time.monotonic_ns(), bus, "backlog", backlog)
@@ -76,31 +97,66 @@ class Front:
     def disable(self) -> None:
         """Take the power from every motor, over every bus that still takes frames."""
         self.bridge.shutdown()
+        with contextlib.suppress(Exception):
+            self._take_back()
+        untold = {bus for bus in range(len(self.adapters)) if self.bridge.frames(bus) and not self.dry_run}
         for _ in range(LAST_WORDS):
             for bus, adapter in enumerate(self.adapters):
                 if adapter is not None and not self.dry_run:
-                    with contextlib.suppress(BusError):
-                        adapter.send(self.bridge.frames(bus))
+                    # whatever is wrong with this bus now, the others and the next round are tried
+                    with contextlib.suppress(Exception):
+                        frames = self.bridge.frames(bus)
+                        dropped = adapter.send(frames)
+                        self._record(bus, frames[: len(frames) - dropped])
+                        if dropped == 0:
+                            untold.discard(bus)
             time.sleep(PAUSE)
+        for bus in sorted(untold):
+            self._say(f"{self.names[bus]}: the frames that take the power found no way; the motors' own watchdogs are left")
 
     def close(self) -> None:
         """Give the buses back."""
-        for adapter in self.adapters:
-            if adapter is not None:
-                adapter.close()
+        self._closed.set()
+        close_all(adapter for adapter in self.adapters if adapter is not None)
+        close_all(adapter for _, adapter in self._back)
 
-    def _lose(self, bus: int, error: BusError) -> None:
+    def _record(self, bus: int, frames: Sequence[Frame]) -> None:
+        if self.recorder is not None:
+            for frame in frames:
+                self.recorder.put(bus, frame, received=False)
+
+    def _lose(self, bus: int, adapter: Adapter, error: BusError) -> None:
         """A bus that is gone is off; its mechanisms stop, the others go on."""
-        say(f"sarrus.can: {error}; start again to use it")
         self.bridge.bus_event(time.monotonic_ns(), bus, "bus_off", 1)
-        if (adapter := self.adapters[bus]) is not None:
-            adapter.close()
-            self.adapters[bus] = None
+        self.adapters[bus], self._backlogs[bus] = None, 0
+        start(lambda: self._reopen(bus, adapter))
+        self._say(str(error))
 
-    @property
-    def is_alone(self) -> bool:
-        """Whether no bus is left."""
-        return all(adapter is None for adapter in self.adapters)
+    def _reopen(self, bus: int, adapter: Adapter) -> None:
+        """Try to open a bus that is gone until it is back: in a thread of its own, since it may take long."""
+        close_all([adapter])
+        said = ""
+        while not self._closed.wait(REOPEN):
+            try:
+                adapter = open_bus(adapter.address)
+            except Exception as error:
+                if said != (said := str(error)):
+                    self._say(said)
+                # errors hold cycles of references, and nobody else collects them
+                gc.collect()
+                continue
+            if self._closed.is_set():
+                close_all([adapter])
+            else:
+                self._back.append((bus, adapter))
+            return
+
+    def _take_back(self) -> None:
+        while self._back:
+            bus, adapter = self._back.popleft()
+            self.adapters[bus] = adapter
+            self.bridge.bus_event(time.monotonic_ns(), bus, "restarted", 1)
+            self._say(f"{adapter.address.name}: open again")
 
 
 def open_all(buses: Iterable[dict[str, Any]], address: Callable[[dict[str, Any]], Address]) -> list[Adapter]:
@@ -109,8 +165,7 @@ def open_all(buses: Iterable[dict[str, Any]], address: Callable[[dict[str, Any]]
     try:
         adapters.extend(open_bus(address(bus)) for bus in buses)
     except BaseException:
-        for adapter in adapters:
-            adapter.close()
+        close_all(adapters)
         raise
     return adapters
 
@@ -142,33 +197,52 @@ def run(
     seconds: float | None = None,
     dry_run: bool = False,
     wants_realtime: bool = True,
-    recorder: Callable[[list[str]], Recorder] | None = None,
+    record: str | None = None,
+    log: str | None = None,
 ) -> int:
-    """Run the bridge of a configuration until a signal, its parent's end, or for some seconds; its exit code."""
+    """Run the bridge of a configuration until a signal, its parent's end, or for some seconds; its exit code.
+
+    `record` is a file for all frames, `log` one for everything that the bridge is given, which `replay` reads.
+    """
     for warning in configuration.warnings:
         say(f"sarrus.can: warning: {warning}")
     period, fingerprint, buses = configuration.period_ns, configuration.fingerprint, configuration.buses
-    parent = Parent()
+    # what has nothing to do with power comes last: of these the last one entered is left first
     with contextlib.ExitStack() as stack:
-        noted = stack.enter_context(signals())
-        adapters = open_all(buses, address)
-        front = Front(Bridge(configuration), adapters, dry_run=dry_run)
+        told = stack.enter_context(ending())
+        aside = voice()
+        stack.callback(aside.end, 1.0)
+        bridge = Bridge(configuration)
+        front = Front(bridge, open_all(buses, address), aside.put, dry_run=dry_run)
         stack.callback(front.close)
-        if recorder is not None:
-            front.recorder = stack.enter_context(recorder([bus["name"] for bus in buses]))
+        # a bus that cannot be opened leaves an earlier recording as it is
+        if record is not None:
+            front.recorder = stack.enter_context(Recorder(record, [bus["name"] for bus in buses]))
         service = Service(name)
         stack.callback(service.close)
-        # registered last, so that it comes first
-        stack.enter_context(at_the_end(front.disable))
+        if log is not None:
+            bridge.begin_log(log)
+            stack.callback(bridge.end_log)
+        # threads that write and open give way to the cycle soon
+        sys.setswitchinterval(GIVE_WAY)
         if wants_realtime:
             for line in realtime():
-                say(f"sarrus.can: {line}")
+                aside.put(line)
         # the loop makes no cycles of references, and a collection takes longer than a cycle of the bridge
         gc.collect()
         gc.freeze()
         gc.disable()
-        say(f"ready {name} {fingerprint:016x}", out=True)
-        return _loop(front, service, period, noted, parent, seconds)
+        with at_the_end(front.disable):
+            say(f"ready {name} {fingerprint:016x}", out=True)
+            report = _loop(front, service, period, told, seconds)
+        aside.put(report())
+        if (logged := bridge.end_log()) is not None:
+            lines, lost = logged
+            aside.put(f"{lines} line(s) in {log}" + (f", {lost} lost: it cannot be replayed" if lost else ""))
+        if front.recorder is not None:
+            front.recorder.end()
+            aside.put(front.recorder.summary)
+    return 0
 
 
 def in_words(times: dict[str, int]) -> str:
@@ -177,23 +251,17 @@ def in_words(times: dict[str, int]) -> str:
     return f"p50 {p50}, p99 {p99}, p99.9 {p999}, longest {longest}"
 
 
-def _loop(front: Front, service: Service, period: int, noted: list[int], parent: Parent, seconds: float | None) -> int:
+def _loop(front: Front, service: Service, period: int, told: Ending, seconds: float | None) -> Callable[[], str]:
+    """Cycle until the end; gives what makes the report, which takes time that motors under power do not have."""
     missed = 0
     begin = deadline = time.monotonic_ns()
     telemetry = Telemetry(front.bridge, begin)
     end = None if seconds is None else begin + int(seconds * 1e9)
-    why = "the time is over"
+    why = ""
     while end is None or deadline < end:
         if (left := deadline - time.monotonic_ns()) > 0:
             time.sleep(left * 1e-9)
-        if noted:
-            why = f"signal {noted[0]}"
-            break
-        if parent.is_gone():
-            why = "the parent is gone"
-            break
-        if front.is_alone:
-            why = "no bus is left"
+        if why := told.why:
             break
         now = time.monotonic_ns()
         front.receive()
@@ -210,7 +278,10 @@ def _loop(front: Front, service: Service, period: int, noted: list[int], parent:
             skipped = (done - deadline) // period + 1
             missed += skipped
             deadline += skipped * period
-    times = telemetry.times(front.bridge)
-    told = "; ".join(f"{name} {in_words(times[name])}" for name in ("wake", "work"))
-    say(f"sarrus.can: {why}; {times['work']['count']} cycles, {missed} missed; {told}")
-    return 1 if front.is_alone else 0
+
+    def report() -> str:
+        times = telemetry.times(front.bridge)
+        all_of_them = "; ".join(f"{name} {in_words(times[name])}" for name in ("wake", "work"))
+        return f"{why or 'the time is over'}; {times['work']['count']} cycles, {missed} missed; {all_of_them}"
+
+    return report
