@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import difflib
 import logging
 import math
 import sys
@@ -19,15 +20,15 @@ from typing import TYPE_CHECKING, Any
 from sarrus import __version__
 from sarrus._native import Configuration, Frame
 from sarrus.can import bench as motors
-from sarrus.can.adapters import Address, BusError
-from sarrus.can.leaving import Leave, interrupted, signals
-from sarrus.can.record import Recorder, recorder
-from sarrus.can.replay import replay
+from sarrus.can.adapters import Address, BusError, close_all
+from sarrus.can.leaving import Leave, ending
+from sarrus.can.record import Recorder
+from sarrus.can.replay import BadLine, replay
 from sarrus.can.run import open_all, run
 from sarrus.can.telling import WrongFlags, hush, say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 HAZARD = (
     "{actuator} gets power and moves by {distance:g} (rad or m) and back within {seconds:g} s.\n"
@@ -45,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return code
-    except (motors.Failed, ValueError) as error:
+    except (motors.Failed, BadLine, ValueError) as error:
         return tell(error, 1)
     except BrokenPipeError:
         # whoever read the results has seen enough of them
@@ -80,10 +81,11 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--yes", action="store_true", help="do not ask: somebody has looked after safety")
 
     command = commands.add_parser("run", parents=[where], help="run the bridge until SIGINT, SIGTERM or the end of its parent")
-    command.add_argument("--name", default="bridge", help="name under which controllers find it")
+    command.add_argument("--name", default="default", help="name under which controllers find it")
     command.add_argument("--seconds", type=positive, help="end after this time")
     command.add_argument("--dry-run", action="store_true", help="send nothing")
     command.add_argument("--record", metavar="FILE", help="record all frames: .blf, .asc or .log")
+    command.add_argument("--log", metavar="FILE", help="log everything that the bridge is given, as JSON lines for `replay`")
     command.add_argument("--no-realtime", action="store_true", help="ask the system for no priority and no locked memory")
     command.set_defaults(command=run_bridge)
 
@@ -161,17 +163,22 @@ def addresses(options: argparse.Namespace, configuration: Configuration) -> Call
         if not is_named and len(names) == 1:
             name, channel = names[0], text
         if name not in names or not channel:
-            raise WrongFlags(f"--channel `{text}`, expected BUS=CHANNEL with one of the buses {', '.join(names)}")
+            near = [] if name in names else difflib.get_close_matches(name, names, 1)
+            hint = f"; did you mean `{near[0]}`?" if near else ""
+            raise WrongFlags(f"--channel `{text}`, expected BUS=CHANNEL with one of the buses {', '.join(names)}{hint}")
         if name in channels:
             raise WrongFlags(f"--channel `{text}`: {name} has the channel `{channels[name]}` already, expected one for each bus")
         channels[name] = channel
     return lambda bus: Address.of(bus, options.interface, channels.get(bus["name"]))
 
 
-def opened(options: argparse.Namespace) -> motors.Bench:
-    """The buses of the motors that are meant."""
+@contextlib.contextmanager
+def opened(options: argparse.Namespace) -> Iterator[motors.Bench]:
+    """The buses of the motors that are meant, until somebody asks for the end."""
     configuration = Configuration.load(options.config)
-    return motors.Bench(configuration, addresses(options, configuration), options.motor)
+    address = addresses(options, configuration)
+    with ending(patient=False) as told, motors.Bench(configuration, address, told, options.motor) as bench:
+        yield bench
 
 
 def table(rows: list[list[str]]) -> None:
@@ -191,7 +198,8 @@ def run_bridge(options: argparse.Namespace) -> int:
         seconds=options.seconds,
         dry_run=options.dry_run,
         wants_realtime=not options.no_realtime,
-        recorder=recorder(options.record) if options.record else None,
+        record=options.record,
+        log=options.log,
     )
 
 
@@ -201,39 +209,37 @@ def record(options: argparse.Namespace) -> int:
     buses, address = configuration.buses, addresses(options, configuration)
     end = math.inf if options.seconds is None else time.monotonic() + options.seconds
     with contextlib.ExitStack() as stack:
-        noted = stack.enter_context(signals())
+        told = stack.enter_context(ending())
         adapters = open_all(buses, lambda bus: replace(address(bus), listen_only=True))
-        for adapter in adapters:
-            stack.callback(adapter.close)
+        stack.callback(close_all, adapters)
         # a bus that cannot be opened leaves an earlier recording as it is
         file = stack.enter_context(Recorder(options.out, [bus["name"] for bus in buses]))
         say("ready", out=True)
-        while not noted and time.monotonic() < end:
+        while not told and time.monotonic() < end:
             for bus, adapter in enumerate(adapters):
                 for heard in adapter.receive():
                     if isinstance(heard, Frame):
-                        file.write(bus, heard, received=True)
+                        file.put(bus, heard, received=True)
             time.sleep(0.001)
-    say(f"{file.count} frame(s) in {options.out}")
+    say(file.summary)
     return 0
 
 
 def replay_log(options: argparse.Namespace) -> int:
     """Print the frames of a replay."""
     configuration = Configuration.load(options.config)
-    # bytes that are no UTF-8 are no JSON either, and so their line is told
-    with Path(options.log).open(encoding="utf-8", errors="replace") as lines:
+    with Path(options.log).open(encoding="utf-8") as lines:
         try:
-            for line in replay(configuration, lines):
+            for line in replay(configuration, options.log, lines):
                 print(line)
-        except ValueError as error:
-            raise ValueError(f"{options.log}: {error}") from error
+        except UnicodeDecodeError as error:
+            raise OSError(f"cannot read {options.log}: {error}; give the path of a text file") from error
     return 0
 
 
 def scan(options: argparse.Namespace) -> int:
     """Who answers, and who else talks."""
-    with interrupted(), opened(options) as bench:
+    with opened(options) as bench:
         rows, complete = motors.scan(bench, options.seconds)
         table(rows)
         for (bus, identifier), count in sorted(bench.unknown.items()):
@@ -243,7 +249,7 @@ def scan(options: argparse.Namespace) -> int:
 
 def read(options: argparse.Namespace) -> int:
     """Print everything that motors tell."""
-    with interrupted(), opened(options) as bench:
+    with opened(options) as bench:
         rows, complete = motors.read(bench, options.seconds)
         table(rows)
     return 0 if complete else 1
@@ -251,7 +257,7 @@ def read(options: argparse.Namespace) -> int:
 
 def zero(options: argparse.Namespace) -> int:
     """Set a motor's zero, or find the offset for the zero that it has."""
-    with interrupted(), opened(options) as bench:
+    with opened(options) as bench:
         motor = bench.chosen[0]
         if options.at is None:
             motors.confirm(
@@ -266,7 +272,7 @@ def zero(options: argparse.Namespace) -> int:
 
 def direction(options: argparse.Namespace) -> int:
     """Move an actuator by a little."""
-    with interrupted(), opened(options) as bench:
+    with opened(options) as bench:
         hazard = HAZARD.format(actuator=options.motor, distance=options.distance, seconds=2 * options.seconds)
         motors.confirm(hazard, options.yes)
         result = motors.direction(bench, bench.chosen[0], options.distance, options.stiffness, options.damping, options.seconds)
