@@ -1,18 +1,18 @@
 //! One input log, the same bytes: the library in this process, and the replay of both fronts.
 
 use std::fmt::Write;
-use std::process::Command;
+use std::process::{Command, Output};
 
-use sarrus_can::bridge::{Bridge, BusEvent};
+use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
 use sarrus_can::config::Configuration;
-use sarrus_can::frame::FrameQueue;
+use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::motor::{Physics, Simulated};
 use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS, Operation};
 use sarrus_tests::python::environment;
 use sarrus_tests::seed::Seeded;
 use serde_json::json;
 
-use super::harness::{Stage, sarrus_can};
+use super::harness::{BUSES, Front, Process, Stage, sarrus_can, wait_for};
 
 const PERIOD_NS: u64 = 4_000_000;
 
@@ -54,6 +54,11 @@ impl Session {
     }
 
     fn command(&mut self) {
+        self.command_with(|_| {});
+    }
+
+    /// A command of random numbers, changed.
+    fn command_with(&mut self, change: impl FnOnce(&mut ActuatorCommand)) -> Verdict {
         self.sequence += 1;
         let n_u = self.configuration.actuators.len();
         let mut command = ActuatorCommand {
@@ -71,13 +76,47 @@ impl Session {
         random(&mut command.effort, -100.0, 100.0);
         random(&mut command.stiffness, 0.0, 100.0);
         random(&mut command.damping, 0.0, 10.0);
+        change(&mut command);
+        // a number that is none becomes null
         let of = |numbers: &[f64; MAX_ACTUATORS]| numbers[..n_u].to_vec();
-        let line = json!({"t": self.now_ns, "command": {
+        let mut line = json!({"t": self.now_ns, "command": {
             "sequence": command.sequence, "stamp_ns": command.stamp_ns, "position": of(&command.position), "velocity": of(&command.velocity),
             "effort": of(&command.effort), "stiffness": of(&command.stiffness), "damping": of(&command.damping),
         }});
+        // what is the configuration's need not be said
+        if command.fingerprint != self.configuration.fingerprint {
+            line["command"]["fingerprint"] = command.fingerprint.into();
+        }
+        if command.n_u != n_u as u64 {
+            line["command"]["n_u"] = command.n_u.into();
+        }
         writeln!(self.log, "{line}").unwrap();
-        self.bridge.command(self.now_ns, &command);
+        self.bridge.command(self.now_ns, &command)
+    }
+
+    /// Commands that are refused.
+    fn bad_commands(&mut self) {
+        let (now_ns, sequence) = (self.now_ns, self.sequence);
+        assert_eq!(self.command_with(|command| command.position[3] = f64::NAN), Verdict::NotFinite);
+        assert_eq!(self.command_with(|command| command.effort[0] = f64::INFINITY), Verdict::NotFinite);
+        assert_eq!(self.command_with(|command| command.stiffness[1] = -1.0), Verdict::Negative);
+        assert_eq!(self.command_with(|command| command.sequence = sequence), Verdict::Old);
+        assert_eq!(self.command_with(|command| command.stamp_ns -= 1_000_000_000), Verdict::Old);
+        assert_eq!(self.command_with(|command| command.stamp_ns = now_ns + 10_000_000_000), Verdict::Ahead);
+        assert_eq!(self.command_with(|command| command.fingerprint ^= 1), Verdict::WrongModel);
+        assert_eq!(self.command_with(|command| command.n_u -= 1), Verdict::WrongSize);
+    }
+
+    /// Frames that no motor sends: cut short, too long for what they say, of others.
+    fn bad_frames(&mut self) {
+        let before = *self.bridge.bus_counters(0).unwrap().1;
+        for text in ["101#", "101#11", "101#FFFFFFFFFFFFFF", "102##1FFFFFFFFFFFFFFFF", "00000101#0102030405060708", "7AB#00", "1ABCDEF0#"] {
+            let bus = &self.configuration.buses[0].name;
+            writeln!(self.log, "{}", json!({"t": self.now_ns, "frame": text, "bus": bus})).unwrap();
+            self.bridge.receive(self.now_ns, 0, &Frame::from_text(text).unwrap());
+        }
+        let after = self.bridge.bus_counters(0).unwrap().1;
+        assert!(after.malformed > before.malformed && after.unknown > before.unknown);
     }
 
     /// A cycle, and what the motors answer before the next one.
@@ -122,6 +161,9 @@ impl Session {
         self.cycles(200, true);
         assert!((0..self.configuration.buses.len()).all(|bus| !self.bridge.frames(bus).is_empty()));
         assert_eq!(self.bridge.state().standing, 2, "the session is not enabled: {:?}", self.bridge.state().reason);
+        self.bad_commands();
+        self.bad_frames();
+        self.cycles(5, true);
         self.event(0, "dropped", BusEvent::Dropped(3), 3);
         self.event(0, "backlog", BusEvent::Backlog(2), 2);
         self.cycles(5, true);
@@ -170,22 +212,100 @@ fn both_fronts_give_the_bytes_of_the_library_for_one_log() {
 }
 
 #[test]
-fn a_log_that_is_none_is_told_with_its_line() {
+fn a_line_that_is_none_is_told_by_both_fronts_in_the_same_words() {
     let stage = Stage::new();
     let log = stage.folder.join("log.jsonl");
+    let path = log.to_str().unwrap();
     for (line, word) in [
-        ("[]", ""),
-        ("{", ""),
-        (r#"{"t": 1}"#, "neither"),
-        (r#"{"t": 1, "frame": "1#", "bus": "left"}"#, "123#0011"),
+        ("[]", "no time"),
+        ("{", "not JSON"),
+        (r#"{"t": 1}"#, "says nothing"),
+        (r#"{"t": -1, "cycle": true}"#, "no time"),
+        (r#"{"t": 1.5, "cycle": true}"#, "no time"),
+        (r#"{"t": Infinity, "cycle": true}"#, "not JSON"),
+        (r#"{"t": 18446744073709551616, "cycle": true}"#, "no time"),
+        (r#"{"t": 1, "frame": "1#", "bus": "left"}"#, "frame"),
+        (r#"{"t": 1, "frame": "+12#00", "bus": "left"}"#, "frame"),
+        (r#"{"t": 1, "frame": 5, "bus": "left"}"#, "frame"),
         (r#"{"t": 1, "frame": "123#00", "bus": "none"}"#, "none"),
-        (r#"{"t": 1, "operate": "dance"}"#, "dance"),
-        (r#"{"t": 1, "event": "rain", "bus": "left"}"#, "rain"),
+        (r#"{"t": 1, "frame": "123#00"}"#, "no bus"),
+        (r#"{"t": 1, "operate": "dance"}"#, "no such operation"),
+        (r#"{"t": 1, "event": "rain", "bus": "left"}"#, "no such event"),
+        (r#"{"t": 1, "event": "dropped", "count": -1, "bus": "left"}"#, "`count`"),
+        (r#"{"t": 1, "event": "dropped", "count": 4294967296, "bus": "left"}"#, "`count`"),
+        (r#"{"t": 1, "command": {"sequence": 1, "position": [NaN]}}"#, "not JSON"),
+        (r#"{"t": 1, "command": {"sequence": 1, "position": ["1"]}}"#, "`position`"),
+        (r#"{"t": 1, "command": {"sequence": 1, "position": 1}}"#, "`position`"),
+        (r#"{"t": 1, "command": {"sequence": -1}}"#, "`sequence`"),
+        (r#"{"t": 1, "command": {"torque": [1]}}"#, "`torque`"),
+        (r#"{"t": 1, "command": null}"#, "no mapping"),
     ] {
-        std::fs::write(&log, format!("{}\n{line}\n", r#"{"t": 0, "cycle": true}"#)).unwrap();
-        let output = environment().can(&["replay", &stage.configuration, log.to_str().unwrap()]).output().unwrap();
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1), "{line}: {told}");
-        assert!(told.contains("line 2: ") && told.contains(word), "{line}: {told}");
+        std::fs::write(&log, format!("{}\n\n{line}\n", r#"{"t": 0, "cycle": true}"#)).unwrap();
+        let python = environment().can(&["replay", &stage.configuration, path]).output().unwrap();
+        let rust = Command::new(sarrus_can()).args(["replay", &stage.configuration, path]).output().unwrap();
+        let told = |output: &Output| String::from_utf8(output.stderr.clone()).unwrap();
+        assert_eq!((python.status.code(), rust.status.code()), (Some(1), Some(1)), "{line}: {}{}", told(&python), told(&rust));
+        let rust = told(&rust);
+        assert!(rust.starts_with(&format!("{path}:3:1: ")) && rust.contains(word), "{line}: {rust}");
+        assert_eq!(told(&python), format!("sarrus.can: {rust}"), "{line}");
+    }
+    // lists that are not given are zeros
+    let line = r#"{"t": 1, "command": {"sequence": 1, "stamp_ns": 1}}"#;
+    std::fs::write(&log, format!("{line}\n{}\n", r#"{"t": 2, "cycle": true}"#)).unwrap();
+    let mut program = Command::new(sarrus_can());
+    program.args(["replay", &stage.configuration, path]);
+    let frames = replay(program);
+    assert!(!frames.is_empty());
+    assert_eq!(replay(environment().can(&["replay", &stage.configuration, path])), frames);
+    // what is no text cannot be read
+    std::fs::write(&log, b"\xFF\xFE\n").unwrap();
+    let python = environment().can(&["replay", &stage.configuration, path]).output().unwrap();
+    let rust = Command::new(sarrus_can()).args(["replay", &stage.configuration, path]).output().unwrap();
+    assert_eq!((python.status.code(), rust.status.code()), (Some(2), Some(2)));
+}
+
+#[test]
+fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
+    let stage = Stage::new();
+    let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
+    let (log, recording) = (stage.folder.join("run.jsonl"), stage.folder.join("run.log"));
+    let (log, recording) = (log.to_str().unwrap(), recording.to_str().unwrap());
+    let mut command = stage.bridge_command(Front::Python);
+    command.args(["--log", log, "--record", recording]);
+    let mut bridge = Process::start("bridge", command);
+    assert!(bridge.line().starts_with("ready "));
+    let mut controller = stage.controller();
+    let mut powered = |wanted: bool| {
+        wait_for("power", || motors.iter_mut().flat_map(Process::report).all(|motor| motor["power"] == wanted).then_some(()));
+    };
+    controller.tell("arm");
+    powered(true);
+    controller.tell("nan 3");
+    powered(false);
+    controller.tell("good");
+    controller.tell("arm");
+    powered(true);
+    controller.tell("disarm");
+    powered(false);
+    bridge.signal("-INT");
+    assert_eq!(bridge.end().code(), Some(0));
+
+    let mut program = Command::new(sarrus_can());
+    program.args(["replay", &stage.configuration, log]);
+    let replayed = replay(program);
+    assert!(replay(environment().can(&["replay", &stage.configuration, log])) == replayed, "the fronts differ");
+    let sent = std::fs::read_to_string(recording).unwrap();
+    for (bus, actuators) in BUSES {
+        // `(time) bus frame`, and in a recording whether it came or went
+        let of_bus = |line: &str| line.split(' ').skip(1).map(str::to_owned).collect::<Vec<_>>();
+        let frames = |text: &str, goes: bool| -> Vec<String> {
+            let lines = text.lines().map(of_bus).filter(|line| line[0] == bus);
+            lines.filter(|line| line.get(2).is_none_or(|way| (way == "T") == goes)).map(|mut line| line.swap_remove(1)).collect()
+        };
+        let (replayed, sent) = (frames(&replayed, true), frames(&sent, true));
+        assert!(replayed.len() > 100 * actuators.len(), "{bus}: {} frames", replayed.len());
+        assert_eq!(sent[..replayed.len()], replayed[..], "{bus}");
+        // only the last words come after the last cycle
+        assert!(sent.len() > replayed.len() && sent[replayed.len()..].iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")), "{bus}");
     }
 }

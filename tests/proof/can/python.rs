@@ -1,8 +1,13 @@
 //! The Python package by its own tests, and what it says of itself.
 
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
 use sarrus_tests::python::environment;
 
-use super::harness::Stage;
+use super::harness::{BUSES, Front, Process, Stage, wait_for};
 
 #[test]
 fn the_package_loads_and_has_the_protocols_of_the_core() {
@@ -69,4 +74,76 @@ fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
     assert_eq!(code, Some(2), "{err}");
     let missing = environment().can(&["run", "/nothing/robot.yml"]).output().unwrap();
     assert_eq!(missing.status.code(), Some(2));
+}
+
+#[test]
+fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
+    let stage = Stage::new();
+    let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
+    let _bridge = stage.bridge(Front::Python);
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../client/python/README.md")).unwrap();
+    let script = readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let script = script.replace("Controller()", "Controller(\"rehearsal\")");
+    let _controller = Process::start("controller", stage.at_home(environment().command(&["-c", &script])));
+    let mut all = |wanted: &dyn Fn(&Value) -> bool| motors.iter_mut().flat_map(Process::report).all(|motor| wanted(&motor));
+    wait_for("power", || all(&|motor| motor["power"] == true).then_some(()));
+    let end = Instant::now() + Duration::from_secs(1);
+    while Instant::now() < end {
+        assert!(all(&|motor| motor["power"] == true && motor["actuator_position"].as_f64().is_some_and(|position| position.abs() < 1e-3)));
+    }
+}
+
+/// Moves the elbow there and back for this time, without asking.
+fn direction(stage: &Stage, seconds: &str) -> Command {
+    let mut command = environment().can(&["direction", &stage.configuration, "ALElbowAct", "--distance", "0.01", "--stiffness", "20000"]);
+    command.args(["--damping", "2500", "--yes", "--seconds", seconds]);
+    command
+}
+
+/// The elbow among the motors of its bus.
+fn elbow(motors: &mut Process) -> Value {
+    motors.report().remove(3)
+}
+
+#[test]
+fn a_motor_is_not_moved_before_its_own_watchdog_is_known_to_be_on() {
+    let stage = Stage::new();
+    // its protocol cannot read the watchdog
+    let text = std::fs::read_to_string(&stage.configuration).unwrap().replace("variant: damiao", "variant: mini_cheetah");
+    std::fs::write(&stage.configuration, &text).unwrap();
+    let motors = stage.motors("left");
+    let output = direction(&stage, "0.2").output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("ALElbowAct gets no power: watchdog_unknown"), "{told}");
+    assert!(motors.said().iter().all(|event| event["event"] != "power"));
+    // its owner set it by other means and says so
+    std::fs::write(&stage.configuration, text.replace("  damping: 1\n", "  damping: 1\n  watchdog: believed\n")).unwrap();
+    let output = direction(&stage, "0.2").output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert!(motors.said().iter().any(|event| event["event"] == "power" && event["value"] == true));
+}
+
+#[test]
+fn a_motor_that_is_moved_loses_its_power_on_every_way_out() {
+    let stage = Stage::new();
+    let mut motors = stage.motors("left");
+    for signals in [&["-INT"][..], &["-QUIT"], &["-TSTP"], &["-INT", "-TERM", "-HUP"]] {
+        let mut moving = Process::start("direction", direction(&stage, "30"));
+        wait_for("power", || (elbow(&mut motors)["power"] == true).then_some(()));
+        signals.iter().for_each(|signal| moving.signal(signal));
+        assert_eq!(moving.end().code(), Some(1), "{signals:?}");
+        let elbow = elbow(&mut motors);
+        assert!(elbow["power"] == false && elbow["tripped"] == false, "{signals:?}: {elbow}");
+    }
+    // the end of its parent
+    let inner = direction(&stage, "30");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "\"$@\" & wait", "sh"]).arg(inner.get_program()).args(inner.get_args());
+    shell.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let shell = Process::start("shell", shell);
+    wait_for("power", || (elbow(&mut motors)["power"] == true).then_some(()));
+    shell.signal("-KILL");
+    let elbow = wait_for("no power", || Some(elbow(&mut motors)).filter(|elbow| elbow["power"] == false));
+    assert_eq!(elbow["tripped"], false, "{elbow}");
 }

@@ -216,7 +216,7 @@ fn motors_go_safe_by_themselves_when_the_bridge_is_stopped_or_killed() {
 #[test]
 fn the_bridge_takes_the_power_on_every_way_out() {
     for front in FRONTS {
-        for signal in ["-INT", "-TERM", "-HUP"] {
+        for signal in ["-INT", "-TERM", "-HUP", "-QUIT", "-TSTP"] {
             let mut rehearsal = Rehearsal::armed(front);
             rehearsal.bridge.signal(signal);
             assert_eq!(rehearsal.bridge.end().code(), Some(0), "{front:?} {signal}");

@@ -8,9 +8,10 @@ use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use sarrus_tests::python::environment;
 use serde_json::Value;
 
-use super::harness::{Stage, sarrus_can};
+use super::harness::{FRONTS, Front, Stage, sarrus_can};
 
 /// Completes the state of a processor for a kernel that is older than it.
 const WHOLE_STATE: &str = include_str!("whole_state.c");
@@ -23,12 +24,14 @@ const MIT: &str = "offset: 0, limits: {effort: 10, velocity: 5}, watchdog_ms: WA
     variant: robstride, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, \
     damping_range: 5}";
 const MOTEUS: &str = "offset: 0, limits: {effort: 1, velocity: 5}, watchdog_ms: 1000, drive: {protocol: moteus, id: 1}";
+/// What is done with a bridge on a bus that goes away.
+const BRIDGE: &str = include_str!("bridge.sh");
 /// What a RobStride takes its power away for.
 const DISABLE: &str = "003#FFFFFFFFFFFFFFFD";
 
 #[test]
 fn frames_states_and_full_queues_of_a_real_kernel() {
-    let Some(said) = boot(include_str!("frames.sh")) else { return };
+    let Some(said) = boot(Front::Rust, include_str!("frames.sh")) else { return };
     let step = |name: &str| step(&said, name);
 
     // classic and FD frames pass, in both directions
@@ -54,57 +57,82 @@ fn frames_states_and_full_queues_of_a_real_kernel() {
 
 #[test]
 fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
-    let Some(said) = boot(include_str!("bridge.sh")) else { return };
-    let step = |name: &str| step(&said, name);
-    let has = |name: &str, expected: &str| assert!(step(name).contains(expected), "{name}, {expected}:\n{said}");
-    // what the motors last said in a step: all with power, or all without it since the bridge took it
-    let powers = |name: &str, power: bool| {
-        let report = reports(step(name)).pop().unwrap_or_else(|| panic!("no report in {name}:\n{said}"));
+    for front in FRONTS {
+        let Some(said) = boot(front, BRIDGE) else { return };
+        let said = Said(said);
+        // SIGTERM takes the power away
+        said.has("power", "enabled\ncode 0");
+        said.powers("power", true);
+        said.has("term", "code 0");
+        said.powers("term", false);
+        let Said(text) = &said;
+        assert!(reports(step(text, "term")).iter().all(|report| report["motors"][0]["tripped"] == false), "{front:?} {text}");
+        // down and up; removed and added; what error frames tell
+        for (gone, back, again) in [("down", "up", "reset"), ("removed", "removed", "added"), ("told", "told", "told")] {
+            said.refused(gone, "bus_off");
+            said.refused(back, "bus_off");
+            assert!(reports(step(text, back)).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{front:?} {back}:\n{text}");
+            said.has(again, "reset\nenabled\ncode 0");
+        }
+        said.powers("reset", true);
+        said.powers("added", true);
+        said.powers("up", false);
+        said.powers("told", false);
+        assert!(text.contains("step end"), "{front:?} {text}");
+    }
+}
+
+#[test]
+fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() {
+    // the functions of the other script, without its steps
+    let functions = BRIDGE.split("echo \"step").next().unwrap_or_default();
+    let Some(said) = boot(Front::Rust, &(functions.to_owned() + include_str!("rates.sh"))) else { return };
+    let said = Said(said);
+    // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or passive
+    said.has("rate", "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+    said.has("rate", "slcan0 has a bit rate of 500000 bit/s, expected 1000000");
+    said.has("rate", "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+    said.has("rate", "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1");
+    said.has("same", "enabled\ncode 0");
+    said.powers("same", true);
+    // the kernel's own bus-off, after which the motors' watchdogs are left
+    said.refused("off", "bus_off");
+    said.has("off", "slcan0 is bus-off");
+    said.has("off", "code 2");
+    said.refused("on", "bus_off");
+    let Said(text) = &said;
+    assert!(reports(step(text, "on")).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{text}");
+    said.has("on", "reset\nenabled\ncode 0");
+    said.powers("on", true);
+    said.has("last", "code 0");
+    said.powers("last", false);
+    assert!(text.contains("step end"), "{text}");
+}
+
+/// What a kernel said, by steps.
+struct Said(String);
+
+impl Said {
+    fn has(&self, name: &str, expected: &str) {
+        assert!(step(&self.0, name).contains(expected), "{name}, {expected}:\n{}", self.0);
+    }
+
+    fn refused(&self, name: &str, reason: &str) {
+        self.has(name, &format!("the bridge is fault: {reason}; 0 of "));
+        self.has(name, "actuators have power\ncode 1");
+    }
+
+    /// What the motors last said in a step: all with power, or all without it since the bridge took it.
+    fn powers(&self, name: &str, power: bool) {
+        let said = &self.0;
+        let report = reports(step(said, name)).pop().unwrap_or_else(|| panic!("no report in {name}:\n{said}"));
         for motor in report["motors"].as_array().unwrap() {
             assert_eq!(motor["power"], power, "{name}: {motor}\n{said}");
             assert_eq!(motor["setpoint"].is_object(), power, "{name}: {motor}\n{said}");
         }
         let heard = report["motors"][0]["frame"].as_str().unwrap();
         assert_eq!(heard == DISABLE, !power, "{name}: {heard}\n{said}");
-    };
-    let refused = |name: &str, reason: &str| {
-        has(name, &format!("the bridge is fault: {reason}; 0 of "));
-        has(name, "actuators have power\ncode 1");
-    };
-
-    // SIGTERM takes the power away
-    has("power", "enabled\ncode 0");
-    powers("power", true);
-    has("term", "code 0");
-    powers("term", false);
-    assert!(reports(step("term")).iter().all(|report| report["motors"][0]["tripped"] == false), "{said}");
-    // down and up; removed and added; what error frames tell
-    for (gone, back, again) in [("down", "up", "reset"), ("removed", "removed", "added"), ("told", "told", "told")] {
-        refused(gone, "bus_off");
-        refused(back, "bus_off");
-        assert!(reports(step(back)).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{back}:\n{said}");
-        has(again, "reset\nenabled\ncode 0");
-        powers(again, true);
     }
-    powers("up", false);
-    // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or passive
-    has("rate", "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
-    has("rate", "slcan0 has a bit rate of 500000 bit/s, expected 1000000");
-    has("rate", "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
-    has("rate", "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1");
-    has("same", "enabled\ncode 0");
-    powers("same", true);
-    // the kernel's own bus-off, after which the motors' watchdogs are left
-    refused("off", "bus_off");
-    has("off", "slcan0 is bus-off");
-    has("off", "code 2");
-    refused("on", "bus_off");
-    assert!(reports(step("on")).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{said}");
-    has("on", "reset\nenabled\ncode 0");
-    powers("on", true);
-    has("last", "code 0");
-    powers("last", false);
-    assert!(said.contains("step end"), "{said}");
 }
 
 /// What a step gave.
@@ -124,8 +152,16 @@ fn find(tool: &str) -> Option<std::path::PathBuf> {
     folders.map(|folder| folder.join(tool)).find(|path| path.exists())
 }
 
+/// A command as a shell takes it, with its environment.
+fn words(command: &Command) -> String {
+    let word = |text: &std::ffi::OsStr| format!("'{}'", text.to_string_lossy());
+    let set = command.get_envs().filter_map(|(name, value)| Some(format!("{}={}", name.to_string_lossy(), word(value?))));
+    let arguments = std::iter::once(command.get_program()).chain(command.get_args()).map(word);
+    std::iter::once("env".to_owned()).chain(set).chain(arguments).collect::<Vec<_>>().join(" ")
+}
+
 /// Boots a kernel, which runs a script and ends; all that it said. Nothing where it cannot be.
-fn boot(script: &str) -> Option<String> {
+fn boot(front: Front, script: &str) -> Option<String> {
     let missing: Vec<&str> = TOOLS.into_iter().filter(|tool| find(tool).is_none()).collect();
     if !missing.is_empty() {
         eprintln!("NOT RUN: the test of SocketCAN in a real kernel, for want of {}", missing.join(", "));
@@ -149,7 +185,11 @@ fn boot(script: &str) -> Option<String> {
     let program = |path: &std::path::Path| path.display().to_string();
     let init = format!("{START}{script}$B poweroff -f\n");
     let init = init.replace("BUSYBOX", &tool("busybox")).replace("IPROUTE", &tool("ip")).replace("PROGRAM", &program(sarrus_can()));
-    let init = init.replace("HOLD", &program(&sarrus_can().with_file_name("examples/hold")));
+    let bridging = match front {
+        Front::Rust => Command::new(sarrus_can()),
+        Front::Python => environment().can(&[]),
+    };
+    let init = init.replace("FRONT", &words(&bridging)).replace("HOLD", &program(&sarrus_can().with_file_name("examples/hold")));
     write("init", &init.replace("FOLDER", stage.folder.to_str().unwrap()));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(path("init"), executable).unwrap();
