@@ -1,7 +1,7 @@
 //! Motors from their own side: what they do with frames, and how their shafts turn. For tests and rehearsals.
 //!
 //! Everything here is written from the makers' manuals and not from the drives of [`crate::protocol`]: the two are a check of each other.
-//! No I/O and no clock; frames and times are arguments. To add a protocol: a file here, and its line in [`firmware`].
+//! No I/O and no clock; frames and times are arguments. To add a protocol: a file here, and its line in `firmware` below.
 
 mod body;
 mod cia402;
