@@ -167,7 +167,7 @@ impl Bridge {
         let operation = Operation::from_code(request.operation)?;
         if operation == Operation::Disarm {
             self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
-        } else if now_ns.saturating_sub(request.stamp_ns) > OPERATION_NS || request.stamp_ns <= self.disarmed_at {
+        } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS || request.stamp_ns <= self.disarmed_at {
             return None;
         }
         self.operate(now_ns, operation);

@@ -16,7 +16,7 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Args;
-use rustix::process::{Pid, getppid};
+use rustix::process::{Pid, Signal, getppid};
 use sarrus_can::bridge::Bridge;
 use sarrus_can::config::{Configuration, ConfigurationError};
 use sarrus_can::load;
@@ -24,7 +24,9 @@ use sarrus_can::telemetry::Telemetry;
 use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
-use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ};
+use signal_hook::consts::{
+    SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
+};
 
 use crate::bus::{Address, own};
 use crate::clock::now_ns;
@@ -33,7 +35,8 @@ use bus::BusThread;
 use rules::Rules;
 
 /// Signals that would end or stop this program: each is a clean end of it.
-const ENDS: [i32; 12] = [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGXCPU, SIGXFSZ];
+const ENDS: [i32; 13] =
+    [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGXCPU, SIGIO, Signal::POWER.as_raw()];
 
 /// Flags of `run`.
 #[derive(Args)]
@@ -80,6 +83,8 @@ impl Run {
         for signal in ENDS {
             signal_hook::flag::register(signal, stop.clone())?;
         }
+        // a log that may not grow any more: the write tells the same
+        signal_hook::flag::register(SIGXFSZ, Arc::default())?;
         let name = ServerName::new(&self.name)?;
         let domain = Domain::of_user()?;
         let node = domain.node::<Threadsafe>()?;
