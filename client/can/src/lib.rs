@@ -8,6 +8,7 @@ pub mod bridge;
 pub mod config;
 pub mod drive;
 pub mod frame;
+pub mod interface;
 pub mod load;
 pub mod log;
 pub mod mapping;

@@ -5,6 +5,7 @@ mod bridge;
 mod configuration;
 mod drives;
 mod frames;
+mod interface;
 mod log;
 mod protocols;
 mod service;
@@ -22,6 +23,8 @@ mod native {
     use crate::drives::PyDrives;
     #[pymodule_export]
     use crate::frames::PyFrame;
+    #[pymodule_export]
+    use crate::interface::{check_interface, interface_question};
     #[pymodule_export]
     use crate::protocols::protocols;
     #[pymodule_export]

@@ -61,6 +61,13 @@ fn decode(frame: &Frame) -> [f64; 6] {
 }
 
 #[test]
+fn a_watchdog_that_eight_bits_cannot_say_is_refused() {
+    let made = |watchdog_ms| try_drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms, ..COMMON }, "").map(|_| ());
+    assert_eq!(made(1270), Ok(()));
+    assert!(made(1271).unwrap_err().contains("at most 1270 with moteus"));
+}
+
+#[test]
 fn random_set_points_are_within_half_a_step() {
     let mut random = Random(9);
     let mut drive = enabled(Mode::Impedance);

@@ -86,27 +86,29 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
 fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() {
     // the functions of the other script, without its steps
     let functions = BRIDGE.split("echo \"step").next().unwrap_or_default();
-    let Some(said) = boot(Front::Rust, &(functions.to_owned() + include_str!("rates.sh"))) else { return };
-    let said = Said(said);
-    // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or passive
-    said.has("rate", "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
-    said.has("rate", "slcan0 has a bit rate of 500000 bit/s, expected 1000000");
-    said.has("rate", "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
-    said.has("rate", "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1");
-    said.has("same", "enabled\ncode 0");
-    said.powers("same", true);
-    // the kernel's own bus-off, after which the motors' watchdogs are left
-    said.refused("off", "bus_off");
-    said.has("off", "slcan0 is bus-off");
-    said.has("off", "code 2");
-    said.refused("on", "bus_off");
-    let Said(text) = &said;
-    assert!(reports(step(text, "on")).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{text}");
-    said.has("on", "reset\nenabled\ncode 0");
-    said.powers("on", true);
-    said.has("last", "code 0");
-    said.powers("last", false);
-    assert!(text.contains("step end"), "{text}");
+    for front in FRONTS {
+        let Some(said) = boot(front, &(functions.to_owned() + include_str!("rates.sh"))) else { return };
+        let said = Said(said);
+        // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or passive
+        said.has("rate", "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+        said.has("rate", "slcan0 has a bit rate of 500000 bit/s, expected 1000000");
+        said.has("rate", "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+        said.has("rate", "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1");
+        said.has("same", "enabled\ncode 0");
+        said.powers("same", true);
+        // the kernel's own bus-off, after which the motors' watchdogs are left
+        said.refused("off", "bus_off");
+        said.has("off", "slcan0 is bus-off");
+        said.has("off", "code 2");
+        said.refused("on", "bus_off");
+        let Said(text) = &said;
+        assert!(reports(step(text, "on")).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{text}");
+        said.has("on", "reset\nenabled\ncode 0");
+        said.powers("on", true);
+        said.has("last", "code 0");
+        said.powers("last", false);
+        assert!(text.contains("step end"), "{front:?} {text}");
+    }
 }
 
 /// What a kernel said, by steps.

@@ -107,10 +107,18 @@ struct Moteus {
     velocity: f64,
 }
 
+/// The longest watchdog that eight bits of hundredths of a second can say `[ms]`.
+const LONGEST_WATCHDOG_MS: u32 = 1270;
+
 fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
     if common.mode == Mode::Impedance && !(settings.has("kp") && settings.has("kd")) {
         let found = "the drive has not both of `kp` and `kd`";
         findings.error(settings.place("kp"), found, "the controller's own gains", "add servo.pid_position.kp and .kd");
+        return None;
+    }
+    if common.watchdog_ms > LONGEST_WATCHDOG_MS {
+        let found = format!("a watchdog of {} ms", common.watchdog_ms);
+        findings.error(settings.place("id"), found, format!("at most {LONGEST_WATCHDOG_MS} with moteus"), "make `watchdog_ms` shorter");
         return None;
     }
     Some(Box::new(Moteus {
@@ -119,7 +127,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         mode: common.mode,
         torque_limit: common.torque_limit,
         gains: [settings.number("kp"), settings.number("kd")],
-        watchdog_steps: common.watchdog_ms.div_ceil(10).min(127) as u8,
+        watchdog_steps: common.watchdog_ms.div_ceil(10) as u8,
         watchdog: Watchdog::Unknown,
         stage: Stage::Off,
         servo_mode: None,

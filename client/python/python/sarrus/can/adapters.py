@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import can
 
-from sarrus._native import Frame, SlcanReader, slcan_line
+from sarrus._native import Frame, SlcanReader, check_interface, interface_question, slcan_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -387,8 +387,6 @@ _EXTENDED, _REMOTE, _ERROR, _NUMBER = 1 << 31, 1 << 30, 1 << 29, (1 << 29) - 1
 _SO_MEMINFO, _MSG_CONFIRM = 55, 0x800
 _MOST_WAITING = 4096
 _LONGEST_ECHO = 1.0
-_NAME, _FLAGS = struct.Struct("=16s24x"), struct.Struct("=16xH22x")
-_GET_FLAGS, _UP = 0x8913, 1
 
 
 class SocketcanAdapter(AnyAdapter):
@@ -399,9 +397,7 @@ class SocketcanAdapter(AnyAdapter):
         bus = can.Bus(interface="socketcan", channel=name, ignore_config=True, fd=fd, receive_own_messages=True)
         self._socket: socket.socket = cast("Any", bus).socket
         try:
-            (flags,) = _FLAGS.unpack(fcntl.ioctl(self._socket, _GET_FLAGS, _NAME.pack(name.encode())))
-            if not flags & _UP:
-                raise BusError(f"{self.address.name}: {name} is down; set its bit rate, then `ip link set {name} up`")
+            self._news = self._look(name)
         except BaseException:
             bus.shutdown()
             raise
@@ -410,6 +406,20 @@ class SocketcanAdapter(AnyAdapter):
         self._waiting = self._lost = 0
         self._echoed = 0.0
         return bus
+
+    def _look(self, name: str) -> list[Event]:
+        """Ask the kernel for the interface, compare it with the configuration, and give what is to be told of its controller."""
+        try:
+            with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW) as route:
+                route.send(interface_question(name))
+                # the answer is there before the question's call is over
+                answer = route.recv(16384, socket.MSG_DONTWAIT)
+            # one that only listens takes any bit rate
+            bitrate = None if self.address.listen_only else self.address.bitrate
+            event = check_interface(answer, name, bitrate, self.address.data_bitrate)
+        except (OSError, ValueError) as error:
+            raise BusError(f"{self.address.name}: {error}") from error
+        return [] if event is None else [event]
 
     def send(self, frames: Sequence[Frame]) -> int:
         """Send frames in order until one finds no room; the number of those that did not go."""
@@ -431,6 +441,8 @@ class SocketcanAdapter(AnyAdapter):
 
     def receive(self) -> Iterator[Frame | Event]:
         """Frames and events that are already there."""
+        news, self._news = self._news, []
+        yield from news
         for _ in range(MOST_RECEIVED):
             try:
                 packed, _, flags, _ = self._socket.recvmsg(72)

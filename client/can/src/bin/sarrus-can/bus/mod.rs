@@ -1,6 +1,5 @@
 //! Buses: what sends and receives frames, by python-can's names of interfaces.
 
-mod interface;
 mod lasting;
 mod lines;
 mod pseudo;
@@ -17,6 +16,7 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, 
 use sarrus_can::bridge::BusEvent;
 use sarrus_can::config::BusConfig;
 use sarrus_can::frame::Frame;
+use sarrus_can::interface::InterfaceError;
 use thiserror::Error;
 
 pub(crate) use lasting::Lasting;
@@ -70,24 +70,8 @@ pub(crate) enum BusError {
     Bitrate(String, u32),
     #[error("{0}: slcan has no data bit rate {1}, expected 2000000 or 5000000")]
     DataBitrate(String, u32),
-    #[error("{0}: the interface carries no CAN FD, expected an MTU of 72: `ip link set {0} mtu 72`, or `type can fd on` before it is up")]
-    NoFd(String),
-    #[error("{0} is down: `{1}`")]
-    Down(String, String),
-    #[error(
-        "{0} is bus-off: its controller has left the bus after too many errors; look at wires, termination and the bit rate of every node, \
-             then `ip link set {0} type can restart`, or down and up"
-    )]
-    Off(String),
-    #[error("{name} has a {what} of {found} bit/s, expected {expected}: `ip link set {name} down`, then `{set}`")]
-    OtherBitrate {
-        name: String,
-        what: &'static str,
-        found: u32,
-        expected: u32,
-        /// The command that sets it.
-        set: String,
-    },
+    #[error(transparent)]
+    Unfit(#[from] InterfaceError),
     #[error("{0} is in use by another program; each bus has one owner, end the other one first")]
     Owned(String),
     #[error("{0} cannot be opened: {1}")]

@@ -9,12 +9,12 @@ use std::os::fd::{AsFd, BorrowedFd};
 
 use rustix::io::Errno;
 use rustix::net::sockopt::set_socket_recv_buffer_size;
-use rustix::net::{RecvAncillaryBuffer, RecvFlags, SendFlags, recvmsg, send};
+use rustix::net::{AddressFamily, RecvAncillaryBuffer, RecvFlags, SendFlags, SocketFlags, SocketType, recv, recvmsg, send, socket_with};
 use sarrus_can::bridge::BusEvent;
 use sarrus_can::frame::{Frame, FrameKind, Id};
+use sarrus_can::interface::{Interface, InterfaceError, question};
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
-use super::interface::{Controller, Interface};
 use super::{Address, Bus, BusError, Heard, Sent};
 
 /// Bytes of `can_frame` and `canfd_frame`.
@@ -50,13 +50,8 @@ impl SocketCan {
         // the kernel may allow less; what is lost is counted
         let _ = set_socket_recv_buffer_size(&socket, RECEIVE_BUFFER);
         // after the filter, so that no change of the state is missed
-        let interface = Interface::read(name).map_err(failed)?;
-        interface.check(address)?;
-        let state = match interface.controller {
-            Some(Controller::Warning) => Some(BusEvent::ErrorWarning),
-            Some(Controller::Passive) => Some(BusEvent::ErrorPassive),
-            _ => None,
-        };
+        let interface = interface(name).map_err(failed)?;
+        let state = interface.check(name, address.bitrate, address.data_bitrate)?;
         Ok(SocketCan { name: name.to_owned(), socket, waiting: 0, lost: 0, events: [state, None, None] })
     }
 
@@ -72,6 +67,19 @@ impl SocketCan {
         self.lost = lost;
         new
     }
+}
+
+/// Asks the kernel for an interface.
+fn interface(name: &str) -> io::Result<Interface> {
+    let socket = socket_with(AddressFamily::NETLINK, SocketType::RAW, SocketFlags::CLOEXEC, None)?;
+    send(&socket, &question(name), SendFlags::empty())?;
+    let mut answer = [0; 16384];
+    // the answer to one interface's question is there before the question's call is over
+    let (used, _) = recv(&socket, &mut answer, RecvFlags::DONTWAIT)?;
+    Interface::read(answer.get(..used).unwrap_or_default()).map_err(|error| match error {
+        InterfaceError::Refused(number) => io::Error::from_raw_os_error(number),
+        other => io::Error::new(io::ErrorKind::InvalidData, other),
+    })
 }
 
 impl Bus for SocketCan {
@@ -279,5 +287,12 @@ mod tests {
         // and a bus whose other end is gone is gone
         drop(kernel);
         assert!(bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).is_err());
+    }
+
+    #[test]
+    fn the_kernel_answers_a_question() {
+        assert_eq!(interface("no such name").unwrap_err().raw_os_error(), Some(19));
+        let lo = interface("lo").unwrap();
+        assert_eq!((lo.bitrate, lo.controller), (None, None));
     }
 }

@@ -19,6 +19,8 @@ use crate::say::say;
 const ROOM: usize = 4096;
 /// Things that are heard before frames are sent again.
 const AT_ONCE: usize = 256;
+/// News of a bus that may wait for room.
+const UNTOLD: usize = 16;
 /// How often the last words are said, and the time between.
 const LAST_WORDS: (usize, Duration) = (5, Duration::from_millis(5));
 /// A bus whose rules say nothing for this time looks whether they are still there.
@@ -45,8 +47,8 @@ struct Queues {
     bell: Arc<OwnedFd>,
     /// Things heard that found no room and are not told yet.
     overrun: u32,
-    /// News of the bus that found no room; the newest counts.
-    untold: Option<BusEvent>,
+    /// News of the bus that found no room, oldest first.
+    untold: Vec<BusEvent>,
     /// Frames that waited when it was last told.
     backlog: u32,
 }
@@ -95,7 +97,7 @@ impl BusThread {
         let (send, to_send) = RingBuffer::new(ROOM);
         let (hear, heard) = RingBuffer::new(ROOM);
         let end = BusEnd { to_send: send, heard, bell: bell.clone() };
-        let queues = Queues { to_send, heard: hear, bell, overrun: 0, untold: None, backlog: 0 };
+        let queues = Queues { to_send, heard: hear, bell, overrun: 0, untold: Vec::with_capacity(UNTOLD), backlog: 0 };
         Ok((BusThread { name, port, queues, last_words }, end))
     }
 
@@ -118,13 +120,16 @@ impl Queues {
             let (readable, bell) = (port.readable(), self.bell.as_fd());
             wait_for(&mut [PollFd::new(&readable, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)], PATIENCE)?;
         }
+        while let Some(event) = self.untold.first().copied() {
+            if self.heard.push((now_ns(), Heard::Event(event))).is_err() {
+                break;
+            }
+            self.untold.remove(0);
+        }
         // a bus that never falls silent does not keep this thread from sending
         for _ in 0..AT_ONCE {
             let Some(heard) = port.next()? else { break };
             self.tell(heard);
-        }
-        if let Some(event) = self.untold.take() {
-            self.tell(Heard::Event(event));
         }
         if self.overrun > 0 && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok() {
             self.overrun = 0;
@@ -162,10 +167,10 @@ impl Queues {
 
     /// Tells the rules; false where there is no room. How the bus stands is told later then.
     fn tell(&mut self, heard: Heard) -> bool {
-        let is_told = self.heard.push((now_ns(), heard)).is_ok();
+        let is_told = self.untold.is_empty() && self.heard.push((now_ns(), heard)).is_ok();
         match heard {
             _ if is_told => {}
-            Heard::Event(event) if event.count().is_none() => self.untold = Some(event),
+            Heard::Event(event) if event.count().is_none() && self.untold.len() < UNTOLD => self.untold.push(event),
             _ => self.overrun += 1,
         }
         is_told

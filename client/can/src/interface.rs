@@ -1,13 +1,11 @@
 //! What the kernel knows of a CAN interface: whether it is up, its bit rates, the state of its controller.
 //!
-//! One question RTM_GETLINK over a route socket, and the attributes of its answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`,
+//! One question RTM_GETLINK, which a front sends over a route socket, and the attributes of its answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`,
 //! `linux/can/netlink.h`.
 
-use std::io;
+use thiserror::Error;
 
-use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socket_with};
-
-use super::{Address, BusError};
+use crate::bridge::BusEvent;
 
 /// Kinds of messages.
 const GET_LINK: u16 = 18;
@@ -36,10 +34,14 @@ const SAME_RATE: f64 = 0.005;
 
 /// How a controller stands on its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Controller {
+pub enum Controller {
+    /// Takes part fully.
     Active,
+    /// 96 errors or more.
     Warning,
+    /// 128 errors or more.
     Passive,
+    /// Has left the bus.
     Off,
     /// Stopped or asleep: the interface is down.
     Stopped,
@@ -47,52 +49,122 @@ pub(super) enum Controller {
 
 /// A CAN interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Interface {
-    is_up: bool,
-    pub(super) mtu: u32,
+pub struct Interface {
+    /// Somebody brought it up.
+    pub is_up: bool,
+    /// Largest frame: 16 without CAN FD, 72 with it.
+    pub mtu: u32,
     /// Bit rate `[bit/s]`; `None` where there is none (`vcan`), or where the kernel does not know it.
-    bitrate: Option<u32>,
+    pub bitrate: Option<u32>,
     /// Bit rate of the data of FD frames `[bit/s]`.
-    data_bitrate: Option<u32>,
+    pub data_bitrate: Option<u32>,
     /// `None` where there is no controller.
-    pub(super) controller: Option<Controller>,
+    pub controller: Option<Controller>,
+}
+
+/// Why an interface cannot be used.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum InterfaceError {
+    /// The kernel has no answer, but an error of the system, by its number.
+    #[error("the kernel refuses to tell of it: error {0}")]
+    Refused(i32),
+    /// The answer is none.
+    #[error("the kernel's answer is not understood")]
+    Garbled,
+    /// It is down.
+    #[error("{name} is down: `{set}`")]
+    Down {
+        /// The interface.
+        name: String,
+        /// The command that brings it up.
+        set: String,
+    },
+    /// Its controller has left the bus.
+    #[error(
+        "{0} is bus-off: its controller has left the bus after too many errors; look at wires, termination and the bit rate of every node, \
+             then `ip link set {0} type can restart`, or down and up"
+    )]
+    Off(String),
+    /// It carries no CAN FD.
+    #[error("{0}: the interface carries no CAN FD, expected an MTU of 72: `ip link set {0} mtu 72`, or `type can fd on` before it is up")]
+    NoFd(String),
+    /// It has another bit rate.
+    #[error("{name} has a {what} of {found} bit/s, expected {expected}: `ip link set {name} down`, then `{set}`")]
+    OtherBitrate {
+        /// The interface.
+        name: String,
+        /// Which of its two bit rates.
+        what: &'static str,
+        /// What it has `[bit/s]`.
+        found: u32,
+        /// What it should have `[bit/s]`.
+        expected: u32,
+        /// The command that sets it.
+        set: String,
+    },
 }
 
 impl Interface {
-    /// Asks the kernel.
-    pub(super) fn read(name: &str) -> io::Result<Interface> {
-        let socket = socket_with(AddressFamily::NETLINK, SocketType::RAW, SocketFlags::CLOEXEC, None)?;
-        send(&socket, &question(name), SendFlags::empty())?;
-        let mut answer = [0; 16384];
-        // the answer to one interface's question is there before the question's call is over
-        let (used, _) = recv(&socket, &mut answer, RecvFlags::DONTWAIT)?;
-        parse(answer.get(..used).unwrap_or_default())
+    /// Reads the kernel's answer to [`question`].
+    ///
+    /// # Errors
+    /// [`InterfaceError::Refused`] where there is no such interface, [`InterfaceError::Garbled`].
+    pub fn read(answer: &[u8]) -> Result<Interface, InterfaceError> {
+        use InterfaceError::Garbled;
+        let length = word(answer, 0).ok_or(Garbled)? as usize;
+        let kind = answer.get(4..6).and_then(half).ok_or(Garbled)?;
+        let message = answer.get(..length).ok_or(Garbled)?;
+        if kind == ERROR {
+            let code = word(message, HEAD).ok_or(Garbled)? as i32;
+            return Err(InterfaceError::Refused(code.wrapping_neg()));
+        }
+        let flags = word(message, HEAD + 8).ok_or(Garbled)?;
+        let list = message.get(HEAD + INFO..).filter(|_| kind == NEW_LINK).ok_or(Garbled)?;
+        let mtu = find(list, MTU).and_then(|bytes| word(bytes, 0)).ok_or(Garbled)?;
+        let data = find(list, LINK_INFO).and_then(|info| find(info, DATA)).unwrap_or_default();
+        // the bit rate is the first number of `can_bittiming`; a rate that nobody has set, or that only the adapter knows, is 0 or −1
+        let rate = |kind: u16| find(data, kind).and_then(|timing| word(timing, 0)).filter(|rate| !matches!(*rate, 0 | u32::MAX));
+        let controller = find(data, STATE).and_then(|state| word(state, 0)).map(|state| match state {
+            0 => Controller::Active,
+            1 => Controller::Warning,
+            2 => Controller::Passive,
+            3 => Controller::Off,
+            _ => Controller::Stopped,
+        });
+        Ok(Interface { is_up: flags & UP != 0, mtu, bitrate: rate(TIMING), data_bitrate: rate(DATA_TIMING), controller })
     }
 
-    /// Whether it can be used as the configuration says.
-    pub(super) fn check(&self, address: Address<'_>) -> Result<(), BusError> {
-        let name = address.channel.to_owned();
-        let set = set_up(address, self.controller.is_some());
+    /// Whether the interface `name` can be used with these bit rates `[bit/s]`; `None` for the first may be any, for the second a classic bus.
+    /// What is to be told of its controller then.
+    ///
+    /// # Errors
+    /// What is wrong, with the command that mends it.
+    pub fn check(&self, name: &str, bitrate: Option<u32>, data_bitrate: Option<u32>) -> Result<Option<BusEvent>, InterfaceError> {
+        let set = set_up(name, bitrate, data_bitrate, self.controller.is_some());
+        let name = name.to_owned();
         if !self.is_up || self.controller == Some(Controller::Stopped) {
-            return Err(BusError::Down(name, set));
+            return Err(InterfaceError::Down { name, set });
         }
         if self.controller == Some(Controller::Off) {
-            return Err(BusError::Off(name));
+            return Err(InterfaceError::Off(name));
         }
-        if address.data_bitrate.is_some() && self.mtu != FD_MTU {
-            return Err(BusError::NoFd(name));
+        if data_bitrate.is_some() && self.mtu != FD_MTU {
+            return Err(InterfaceError::NoFd(name));
         }
-        for (what, found, expected) in
-            [("bit rate", self.bitrate, address.bitrate), ("data bit rate", self.data_bitrate, address.data_bitrate)]
-        {
+        for (what, found, expected) in [("bit rate", self.bitrate, bitrate), ("data bit rate", self.data_bitrate, data_bitrate)] {
             match (found, expected) {
                 (Some(found), Some(expected)) if (f64::from(found) / f64::from(expected) - 1.0).abs() > SAME_RATE => {
-                    return Err(BusError::OtherBitrate { name, what, found, expected, set });
+                    return Err(InterfaceError::OtherBitrate { name, what, found, expected, set });
                 }
                 _ => {}
             }
         }
-        Ok(())
+        Ok(match self.controller {
+            Some(Controller::Warning) => Some(BusEvent::ErrorWarning),
+            Some(Controller::Passive) => Some(BusEvent::ErrorPassive),
+            _ => None,
+        })
     }
 }
 
@@ -100,9 +172,8 @@ impl Interface {
 const FD_MTU: u32 = 72;
 
 /// The command that brings an interface up as the configuration says.
-fn set_up(address: Address<'_>, has_controller: bool) -> String {
-    let name = address.channel;
-    match (address.bitrate, address.data_bitrate) {
+fn set_up(name: &str, bitrate: Option<u32>, data_bitrate: Option<u32>, has_controller: bool) -> String {
+    match (bitrate, data_bitrate) {
         (Some(bitrate), Some(data)) if has_controller => {
             format!("ip link set {name} up type can bitrate {bitrate} dbitrate {data} fd on")
         }
@@ -111,8 +182,8 @@ fn set_up(address: Address<'_>, has_controller: bool) -> String {
     }
 }
 
-/// `nlmsghdr` (length, kind, flags, number, sender), an empty `ifinfomsg`, and the name.
-fn question(name: &str) -> Vec<u8> {
+/// The question for an interface: `nlmsghdr` (length, kind, flags, number, sender), an empty `ifinfomsg`, and the name.
+pub fn question(name: &str) -> Vec<u8> {
     let attribute = 4 + name.len() + 1;
     let total = HEAD + INFO + attribute.next_multiple_of(4);
     let mut bytes = Vec::with_capacity(total);
@@ -124,32 +195,6 @@ fn question(name: &str) -> Vec<u8> {
     bytes.extend(name.as_bytes());
     bytes.resize(total, 0);
     bytes
-}
-
-/// Reads an answer: the interface, or why there is none.
-fn parse(message: &[u8]) -> io::Result<Interface> {
-    let garbled = || io::Error::new(io::ErrorKind::InvalidData, "the kernel's answer is not understood");
-    let length = word(message, 0).ok_or_else(garbled)? as usize;
-    let kind = message.get(4..6).and_then(half).ok_or_else(garbled)?;
-    let message = message.get(..length).ok_or_else(garbled)?;
-    if kind == ERROR {
-        let code = word(message, HEAD).ok_or_else(garbled)? as i32;
-        return Err(io::Error::from_raw_os_error(code.wrapping_neg()));
-    }
-    let flags = word(message, HEAD + 8).ok_or_else(garbled)?;
-    let list = message.get(HEAD + INFO..).filter(|_| kind == NEW_LINK).ok_or_else(garbled)?;
-    let mtu = find(list, MTU).and_then(|bytes| word(bytes, 0)).ok_or_else(garbled)?;
-    let data = find(list, LINK_INFO).and_then(|info| find(info, DATA)).unwrap_or_default();
-    // the bit rate is the first number of `can_bittiming`; a rate that nobody has set, or that only the adapter knows, is 0 or −1
-    let rate = |kind: u16| find(data, kind).and_then(|timing| word(timing, 0)).filter(|rate| !matches!(*rate, 0 | u32::MAX));
-    let controller = find(data, STATE).and_then(|state| word(state, 0)).map(|state| match state {
-        0 => Controller::Active,
-        1 => Controller::Warning,
-        2 => Controller::Passive,
-        3 => Controller::Off,
-        _ => Controller::Stopped,
-    });
-    Ok(Interface { is_up: flags & UP != 0, mtu, bitrate: rate(TIMING), data_bitrate: rate(DATA_TIMING), controller })
 }
 
 /// The content of the first attribute of a kind. Attributes are length and kind in 16 bits each, content, and what fills four bytes.
@@ -206,11 +251,7 @@ mod tests {
     }
 
     fn read(text: &str) -> Interface {
-        parse(&bytes(text)).unwrap()
-    }
-
-    fn address(bitrate: u32, data_bitrate: Option<u32>) -> Address<'static> {
-        Address { interface: "socketcan", channel: "can0", bitrate: Some(bitrate), data_bitrate, listen_only: false }
+        Interface::read(&bytes(text)).unwrap()
     }
 
     #[test]
@@ -221,7 +262,7 @@ mod tests {
         let slcan = Interface { mtu: 16, bitrate: Some(500_000), controller: Some(Controller::Active), ..vcan };
         assert_eq!(read(SLCAN), slcan);
         assert_eq!(read(OFF), Interface { bitrate: None, controller: Some(Controller::Off), ..slcan });
-        assert_eq!(parse(&bytes(NONE)).unwrap_err().raw_os_error(), Some(19));
+        assert_eq!(Interface::read(&bytes(NONE)), Err(InterfaceError::Refused(19)));
     }
 
     /// An answer with these rates and this state.
@@ -241,7 +282,7 @@ mod tests {
         bytes.extend([NEW_LINK, 0, 0, 0, 0, 0].map(u16::to_ne_bytes).as_flattened());
         bytes.extend([0, 3, up, 0].map(u32::to_ne_bytes).as_flattened());
         bytes.extend(list);
-        parse(&bytes).unwrap()
+        Interface::read(&bytes).unwrap()
     }
 
     #[test]
@@ -249,46 +290,42 @@ mod tests {
         let rates = [(TIMING, 1_000_000), (DATA_TIMING, 5_000_000)];
         let fd = answer(UP, 72, rates, 0);
         assert_eq!((fd.bitrate, fd.data_bitrate, fd.controller), (Some(1_000_000), Some(5_000_000), Some(Controller::Active)));
-        assert!(fd.check(address(1_000_000, Some(5_000_000))).is_ok());
-        assert!(fd.check(Address { bitrate: None, ..address(1, None) }).is_ok());
+        assert!(fd.check("can0", Some(1_000_000), Some(5_000_000)) == Ok(None));
+        assert!(fd.check("can0", None, None).is_ok());
         assert!(
-            answer(UP, 72, [(TIMING, 996_016), (DATA_TIMING, 0)], 1).check(address(1_000_000, None)).is_ok(),
+            answer(UP, 72, [(TIMING, 996_016), (DATA_TIMING, 0)], 1).check("can0", Some(1_000_000), None)
+                == Ok(Some(BusEvent::ErrorWarning)),
             "as near as a clock comes"
         );
-        let told = |interface: Interface, address| interface.check(address).unwrap_err().to_string();
+        let told = |interface: Interface, (bitrate, data): (u32, Option<u32>)| {
+            interface.check("can0", Some(bitrate), data).unwrap_err().to_string()
+        };
         assert_eq!(
-            told(fd, address(500_000, None)),
+            told(fd, (500_000, None)),
             "can0 has a bit rate of 1000000 bit/s, expected 500000: `ip link set can0 down`, then `ip link set can0 up type can bitrate 500000`"
         );
         let set = "`ip link set can0 up type can bitrate 1000000 dbitrate 2000000 fd on`";
-        assert!(told(fd, address(1_000_000, Some(2_000_000))).ends_with(set));
-        assert_eq!(told(answer(0, 72, rates, 4), address(1_000_000, Some(2_000_000))), format!("can0 is down: {set}"));
-        assert!(told(answer(UP, 16, rates, 0), address(1_000_000, Some(5_000_000))).contains("carries no CAN FD"));
-        assert!(told(answer(UP, 72, rates, 3), address(1_000_000, None)).starts_with("can0 is bus-off"));
-        assert_eq!(told(read(DOWN), address(1_000_000, None)), "can0 is down: `ip link set can0 up`");
-        assert!(read(VCAN).check(address(1_000_000, Some(5_000_000))).is_ok(), "no bit rate to compare");
+        assert!(told(fd, (1_000_000, Some(2_000_000))).ends_with(set));
+        assert_eq!(told(answer(0, 72, rates, 4), (1_000_000, Some(2_000_000))), format!("can0 is down: {set}"));
+        assert!(told(answer(UP, 16, rates, 0), (1_000_000, Some(5_000_000))).contains("carries no CAN FD"));
+        assert!(told(answer(UP, 72, rates, 3), (1_000_000, None)).starts_with("can0 is bus-off"));
+        assert_eq!(told(read(DOWN), (1_000_000, None)), "can0 is down: `ip link set can0 up`");
+        assert!(read(VCAN).check("vcan0", Some(1_000_000), Some(5_000_000)).is_ok(), "no bit rate to compare");
     }
 
     #[test]
     fn what_is_no_answer_is_refused() {
         let whole = bytes(SLCAN);
         for end in 0..whole.len() {
-            assert!(parse(&whole[..end]).is_err(), "{end}");
+            assert!(Interface::read(&whole[..end]).is_err(), "{end}");
         }
         // attributes that lie about their length end nowhere
         for place in HEAD + INFO..whole.len() {
             for wrong in [0, 1, 3, 0xFF] {
                 let mut bytes = whole.clone();
                 bytes[place] = wrong;
-                let _ = parse(&bytes);
+                let _ = Interface::read(&bytes);
             }
         }
-    }
-
-    #[test]
-    fn the_kernel_answers_a_question() {
-        assert_eq!(Interface::read("no such name").unwrap_err().raw_os_error(), Some(19));
-        let lo = Interface::read("lo").unwrap();
-        assert_eq!((lo.bitrate, lo.controller), (None, None));
     }
 }

@@ -1,0 +1,31 @@
+//! What the kernel says of a CAN interface, read by the core.
+
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use sarrus_can::interface::{Interface, InterfaceError, question};
+
+/// The question for an interface, to be sent over a route socket of Netlink.
+#[pyfunction]
+pub(crate) fn interface_question<'py>(py: Python<'py>, name: &str) -> Bound<'py, PyBytes> {
+    PyBytes::new(py, &question(name))
+}
+
+/// Reads the answer and compares it with the bit rates of a bus; the event that tells how its controller stands, if it is not well.
+///
+/// `OSError` where the kernel knows no such interface, `ValueError` where it is not as it should be.
+#[pyfunction]
+#[pyo3(signature = (answer, name, bitrate, data_bitrate=None))]
+pub(crate) fn check_interface(
+    answer: &[u8],
+    name: &str,
+    bitrate: Option<u32>,
+    data_bitrate: Option<u32>,
+) -> PyResult<Option<(&'static str, u32)>> {
+    let checked = Interface::read(answer).and_then(|interface| interface.check(name, bitrate, data_bitrate));
+    match checked {
+        Ok(event) => Ok(event.map(|event| (event.name(), event.count().unwrap_or(1)))),
+        Err(InterfaceError::Refused(number)) => Err(PyOSError::new_err((number, std::io::Error::from_raw_os_error(number).to_string()))),
+        Err(other) => Err(PyValueError::new_err(other.to_string())),
+    }
+}
