@@ -259,6 +259,21 @@ class Socketcan(unittest.TestCase):
         self.adapter._socket = self.socket = Interface()
         self.adapter._waiting = self.adapter._lost = 0
         self.adapter._echoed = 0.0
+        self.adapter._news = []
+
+    def test_the_kernel_is_asked_for_an_interface_before_it_is_used(self):
+        # every computer has this one: no CAN, so no rate and no controller
+        self.assertEqual(self.adapter._look("lo"), [])
+        with self.assertRaisesRegex(BusError, "arm: .*No such device"):
+            self.adapter._look("none")
+        self.adapter.address = Address("arm", "socketcan", "lo", data_bitrate=5_000_000)
+        with self.assertRaisesRegex(BusError, "arm: lo: the interface carries no CAN FD"):
+            self.adapter._look("lo")
+
+    def test_news_of_the_opening_come_first(self):
+        self.adapter._news = [("error_passive", 1)]
+        self.assertEqual(list(self.adapter.receive()), [("error_passive", 1)])
+        self.assertEqual(list(self.adapter.receive()), [])
 
     def errors(self, kind):
         return (struct.pack("=IB3x8s", 1 << 29 | kind, 8, bytes(8)), (), 0, None)
