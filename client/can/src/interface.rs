@@ -1,4 +1,4 @@
-//! What the kernel knows of a CAN interface: whether it is up, its bit rates, the state of its controller.
+//! What the kernel says of a CAN interface: whether it is up, its bit rates, the state of its controller, and its error frames.
 //!
 //! One question RTM_GETLINK, which a front sends over a route socket, and the attributes of its answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`,
 //! `linux/can/netlink.h`.
@@ -207,6 +207,26 @@ fn find(mut list: &[u8], wanted: u16) -> Option<&[u8]> {
         }
         list = list.get(length.next_multiple_of(4)..)?;
     }
+}
+
+/// Events of an error frame, from its class and its data, whose second byte is the controller's state: the gravest state, and every loss
+/// (`linux/can/error.h`).
+pub fn error_events(class: u32, data: &[u8]) -> [Option<BusEvent>; 3] {
+    const CONTROLLER: u32 = 0x4;
+    const BUS_OFF: u32 = 0x40;
+    const RESTARTED: u32 = 0x100;
+    let controller = data.get(1).copied().filter(|_| class & CONTROLLER != 0).unwrap_or(0);
+    let state = match (class, controller) {
+        (class, _) if class & BUS_OFF != 0 => Some(BusEvent::BusOff),
+        (class, _) if class & RESTARTED != 0 => Some(BusEvent::Restarted),
+        (_, state) if state & 0x30 != 0 => Some(BusEvent::ErrorPassive),
+        (_, state) if state & 0x0C != 0 => Some(BusEvent::ErrorWarning),
+        (_, state) if state & 0x40 != 0 => Some(BusEvent::ErrorActive),
+        _ => None,
+    };
+    let overrun = (controller & 0x01 != 0).then_some(BusEvent::Overrun(1));
+    let dropped = (controller & 0x02 != 0).then_some(BusEvent::Dropped(1));
+    [state, overrun, dropped]
 }
 
 fn half(bytes: &[u8]) -> Option<u16> {

@@ -3,7 +3,7 @@
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use sarrus_can::interface::{Interface, InterfaceError, question};
+use sarrus_can::interface::{Interface, InterfaceError, error_events, question};
 
 /// The question for an interface, to be sent over a route socket of Netlink.
 #[pyfunction]
@@ -28,4 +28,10 @@ pub(crate) fn check_interface(
         Err(InterfaceError::Refused(number)) => Err(PyOSError::new_err((number, std::io::Error::from_raw_os_error(number).to_string()))),
         Err(other) => Err(PyValueError::new_err(other.to_string())),
     }
+}
+
+/// Events of a SocketCAN error frame, from its class and its data.
+#[pyfunction]
+pub(crate) fn events_of_error_frame(error_class: u32, data: &[u8]) -> Vec<(&'static str, u32)> {
+    error_events(error_class, data).into_iter().flatten().map(|event| (event.name(), event.count().unwrap_or(1))).collect()
 }

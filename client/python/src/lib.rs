@@ -24,7 +24,7 @@ mod native {
     #[pymodule_export]
     use crate::frames::PyFrame;
     #[pymodule_export]
-    use crate::interface::{check_interface, interface_question};
+    use crate::interface::{check_interface, events_of_error_frame, interface_question};
     #[pymodule_export]
     use crate::protocols::protocols;
     #[pymodule_export]

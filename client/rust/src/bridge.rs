@@ -105,8 +105,8 @@ fn refused(name: &str, error: ServiceError) -> ConnectError {
     }
 }
 
-/// CLOCK_MONOTONIC, which all processes of a machine share `[ns]`.
-fn now_ns() -> u64 {
+/// CLOCK_MONOTONIC, which all processes of a machine share and stamps are in `[ns]`.
+pub fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }

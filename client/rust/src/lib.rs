@@ -14,7 +14,7 @@ mod robot;
 mod wait;
 mod wish;
 
-pub use bridge::{Controller, Observer};
+pub use bridge::{Controller, Observer, now_ns};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
 pub use options::{ConnectOptions, Door, Patience};

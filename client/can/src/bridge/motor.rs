@@ -73,13 +73,10 @@ impl Motor {
 
     /// Why it cannot be armed, however long one waits.
     pub(super) fn never_ready(&self) -> Option<Reason> {
-        let is_unread = !self.config.watchdog_believed && self.config.drive.state().watchdog == Watchdog::Unreadable;
-        if !self.config.is_calibrated {
-            Some(Reason::NotCalibrated)
-        } else if is_unread {
-            Some(Reason::WatchdogUnknown)
-        } else {
-            None
+        match self.config.drive.state().watchdog {
+            _ if !self.config.is_calibrated => Some(Reason::NotCalibrated),
+            Watchdog::Unreadable => self.config.missing_watchdog(),
+            _ => None,
         }
     }
 

@@ -11,7 +11,7 @@ use rustix::event::{PollFd, PollFlags};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::bus::{self, Address, Bus, BusError, Heard, Lasting};
-use crate::clock::now_ns;
+use sarrus_client::now_ns;
 
 /// Options of `listen`.
 #[derive(Args)]

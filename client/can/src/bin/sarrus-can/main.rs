@@ -2,7 +2,6 @@
 
 mod bus;
 mod check;
-mod clock;
 mod listen;
 mod operate;
 mod replay;
@@ -11,9 +10,11 @@ mod say;
 mod simulate;
 mod top;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use sarrus_can::config::{Configuration, ConfigurationError};
 use sarrus_client::actuators::Operation;
 
 /// The CAN bridge of sarrus.
@@ -64,4 +65,12 @@ fn main() -> ExitCode {
         Command::Listen(listen) => listen::run(&listen),
         Command::Simulate(simulate) => simulate::run(&simulate),
     }
+}
+
+/// A configuration, or the end: every fault of it is told, and the code is 1 for faults and 2 for a file that cannot be opened.
+fn configuration(path: &Path) -> Result<Configuration, ExitCode> {
+    Configuration::load(path).map_err(|error| {
+        eprintln!("{error}");
+        ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 })
+    })
 }

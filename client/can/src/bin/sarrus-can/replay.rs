@@ -6,7 +6,6 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_can::bridge::Bridge;
-use sarrus_can::config::{Configuration, ConfigurationError};
 use sarrus_can::log::{self, Line, What};
 
 /// Flags of `replay`.
@@ -22,12 +21,9 @@ pub(crate) struct Replay {
 impl Replay {
     /// 0; 1 for a faulty configuration or line, 2 for what cannot be opened.
     pub(crate) fn run(&self) -> ExitCode {
-        let configuration = match Configuration::load(&self.config) {
+        let configuration = match crate::configuration(&self.config) {
             Ok(configuration) => configuration,
-            Err(error) => {
-                eprintln!("{error}");
-                return ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 });
-            }
+            Err(code) => return code,
         };
         let log = match std::fs::File::open(&self.log) {
             Ok(log) => log,

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import can
 
-from sarrus._native import Frame, SlcanReader, check_interface, interface_question, slcan_line
+from sarrus._native import Frame, SlcanReader, check_interface, events_of_error_frame, interface_question, slcan_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -136,22 +136,6 @@ def of_message(message: can.Message) -> Frame | None:
         )
     except (ValueError, OverflowError):
         return None
-
-
-def events_of_error_frame(error_class: int, data: bytes) -> list[Event]:
-    """Events of a SocketCAN error frame: its class and, in the second data byte, the controller's state (`linux/can/error.h`)."""
-    controller = data[1] if error_class & 0x4 and len(data) > 1 else 0
-    states = {
-        "bus_off": error_class & 0x40,
-        "restarted": error_class & 0x100,
-        "error_passive": controller & 0x30,
-        "error_warning": controller & 0x0C,
-        "error_active": controller & 0x40,
-    }
-    losses = {"overrun": controller & 0x01, "dropped": controller & 0x02}
-    # the gravest state only, and every loss
-    told = [name for name, bits in states.items() if bits][:1] + [name for name, bits in losses.items() if bits]
-    return [(name, 1) for name in told]
 
 
 class Ownership:

@@ -12,7 +12,7 @@ use rustix::net::sockopt::set_socket_recv_buffer_size;
 use rustix::net::{AddressFamily, RecvAncillaryBuffer, RecvFlags, SendFlags, SocketFlags, SocketType, recv, recvmsg, send, socket_with};
 use sarrus_can::bridge::BusEvent;
 use sarrus_can::frame::{Frame, FrameKind, Id};
-use sarrus_can::interface::{Interface, InterfaceError, question};
+use sarrus_can::interface::{Interface, InterfaceError, error_events, question};
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
 use super::{Address, Bus, BusError, Heard, Sent};
@@ -180,7 +180,7 @@ fn decode(bytes: &[u8]) -> Decoded {
     let Some((&[a, b, c, d, length, flags, _, _], data)) = bytes.split_first_chunk::<8>() else { return Decoded::Other };
     let id = u32::from_ne_bytes([a, b, c, d]);
     if id & ERROR != 0 {
-        return Decoded::Errors(errors(id, data.get(1).copied().unwrap_or(0)));
+        return Decoded::Errors(error_events(id, data));
     }
     if id & REMOTE != 0 {
         return Decoded::Other;
@@ -193,25 +193,6 @@ fn decode(bytes: &[u8]) -> Decoded {
         _ => None,
     });
     frame.map_or(Decoded::Other, Decoded::Frame)
-}
-
-/// Events of an error frame, from its class and its second data byte, the controller's state.
-fn errors(class: u32, controller: u8) -> [Option<BusEvent>; 3] {
-    const CONTROLLER: u32 = 0x4;
-    const BUS_OFF: u32 = 0x40;
-    const RESTARTED: u32 = 0x100;
-    let controller = if class & CONTROLLER != 0 { controller } else { 0 };
-    let state = match (class, controller) {
-        (class, _) if class & BUS_OFF != 0 => Some(BusEvent::BusOff),
-        (class, _) if class & RESTARTED != 0 => Some(BusEvent::Restarted),
-        (_, state) if state & 0x30 != 0 => Some(BusEvent::ErrorPassive),
-        (_, state) if state & 0x0C != 0 => Some(BusEvent::ErrorWarning),
-        (_, state) if state & 0x40 != 0 => Some(BusEvent::ErrorActive),
-        _ => None,
-    };
-    let overrun = (controller & 0x01 != 0).then_some(BusEvent::Overrun(1));
-    let dropped = (controller & 0x02 != 0).then_some(BusEvent::Dropped(1));
-    [state, overrun, dropped]
 }
 
 #[cfg(test)]

@@ -12,8 +12,8 @@ use sarrus_can::frame::Frame;
 
 use super::realtime;
 use crate::bus::{Address, Bus, BusError, Heard, Lasting, Sent, wait_for};
-use crate::clock::now_ns;
 use crate::say::say;
+use sarrus_client::now_ns;
 
 /// Room for frames and events on their way between two threads.
 const ROOM: usize = 4096;

@@ -18,7 +18,7 @@ use std::time::Duration;
 use clap::Args;
 use rustix::process::{Pid, Signal, getppid};
 use sarrus_can::bridge::Bridge;
-use sarrus_can::config::{Configuration, ConfigurationError};
+use sarrus_can::config::Configuration;
 use sarrus_can::load;
 use sarrus_can::telemetry::Telemetry;
 use sarrus_proto::bridge::BridgeEnd;
@@ -29,10 +29,10 @@ use signal_hook::consts::{
 };
 
 use crate::bus::{Address, own};
-use crate::clock::now_ns;
 use crate::say::{self, say};
 use bus::BusThread;
 use rules::Rules;
+use sarrus_client::now_ns;
 
 /// Signals that would end or stop this program: each is a clean end of it.
 const ENDS: [i32; 13] =
@@ -58,12 +58,9 @@ impl Run {
     /// Runs until a signal ends it: 0; 1 for a faulty configuration, 2 for what cannot be opened.
     pub(crate) fn run(self) -> ExitCode {
         let parent = if self.outlive_parent { None } else { getppid() };
-        let configuration = match Configuration::load(&self.config) {
+        let configuration = match crate::configuration(&self.config) {
             Ok(configuration) => configuration,
-            Err(error) => {
-                eprintln!("{error}");
-                return ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 });
-            }
+            Err(code) => return code,
         };
         say::never_wait();
         configuration.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));

@@ -10,7 +10,7 @@ use sarrus_proto::bridge::BridgeEnd;
 
 use super::bus::BusEnd;
 use crate::bus::Heard;
-use crate::clock::now_ns;
+use sarrus_client::now_ns;
 
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {

@@ -24,11 +24,11 @@ use sarrus_can::motor::Physics;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::bus::{self, Address, Bus, BusError, Lasting, Pseudo};
-use crate::clock::now_ns;
 use console::Order;
 use line::Line;
 use link::Link;
 use plant::Plant;
+use sarrus_client::now_ns;
 
 /// Longest time between two steps of the motors.
 const STEP: Duration = Duration::from_millis(1);
@@ -79,12 +79,9 @@ pub(crate) enum Dynamics {
 
 /// Runs until it is told to stop: 0; 1 for a faulty configuration, 2 for what cannot be opened.
 pub(crate) fn run(arguments: &Simulate) -> ExitCode {
-    let configuration = match Configuration::load(&arguments.config) {
+    let configuration = match crate::configuration(&arguments.config) {
         Ok(configuration) => configuration,
-        Err(error) => {
-            eprintln!("{error}");
-            return ExitCode::from(if matches!(error, sarrus_can::config::ConfigurationError::Open { .. }) { 2 } else { 1 });
-        }
+        Err(code) => return code,
     };
     match prepare(arguments, &configuration).and_then(|mut simulation| simulation.run()) {
         Ok(()) => ExitCode::SUCCESS,
