@@ -1,7 +1,11 @@
-//! What is measured in process: robot × how its loops are closed × where Newton starts × what is asked.
+//! What is measured in process: robot × how its loops are closed × where Newton starts × what is
+//! asked.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::{Answer, ClosureKind, Compiled, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{
+    Answer, ClosureKind, Compiled, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted,
+    Workspace,
+};
 use sarrus_models::{Options, Source, bundled_text, load};
 
 use crate::Outcome;
@@ -47,7 +51,11 @@ impl What {
     /// Every robot that is measured.
     pub(crate) fn all() -> impl Iterator<Item = What> {
         let texts = (0..TEXTS.len()).map(What::Text);
-        BUNDLED.into_iter().map(What::Bundled).chain(texts).chain((0..CHAINS.len()).map(What::Chain))
+        BUNDLED
+            .into_iter()
+            .map(What::Bundled)
+            .chain(texts)
+            .chain((0..CHAINS.len()).map(What::Chain))
     }
 
     /// The first part of the cases' names.
@@ -92,10 +100,15 @@ pub struct Variant {
 type Way = (&'static str, fn(&str) -> bool);
 
 const NUMERICAL: Way = ("numerical", |_| true);
-const WAYS_OF_UPPER_BODY: [Way; 2] = [("hybrid-torso", |kind| kind == "2SPU+1U"), ("hybrid-elbows", |kind| kind == "RRPR")];
+const WAYS_OF_UPPER_BODY: [Way; 2] =
+    [("hybrid-torso", |kind| kind == "2SPU+1U"), ("hybrid-elbows", |kind| kind == "RRPR")];
 
-/// The robot as it is given, then with closed forms replaced by Newton's method. `wanted` skips what need not be loaded.
-pub(crate) fn variants(what: What, wanted: impl Fn(&str) -> bool) -> Outcome<(Description, Vec<Variant>)> {
+/// The robot as it is given, then with closed forms replaced by Newton's method. `wanted` skips
+/// what need not be loaded.
+pub(crate) fn variants(
+    what: What,
+    wanted: impl Fn(&str) -> bool,
+) -> Outcome<(Description, Vec<Variant>)> {
     let (urdf, submechanisms) = match what {
         What::Bundled(name) => {
             let (urdf, submechanisms) = bundled_text(name).ok_or("no such robot")?;
@@ -105,17 +118,24 @@ pub(crate) fn variants(what: What, wanted: impl Fn(&str) -> bool) -> Outcome<(De
         What::Chain(k) => {
             let (closures, n) = CHAINS[k];
             let description = chain_of_lambdas(n);
-            let compiled = if wanted(closures) { vec![Variant { closures, compiled: Model::compile(&description)? }] } else { vec![] };
+            let compiled = if wanted(closures) {
+                vec![Variant { closures, compiled: Model::compile(&description)? }]
+            } else {
+                vec![]
+            };
             return Ok((description, compiled));
         }
     };
     let read = |submechanisms: String| {
-        let source = Source::Text { urdf: urdf.clone().into(), submechanisms: Some(submechanisms.into()) };
+        let source =
+            Source::Text { urdf: urdf.clone().into(), submechanisms: Some(submechanisms.into()) };
         load(&source, &Options::default())
     };
     let given = read(submechanisms.to_owned())?;
     let mut kept = Vec::new();
-    let has = |kind: ClosureKind| given.compiled.model.closures().iter().any(|closure| closure.kind == kind);
+    let has = |kind: ClosureKind| {
+        given.compiled.model.closures().iter().any(|closure| closure.kind == kind)
+    };
     let closures = match (has(ClosureKind::Analytic), has(ClosureKind::Numerical)) {
         (true, true) => "hybrid",
         (false, true) => "numerical",
@@ -125,14 +145,18 @@ pub(crate) fn variants(what: What, wanted: impl Fn(&str) -> bool) -> Outcome<(De
         kept.push(Variant { closures, compiled: given.compiled });
     }
 
-    let ways = if what == What::Bundled("rh5v2_upper_body") { &WAYS_OF_UPPER_BODY[..] } else { &[] };
+    let ways =
+        if what == What::Bundled("rh5v2_upper_body") { &WAYS_OF_UPPER_BODY[..] } else { &[] };
     // couplings without loops have no other way
     let loops = submechanisms.contains("loop_constraints");
     for &(name, changes) in ways.iter().chain(std::iter::once(&NUMERICAL)) {
         if name == closures || !wanted(name) || !loops {
             continue;
         }
-        kept.push(Variant { closures: name, compiled: read(made_numerical(submechanisms, changes))?.compiled });
+        kept.push(Variant {
+            closures: name,
+            compiled: read(made_numerical(submechanisms, changes))?.compiled,
+        });
     }
     Ok((given.description, kept))
 }
@@ -140,7 +164,9 @@ pub(crate) fn variants(what: What, wanted: impl Fn(&str) -> bool) -> Outcome<(De
 /// The submechanism file with `type: NUMERICAL` for every closed loop that `changes` names.
 fn made_numerical(submechanisms: &str, changes: fn(&str) -> bool) -> String {
     let line = |line: &str| match line.split_once("type: ") {
-        Some((before, kind)) if before.trim_matches([' ', '-']).is_empty() && kind != "SERIAL" && changes(kind) => {
+        Some((before, kind))
+            if before.trim_matches([' ', '-']).is_empty() && kind != "SERIAL" && changes(kind) =>
+        {
             format!("{before}type: NUMERICAL\n")
         }
         _ => format!("{line}\n"),
@@ -174,9 +200,13 @@ pub enum Question {
 
 impl Question {
     /// Questions with the method that the model chooses, and then forced.
-    const CHOSEN: [Question; 3] = [Question::State, Question::InverseDynamics, Question::ForwardDynamics];
-    const FORCED: [Question; 3] =
-        [Question::Forced(Method::Recursion), Question::Forced(Method::Projection), Question::Forced(Method::Kkt)];
+    const CHOSEN: [Question; 3] =
+        [Question::State, Question::InverseDynamics, Question::ForwardDynamics];
+    const FORCED: [Question; 3] = [
+        Question::Forced(Method::Recursion),
+        Question::Forced(Method::Projection),
+        Question::Forced(Method::Kkt),
+    ];
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
@@ -199,11 +229,17 @@ impl Question {
         use Field::*;
         let motion = FieldSet::of(&[Y, Yd, Ydd]);
         match self {
-            Question::State => Wanted::new(Request::Kinematics, motion, FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd])),
-            Question::InverseDynamics => Wanted::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU])),
-            Question::ForwardDynamics | Question::Forced(_) => {
-                Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauU]), FieldSet::of(&[Ydd]))
+            Question::State => {
+                Wanted::new(Request::Kinematics, motion, FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd]))
             }
+            Question::InverseDynamics => {
+                Wanted::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU]))
+            }
+            Question::ForwardDynamics | Question::Forced(_) => Wanted::new(
+                Request::ForwardDynamics,
+                FieldSet::of(&[Y, Yd, TauU]),
+                FieldSet::of(&[Ydd]),
+            ),
         }
     }
 }
@@ -223,13 +259,15 @@ pub(crate) struct Case<'a> {
     pub(crate) output: Vec<f64>,
 }
 
-/// Every case of a robot. A cold start says nothing more about methods, and M_y of a long chain does not fit.
+/// Every case of a robot. A cold start says nothing more about methods, and M_y of a long chain
+/// does not fit.
 pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
     let mut cases = Vec::new();
     let chain = matches!(robot.what, What::Chain(_));
     for (k, variant) in robot.variants.iter().enumerate() {
         let closed_form = chain || variant.closures == "analytic";
-        let starts: &[Start] = if closed_form { &[Start::None] } else { &[Start::Warm, Start::Cold] };
+        let starts: &[Start] =
+            if closed_form { &[Start::None] } else { &[Start::Warm, Start::Cold] };
         for &start in starts {
             let forced = Question::FORCED.into_iter().filter(|_| start != Start::Cold);
             for question in Question::CHOSEN.into_iter().chain(forced) {
@@ -247,7 +285,12 @@ pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
 const LARGEST_SQUARE: usize = 100;
 
 impl<'a> Case<'a> {
-    fn new(robot: &'a Robot, variant: usize, start: Start, question: Question) -> Outcome<Case<'a>> {
+    fn new(
+        robot: &'a Robot,
+        variant: usize,
+        start: Start,
+        question: Question,
+    ) -> Outcome<Case<'a>> {
         let model = &robot.variants[variant].compiled.model;
         let mut wanted = question.wanted();
         if start == Start::Warm {
@@ -260,19 +303,39 @@ impl<'a> Case<'a> {
         let inputs = robot.states.iter().map(|state| packed(&plan, state, variant)).collect();
         let output = vec![0.0; plan.want().len()];
         let workspace = Workspace::for_plans(model, [&plan]);
-        Ok(Case { robot, variant: &robot.variants[variant], place: variant, start, question, inputs, workspace, output, plan })
+        Ok(Case {
+            robot,
+            variant: &robot.variants[variant],
+            place: variant,
+            start,
+            question,
+            inputs,
+            workspace,
+            output,
+            plan,
+        })
     }
 
     /// The name that `--only` and `--count` see.
     pub(crate) fn name(&self) -> String {
         let start = ["", "/warm", "/cold"][self.start as usize];
-        format!("{}/{}{start}/{}", self.robot.what.name(), self.variant.closures, self.question.name())
+        format!(
+            "{}/{}{start}/{}",
+            self.robot.what.name(),
+            self.variant.closures,
+            self.question.name()
+        )
     }
 
     /// One call on the state of this number.
     #[inline]
     pub(crate) fn run(&mut self, state: usize) -> Answer {
-        self.plan.run(&self.variant.compiled.model, &mut self.workspace, std::hint::black_box(&self.inputs[state]), &mut self.output)
+        self.plan.run(
+            &self.variant.compiled.model,
+            &mut self.workspace,
+            std::hint::black_box(&self.inputs[state]),
+            &mut self.output,
+        )
     }
 
     /// One call that must succeed.

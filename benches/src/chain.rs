@@ -1,7 +1,8 @@
 //! A robot of any length: lambdas in a row.
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind,
+    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind,
 };
 
 /// Each plane is turned against the one before.
@@ -10,7 +11,11 @@ const TWIST: f64 = 0.2;
 /// Lambdas in a row, each on the rocker of the one before.
 pub(crate) fn chain_of_lambdas(n: usize) -> Description {
     let inertial = |y: f64, mass: f64| {
-        Some(Inertial { origin: Placement { xyz: [0.0, y, 0.01], rpy: [0.0; 3] }, mass, inertia: [0.004, 0.0, 0.0, 0.002, 0.0, 0.005] })
+        Some(Inertial {
+            origin: Placement { xyz: [0.0, y, 0.01], rpy: [0.0; 3] },
+            mass,
+            inertia: [0.004, 0.0, 0.0, 0.002, 0.0, 0.005],
+        })
     };
     let mut robot = Description {
         name: format!("{n} lambdas"),
@@ -28,16 +33,33 @@ pub(crate) fn chain_of_lambdas(n: usize) -> Description {
         let at = |xyz: [f64; 3], rpy: [f64; 3]| Placement { xyz, rpy };
         let start = if k == 0 { [0.0; 3] } else { [0.0, 0.2, 0.05] };
         let joints = [
-            ("rocker", JointKind::Revolute, on, link, at(start, [0.8, 0.0, TWIST]), [1.0, 0.0, 0.0]),
+            (
+                "rocker",
+                JointKind::Revolute,
+                on,
+                link,
+                at(start, [0.8, 0.0, TWIST]),
+                [1.0, 0.0, 0.0],
+            ),
             (
                 "stator",
                 JointKind::Revolute,
                 on,
                 link + 1,
-                at([start[0] - 0.114 * TWIST.sin(), start[1] + 0.114 * TWIST.cos(), start[2]], [1.08, 0.0, TWIST]),
+                at(
+                    [start[0] - 0.114 * TWIST.sin(), start[1] + 0.114 * TWIST.cos(), start[2]],
+                    [1.08, 0.0, TWIST],
+                ),
                 [1.0, 0.0, 0.0],
             ),
-            ("slider", JointKind::Prismatic, link + 1, link + 2, at([0.0, 0.3, 0.0], [0.0; 3]), [0.0, 1.0, 0.0]),
+            (
+                "slider",
+                JointKind::Prismatic,
+                link + 1,
+                link + 2,
+                at([0.0, 0.3, 0.0], [0.0; 3]),
+                [0.0, 1.0, 0.0],
+            ),
         ];
         for (name, kind, parent, child, origin, axis) in joints {
             robot.joints.push(Joint {

@@ -20,7 +20,8 @@ pub struct Cores {
 }
 
 impl Cores {
-    /// The first processor for the server, the next of another core for the client, a third for the server's upkeep if there is one.
+    /// The first processor for the server, the next of another core for the client, a third for the
+    /// server's upkeep if there is one.
     ///
     /// # Errors
     ///
@@ -30,10 +31,17 @@ impl Cores {
         let allowed: Vec<usize> = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu)).collect();
         let server = *allowed.first().ok_or("no processor is allowed")?;
         let apart = |cpu: &usize| core_of(*cpu).is_none() || core_of(*cpu) != core_of(server);
-        let mut others = allowed[1..].iter().copied().filter(apart).chain(allowed[1..].iter().copied());
+        let mut others =
+            allowed[1..].iter().copied().filter(apart).chain(allowed[1..].iter().copied());
         let client = others.next().unwrap_or(server);
         let upkeep = others.find(|cpu| *cpu != client).unwrap_or(server);
-        Ok(Cores { client, server, upkeep, count: allowed.len(), siblings: client != server && !apart(&client) })
+        Ok(Cores {
+            client,
+            server,
+            upkeep,
+            count: allowed.len(),
+            siblings: client != server && !apart(&client),
+        })
     }
 
     /// True when there is only one.
@@ -59,7 +67,8 @@ impl fmt::Display for Cores {
     }
 }
 
-/// Moves this thread, and what it starts, to one processor. A system that forbids it measures without.
+/// Moves this thread, and what it starts, to one processor. A system that forbids it measures
+/// without.
 pub fn pin(cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);
@@ -68,6 +77,8 @@ pub fn pin(cpu: usize) {
 
 /// Package and core of a processor, where the system tells.
 fn core_of(cpu: usize) -> Option<(String, String)> {
-    let read = |what: &str| fs::read_to_string(format!("/sys/devices/system/cpu/cpu{cpu}/topology/{what}")).ok();
+    let read = |what: &str| {
+        fs::read_to_string(format!("/sys/devices/system/cpu/cpu{cpu}/topology/{what}")).ok()
+    };
     Some((read("physical_package_id")?, read("core_id")?))
 }

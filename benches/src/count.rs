@@ -1,4 +1,5 @@
-//! One case a fixed number of times, for counting its instructions from outside (`benches/count.sh`).
+//! One case a fixed number of times, for counting its instructions from outside
+//! (`benches/count.sh`).
 
 use std::hint::black_box;
 
@@ -20,14 +21,19 @@ pub fn run(count: &[String]) -> Outcome {
     let unknown = || format!("no case `{name}`; `--list` names them all");
     let mut parts = name.split('/');
     let (robot, closures) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
-    let what = What::all().find(|what| what.name() == robot && what.may_have(name)).ok_or_else(unknown)?;
+    let what =
+        What::all().find(|what| what.name() == robot && what.may_have(name)).ok_or_else(unknown)?;
 
     let robot = Robot::load_some(what, STATES, |variant| variant == closures)?;
-    let mut case = cases::of_robot(&robot)?.into_iter().find(|case| case.name() == *name).ok_or_else(unknown)?;
+    let mut case = cases::of_robot(&robot)?
+        .into_iter()
+        .find(|case| case.name() == *name)
+        .ok_or_else(unknown)?;
     passes(&mut case, repeats)
 }
 
-/// The only function whose instructions are counted: loading a robot takes another number of them in every run.
+/// The only function whose instructions are counted: loading a robot takes another number of them
+/// in every run.
 #[inline(never)]
 fn passes(case: &mut Case<'_>, repeats: usize) -> Outcome {
     for _ in 0..repeats {

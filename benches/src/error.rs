@@ -1,4 +1,5 @@
-//! Errors against double-double: the same model, the same inputs, the same code over another scalar.
+//! Errors against double-double: the same model, the same inputs, the same code over another
+//! scalar.
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Request, Status, Wanted, Workspace};
@@ -13,21 +14,31 @@ pub(crate) struct Errors {
     /// Largest and median error by size.
     pub(crate) worst: f64,
     pub(crate) median: f64,
-    /// Forward dynamics: the largest ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖), M_y and C_y in double-double.
+    /// Forward dynamics: the largest ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖), M_y and C_y
+    /// in double-double.
     pub(crate) backward: Option<f64>,
     /// Newton steps of all blocks together: mean and largest.
     pub(crate) newton: Option<(f64, f64)>,
 }
 
-/// Measures a case on every state; a state without an answer is an error. `kept` holds the exact answers of the case before: those to
-/// forward dynamics serve every method, those from a warm start the cold one.
+/// Measures a case on every state; a state without an answer is an error. `kept` holds the exact
+/// answers of the case before: those to forward dynamics serve every method, those from a warm
+/// start the cold one.
 pub(crate) fn measure(case: &mut Case<'_>, kept: &mut Kept) -> Outcome<Errors> {
-    let key = (case.robot.name, case.variant.closures, [case.question, Question::ForwardDynamics][case.question.is_forward() as usize]);
+    let key = (
+        case.robot.name,
+        case.variant.closures,
+        [case.question, Question::ForwardDynamics][case.question.is_forward() as usize],
+    );
     if !kept.iter().any(|(of, _)| *of == key) {
         kept.retain(|((robot, closures, _), _)| (*robot, *closures) == (key.0, key.1));
         kept.push((key, Truth::new(case.robot, case.place, case.question, case.start)?));
     }
-    let truth = kept.iter_mut().find(|(of, _)| *of == key).map(|(_, truth)| truth).ok_or("no exact answers")?;
+    let truth = kept
+        .iter_mut()
+        .find(|(of, _)| *of == key)
+        .map(|(_, truth)| truth)
+        .ok_or("no exact answers")?;
     let mut sizes = Vec::new();
     let mut backward: Option<f64> = None;
     for state in 0..case.inputs.len() {
@@ -66,7 +77,8 @@ pub(crate) struct Exact<'a> {
     tau_y: &'a [Dd],
 }
 
-/// A field of the answer: where it lies in the case's output, its exact numbers, and what counts as its size at least.
+/// A field of the answer: where it lies in the case's output, its exact numbers, and what counts as
+/// its size at least.
 struct ExactField<'a> {
     range: std::ops::Range<usize>,
     numbers: &'a [Dd],
@@ -75,14 +87,20 @@ struct ExactField<'a> {
 
 impl Truth {
     /// For a question to a variant of a robot.
-    pub(crate) fn new(robot: &Robot, place: usize, question: Question, start: Start) -> Outcome<Truth> {
+    pub(crate) fn new(
+        robot: &Robot,
+        place: usize,
+        question: Question,
+        start: Start,
+    ) -> Outcome<Truth> {
         let mut wanted = question.wanted();
         // the warm start leads to the pose that a cold one has to find
         if start != Start::None {
             wanted.given = wanted.given.with(Field::QGuess);
         }
         if question.is_forward() {
-            wanted.want = [Field::MY, Field::CY, Field::TauY].into_iter().fold(wanted.want, FieldSet::with);
+            wanted.want =
+                [Field::MY, Field::CY, Field::TauY].into_iter().fold(wanted.want, FieldSet::with);
         }
         let model = &robot.variants[place].compiled.exact;
         // M_y of a chain is only read, not factorised: that would take n³
@@ -90,7 +108,12 @@ impl Truth {
             What::Chain(_) => Plan::with_method(model, &wanted, Method::Recursion)?,
             _ => Plan::new(model, &wanted)?,
         };
-        Ok(Truth { place, workspace: Workspace::for_plans(model, [&plan]), plan, outputs: Vec::new() })
+        Ok(Truth {
+            place,
+            workspace: Workspace::for_plans(model, [&plan]),
+            plan,
+            outputs: Vec::new(),
+        })
     }
 
     /// Answers on this state, where that was not done before; the states come in their order.
@@ -101,7 +124,15 @@ impl Truth {
         let input = crate::cases::packed(&self.plan, &robot.states[state], self.place);
         let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
         let mut output = vec![Dd::from(0.0); self.plan.want().len()];
-        let status = self.plan.run(&robot.variants[self.place].compiled.exact, &mut self.workspace, &input, &mut output).status;
+        let status = self
+            .plan
+            .run(
+                &robot.variants[self.place].compiled.exact,
+                &mut self.workspace,
+                &input,
+                &mut output,
+            )
+            .status;
         if status != Status::Ok {
             return Err(format!("{}, state {state}: {status} in double-double", robot.name).into());
         }
@@ -112,7 +143,8 @@ impl Truth {
     /// The exact numbers of these fields at this state.
     pub(crate) fn exact(&self, want: &Layout, state: usize) -> Exact<'_> {
         let output = &self.outputs[state];
-        let numbers = |field| self.plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
+        let numbers =
+            |field| self.plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
         let speed = largest(numbers(Field::Qd));
         let fields = want.slots().iter().map(|slot| {
             let least = match slot.field {
@@ -122,7 +154,12 @@ impl Truth {
             };
             ExactField { range: slot.range(), numbers: numbers(slot.field), least }
         });
-        Exact { fields: fields.collect(), m_y: numbers(Field::MY), c_y: numbers(Field::CY), tau_y: numbers(Field::TauY) }
+        Exact {
+            fields: fields.collect(),
+            m_y: numbers(Field::MY),
+            c_y: numbers(Field::CY),
+            tau_y: numbers(Field::TauY),
+        }
     }
 }
 
@@ -133,7 +170,8 @@ impl ExactField<'_> {
             return f64::NAN;
         }
         let pairs = answer[self.range.clone()].iter().zip(self.numbers);
-        let worst = pairs.fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs()));
+        let worst =
+            pairs.fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs()));
         if worst == 0.0 { 0.0 } else { worst / largest(self.numbers).max(self.least) }
     }
 }
@@ -169,7 +207,10 @@ fn largest(x: &[Dd]) -> f64 {
 fn newton_steps(case: &Case<'_>) -> Outcome<(f64, f64)> {
     let model = &case.variant.compiled.model;
     let given = case.plan.wanted().given.0 & FieldSet::of(&[Field::Y, Field::QGuess]).0;
-    let plan = Plan::new(model, &Wanted::new(Request::Kinematics, FieldSet(given), FieldSet::of(&[Field::Iterations])))?;
+    let plan = Plan::new(
+        model,
+        &Wanted::new(Request::Kinematics, FieldSet(given), FieldSet::of(&[Field::Iterations])),
+    )?;
     let mut workspace = Workspace::new(model);
     let (mut sum, mut most) = (0.0, 0.0);
     for input in &case.inputs {

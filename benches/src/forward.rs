@@ -1,10 +1,12 @@
-//! Forward dynamics by each method: what the cost model predicts beside what is measured (`--forward`).
+//! Forward dynamics by each method: what the cost model predicts beside what is measured
+//! (`--forward`).
 //!
-//! Every robot as it is given, in one state, by recursion and by projection, in batches that take turns. Closures and bias forces are the
-//! same for both, so the predicted difference stands beside the measured one. `kkt` is measured where the robot is small.
+//! Every robot as it is given, in one state, by recursion and by projection, in batches that take
+//! turns. Closures and bias forces are the same for both, so the predicted difference stands beside
+//! the measured one. `kkt` is measured where the robot is small.
 //!
-//! The prediction is calibrated by times, not by instructions: on long robots the recursion takes more time for each of its instructions
-//! than the projection.
+//! The prediction is calibrated by times, not by instructions: on long robots the recursion takes
+//! more time for each of its instructions than the projection.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -38,8 +40,10 @@ impl Run {
         let workspace = Workspace::for_plans(model, [&plan]);
         let input = packed(&plan, &robot.states[0], 0);
         let output = vec![0.0; plan.want().len()];
-        let mut run = Run { model: model.clone(), plan, workspace, input, output, calls: 1, ns: Vec::new() };
-        let status = run.plan.run(&run.model, &mut run.workspace, &run.input, &mut run.output).status;
+        let mut run =
+            Run { model: model.clone(), plan, workspace, input, output, calls: 1, ns: Vec::new() };
+        let status =
+            run.plan.run(&run.model, &mut run.workspace, &run.input, &mut run.output).status;
         if status != Status::Ok {
             return Err(format!("{}: {status}", run.model.name()).into());
         }
@@ -52,7 +56,12 @@ impl Run {
     fn batch(&mut self) {
         let start = Instant::now();
         for _ in 0..self.calls {
-            self.plan.run(&self.model, &mut self.workspace, black_box(&self.input), &mut self.output);
+            self.plan.run(
+                &self.model,
+                &mut self.workspace,
+                black_box(&self.input),
+                &mut self.output,
+            );
             black_box(&self.output);
         }
         self.ns.push(start.elapsed().as_nanos() as f64 / self.calls as f64);
@@ -65,7 +74,8 @@ impl Run {
     }
 }
 
-/// Prints the table; fails where the chosen method is more than 15 % slower than the other on a bundled robot.
+/// Prints the table; fails where the chosen method is more than 15 % slower than the other on a
+/// bundled robot.
 ///
 /// # Errors
 ///
@@ -79,7 +89,8 @@ pub fn run() -> Outcome {
     let (mut rows, mut slow) = (Vec::new(), Vec::new());
     for robot in &robots {
         let model = &robot.variants[0].compiled.model;
-        let mut runs = vec![Run::new(robot, Method::Recursion)?, Run::new(robot, Method::Projection)?];
+        let mut runs =
+            vec![Run::new(robot, Method::Recursion)?, Run::new(robot, Method::Projection)?];
         if model.sizes().n_v <= 100 {
             runs.push(Run::new(robot, Method::Kkt)?);
         }
@@ -87,9 +98,11 @@ pub fn run() -> Outcome {
             runs.iter_mut().for_each(Run::batch);
         }
         let times: Vec<f64> = runs.iter_mut().map(Run::time).collect();
-        let predicted = [Method::Recursion, Method::Projection].map(|method| model.predicted_cost(method).unwrap_or(f64::NAN));
+        let predicted = [Method::Recursion, Method::Projection]
+            .map(|method| model.predicted_cost(method).unwrap_or(f64::NAN));
         let chosen = model.forward_method();
-        let (mine, other) = if chosen == Method::Recursion { (times[0], times[1]) } else { (times[1], times[0]) };
+        let (mine, other) =
+            if chosen == Method::Recursion { (times[0], times[1]) } else { (times[1], times[0]) };
         if mine > 1.15 * other && !matches!(robot.what, What::Chain(_)) {
             slow.push(model.name().to_owned());
         }
@@ -123,5 +136,10 @@ pub fn run() -> Outcome {
         notes: vec!["predicted: from M_y ÿ = b on; measured: the whole request, closures and Newton-Euler included".to_owned()],
     };
     print!("{}", table.text());
-    if slow.is_empty() { Ok(()) } else { Err(format!("the chosen method is the slower one by more than 15 %: {}", slow.join(", ")).into()) }
+    if slow.is_empty() {
+        Ok(())
+    } else {
+        Err(format!("the chosen method is the slower one by more than 15 %: {}", slow.join(", "))
+            .into())
+    }
 }

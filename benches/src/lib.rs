@@ -11,17 +11,21 @@
 //! sarrus report                                               # error against run time, integration and extreme cases as a page
 //! ```
 //!
-//! - In process (`cases.rs`, `states.rs`, `timing.rs`, `error.rs`, `in_process/`): nanoseconds per call of [`sarrus_dynamics::Plan::run`],
-//!   in short batches that take turns through all cases, so that ratios hold on a machine that others use too; each time beside the error
-//!   of the same answers against double-double.
-//! - Peers (`peer/`, `benches/peers/`): other engines on the same robots and states, by programs that `benches/peers/build.sh` builds.
+//! - In process (`cases.rs`, `states.rs`, `timing.rs`, `error.rs`, `in_process/`): nanoseconds per
+//!   call of [`sarrus_dynamics::Plan::run`], in short batches that take turns through all cases, so
+//!   that ratios hold on a machine that others use too; each time beside the error of the same
+//!   answers against double-double.
+//! - Peers (`peer/`, `benches/peers/`): other engines on the same robots and states, by programs
+//!   that `benches/peers/build.sh` builds.
 //! - The page (`report/`): sections, each a folder that fills a [`report::Section`].
 //!
-//! - Cases are named `robot/closures[/start]/asked`: `FD` goes by the method that the model chooses, `FD-recursion`, `FD-projection` and
-//!   `FD-kkt` by that one; `chain/N/FD` is a row of N lambdas, whose instructions per lambda must not grow with N.
+//! - Cases are named `robot/closures[/start]/asked`: `FD` goes by the method that the model
+//!   chooses, `FD-recursion`, `FD-projection` and `FD-kkt` by that one; `chain/N/FD` is a row of N
+//!   lambdas, whose instructions per lambda must not grow with N.
 //!
-//! To add a bundled robot or a way to close its loops: one line in `cases.rs`. A small robot as text: `extra.rs`. A case of the regression
-//! gate: one line in `count.sh`, then `benches/count.sh --update`. A section of the page: a folder, and one line in `report/mod.rs`.
+//! To add a bundled robot or a way to close its loops: one line in `cases.rs`. A small robot as
+//! text: `extra.rs`. A case of the regression gate: one line in `count.sh`, then `benches/count.sh
+//! --update`. A section of the page: a folder, and one line in `report/mod.rs`.
 
 mod accuracy;
 pub mod cases;

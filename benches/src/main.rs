@@ -36,7 +36,9 @@ fn main() -> ExitCode {
     let outcome = match Flags::parse() {
         Flags { count: Some(count), .. } => sarrus_benches::count(&count),
         Flags { forward: true, .. } => sarrus_benches::forward(),
-        Flags { quick, only, format, out, list, .. } => sarrus_benches::in_process(&Wish { quick, only, format, out, list }),
+        Flags { quick, only, format, out, list, .. } => {
+            sarrus_benches::in_process(&Wish { quick, only, format, out, list })
+        }
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -46,7 +46,8 @@ impl Printed {
     /// The command line as one may type it again.
     fn command(&self) -> String {
         let flags: Vec<String> = std::env::args().skip(1).collect();
-        let flags = if flags.is_empty() { String::new() } else { format!(" -- {}", flags.join(" ")) };
+        let flags =
+            if flags.is_empty() { String::new() } else { format!(" -- {}", flags.join(" ")) };
         format!("cargo run --release -p {}{flags}", self.package)
     }
 
@@ -62,11 +63,14 @@ impl Printed {
     /// The same with every sample.
     fn save(&self, path: &Path) -> Outcome {
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+            std::fs::create_dir_all(folder)
+                .map_err(|error| format!("{}: {error}", folder.display()))?;
         }
         let mut whole = self.summary();
-        whole["samples_tenths_of_ns_and_count"] = self.samples.iter().map(|samples| json!(samples.counted())).collect();
-        std::fs::write(path, whole.to_string()).map_err(|error| format!("{}: {error}", path.display()).into())
+        whole["samples_tenths_of_ns_and_count"] =
+            self.samples.iter().map(|samples| json!(samples.counted())).collect();
+        std::fs::write(path, whole.to_string())
+            .map_err(|error| format!("{}: {error}", path.display()).into())
     }
 }
 
@@ -74,7 +78,14 @@ impl Printed {
 pub fn machine(cores: &Cores) -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let info = read("/proc/cpuinfo");
-    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ")).map_or("unknown processor", |pair| pair.1);
+    let model = info
+        .lines()
+        .find_map(|line| line.strip_prefix("model name")?.split_once(": "))
+        .map_or("unknown processor", |pair| pair.1);
     let load = read("/proc/loadavg");
-    format!("{model}, {} processors; load at the end {}", cores.count, load.split(' ').next().unwrap_or("unknown"))
+    format!(
+        "{model}, {} processors; load at the end {}",
+        cores.count,
+        load.split(' ').next().unwrap_or("unknown")
+    )
 }

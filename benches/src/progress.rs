@@ -41,15 +41,29 @@ impl Progress {
         let terminal = stderr().is_terminal();
         let start = Instant::now();
         let bar = terminal.then(|| {
-            let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::stderr_with_hz(5));
+            let bar = ProgressBar::with_draw_target(
+                Some(STEPS as u64),
+                ProgressDrawTarget::stderr_with_hz(5),
+            );
             let left = move |state: &ProgressState, f: &mut dyn core::fmt::Write| {
                 let _ = f.write_str(&left(start.elapsed(), f64::from(state.fraction())));
             };
             let style = ProgressStyle::with_template("[{bar:30}] {percent:>3} % {left}  {msg}");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left).progress_chars("=> "));
+            bar.set_style(
+                style
+                    .unwrap_or_else(|_| ProgressStyle::default_bar())
+                    .with_key("left", left)
+                    .progress_chars("=> "),
+            );
             bar
         });
-        Progress { bar, lines: lines && !terminal, start, drawn: Cell::new(None), part: Cell::new((0.0, 1.0)) }
+        Progress {
+            bar,
+            lines: lines && !terminal,
+            start,
+            drawn: Cell::new(None),
+            part: Cell::new((0.0, 1.0)),
+        }
     }
 
     /// From now on 0 to 1 stands for this share of everything.
@@ -60,8 +74,10 @@ impl Progress {
     /// Shows what is being done and how much of it is done, 0 to 1.
     pub fn show(&self, what: &str, done: f64) {
         let pause = if self.lines { LINES } else { PAUSE };
-        let drawn = if self.lines { self.drawn.get().or(Some(self.start)) } else { self.drawn.get() };
-        if !(self.lines || self.bar.is_some()) || drawn.is_some_and(|drawn| drawn.elapsed() < pause) {
+        let drawn =
+            if self.lines { self.drawn.get().or(Some(self.start)) } else { self.drawn.get() };
+        if !(self.lines || self.bar.is_some()) || drawn.is_some_and(|drawn| drawn.elapsed() < pause)
+        {
             return;
         }
         self.drawn.set(Some(Instant::now()));
@@ -72,7 +88,9 @@ impl Progress {
                 bar.set_message(what.to_owned());
                 bar.set_position((done * STEPS) as u64);
             }
-            None => eprintln!("{:3.0} %, {what}; {}", 100.0 * done, left(self.start.elapsed(), done)),
+            None => {
+                eprintln!("{:3.0} %, {what}; {}", 100.0 * done, left(self.start.elapsed(), done))
+            }
         }
     }
 
@@ -90,7 +108,11 @@ fn left(elapsed: Duration, done: f64) -> String {
         return format!("{} s", elapsed.as_secs());
     }
     let seconds = (elapsed.as_secs_f64() * (1.0 / done - 1.0)).ceil() as u64;
-    if seconds < 120 { format!("{seconds} s left") } else { format!("{} min left", seconds.div_ceil(60)) }
+    if seconds < 120 {
+        format!("{seconds} s left")
+    } else {
+        format!("{} min left", seconds.div_ceil(60))
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use sarrus_dynamics::{Field, FieldSet, Model, Plan, Request, Status, Wanted, Wor
 use crate::Outcome;
 use crate::cases::{self, Question, Variant, What, packed};
 
-/// Positions within ± this many radians or metres, velocities (1/s), accelerations (1/s²), actuator forces (N or N m).
+/// Positions within ± this many radians or metres, velocities (1/s), accelerations (1/s²), actuator
+/// forces (N or N m).
 const ANGLE: f64 = 0.25;
 const LENGTH: f64 = 0.03;
 const VELOCITY: f64 = 1.0;
@@ -15,7 +16,8 @@ const FORCE: f64 = 10.0;
 /// How long before a state its guess was closed, in seconds.
 const EARLIER: f64 = 1e-3;
 
-/// Where more than half of the states have no answer, the positions are drawn within a half of the reach, this often.
+/// Where more than half of the states have no answer, the positions are drawn within a half of the
+/// reach, this often.
 const HALVINGS: u32 = 5;
 
 /// A robot with its variants and the states that all of them can take.
@@ -63,18 +65,39 @@ impl Robot {
     }
 
     /// The same with the variants of some names only.
-    pub(crate) fn load_some(what: What, n_states: usize, wanted: impl Fn(&str) -> bool) -> Outcome<Robot> {
+    pub(crate) fn load_some(
+        what: What,
+        n_states: usize,
+        wanted: impl Fn(&str) -> bool,
+    ) -> Outcome<Robot> {
         let (description, variants) = cases::variants(what, wanted)?;
         Robot::with_variants(what, description, variants, n_states)
     }
 
     /// Draws states that all of these variants can take.
-    pub(crate) fn with_variants(what: What, description: Description, variants: Vec<Variant>, n_states: usize) -> Outcome<Robot> {
-        let mut robot = Robot { what, name: what.name(), description, variants, states: Vec::new(), left_out: 0, reach: 1.0 };
+    pub(crate) fn with_variants(
+        what: What,
+        description: Description,
+        variants: Vec<Variant>,
+        n_states: usize,
+    ) -> Outcome<Robot> {
+        let mut robot = Robot {
+            what,
+            name: what.name(),
+            description,
+            variants,
+            states: Vec::new(),
+            left_out: 0,
+            reach: 1.0,
+        };
         let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
         let model = &compiled.model;
         let freedoms = freedoms(model, &robot.description);
-        let mut checks = robot.variants.iter().map(|variant| Check::new(&variant.compiled.model)).collect::<Outcome<Vec<_>>>()?;
+        let mut checks = robot
+            .variants
+            .iter()
+            .map(|variant| Check::new(&variant.compiled.model))
+            .collect::<Outcome<Vec<_>>>()?;
 
         let mut random = Random(0);
         while robot.states.len() < n_states {
@@ -94,7 +117,11 @@ impl Robot {
                 (robot.states, robot.left_out, random) = (Vec::new(), 0, Random(0));
             }
             if robot.reach < 0.5_f64.powi(HALVINGS as i32) {
-                return Err(format!("{}: more than half of the random states have no answer", robot.name).into());
+                return Err(format!(
+                    "{}: more than half of the random states have no answer",
+                    robot.name
+                )
+                .into());
             }
         }
         Ok(robot)
@@ -106,7 +133,8 @@ impl Robot {
 enum Freedom {
     Angle,
     Length,
-    /// The first of six of a floating joint, whose place comes before its quaternion, or of three of a ball.
+    /// The first of six of a floating joint, whose place comes before its quaternion, or of three
+    /// of a ball.
     Turn {
         floating: bool,
     },
@@ -117,7 +145,12 @@ enum Freedom {
 /// The freedoms of y in the caller's order.
 fn freedoms(model: &Model, description: &Description) -> Vec<Freedom> {
     let names = model.independent_names();
-    let slides = |name: &String| description.joints.iter().any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic);
+    let slides = |name: &String| {
+        description
+            .joints
+            .iter()
+            .any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic)
+    };
     let freedom = |name: &String| match name.strip_suffix("/rx") {
         Some(joint) => Freedom::Turn { floating: names.contains(&format!("{joint}/tx")) },
         None if name.contains('/') => Freedom::Rest,
@@ -173,8 +206,12 @@ fn earlier(freedoms: &[Freedom], state: &State) -> Vec<f64> {
                 // q + q ω dt / 2
                 let [a, b, c] = [0, 1, 2].map(|j| 0.5 * step(j));
                 let [x, y_, z, w] = [0, 1, 2, 3].map(|j| state.y[at + j]);
-                let turned =
-                    unit([x + w * a + y_ * c - z * b, y_ + w * b + z * a - x * c, z + w * c + x * b - y_ * a, w - x * a - y_ * b - z * c]);
+                let turned = unit([
+                    x + w * a + y_ * c - z * b,
+                    y_ + w * b + z * a - x * c,
+                    z + w * c + x * b - y_ * a,
+                    w - x * a - y_ * b - z * c,
+                ]);
                 y[at..at + 4].copy_from_slice(&turned);
                 at += 4;
             }
@@ -200,7 +237,8 @@ struct Check<'a> {
 
 impl<'a> Check<'a> {
     fn new(model: &'a Model) -> Outcome<Check<'a>> {
-        let close = Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
+        let close =
+            Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
         let plans = [
             Plan::new(model, &close)?,
             Plan::new(model, &Question::InverseDynamics.wanted())?,
@@ -209,7 +247,8 @@ impl<'a> Check<'a> {
         Ok(Check { model, workspace: Workspace::for_plans(model, &plans), plans })
     }
 
-    /// Finds the guess; false where the variant of this place cannot close its loops or has no dynamics.
+    /// Finds the guess; false where the variant of this place cannot close its loops or has no
+    /// dynamics.
     fn fits(&mut self, variant: usize, earlier: &[f64], state: &mut State) -> bool {
         let Check { model, plans: [close, dynamics @ ..], workspace } = self;
         let mut q = vec![0.0; model.sizes().n_q];
@@ -217,7 +256,9 @@ impl<'a> Check<'a> {
         state.guesses.push(q);
         for plan in dynamics {
             let mut output = vec![0.0; plan.want().len()];
-            fits = fits && plan.run(model, workspace, &packed(plan, state, variant), &mut output).status == Status::Ok;
+            fits = fits
+                && plan.run(model, workspace, &packed(plan, state, variant), &mut output).status
+                    == Status::Ok;
         }
         fits
     }

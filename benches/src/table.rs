@@ -32,13 +32,22 @@ impl Table {
     /// Columns under each other, for terminals.
     pub fn text(&self) -> String {
         let widths: Vec<usize> = (0..self.columns.len())
-            .map(|k| self.rows.iter().map(|row| row[k].chars().count()).fold(self.columns[k].chars().count(), usize::max))
+            .map(|k| {
+                self.rows
+                    .iter()
+                    .map(|row| row[k].chars().count())
+                    .fold(self.columns[k].chars().count(), usize::max)
+            })
             .collect();
         let line = |cells: &mut dyn Iterator<Item = &str>| {
             let mut line = String::new();
             for (k, cell) in cells.enumerate() {
                 let gap = " ".repeat(widths[k] - cell.chars().count());
-                line += &if k < self.n_text { format!("{cell}{gap}  ") } else { format!("{gap}{cell}  ") };
+                line += &if k < self.n_text {
+                    format!("{cell}{gap}  ")
+                } else {
+                    format!("{gap}{cell}  ")
+                };
             }
             line.trim_end().to_owned() + "\n"
         };
@@ -51,9 +60,13 @@ impl Table {
 
     /// The same for a README.
     pub fn markdown(&self) -> String {
-        let line = |cells: &mut dyn Iterator<Item = &str>| cells.fold("|".to_owned(), |line, cell| line + " " + cell + " |") + "\n";
+        let line = |cells: &mut dyn Iterator<Item = &str>| {
+            cells.fold("|".to_owned(), |line, cell| line + " " + cell + " |") + "\n"
+        };
         let mut text = format!("### {}\n\n", self.title) + &line(&mut self.columns.iter().copied());
-        text += &line(&mut (0..self.columns.len()).map(|k| if k < self.n_text { "---" } else { "--:" }));
+        text += &line(
+            &mut (0..self.columns.len()).map(|k| if k < self.n_text { "---" } else { "--:" }),
+        );
         for row in &self.rows {
             text += &line(&mut row.iter().map(String::as_str));
         }

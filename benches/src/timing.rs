@@ -24,11 +24,13 @@ impl Effort {
 
 /// States that the batches of a case go through.
 const STATES: usize = 64;
-/// A batch takes no longer than this where four states do not: long ones are interrupted on a machine that others use too.
+/// A batch takes no longer than this where four states do not: long ones are interrupted on a
+/// machine that others use too.
 const LONGEST: Duration = Duration::from_micros(200);
 /// A batch takes at least this long: the clock's own time is then below a percent.
 const BATCH: Duration = Duration::from_micros(15);
-/// Untimed calls before each batch take this long: the other cases had the caches and the branch predictor.
+/// Untimed calls before each batch take this long: the other cases had the caches and the branch
+/// predictor.
 const WARM_UP: Duration = Duration::from_micros(80);
 
 /// Nanoseconds of all batches or round trips of a case, in ascending order.
@@ -42,10 +44,14 @@ impl Samples {
         Samples(ns)
     }
 
-    /// The least value that this share of the samples does not exceed; 0 for the least, NaN without samples.
+    /// The least value that this share of the samples does not exceed; 0 for the least, NaN without
+    /// samples.
     pub fn at(&self, quantile: f64) -> f64 {
         let last = self.0.len().saturating_sub(1);
-        self.0.get(((quantile * self.0.len() as f64) as usize).min(last)).copied().unwrap_or(f64::NAN)
+        self.0
+            .get(((quantile * self.0.len() as f64) as usize).min(last))
+            .copied()
+            .unwrap_or(f64::NAN)
     }
 
     /// The middle one.
@@ -87,9 +93,13 @@ pub(crate) trait Timed {
     fn call(&mut self, state: usize) -> Status;
 }
 
-/// Runs a batch of every case in turn, again and again for this long; gives the nanoseconds per call of each batch. `shown` learns the share
-/// that is done.
-pub(crate) fn interleaved<C: Timed>(cases: &mut [C], rounds: Duration, shown: impl Fn(f64)) -> Outcome<Vec<Samples>> {
+/// Runs a batch of every case in turn, again and again for this long; gives the nanoseconds per
+/// call of each batch. `shown` learns the share that is done.
+pub(crate) fn interleaved<C: Timed>(
+    cases: &mut [C],
+    rounds: Duration,
+    shown: impl Fn(f64),
+) -> Outcome<Vec<Samples>> {
     let mut batches = Vec::new();
     for case in cases.iter_mut() {
         let few = Batch { first: 0, states: case.states().min(4), warm_up: 1, passes: 1 };
@@ -97,7 +107,12 @@ pub(crate) fn interleaved<C: Timed>(cases: &mut [C], rounds: Duration, shown: im
         let states = (LONGEST.as_nanos() as f64 / call) as usize;
         let states = states.clamp(4, STATES).min(case.states());
         let passes = (BATCH.as_nanos() as f64 / (call * states as f64)).ceil() as usize;
-        batches.push(Batch { first: 0, states, warm_up: (WARM_UP.as_nanos() as f64 / call).ceil() as usize, passes });
+        batches.push(Batch {
+            first: 0,
+            states,
+            warm_up: (WARM_UP.as_nanos() as f64 / call).ceil() as usize,
+            passes,
+        });
     }
     let mut ns = vec![Vec::new(); cases.len()];
     let start = Instant::now();
@@ -126,7 +141,11 @@ impl Batch {
             state = if state + 1 == all { 0 } else { state + 1 };
         }
         let elapsed = start.elapsed().as_nanos() as f64;
-        if failed { Err(format!("{} fails", case.name()).into()) } else { Ok(elapsed / (self.passes * self.states) as f64) }
+        if failed {
+            Err(format!("{} fails", case.name()).into())
+        } else {
+            Ok(elapsed / (self.passes * self.states) as f64)
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-//! What `check --assemble` finds: a closed pose of a robot, or of files whose loops are open at zero.
+//! What `check --assemble` finds: a closed pose of a robot, or of files whose loops are open at
+//! zero.
 
 use sarrus_dynamics::description::{Cut, Description, Placement};
 use sarrus_dynamics::{AssembleError, Assembled, closing_placements, rezeroed};
@@ -29,12 +30,14 @@ pub struct AssemblyReport {
     pub distance: f64,
     /// Steps taken.
     pub iterations: u32,
-    /// Branch of each tied cluster that is not a pure coupling; empty for files that are open at zero.
+    /// Branch of each tied cluster that is not a pure coupling; empty for files that are open at
+    /// zero.
     pub branch: Vec<f64>,
     /// Of files that are open at zero: what to write so that the found pose is the zero pose.
     #[serde(skip_serializing_if = "NewPlacements::is_empty")]
     pub new_zero: NewPlacements,
-    /// Of the same files, where the joints are right: placements that coincide at the zero pose as it is.
+    /// Of the same files, where the joints are right: placements that coincide at the zero pose as
+    /// it is.
     #[serde(skip_serializing_if = "NewPlacements::is_empty")]
     pub at_zero: NewPlacements,
 }
@@ -91,9 +94,10 @@ fn placements<S: Serializer>(of: &[(String, Placement)], serializer: S) -> Resul
 
 /// Reads a robot and closes it near a pose.
 ///
-/// `near` and `weights` make the lists from the names of the coordinates and of the velocities, and the zero pose; their error is handed on.
-/// The report is that of the robot; of files that are open at zero it is that of the robot whose zero pose is the found one, and their
-/// faults as they are become warnings.
+/// `near` and `weights` make the lists from the names of the coordinates and of the velocities, and
+/// the zero pose; their error is handed on. The report is that of the robot; of files that are open
+/// at zero it is that of the robot whose zero pose is the found one, and their faults as they are
+/// become warnings.
 ///
 /// # Errors
 /// Sources that cannot be read at all; and what `near` and `weights` say.
@@ -108,24 +112,28 @@ pub fn assemble<E>(
     let Err(LoadError::Faults(_)) = loaded else {
         let Ok(loaded) = loaded else { return Ok(Ok(report)) };
         let model = &loaded.compiled.model;
-        let given = near(model.tree_q_names(), model.tree_zero()).and_then(|near| Ok((near, weights(model.tree_names())?)));
+        let given = near(model.tree_q_names(), model.tree_zero())
+            .and_then(|near| Ok((near, weights(model.tree_names())?)));
         let (near, weights) = match given {
             Ok(given) => given,
             Err(error) => return Ok(Err(error)),
         };
-        report.assembled = Some(AssemblyReport::new(model.tree_q_names(), &near, model.assemble(&near, &weights)));
+        report.assembled =
+            Some(AssemblyReport::new(model.tree_q_names(), &near, model.assemble(&near, &weights)));
         return Ok(Ok(report));
     };
 
     // perhaps all that is wrong with the files is that they are open at zero
     let Ok(opened) = load_open(source, options) else { return Ok(Ok(report)) };
     let model = &opened.model;
-    let given = near(model.tree_q_names(), model.tree_zero()).and_then(|near| Ok((near, weights(model.tree_names())?)));
+    let given = near(model.tree_q_names(), model.tree_zero())
+        .and_then(|near| Ok((near, weights(model.tree_names())?)));
     let (near, weights) = match given {
         Ok(given) => given,
         Err(error) => return Ok(Err(error)),
     };
-    let residual_at = |pose: &[f64]| match model.assemble(pose, &vec![f64::INFINITY; weights.len()]) {
+    let residual_at = |pose: &[f64]| match model.assemble(pose, &vec![f64::INFINITY; weights.len()])
+    {
         Ok(found) => found.residual,
         Err(AssembleError::Unreachable { residual, .. }) => residual,
         Err(_) => f64::NAN,
@@ -137,7 +145,8 @@ pub fn assemble<E>(
     if let (true, Some(closed)) = (is_open, closed) {
         assembled.new_zero = changes(&opened.description, &closed);
         let name = |(s, l, placement)| (loop_name(&opened.description, s, l), placement);
-        assembled.at_zero.successors = closing_placements(&opened.description).into_iter().map(name).collect();
+        assembled.at_zero.successors =
+            closing_placements(&opened.description).into_iter().map(name).collect();
         let as_it_is = report;
         report = CheckReport::new(&opened.compile(closed))?;
         // a fingerprint would be that of other files
@@ -160,7 +169,9 @@ fn changes(old: &Description, new: &Description) -> NewPlacements {
     }
     for (s, (of_old, of_new)) in old.submechanisms.iter().zip(&new.submechanisms).enumerate() {
         for (l, (old, new_loop)) in of_old.loops.iter().zip(&of_new.loops).enumerate() {
-            if let (true, Cut::Placed { predecessor, successor }) = (old.cut != new_loop.cut, &new_loop.cut) {
+            if let (true, Cut::Placed { predecessor, successor }) =
+                (old.cut != new_loop.cut, &new_loop.cut)
+            {
                 found.predecessors.push((loop_name(new, s, l), *predecessor));
                 found.successors.push((loop_name(new, s, l), *successor));
             }
@@ -176,7 +187,11 @@ fn loop_name(description: &Description, s: usize, l: usize) -> String {
 }
 
 impl AssemblyReport {
-    fn new(names: &[String], near: &[f64], found: Result<Assembled, AssembleError>) -> AssemblyReport {
+    fn new(
+        names: &[String],
+        near: &[f64],
+        found: Result<Assembled, AssembleError>,
+    ) -> AssemblyReport {
         let error = found.as_ref().err().map(ToString::to_string);
         let none = Assembled {
             q: near.to_vec(),
@@ -188,15 +203,22 @@ impl AssemblyReport {
         };
         let found = match found {
             Ok(found) => found,
-            Err(AssembleError::Unreachable { residual, nearest } | AssembleError::NotConverged { residual, nearest, .. }) => {
-                Assembled { q: nearest, residual, ..none }
-            }
+            Err(
+                AssembleError::Unreachable { residual, nearest }
+                | AssembleError::NotConverged { residual, nearest, .. },
+            ) => Assembled { q: nearest, residual, ..none },
             Err(_) => none,
         };
         let moved = names.iter().zip(near).zip(&found.q);
         AssemblyReport {
             error,
-            q: moved.map(|((name, given), found)| Moved { name: name.clone(), given: *given, found: *found }).collect(),
+            q: moved
+                .map(|((name, given), found)| Moved {
+                    name: name.clone(),
+                    given: *given,
+                    found: *found,
+                })
+                .collect(),
             residual: found.residual,
             residual_before: found.residual_before,
             distance: found.distance,

@@ -2,12 +2,15 @@
 
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind,
+    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind,
 };
 
 use crate::report::Place;
 use crate::submechanisms::cut::CutKind;
-use crate::submechanisms::{Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named};
+use crate::submechanisms::{
+    Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
+};
 use crate::urdf::{Urdf, Values};
 
 /// Where the parts of a description stand in the files.
@@ -36,7 +39,11 @@ impl Places {
             robot: submechanisms.map_or(urdf.place, |read| read.place),
             links: urdf.links.iter().map(|link| link.place).collect(),
             joints: urdf.joints.iter().map(|joint| joint.place).collect(),
-            submechanisms: submechanisms.into_iter().flat_map(|read| &read.entries).map(place_of).collect(),
+            submechanisms: submechanisms
+                .into_iter()
+                .flat_map(|read| &read.entries)
+                .map(place_of)
+                .collect(),
         }
     }
 
@@ -47,7 +54,8 @@ impl Places {
             Site::Link(link) => self.links.get(link).copied(),
             Site::Joint(joint) => self.joints.get(joint).copied(),
             Site::Submechanism(s) => submechanism(s).map(|found| found.place),
-            Site::Loop(s, l) => submechanism(s).map(|found| found.loops.get(l).map_or(found.place, |(place, _)| *place)),
+            Site::Loop(s, l) => submechanism(s)
+                .map(|found| found.loops.get(l).map_or(found.place, |(place, _)| *place)),
             Site::Row(s, l, r) => {
                 let row = submechanism(s).and_then(|found| found.loops.get(l)?.1.get(r).copied());
                 row.or_else(|| submechanism(s).map(|found| found.place))
@@ -58,12 +66,27 @@ impl Places {
     }
 }
 
-/// The description of checked files; `None` when the two readings of a file differ, which no checked file should.
-pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<EntryValues>>, gravity: [f64; 3]) -> Option<Description> {
-    let links = urdf.links.iter().zip(values.inertials).map(|(link, inertial)| Link { name: link.name.clone(), inertial });
+/// The description of checked files; `None` when the two readings of a file differ, which no
+/// checked file should.
+pub(crate) fn description(
+    urdf: &Urdf,
+    values: Values,
+    entries: Option<Vec<EntryValues>>,
+    gravity: [f64; 3],
+) -> Option<Description> {
+    let links = urdf
+        .links
+        .iter()
+        .zip(values.inertials)
+        .map(|(link, inertial)| Link { name: link.name.clone(), inertial });
     let joints = urdf.joints.iter().zip(values.joints).map(|(entry, value)| {
-        let end = |end: &Option<(String, Place)>| end.as_ref().and_then(|(name, _)| urdf.link_index.get(name).copied());
-        let terms = entry.masters.iter().map(|master| Some((*urdf.joint_index.get(&master.joint)?, master.multiplier)));
+        let end = |end: &Option<(String, Place)>| {
+            end.as_ref().and_then(|(name, _)| urdf.link_index.get(name).copied())
+        };
+        let terms = entry
+            .masters
+            .iter()
+            .map(|master| Some((*urdf.joint_index.get(&master.joint)?, master.multiplier)));
         let terms: Vec<(usize, f64)> = terms.collect::<Option<_>>()?;
         let offset = entry.masters.iter().map(|master| master.offset).sum();
         Some(Joint {
@@ -80,19 +103,34 @@ pub(crate) fn description(urdf: &Urdf, values: Values, entries: Option<Vec<Entry
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
     let submechanisms = match entries {
-        Some(entries) => entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?,
+        Some(entries) => {
+            entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?
+        }
         None => vec![whole(&urdf.name, &joints)],
     };
-    Some(Description { name: urdf.name.clone(), links: links.collect(), joints, submechanisms, gravity })
+    Some(Description {
+        name: urdf.name.clone(),
+        links: links.collect(),
+        joints,
+        submechanisms,
+        gravity,
+    })
 }
 
-/// The one submechanism of a robot that comes without any: every moving joint in the order of the file.
+/// The one submechanism of a robot that comes without any: every moving joint in the order of the
+/// file.
 fn whole(name: &str, joints: &[Joint]) -> Submechanism {
     let moving = joints.iter().enumerate().filter(|(_, joint)| joint.kind != JointKind::Fixed);
     let independent = moving.clone().filter(|(_, joint)| joint.coupling.is_none());
-    let active = independent.clone().filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
+    let active = independent
+        .clone()
+        .filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
     let coupled = joints.iter().any(|joint| joint.coupling.is_some());
-    let (kind, type_name) = if coupled { (SubmechanismKind::Transmission, "TRANSMISSION") } else { (SubmechanismKind::Serial, "SERIAL") };
+    let (kind, type_name) = if coupled {
+        (SubmechanismKind::Transmission, "TRANSMISSION")
+    } else {
+        (SubmechanismKind::Serial, "SERIAL")
+    };
     Submechanism {
         name: name.to_owned(),
         kind,
@@ -116,21 +154,42 @@ fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
         spanning_tree: indices(entry.jointnames_spanningtree)?,
         independent: indices(entry.jointnames_independent)?,
         active: indices(entry.jointnames_active)?,
-        loops: entry.loop_constraints.unwrap_or_default().into_iter().map(|each| closed_loop(urdf, each)).collect::<Option<_>>()?,
+        loops: entry
+            .loop_constraints
+            .unwrap_or_default()
+            .into_iter()
+            .map(|each| closed_loop(urdf, each))
+            .collect::<Option<_>>()?,
     })
 }
 
 fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
     let predecessor = *urdf.link_index.get(&each.predecessor_body)?;
     let cut = match (each.predecessor_placement, each.successor_placement) {
-        (Some(predecessor), Some(successor)) => Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) },
-        _ => urdf.joint_index.get(&each.cut_joint).map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
+        (Some(predecessor), Some(successor)) => {
+            Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) }
+        }
+        _ => urdf
+            .joint_index
+            .get(&each.cut_joint)
+            .map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
     let rows = match each.cut_joint_type {
-        Some(written) => CutKind::named(&written)?.rows(each.axis.unwrap_or_default(), each.axis2.unwrap_or_default()),
-        None => each.constraint_axes?.into_iter().map(|row| Row { name: row.name, axis: row.axis, against: None }).collect(),
+        Some(written) => CutKind::named(&written)?
+            .rows(each.axis.unwrap_or_default(), each.axis2.unwrap_or_default()),
+        None => each
+            .constraint_axes?
+            .into_iter()
+            .map(|row| Row { name: row.name, axis: row.axis, against: None })
+            .collect(),
     };
-    Some(Loop { name: each.cut_joint, predecessor, successor: *urdf.link_index.get(&each.successor_body)?, cut, rows })
+    Some(Loop {
+        name: each.cut_joint,
+        predecessor,
+        successor: *urdf.link_index.get(&each.successor_body)?,
+        cut,
+        rows,
+    })
 }
 
 fn placement(values: PlacementValues) -> Placement {

@@ -55,8 +55,16 @@ pub(crate) fn contents(name: &str) -> Result<Contents, LoadError> {
     let Some((urdf, submechanisms)) = bundled_text(name) else {
         let names = || ROBOTS.iter().map(|robot| robot.name);
         let near = nearest(name, names()).map(str::to_owned);
-        return Err(LoadError::UnknownRobot { name: name.to_owned(), known: names().collect::<Vec<_>>().join(", "), near });
+        return Err(LoadError::UnknownRobot {
+            name: name.to_owned(),
+            known: names().collect::<Vec<_>>().join(", "),
+            near,
+        });
     };
     let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
-    Ok(Contents { urdf: (label("urdf"), urdf.into()), submechanisms: Some((label("yml"), submechanisms.into())), folder: None })
+    Ok(Contents {
+        urdf: (label("urdf"), urdf.into()),
+        submechanisms: Some((label("yml"), submechanisms.into())),
+        folder: None,
+    })
 }

@@ -7,7 +7,8 @@ use crate::closures;
 use crate::load::{LoadError, Loaded};
 use crate::report::{Finding, Report};
 
-/// One robot as `check --format json` prints it. Of a faulty robot only the name, as far as it was read, and the findings are there.
+/// One robot as `check --format json` prints it. Of a faulty robot only the name, as far as it was
+/// read, and the findings are there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CheckReport {
@@ -51,7 +52,8 @@ pub struct ClosureReport {
     pub rows: usize,
     /// How many of them are independent.
     pub rank: usize,
-    /// How far the geometry is from the closed form's assumptions, relative to the mechanism's size.
+    /// How far the geometry is from the closed form's assumptions, relative to the mechanism's
+    /// size.
     pub misfit: f64,
     /// Rows that say nothing new.
     pub redundant: Vec<String>,
@@ -99,20 +101,23 @@ impl CheckReport {
         let model = &loaded.compiled.model;
         let at_zero = model.closures_at_zero();
         let kinds = loaded.description.submechanisms.iter().map(|of| of.kind);
-        let closures = model.closures().iter().zip(at_zero).zip(kinds).map(|((info, at_zero), kind)| ClosureReport {
-            name: info.name.clone(),
-            type_name: info.type_name.clone(),
-            kind: info.kind.name(),
-            rows: info.rows,
-            rank: info.rank,
-            misfit: info.misfit,
-            redundant: at_zero.redundant,
-            idle: info.idle.clone(),
-            branch: at_zero.branch,
-            sigma_min: at_zero.sigma_min,
-            cond: at_zero.cond_Kd,
-            singular: closures::singular(kind),
-        });
+        let closures =
+            model.closures().iter().zip(at_zero).zip(kinds).map(|((info, at_zero), kind)| {
+                ClosureReport {
+                    name: info.name.clone(),
+                    type_name: info.type_name.clone(),
+                    kind: info.kind.name(),
+                    rows: info.rows,
+                    rank: info.rank,
+                    misfit: info.misfit,
+                    redundant: at_zero.redundant,
+                    idle: info.idle.clone(),
+                    branch: at_zero.branch,
+                    sigma_min: at_zero.sigma_min,
+                    cond: at_zero.cond_Kd,
+                    singular: closures::singular(kind),
+                }
+            });
         CheckReport {
             robot: Some(model.name().to_owned()),
             fingerprint: Some(format!("{:016x}", model.fingerprint())),

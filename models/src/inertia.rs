@@ -2,7 +2,8 @@
 
 /// An eigenvalue may lie this far below zero, relative to the largest: rounding of a file.
 const NEGATIVE: f64 = 1e-9;
-/// The triangle inequality may be broken by this much, relative to the largest: plates lie on it and files are rounded.
+/// The triangle inequality may be broken by this much, relative to the largest: plates lie on it
+/// and files are rounded.
 const TRIANGLE: f64 = 1e-6;
 
 /// Why no body has this inertia.
@@ -28,7 +29,8 @@ pub(crate) fn check(inertia: &[f64; 6]) -> Result<(), InertiaFault> {
     Ok(())
 }
 
-/// Eigenvalues in ascending order, by cyclic Jacobi rotations: unlike the cubic's closed form accurate to rounding.
+/// Eigenvalues in ascending order, by cyclic Jacobi rotations: unlike the cubic's closed form
+/// accurate to rounding.
 fn principal_moments(inertia: &[f64; 6]) -> [f64; 3] {
     let [xx, xy, xz, yy, yz, zz] = *inertia;
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
@@ -61,10 +63,20 @@ mod tests {
 
     #[test]
     fn principal_moments_are_those_of_the_rotated_box() {
-        // diag(1, 2, 4) turned by an orthogonal matrix of thirds: columns (2,2,1)/3, (-2,1,2)/3, (1,-2,2)/3
+        // diag(1, 2, 4) turned by an orthogonal matrix of thirds: columns (2,2,1)/3, (-2,1,2)/3,
+        // (1,-2,2)/3
         let axes = [[2.0, 2.0, 1.0], [-2.0, 1.0, 2.0], [1.0, -2.0, 2.0]];
-        let entry = |i: usize, j: usize| (0..3).map(|k| [1.0, 2.0, 4.0][k] * axes[k][i] * axes[k][j] / 9.0).sum::<f64>();
-        let moments = principal_moments(&[entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)]);
+        let entry = |i: usize, j: usize| {
+            (0..3).map(|k| [1.0, 2.0, 4.0][k] * axes[k][i] * axes[k][j] / 9.0).sum::<f64>()
+        };
+        let moments = principal_moments(&[
+            entry(0, 0),
+            entry(0, 1),
+            entry(0, 2),
+            entry(1, 1),
+            entry(1, 2),
+            entry(2, 2),
+        ]);
         for (moment, exact) in moments.iter().zip([1.0, 2.0, 4.0]) {
             assert!((moment - exact).abs() < 1e-14, "{moments:?}");
         }
@@ -81,8 +93,17 @@ mod tests {
 
     #[test]
     fn what_no_body_has_is_told_with_its_moments() {
-        assert_eq!(check(&[1.0, 0.0, 0.0, 1.0, 0.0, 2.1]), Err(InertiaFault::Triangle { moments: [1.0, 1.0, 2.1] }));
-        assert_eq!(check(&[-1e-3, 0.0, 0.0, 1.0, 0.0, 1.0]), Err(InertiaFault::Negative { least: -1e-3 }));
-        assert!(matches!(check(&[1.0, 3.0, 0.0, 1.0, 0.0, 1.0]), Err(InertiaFault::Negative { .. })));
+        assert_eq!(
+            check(&[1.0, 0.0, 0.0, 1.0, 0.0, 2.1]),
+            Err(InertiaFault::Triangle { moments: [1.0, 1.0, 2.1] })
+        );
+        assert_eq!(
+            check(&[-1e-3, 0.0, 0.0, 1.0, 0.0, 1.0]),
+            Err(InertiaFault::Negative { least: -1e-3 })
+        );
+        assert!(matches!(
+            check(&[1.0, 3.0, 0.0, 1.0, 0.0, 1.0]),
+            Err(InertiaFault::Negative { .. })
+        ));
     }
 }

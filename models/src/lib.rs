@@ -1,4 +1,5 @@
-//! Robot files to checked descriptions: URDF for the spanning tree, submechanism YAML for the loops, and sixteen bundled robots.
+//! Robot files to checked descriptions: URDF for the spanning tree, submechanism YAML for the
+//! loops, and sixteen bundled robots.
 //!
 //! ```
 //! use sarrus_models::{Options, Source, load};
@@ -8,35 +9,46 @@
 //! # Ok::<(), sarrus_models::LoadError>(())
 //! ```
 //!
-//! Each text is walked as a tree with positions, which finds every fault of it at once; when there is none, its values are
-//! read by urdf-rs and serde, and [`load`] compiles them. Faults that only the compiler sees come back with their places too.
+//! Each text is walked as a tree with positions, which finds every fault of it at once; when there
+//! is none, its values are read by urdf-rs and serde, and [`load`] compiles them. Faults that only
+//! the compiler sees come back with their places too.
 //!
 //! # What is read beyond plain URDF
-//! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path`, `jointnames`,
-//!   `jointnames_spanningtree`, `jointnames_independent`, `jointnames_active`, `loop_constraints`.
-//!   `file_path` is opened for a `TRANSMISSION` only, and only when the robot's URDF couples none of its joints: as with HyRoDyn
-//!   the couplings may stand in the URDF of that submechanism alone.
-//! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead of the frame of `cut_joint`.
-//! - On a loop, `cut_joint_type` instead of `constraint_axes`: `spherical`, `weld`; `revolute`, `planar_revolute`, `prismatic` or
-//!   `cylindrical` with `axis: [x, y, z]`; `universal` with `axis` on the predecessor and `axis2` on the successor, perpendicular to it. Axes
-//!   stand in the cut frame. The rows are named x y z (along the frame's axes), b c (the two directions across `axis`: b is the frame's axis
-//!   that is least along it, made perpendicular, c = axis × b), with an r before them for turns, and u for the two axes of a universal joint.
-//! - Joints of type `spherical`, or `ball`: q = x y z w, q̇ = ω in the child link. Like `floating` ones they need no axis and no limits.
-//! - On a joint `<dynamics damping spring_stiffness spring_reference/>`: the joint exerts −damping q̇ − stiffness (q − reference), in N, m or
-//!   N m, rad. `friction` is not modelled, and one that is not zero is told.
-//! - A rotor: `<rotor_inertia value/>` (kg m², about its own axis) and `<gear_ratio value/>` or `<mechanicalReduction>` in the `<actuator>` of a
-//!   `<transmission>` with one `<joint>`, with or without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds
-//!   ratio² × inertia to the joint. Transmissions without a rotor and without `<depends_on>` are not looked at.
-//! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier offset/></joint>`, as couplings.
+//! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path`,
+//!   `jointnames`, `jointnames_spanningtree`, `jointnames_independent`, `jointnames_active`,
+//!   `loop_constraints`. `file_path` is opened for a `TRANSMISSION` only, and only when the robot's
+//!   URDF couples none of its joints: as with HyRoDyn the couplings may stand in the URDF of that
+//!   submechanism alone.
+//! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead
+//!   of the frame of `cut_joint`.
+//! - On a loop, `cut_joint_type` instead of `constraint_axes`: `spherical`, `weld`; `revolute`,
+//!   `planar_revolute`, `prismatic` or `cylindrical` with `axis: [x, y, z]`; `universal` with
+//!   `axis` on the predecessor and `axis2` on the successor, perpendicular to it. Axes stand in the
+//!   cut frame. The rows are named x y z (along the frame's axes), b c (the two directions across
+//!   `axis`: b is the frame's axis that is least along it, made perpendicular, c = axis × b), with
+//!   an r before them for turns, and u for the two axes of a universal joint.
+//! - Joints of type `spherical`, or `ball`: q = x y z w, q̇ = ω in the child link. Like `floating`
+//!   ones they need no axis and no limits.
+//! - On a joint `<dynamics damping spring_stiffness spring_reference/>`: the joint exerts −damping
+//!   q̇ − stiffness (q − reference), in N, m or N m, rad. `friction` is not modelled, and one that
+//!   is not zero is told.
+//! - A rotor: `<rotor_inertia value/>` (kg m², about its own axis) and `<gear_ratio value/>` or
+//!   `<mechanicalReduction>` in the `<actuator>` of a `<transmission>` with one `<joint>`, with or
+//!   without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds
+//!   ratio² × inertia to the joint. Transmissions without a rotor and without `<depends_on>` are
+//!   not looked at.
+//! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
+//!   offset/></joint>`, as couplings.
 //! - A SMURF file in place of the URDF.
 //!
-//! Without a submechanism file every moving joint is independent and active in the order of the URDF; floating joints are not
-//! active, joints with `<mimic>` follow.
+//! Without a submechanism file every moving joint is independent and active in the order of the
+//! URDF; floating joints are not active, joints with `<mimic>` follow.
 //!
 //! # Limits
-//! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and 1024 on all loops. A file beyond them is
-//! faulty, and so is one with anchors, aliases, tags or a document type: reading costs time in proportion to the size of a file. A report
-//! lists the first thousand errors and the first thousand warnings that were found, and the number of the others.
+//! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and
+//! 1024 on all loops. A file beyond them is faulty, and so is one with anchors, aliases, tags or a
+//! document type: reading costs time in proportion to the size of a file. A report lists the first
+//! thousand errors and the first thousand warnings that were found, and the number of the others.
 #![forbid(unsafe_code)]
 
 mod assembly;

@@ -19,8 +19,8 @@ use crate::{bundled, smurf, yaml};
 pub enum Source {
     /// One of [`crate::bundled`], by name.
     Bundled(String),
-    /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every moving joint is independent
-    /// and active.
+    /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every
+    /// moving joint is independent and active.
     Files {
         /// URDF or SMURF.
         urdf: PathBuf,
@@ -102,23 +102,31 @@ pub(crate) struct Contents {
 /// Reads and compiles a robot.
 ///
 /// # Errors
-/// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other variants stand for sources
-/// that cannot be read at all.
+/// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other
+/// variants stand for sources that cannot be read at all.
 pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     let mut findings = Findings::new(options.lenient);
     let mut robot = None;
-    let loaded = contents(source, &mut findings)?.and_then(|contents| read(contents, options, &mut findings, &mut robot));
+    let loaded = contents(source, &mut findings)?
+        .and_then(|contents| read(contents, options, &mut findings, &mut robot));
     let report = Report { robot, ..findings.into_report() };
     match loaded {
-        Some((description, compiled)) if report.errors.is_empty() => Ok(Loaded { description, compiled, report }),
+        Some((description, compiled)) if report.errors.is_empty() => {
+            Ok(Loaded { description, compiled, report })
+        }
         _ => Err(LoadError::Faults(report)),
     }
 }
 
-pub(crate) fn contents(source: &Source, findings: &mut Findings) -> Result<Option<Contents>, LoadError> {
+pub(crate) fn contents(
+    source: &Source,
+    findings: &mut Findings,
+) -> Result<Option<Contents>, LoadError> {
     match source {
         Source::Bundled(name) => bundled::contents(name).map(Some),
-        Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => smurf::contents(urdf, submechanisms.as_deref(), findings),
+        Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {
+            smurf::contents(urdf, submechanisms.as_deref(), findings)
+        }
         Source::Files { urdf, submechanisms } => {
             let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
             let submechanisms = submechanisms.as_deref().map(file).transpose()?;
@@ -126,7 +134,9 @@ pub(crate) fn contents(source: &Source, findings: &mut Findings) -> Result<Optio
         }
         Source::Text { urdf, submechanisms } => Ok(Some(Contents {
             urdf: ("robot.urdf".to_owned(), urdf.clone()),
-            submechanisms: submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes)),
+            submechanisms: submechanisms
+                .clone()
+                .map(|bytes| ("submechanisms.yml".to_owned(), bytes)),
             folder: None,
         })),
     }
@@ -138,7 +148,12 @@ pub(crate) fn file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 }
 
 /// Reads and compiles; `None` or errors in `findings` after a fault.
-fn read(contents: Contents, options: &Options, findings: &mut Findings, robot: &mut Option<String>) -> Option<(Description, Compiled)> {
+fn read(
+    contents: Contents,
+    options: &Options,
+    findings: &mut Findings,
+    robot: &mut Option<String>,
+) -> Option<(Description, Compiled)> {
     let (description, places) = describe(contents, options, findings, robot)?;
     let compiled = compile(&description, &places, findings)?;
     Some((description, compiled))
@@ -160,8 +175,11 @@ pub(crate) fn describe(
     let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, findings));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
-    let submechanism_text = contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, findings));
-    let root = submechanism_text.as_ref().and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, findings));
+    let submechanism_text =
+        contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, findings));
+    let root = submechanism_text
+        .as_ref()
+        .and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, findings));
     let entries = root.as_ref().map(|root| submechanisms::walk(root, findings));
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
         transmissions(urdf, entries, folder, findings);
@@ -169,8 +187,9 @@ pub(crate) fn describe(
     if let Some(urdf) = &urdf {
         urdf.check_couplings(findings);
     }
-    let submechanisms: Option<Submechanisms> =
-        root.zip(entries).map(|(root, entries)| submechanisms::check(root.place, entries, urdf.as_ref(), findings));
+    let submechanisms: Option<Submechanisms> = root
+        .zip(entries)
+        .map(|(root, entries)| submechanisms::check(root.place, entries, urdf.as_ref(), findings));
     if findings.has_errors() || with_submechanisms != submechanisms.is_some() {
         return None;
     }
@@ -197,7 +216,11 @@ pub(crate) fn describe(
 }
 
 /// The model; its faults go back to their places.
-pub(crate) fn compile(description: &Description, places: &Places, findings: &mut Findings) -> Option<Compiled> {
+pub(crate) fn compile(
+    description: &Description,
+    places: &Places,
+    findings: &mut Findings,
+) -> Option<Compiled> {
     let (compiled, errors, warnings) = match Model::compile(description) {
         Ok(compiled) => {
             let warnings = compiled.warnings.clone();
@@ -214,12 +237,23 @@ pub(crate) fn compile(description: &Description, places: &Places, findings: &mut
     compiled
 }
 
-/// Takes the couplings of TRANSMISSION submechanisms from the files that they name, as HyRoDyn does, where the URDF has none.
+/// Takes the couplings of TRANSMISSION submechanisms from the files that they name, as HyRoDyn
+/// does, where the URDF has none.
 fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, findings: &mut Findings) {
-    for entry in entries.iter().filter(|entry| entry.type_name.as_ref().is_some_and(|(name, _)| name == "TRANSMISSION")) {
-        let joints: HashSet<&str> = entry.tree.iter().flatten().map(|(name, _)| name.as_str()).collect();
-        let is_coupled = joints.iter().any(|name| urdf.joint(name).is_some_and(|joint| !joint.masters.is_empty()));
-        let Some(path) = entry.file_path.as_ref().filter(|_| !is_coupled).map(|(path, _)| folder.join(path)) else { continue };
+    for entry in entries
+        .iter()
+        .filter(|entry| entry.type_name.as_ref().is_some_and(|(name, _)| name == "TRANSMISSION"))
+    {
+        let joints: HashSet<&str> =
+            entry.tree.iter().flatten().map(|(name, _)| name.as_str()).collect();
+        let is_coupled = joints
+            .iter()
+            .any(|name| urdf.joint(name).is_some_and(|joint| !joint.masters.is_empty()));
+        let Some(path) =
+            entry.file_path.as_ref().filter(|_| !is_coupled).map(|(path, _)| folder.join(path))
+        else {
+            continue;
+        };
         // a file that is not there leaves the couplings missing, and that is told
         let Ok(bytes) = text::read_named(&path) else { continue };
         if let Some(text) = Text::new(&path.display().to_string(), bytes, findings) {

@@ -1,16 +1,19 @@
 //! The known name that a misspelt one most likely means.
 
-/// Longest name that is compared, and most names that are compared with one: a hostile file must not cost seconds.
+/// Longest name that is compared, and most names that are compared with one: a hostile file must
+/// not cost seconds.
 const LONGEST: usize = 64;
 const MOST: usize = 4096;
 
-/// The known name with the least edit distance to `name`, letter case aside; `None` when all are far.
+/// The known name with the least edit distance to `name`, letter case aside; `None` when all are
+/// far.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = folded(name)?;
     let mut best: Option<(usize, &str)> = None;
     for candidate in known.into_iter().take(MOST) {
         // a third of the letters may differ
-        let most = best.map_or(letters.len().max(3) / 3, |(distance, _)| distance.saturating_sub(1));
+        let most =
+            best.map_or(letters.len().max(3) / 3, |(distance, _)| distance.saturating_sub(1));
         let Some(other) = folded(candidate) else { continue };
         if letters.len().abs_diff(other.len()) > most {
             continue;
@@ -28,7 +31,8 @@ fn folded(name: &str) -> Option<Vec<char>> {
     (name.len() <= LONGEST).then(|| name.chars().flat_map(char::to_lowercase).collect())
 }
 
-/// Least number of insertions, deletions, replacements and swaps of neighbours that turn `a` into `b`.
+/// Least number of insertions, deletions, replacements and swaps of neighbours that turn `a` into
+/// `b`.
 fn edit_distance(a: &[char], b: &[char]) -> usize {
     let mut before: Vec<usize> = vec![0; b.len() + 1];
     let mut last: Vec<usize> = (0..=b.len()).collect();

@@ -43,7 +43,12 @@ pub(crate) fn number(word: &str) -> Result<f64, NumberFault> {
         Ok(value) if value.is_finite() => Ok(value),
         Ok(_) => Err(NumberFault::NotFinite(word.to_owned())),
         // YAML's own spelling
-        Err(_) if matches!(word.trim_start_matches(['-', '+']), ".inf" | ".Inf" | ".INF" | ".nan" | ".NaN" | ".NAN") => {
+        Err(_)
+            if matches!(
+                word.trim_start_matches(['-', '+']),
+                ".inf" | ".Inf" | ".INF" | ".nan" | ".NaN" | ".NAN"
+            ) =>
+        {
             Err(NumberFault::NotFinite(word.to_owned()))
         }
         Err(_) => Err(NumberFault::NotANumber(word.to_owned())),

@@ -27,7 +27,8 @@ pub struct Opened {
 pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
     let mut findings = Findings::new(options.lenient);
     let mut robot = None;
-    let described = contents(source, &mut findings)?.and_then(|contents| describe(contents, options, &mut findings, &mut robot));
+    let described = contents(source, &mut findings)?
+        .and_then(|contents| describe(contents, options, &mut findings, &mut robot));
     if let Some((description, places)) = described
         && !findings.has_errors()
     {
@@ -44,7 +45,8 @@ pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError
 }
 
 impl Opened {
-    /// Compiles the robot with another zero pose, as [`sarrus_dynamics::rezeroed`] gives it; faults stand where the files have their parts.
+    /// Compiles the robot with another zero pose, as [`sarrus_dynamics::rezeroed`] gives it; faults
+    /// stand where the files have their parts.
     ///
     /// # Errors
     /// [`LoadError::Faults`].
@@ -53,7 +55,9 @@ impl Opened {
         let compiled = compile(&description, &self.places, &mut findings);
         let report = Report { robot: self.robot.clone(), ..findings.into_report() };
         match compiled {
-            Some(compiled) if report.errors.is_empty() => Ok(Loaded { description, compiled, report }),
+            Some(compiled) if report.errors.is_empty() => {
+                Ok(Loaded { description, compiled, report })
+            }
             _ => Err(LoadError::Faults(report)),
         }
     }

@@ -1,4 +1,5 @@
-//! What is wrong with, or remarkable about, robot files: collected while they are read, told all at once.
+//! What is wrong with, or remarkable about, robot files: collected while they are read, told all at
+//! once.
 
 use core::fmt;
 
@@ -98,19 +99,37 @@ impl Findings {
     }
 
     /// Adds what must be mended.
-    pub fn error(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
+    pub fn error(
+        &mut self,
+        place: Place,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) {
         let finding = self.finding(place, found.into(), expected.into(), help.into());
         self.errors.push(place, finding);
     }
 
     /// Adds what may stay.
-    pub fn warning(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
+    pub fn warning(
+        &mut self,
+        place: Place,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) {
         let finding = self.finding(place, found.into(), expected.into(), help.into());
         self.warnings.push(place, finding);
     }
 
     /// A fault of mass or inertia: a warning when the caller is lenient.
-    pub fn inertia(&mut self, place: Place, found: impl Into<String>, expected: impl Into<String>, help: impl Into<String>) {
+    pub fn inertia(
+        &mut self,
+        place: Place,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) {
         if self.lenient {
             self.warning(place, found, expected, help);
         } else {
@@ -124,20 +143,40 @@ impl Findings {
     }
 
     /// "did you mean …?" with the nearest known name, else `otherwise`.
-    pub fn did_you_mean<'a>(&self, name: &str, known: impl IntoIterator<Item = &'a str>, otherwise: impl Into<String>) -> String {
+    pub fn did_you_mean<'a>(
+        &self,
+        name: &str,
+        known: impl IntoIterator<Item = &'a str>,
+        otherwise: impl Into<String>,
+    ) -> String {
         // a file with thousands of unknown names has no use for thousands of suggestions
-        let near = if self.errors.is_full() || self.warnings.is_full() { None } else { nearest(name, known) };
+        let near = if self.errors.is_full() || self.warnings.is_full() {
+            None
+        } else {
+            nearest(name, known)
+        };
         near.map_or_else(|| otherwise.into(), |near| format!("did you mean `{near}`?"))
     }
 
     /// The report, sorted by place.
     pub fn into_report(self) -> Report {
-        Report { robot: None, warnings: self.warnings.sorted("warnings"), errors: self.errors.sorted("errors") }
+        Report {
+            robot: None,
+            warnings: self.warnings.sorted("warnings"),
+            errors: self.errors.sorted("errors"),
+        }
     }
 
     fn finding(&self, place: Place, found: String, expected: String, help: String) -> Finding {
         let file = self.files.get(place.file as usize).cloned().unwrap_or_default();
-        Finding { file, line: place.line as usize, column: place.column as usize, found, expected, help }
+        Finding {
+            file,
+            line: place.line as usize,
+            column: place.column as usize,
+            found,
+            expected,
+            help,
+        }
     }
 }
 
@@ -156,7 +195,8 @@ impl Pile {
 
     fn sorted(mut self, what: &str) -> Vec<Finding> {
         self.findings.sort_by_key(|(place, _)| *place);
-        let mut findings: Vec<Finding> = self.findings.into_iter().map(|(_, finding)| finding).collect();
+        let mut findings: Vec<Finding> =
+            self.findings.into_iter().map(|(_, finding)| finding).collect();
         if self.dropped > 0
             && let Some(last) = findings.last().cloned()
         {

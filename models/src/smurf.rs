@@ -1,4 +1,5 @@
-//! SMURF: a YAML file whose `files` name the robot's files; the first URDF and the first YAML with submechanisms count.
+//! SMURF: a YAML file whose `files` name the robot's files; the first URDF and the first YAML with
+//! submechanisms count.
 
 use std::path::Path;
 
@@ -13,18 +14,30 @@ pub(crate) fn is_smurf(path: &Path) -> bool {
     has_extension(path, &["smurf"])
 }
 
-/// The contents of the files that a SMURF file names; submechanisms that are given beside it come first.
-pub(crate) fn contents(path: &Path, submechanisms: Option<&Path>, findings: &mut Findings) -> Result<Option<Contents>, LoadError> {
+/// The contents of the files that a SMURF file names; submechanisms that are given beside it come
+/// first.
+pub(crate) fn contents(
+    path: &Path,
+    submechanisms: Option<&Path>,
+    findings: &mut Findings,
+) -> Result<Option<Contents>, LoadError> {
     let (name, bytes) = file(path)?;
     let Some(text) = Text::new(&name, bytes, findings) else { return Ok(None) };
     let Some(root) = yaml::parse(&text, yaml::SUBMECHANISMS, findings) else { return Ok(None) };
     let Some(files) = root.get("files") else {
-        findings.error(root.place, "the file has no `files`", "a list of the robot's files", "add it");
+        findings.error(
+            root.place,
+            "the file has no `files`",
+            "a list of the robot's files",
+            "add it",
+        );
         return Ok(None);
     };
     let folder = path.parent().unwrap_or(Path::new(""));
     let named = |extensions: &[&str]| -> Vec<_> {
-        let texts = files.items().iter().filter_map(|node| if let Value::Scalar { text, .. } = &node.value { Some(text) } else { None });
+        let texts = files.items().iter().filter_map(|node| {
+            if let Value::Scalar { text, .. } = &node.value { Some(text) } else { None }
+        });
         texts.map(|name| folder.join(name)).filter(|path| has_extension(path, extensions)).collect()
     };
     let urdfs = named(&["urdf"]);
@@ -54,7 +67,8 @@ fn named_file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 /// A file that cannot be parsed may: its faults are then told with the rest.
 fn may_have_submechanisms(name: &str, bytes: Vec<u8>) -> bool {
     let mut unheard = Findings::new(false);
-    let root = Text::new(name, bytes, &mut unheard).and_then(|text| yaml::parse(&text, yaml::SUBMECHANISMS, &mut unheard));
+    let root = Text::new(name, bytes, &mut unheard)
+        .and_then(|text| yaml::parse(&text, yaml::SUBMECHANISMS, &mut unheard));
     root.as_ref().is_none_or(|root: &Node| root.get("submechanisms").is_some())
 }
 

@@ -22,7 +22,8 @@ pub(crate) struct Text {
     pub(crate) content: String,
     /// First byte of each line.
     lines: Vec<usize>,
-    /// Characters before each block of bytes, so that a column costs little even on a line of megabytes.
+    /// Characters before each block of bytes, so that a column costs little even on a line of
+    /// megabytes.
     counts: Vec<usize>,
 }
 
@@ -32,7 +33,12 @@ impl Text {
         let file = findings.add_file(name);
         if bytes.len() > LARGEST {
             let help = "leave out what a robot does not need";
-            findings.error(Place::start(file), format!("the file is larger than {} MiB", LARGEST >> 20), "a robot of ordinary size", help);
+            findings.error(
+                Place::start(file),
+                format!("the file is larger than {} MiB", LARGEST >> 20),
+                "a robot of ordinary size",
+                help,
+            );
             return None;
         }
         let (content, fault) = match String::from_utf8(bytes) {
@@ -46,24 +52,42 @@ impl Text {
             }
         };
         let content = content.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(content);
-        let text = Text { file, lines: line_starts(&content), counts: character_counts(&content), content };
+        let text = Text {
+            file,
+            lines: line_starts(&content),
+            counts: character_counts(&content),
+            content,
+        };
         if let Some(bad) = fault {
             let place = text.place(text.content.len());
-            findings.error(place, format!("the byte 0x{bad:02x} is not UTF-8"), "UTF-8 text", "save the file as UTF-8");
+            findings.error(
+                place,
+                format!("the byte 0x{bad:02x} is not UTF-8"),
+                "UTF-8 text",
+                "save the file as UTF-8",
+            );
             return None;
         }
         Some(text)
     }
 
-    /// Makes elements of a prefix that nobody declared readable: its colon becomes an underscore, and every place stays where it is.
+    /// Makes elements of a prefix that nobody declared readable: its colon becomes an underscore,
+    /// and every place stays where it is.
     pub(crate) fn join_stray_prefix(&mut self, prefix: &str, findings: &mut Findings) {
         if self.content.contains(&format!("xmlns:{prefix}")) {
             return;
         }
         let tags = [format!("<{prefix}:"), format!("</{prefix}:")];
-        let Some(first) = tags.first().and_then(|tag| self.content.find(tag.as_str())) else { return };
+        let Some(first) = tags.first().and_then(|tag| self.content.find(tag.as_str())) else {
+            return;
+        };
         let declaration = format!("xmlns:{prefix}=\"…\" on the outermost element");
-        findings.warning(self.place(first), format!("the prefix `{prefix}` is not declared"), declaration, "declare it");
+        findings.warning(
+            self.place(first),
+            format!("the prefix `{prefix}` is not declared"),
+            declaration,
+            "declare it",
+        );
         for tag in &tags {
             self.content = self.content.replace(tag.as_str(), &tag.replace(':', "_"));
         }
@@ -81,31 +105,43 @@ impl Text {
     fn characters_before(&self, offset: usize) -> usize {
         let block = offset / BLOCK;
         let before = self.counts.get(block).copied().unwrap_or(0);
-        before + count_characters(self.content.as_bytes().get(block * BLOCK..offset).unwrap_or_default())
+        before
+            + count_characters(
+                self.content.as_bytes().get(block * BLOCK..offset).unwrap_or_default(),
+            )
     }
 }
 
 /// The bytes of a file, at most one more than [`LARGEST`].
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    let unreadable = |error: std::io::Error| LoadError::Open { file: path.display().to_string(), reason: error.to_string() };
+    let unreadable = |error: std::io::Error| LoadError::Open {
+        file: path.display().to_string(),
+        reason: error.to_string(),
+    };
     let file = File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
     file.take(LARGEST as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     Ok(bytes)
 }
 
-/// As [`read`], of a file that another file names: only what is an ordinary file, so that no device or pipe is waited for.
+/// As [`read`], of a file that another file names: only what is an ordinary file, so that no device
+/// or pipe is waited for.
 pub(crate) fn read_named(path: &Path) -> Result<Vec<u8>, LoadError> {
     match path.metadata() {
-        Ok(metadata) if !metadata.is_file() => {
-            Err(LoadError::Open { file: path.display().to_string(), reason: "it is no ordinary file".to_owned() })
-        }
+        Ok(metadata) if !metadata.is_file() => Err(LoadError::Open {
+            file: path.display().to_string(),
+            reason: "it is no ordinary file".to_owned(),
+        }),
         _ => read(path),
     }
 }
 
 fn line_starts(content: &str) -> Vec<usize> {
-    let after_breaks = content.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(offset, _)| offset + 1);
+    let after_breaks = content
+        .bytes()
+        .enumerate()
+        .filter(|(_, byte)| *byte == b'\n')
+        .map(|(offset, _)| offset + 1);
     core::iter::once(0).chain(after_breaks).collect()
 }
 
@@ -131,7 +167,9 @@ mod tests {
     fn lines_and_columns_count_characters_from_one() {
         let mut findings = Findings::new(false);
         let content = format!("\u{feff}a\r\nb¨c{}x", "é".repeat(1000));
-        let Some(text) = Text::new("f", content.into_bytes(), &mut findings) else { return assert!(!findings.has_errors()) };
+        let Some(text) = Text::new("f", content.into_bytes(), &mut findings) else {
+            return assert!(!findings.has_errors());
+        };
         let at = |offset| (text.place(offset).line, text.place(offset).column);
         assert_eq!(at(0), (1, 1));
         assert_eq!(at(3), (2, 1));

@@ -1,6 +1,8 @@
-//! What controllers and the CAN bridge say to each other: commands and states of all actuators, in the order of u.
+//! What controllers and the CAN bridge say to each other: commands and states of all actuators, in
+//! the order of u.
 //!
-//! The payloads are plain fixed-size values; with the feature `transport` they travel through the services of `bridge`.
+//! The payloads are plain fixed-size values; with the feature `transport` they travel through the
+//! services of `bridge`.
 
 /// An operation as it travels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,7 +37,8 @@ macro_rules! codes {
                 match self { $($name::$variant => $word,)* }
             }
 
-            /// The one of a number on the wire; `None` for a number that this version does not know.
+            /// The one of a number on the wire; `None` for a number that this version does not
+            /// know.
             pub const fn from_code(code: u32) -> Option<$name> {
                 match code { $($code => Some($name::$variant),)* _ => None }
             }
@@ -148,7 +151,8 @@ pub mod flag {
 
 /// One command for all actuators of a robot, in the order of u.
 ///
-/// An actuator follows τ = effort + stiffness (position − measured) + damping (velocity − measured), as far as its motor's mode allows.
+/// An actuator follows τ = effort + stiffness (position − measured) + damping (velocity −
+/// measured), as far as its motor's mode allows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ActuatorCommand {

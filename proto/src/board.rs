@@ -1,4 +1,5 @@
-//! Boards: the lanes, made by the server and claimed by its clients, and the status that anybody may read.
+//! Boards: the lanes, made by the server and claimed by its clients, and the status that anybody
+//! may read.
 
 use iceoryx2::node::Node;
 use iceoryx2::port::reader::EntryHandle;
@@ -60,22 +61,39 @@ impl ServedLane {
         instance: u64,
         lane: LaneId,
         [class_in, class_out]: [usize; 2],
-    ) -> Result<(ServedLane, Box<dyn Inbox<RequestHead>>, Box<dyn Outbox<ResponseHead>>), ServiceError> {
+    ) -> Result<
+        (ServedLane, Box<dyn Inbox<RequestHead>>, Box<dyn Outbox<ResponseHead>>),
+        ServiceError,
+    > {
         let [request_name, response_name] = name.lane(instance, lane)?;
         let no_class = |class: usize| {
-            move || ServiceError::Memory { service: name.as_str().to_owned(), reason: format!("no class of {class} numbers") }
+            move || ServiceError::Memory {
+                service: name.as_str().to_owned(),
+                reason: format!("no class of {class} numbers"),
+            }
         };
-        let request = by_class!(class_in, RequestHead, create_board(node, &request_name)).ok_or_else(no_class(class_in))??;
-        let response = by_class!(class_out, ResponseHead, create_board(node, &response_name)).ok_or_else(no_class(class_out))??;
+        let request = by_class!(class_in, RequestHead, create_board(node, &request_name))
+            .ok_or_else(no_class(class_in))??;
+        let response = by_class!(class_out, ResponseHead, create_board(node, &response_name))
+            .ok_or_else(no_class(class_out))??;
 
-        let reader = request.reader_builder().create().map_err(|error| ServiceError::memory(&request_name, &error))?;
+        let reader = request
+            .reader_builder()
+            .create()
+            .map_err(|error| ServiceError::memory(&request_name, &error))?;
         let claimed = by_class!(class_in, RequestHead, inbox(&reader)).flatten();
         let inbox = by_class!(class_in, RequestHead, inbox(&reader)).flatten();
-        let writer = response.writer_builder().create().map_err(|error| ServiceError::memory(&response_name, &error))?;
+        let writer = response
+            .writer_builder()
+            .create()
+            .map_err(|error| ServiceError::memory(&response_name, &error))?;
         let outbox = by_class!(class_out, ResponseHead, outbox(writer)).flatten();
-        let inbox = inbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
-        let claimed = claimed.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
-        let mut outbox = outbox.ok_or_else(|| ServiceError::Locked { service: response_name.to_string() })?;
+        let inbox =
+            inbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
+        let claimed =
+            claimed.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
+        let mut outbox =
+            outbox.ok_or_else(|| ServiceError::Locked { service: response_name.to_string() })?;
         map(outbox.as_mut());
         Ok((ServedLane { request, claimed }, inbox, outbox))
     }
@@ -115,16 +133,26 @@ impl ClaimedLane {
         [class_in, class_out]: [usize; 2],
     ) -> Result<ClaimedLane, ServiceError> {
         let [request_name, response_name] = name.lane(instance, lane)?;
-        let (request, response) = (open_board(node, &request_name)?, open_board(node, &response_name)?);
-        let reader = response.reader_builder().create().map_err(|error| ServiceError::memory(&response_name, &error))?;
+        let (request, response) =
+            (open_board(node, &request_name)?, open_board(node, &response_name)?);
+        let reader = response
+            .reader_builder()
+            .create()
+            .map_err(|error| ServiceError::memory(&response_name, &error))?;
         let inbox = by_class!(class_out, ResponseHead, inbox(&reader)).flatten();
-        let inbox = inbox.ok_or_else(|| ServiceError::OtherVersion { service: response_name.to_string(), version: PROTOCOL_VERSION })?;
+        let inbox = inbox.ok_or_else(|| ServiceError::OtherVersion {
+            service: response_name.to_string(),
+            version: PROTOCOL_VERSION,
+        })?;
         let writer = request.writer_builder().create().map_err(|error| match error {
-            WriterCreateError::ExceedsMaxSupportedWriters => ServiceError::Full { service: request_name.to_string(), limit: 1 },
+            WriterCreateError::ExceedsMaxSupportedWriters => {
+                ServiceError::Full { service: request_name.to_string(), limit: 1 }
+            }
             other => ServiceError::memory(&request_name, &other),
         })?;
         let outbox = by_class!(class_in, RequestHead, outbox(writer)).flatten();
-        let mut outbox = outbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
+        let mut outbox =
+            outbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
         // its heads have sequence 0: no request, a sign that the lane is claimed
         map(outbox.as_mut());
         Ok(ClaimedLane { outbox, inbox })
@@ -139,18 +167,28 @@ fn map<H: Default>(outbox: &mut dyn Outbox<H>) {
     }
 }
 
-fn create_board<H: Copy + Default + 'static, const N: usize>(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Board, ServiceError>
+fn create_board<H: Copy + Default + 'static, const N: usize>(
+    node: &Node<Threadsafe>,
+    service: &ServiceName,
+) -> Result<Board, ServiceError>
 where
     Entry<H, N>: ZeroCopySend,
 {
     let zero = Entry { head: H::default(), numbers: [0.0; N] };
-    let builder = node.service_builder(service).blackboard_creator::<u64>().max_readers(1).max_nodes(4).add::<Entry<H, N>>(KEY, zero);
+    let builder = node
+        .service_builder(service)
+        .blackboard_creator::<u64>()
+        .max_readers(1)
+        .max_nodes(4)
+        .add::<Entry<H, N>>(KEY, zero);
     builder.create().map_err(|error| board_not_made(service, error))
 }
 
 fn board_not_made(service: &ServiceName, error: BlackboardCreateError) -> ServiceError {
     match error {
-        BlackboardCreateError::AlreadyExists => ServiceError::Taken { service: service.to_string() },
+        BlackboardCreateError::AlreadyExists => {
+            ServiceError::Taken { service: service.to_string() }
+        }
         other => ServiceError::memory(service, &other),
     }
 }
@@ -160,7 +198,9 @@ fn open_board(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Board, S
         BlackboardOpenError::DoesNotExist | BlackboardOpenError::IsMarkedForDestruction => {
             ServiceError::Absent { service: service.to_string() }
         }
-        BlackboardOpenError::ExceedsMaxNumberOfNodes => ServiceError::Full { service: service.to_string(), limit: MAX_OBSERVERS },
+        BlackboardOpenError::ExceedsMaxNumberOfNodes => {
+            ServiceError::Full { service: service.to_string(), limit: MAX_OBSERVERS }
+        }
         other => ServiceError::memory(service, &other),
     })
 }
@@ -187,14 +227,28 @@ pub struct StatusBoard {
 
 impl StatusBoard {
     /// Makes the status board of a run of the server.
-    pub fn create(node: &Node<Threadsafe>, name: &ServerName, instance: u64) -> Result<StatusBoard, ServiceError> {
+    pub fn create(
+        node: &Node<Threadsafe>,
+        name: &ServerName,
+        instance: u64,
+    ) -> Result<StatusBoard, ServiceError> {
         let service = name.status(instance)?;
-        let builder = node.service_builder(&service).blackboard_creator::<u64>().max_readers(MAX_OBSERVERS).max_nodes(MAX_OBSERVERS);
-        let builder = builder.add(STATISTICS, Statistics::default()).add(HEARTBEAT, Heartbeat::default());
+        let builder = node
+            .service_builder(&service)
+            .blackboard_creator::<u64>()
+            .max_readers(MAX_OBSERVERS)
+            .max_nodes(MAX_OBSERVERS);
+        let builder =
+            builder.add(STATISTICS, Statistics::default()).add(HEARTBEAT, Heartbeat::default());
         let board = builder.create().map_err(|error| board_not_made(&service, error))?;
-        let writer = board.writer_builder().create().map_err(|error| ServiceError::memory(&service, &error))?;
-        let heartbeat = writer.entry(&HEARTBEAT).map_err(|error| ServiceError::memory(&service, &error))?;
-        let statistics = writer.entry(&STATISTICS).map_err(|error| ServiceError::memory(&service, &error))?;
+        let writer = board
+            .writer_builder()
+            .create()
+            .map_err(|error| ServiceError::memory(&service, &error))?;
+        let heartbeat =
+            writer.entry(&HEARTBEAT).map_err(|error| ServiceError::memory(&service, &error))?;
+        let statistics =
+            writer.entry(&STATISTICS).map_err(|error| ServiceError::memory(&service, &error))?;
         Ok(StatusBoard { heartbeat, statistics, port: writer })
     }
 }
@@ -207,11 +261,21 @@ pub struct StatusReader {
 
 impl StatusReader {
     /// Opens the status board of a run of the server.
-    pub fn open(node: &Node<Threadsafe>, name: &ServerName, instance: u64) -> Result<StatusReader, ServiceError> {
+    pub fn open(
+        node: &Node<Threadsafe>,
+        name: &ServerName,
+        instance: u64,
+    ) -> Result<StatusReader, ServiceError> {
         let service = name.status(instance)?;
         let board = open_board(node, &service)?;
-        let reader = board.reader_builder().create().map_err(|error| ServiceError::memory(&service, &error))?;
-        let other_version = |_| ServiceError::OtherVersion { service: service.to_string(), version: PROTOCOL_VERSION };
+        let reader = board
+            .reader_builder()
+            .create()
+            .map_err(|error| ServiceError::memory(&service, &error))?;
+        let other_version = |_| ServiceError::OtherVersion {
+            service: service.to_string(),
+            version: PROTOCOL_VERSION,
+        };
         let heartbeat = reader.entry(&HEARTBEAT).map_err(other_version)?;
         let statistics = reader.entry(&STATISTICS).map_err(other_version)?;
         Ok(StatusReader { heartbeat, statistics })

@@ -1,6 +1,8 @@
-//! The services of one CAN bridge: commands in, states and statistics out, operations from whoever may watch.
+//! The services of one CAN bridge: commands in, states and statistics out, operations from whoever
+//! may watch.
 //!
-//! The newest wins everywhere: a subscriber has room for one sample, and a command that was overtaken is gone. Only operations queue.
+//! The newest wins everywhere: a subscriber has room for one sample, and a command that was
+//! overtaken is gone. Only operations queue.
 
 use core::fmt::Debug;
 
@@ -62,7 +64,8 @@ impl BridgeEnd {
         let states = sender(&make(node, states, 1, MAX_OBSERVERS, 1)?, states, 1)?;
         let statistics = sender(&make(node, statistics, 1, MAX_OBSERVERS, 1)?, statistics, 1)?;
         let commands = receiver(&make(node, commands, 1, 1, 1)?, commands, 1)?;
-        let operations = receiver(&make(node, operations, MAX_OBSERVERS, 1, OPERATIONS)?, operations, 1)?;
+        let operations =
+            receiver(&make(node, operations, MAX_OBSERVERS, 1, OPERATIONS)?, operations, 1)?;
         Ok(BridgeEnd { commands, operations, states, statistics })
     }
 
@@ -91,10 +94,14 @@ impl ControllerEnd {
     /// Opens the services of a running bridge.
     ///
     /// # Errors
-    /// No bridge of this name runs, it has a controller, or something is wrong with the shared memory.
+    /// No bridge of this name runs, it has a controller, or something is wrong with the shared
+    /// memory.
     pub fn open(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControllerEnd, ServiceError> {
         let [commands, ..] = &names(name)?;
-        Ok(ControllerEnd { commands: sender(&open(node, commands)?, commands, 1)?, observer: ObserverEnd::open(node, name)? })
+        Ok(ControllerEnd {
+            commands: sender(&open(node, commands)?, commands, 1)?,
+            observer: ObserverEnd::open(node, name)?,
+        })
     }
 
     /// Sends a command; false where it could not be sent.
@@ -112,7 +119,8 @@ impl ObserverEnd {
     /// Opens the services of a running bridge.
     ///
     /// # Errors
-    /// No bridge of this name runs, too many watch it, or something is wrong with the shared memory.
+    /// No bridge of this name runs, too many watch it, or something is wrong with the shared
+    /// memory.
     pub fn open(node: &Node<Threadsafe>, name: &ServerName) -> Result<ObserverEnd, ServiceError> {
         let [_, operations, states, statistics] = &names(name)?;
         Ok(ObserverEnd {
@@ -139,7 +147,8 @@ impl ObserverEnd {
 }
 
 fn names(name: &ServerName) -> Result<[ServiceName; 4], ServiceError> {
-    let [commands, operations, states, statistics] = ["command", "operation", "state", "statistics"].map(|part| name.bridge(part));
+    let [commands, operations, states, statistics] =
+        ["command", "operation", "state", "statistics"].map(|part| name.bridge(part));
     Ok([commands?, operations?, states?, statistics?])
 }
 
@@ -152,18 +161,32 @@ fn make<T: Debug + ZeroCopySend + 'static>(
     room: usize,
 ) -> Result<Factory<T>, ServiceError> {
     let builder = node.service_builder(service).publish_subscribe::<T>();
-    let builder = builder.max_publishers(publishers).max_subscribers(subscribers).max_nodes(MAX_OBSERVERS + 2);
-    let builder = builder.subscriber_max_buffer_size(room).history_size(0).enable_safe_overflow(true).subscriber_max_borrowed_samples(1);
+    let builder = builder
+        .max_publishers(publishers)
+        .max_subscribers(subscribers)
+        .max_nodes(MAX_OBSERVERS + 2);
+    let builder = builder
+        .subscriber_max_buffer_size(room)
+        .history_size(0)
+        .enable_safe_overflow(true)
+        .subscriber_max_borrowed_samples(1);
     builder.open_or_create().map_err(|error| ServiceError::memory(service, &error))
 }
 
-fn open<T: Debug + ZeroCopySend + 'static>(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Factory<T>, ServiceError> {
+fn open<T: Debug + ZeroCopySend + 'static>(
+    node: &Node<Threadsafe>,
+    service: &ServiceName,
+) -> Result<Factory<T>, ServiceError> {
     use PublishSubscribeOpenError as E;
     let name = || service.to_string();
     node.service_builder(service).publish_subscribe::<T>().open().map_err(|error| match error {
         E::DoesNotExist | E::IsMarkedForDestruction => ServiceError::NoBridge { service: name() },
-        E::IncompatibleTypes => ServiceError::OtherVersion { service: name(), version: PROTOCOL_VERSION },
-        E::ExceedsMaxNumberOfNodes => ServiceError::Full { service: name(), limit: MAX_OBSERVERS + 2 },
+        E::IncompatibleTypes => {
+            ServiceError::OtherVersion { service: name(), version: PROTOCOL_VERSION }
+        }
+        E::ExceedsMaxNumberOfNodes => {
+            ServiceError::Full { service: name(), limit: MAX_OBSERVERS + 2 }
+        }
         other => ServiceError::memory(service, &other),
     })
 }
@@ -173,9 +196,14 @@ fn sender<T: Debug + ZeroCopySend + 'static>(
     service: &ServiceName,
     limit: usize,
 ) -> Result<Sending<T>, ServiceError> {
-    let builder = factory.publisher_builder().max_loaned_samples(1).backpressure_strategy(BackpressureStrategy::DiscardData);
+    let builder = factory
+        .publisher_builder()
+        .max_loaned_samples(1)
+        .backpressure_strategy(BackpressureStrategy::DiscardData);
     builder.create().map_err(|error| match error {
-        PublisherCreateError::ExceedsMaxSupportedPublishers => ServiceError::Full { service: service.to_string(), limit },
+        PublisherCreateError::ExceedsMaxSupportedPublishers => {
+            ServiceError::Full { service: service.to_string(), limit }
+        }
         other => ServiceError::memory(service, &other),
     })
 }
@@ -186,7 +214,9 @@ fn receiver<T: Debug + ZeroCopySend + 'static>(
     limit: usize,
 ) -> Result<Receiving<T>, ServiceError> {
     factory.subscriber_builder().create().map_err(|error| match error {
-        SubscriberCreateError::ExceedsMaxSupportedSubscribers => ServiceError::Full { service: service.to_string(), limit },
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
+            ServiceError::Full { service: service.to_string(), limit }
+        }
         other => ServiceError::memory(service, &other),
     })
 }

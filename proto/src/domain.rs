@@ -5,16 +5,19 @@ use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use iceoryx2::prelude::{Config, FileName, LogLevel, NodeBuilder, SemanticString, SignalHandlingMode, set_log_level};
+use iceoryx2::prelude::{
+    Config, FileName, LogLevel, NodeBuilder, SemanticString, SignalHandlingMode, set_log_level,
+};
 use iceoryx2::prelude::{Node, Service, ServiceName};
 
 /// The longest name that a server may have.
 pub const MAX_NAME: usize = 64;
 
-/// The directory and the prefix of all shared memory of one installation, fixed in code: no configuration file changes it.
+/// The directory and the prefix of all shared memory of one installation, fixed in code: no
+/// configuration file changes it.
 ///
-/// Every user has a domain of their own, `/tmp/sarrus-UID`; the environment variable `SARRUS_ROOT` names another
-/// directory, which is a domain apart from all others.
+/// Every user has a domain of their own, `/tmp/sarrus-UID`; the environment variable `SARRUS_ROOT`
+/// names another directory, which is a domain apart from all others.
 #[derive(Clone, Debug)]
 pub struct Domain {
     root: PathBuf,
@@ -26,7 +29,9 @@ pub struct Domain {
 #[non_exhaustive]
 pub enum DomainError {
     /// The root directory can neither be found nor made.
-    #[error("{path}: {source}; make the directory writable for this user or name another one in SARRUS_ROOT")]
+    #[error(
+        "{path}: {source}; make the directory writable for this user or name another one in SARRUS_ROOT"
+    )]
     Root {
         /// The directory.
         path: PathBuf,
@@ -34,7 +39,9 @@ pub enum DomainError {
         source: io::Error,
     },
     /// The root directory belongs to somebody else.
-    #[error("{path} belongs to user {owner}, expected {user}; remove it or name another directory in SARRUS_ROOT")]
+    #[error(
+        "{path} belongs to user {owner}, expected {user}; remove it or name another directory in SARRUS_ROOT"
+    )]
     Foreign {
         /// The directory.
         path: PathBuf,
@@ -44,19 +51,25 @@ pub enum DomainError {
         user: u32,
     },
     /// The path of the root directory cannot be used.
-    #[error("{path} cannot be the root of shared memory; give an absolute path of at most 100 characters in SARRUS_ROOT")]
+    #[error(
+        "{path} cannot be the root of shared memory; give an absolute path of at most 100 characters in SARRUS_ROOT"
+    )]
     Path {
         /// The directory.
         path: PathBuf,
     },
     /// A server's name is empty, too long or has letters that a name must not have.
-    #[error("`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`")]
+    #[error(
+        "`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`"
+    )]
     Name {
         /// The name.
         name: String,
     },
     /// The node of this process cannot be made.
-    #[error("no node in shared memory under {path}: {reason}; check the free space of /dev/shm and the rights of the directory")]
+    #[error(
+        "no node in shared memory under {path}: {reason}; check the free space of /dev/shm and the rights of the directory"
+    )]
     Node {
         /// The root directory.
         path: PathBuf,
@@ -68,20 +81,30 @@ pub enum DomainError {
 impl Domain {
     /// The domain of this user.
     pub fn of_user() -> Result<Domain, DomainError> {
-        let root = std::env::var_os("SARRUS_ROOT").filter(|root| !root.is_empty()).map(PathBuf::from);
-        Domain::at(&root.unwrap_or_else(|| PathBuf::from(format!("/tmp/sarrus-{}", rustix::process::getuid().as_raw()))))
+        let root =
+            std::env::var_os("SARRUS_ROOT").filter(|root| !root.is_empty()).map(PathBuf::from);
+        Domain::at(&root.unwrap_or_else(|| {
+            PathBuf::from(format!("/tmp/sarrus-{}", rustix::process::getuid().as_raw()))
+        }))
     }
 
     /// The domain under a directory, which is made if it is missing and must belong to this user.
     pub fn at(root: &Path) -> Result<Domain, DomainError> {
         set_log_level(LogLevel::Fatal);
         let path_error = || DomainError::Path { path: root.to_owned() };
-        let text = root.to_str().filter(|text| root.is_absolute() && text.len() <= 100).ok_or_else(path_error)?;
+        let text = root
+            .to_str()
+            .filter(|text| root.is_absolute() && text.len() <= 100)
+            .ok_or_else(path_error)?;
 
         let mut config = Config::default();
-        config.global.set_root_path(&iceoryx2::prelude::Path::new(text.as_bytes()).map_err(|_| path_error())?);
-        // files in /dev/shm lie side by side whatever their root: the prefix keeps domains and users apart
-        config.global.prefix = FileName::new(format!("sarrus_{:08x}_", hash(text)).as_bytes()).map_err(|_| path_error())?;
+        config.global.set_root_path(
+            &iceoryx2::prelude::Path::new(text.as_bytes()).map_err(|_| path_error())?,
+        );
+        // files in /dev/shm lie side by side whatever their root: the prefix keeps domains and
+        // users apart
+        config.global.prefix = FileName::new(format!("sarrus_{:08x}_", hash(text)).as_bytes())
+            .map_err(|_| path_error())?;
 
         let domain = Domain { root: root.to_owned(), config };
         domain.make_root()?;
@@ -101,8 +124,11 @@ impl Domain {
     /// A node of this process in the domain; clears away what dead processes left.
     pub fn node<S: Service>(&self) -> Result<Node<S>, DomainError> {
         let _lock = self.lock(File::lock_shared)?;
-        let builder = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&self.config);
-        let failed = |error| DomainError::Node { path: self.root.clone(), reason: format!("{error:?}") };
+        let builder = NodeBuilder::new()
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .config(&self.config);
+        let failed =
+            |error| DomainError::Node { path: self.root.clone(), reason: format!("{error:?}") };
         let node = builder.create::<S>().map_err(failed)?;
         // the transport lets everybody write its counter of nodes
         for path in self.counters() {
@@ -111,16 +137,20 @@ impl Domain {
         Ok(node)
     }
 
-    /// Removes what outlives the last node: empty directories and the transport's counter. Call it when the nodes of this
-    /// process are gone; does nothing while another process has one.
+    /// Removes what outlives the last node: empty directories and the transport's counter. Call it
+    /// when the nodes of this process are gone; does nothing while another process has one.
     pub fn tidy(&self) {
-        let Ok(_lock) = self.lock(|directory| directory.try_lock().map_err(io::Error::from)) else { return };
+        let Ok(_lock) = self.lock(|directory| directory.try_lock().map_err(io::Error::from)) else {
+            return;
+        };
         let nodes = self.root.join("nodes");
         for entry in fs::read_dir(&nodes).into_iter().flatten().flatten() {
             let _ = fs::remove_dir(entry.path());
         }
         // a directory that somebody uses is not empty and stays
-        let used = |path: &Path| fs::remove_dir(path).is_err_and(|error| error.kind() != io::ErrorKind::NotFound);
+        let used = |path: &Path| {
+            fs::remove_dir(path).is_err_and(|error| error.kind() != io::ErrorKind::NotFound)
+        };
         if !used(&nodes) {
             for path in self.counters() {
                 let _ = fs::remove_file(path);
@@ -136,10 +166,16 @@ impl Domain {
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
             name.starts_with(&prefix) && name.ends_with(".global_mgmt")
         };
-        fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|entry| entry.path()).filter(ours)
+        fs::read_dir("/dev/shm")
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|entry| entry.path())
+            .filter(ours)
     }
 
-    /// The root directory, made if it is missing, and locked: nobody tidies while a node is being made.
+    /// The root directory, made if it is missing, and locked: nobody tidies while a node is being
+    /// made.
     fn lock(&self, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, DomainError> {
         let failed = |source| DomainError::Root { path: self.root.clone(), source };
         loop {
@@ -150,7 +186,9 @@ impl Domain {
             };
             lock(&directory).map_err(failed)?;
             // it may have been removed between opening and locking
-            let same = |path: fs::Metadata| directory.metadata().is_ok_and(|ours| ours.ino() == path.ino());
+            let same = |path: fs::Metadata| {
+                directory.metadata().is_ok_and(|ours| ours.ino() == path.ino())
+            };
             if fs::metadata(&self.root).is_ok_and(same) {
                 return Ok(directory);
             }
@@ -162,7 +200,11 @@ impl Domain {
         fs::DirBuilder::new().recursive(true).mode(0o700).create(&self.root).map_err(failed)?;
         let owner = fs::symlink_metadata(&self.root).map_err(failed)?.uid();
         let user = rustix::process::geteuid().as_raw();
-        if owner == user { Ok(()) } else { Err(DomainError::Foreign { path: self.root.clone(), owner, user }) }
+        if owner == user {
+            Ok(())
+        } else {
+            Err(DomainError::Foreign { path: self.root.clone(), owner, user })
+        }
     }
 }
 
@@ -173,7 +215,8 @@ pub struct ServerName(String);
 impl ServerName {
     /// Checks a name.
     pub fn new(name: &str) -> Result<ServerName, DomainError> {
-        let good = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '.' | '-' | '_');
+        let good =
+            |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '.' | '-' | '_');
         if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(good) {
             return Err(DomainError::Name { name: name.to_owned() });
         }
@@ -212,11 +255,13 @@ impl ServerName {
     }
 
     fn service(&self, rest: &str) -> Result<ServiceName, DomainError> {
-        ServiceName::new(&format!("sarrus/{}/{rest}", self.0)).map_err(|_| DomainError::Name { name: self.0.clone() })
+        ServiceName::new(&format!("sarrus/{}/{rest}", self.0))
+            .map_err(|_| DomainError::Name { name: self.0.clone() })
     }
 }
 
-/// A lane: its place and how many lanes have been there before. A lane dies with its client and is never used again.
+/// A lane: its place and how many lanes have been there before. A lane dies with its client and is
+/// never used again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(C)]
 pub struct LaneId {
@@ -228,7 +273,9 @@ pub struct LaneId {
 
 /// FNV-1a, folded to 32 bits.
 fn hash(text: &str) -> u32 {
-    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    });
     (hash ^ hash >> 32) as u32
 }
 

@@ -2,14 +2,16 @@ use crate::Sizes;
 
 macro_rules! fields {
     ($($(#[$doc:meta])* $variant:ident = $bit:literal, $name:literal, |$s:ident, $frames:ident, $wrenches:ident| $shape:expr;)*) => {
-        /// A named block of numbers in a request or an answer. The numbers are part of the wire contract.
+        /// A named block of numbers in a request or an answer. The numbers are part of the wire
+        /// contract.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[repr(u8)]
         #[non_exhaustive]
         pub enum Field { $($(#[$doc])* $variant = $bit,)* }
 
         impl Field {
-            /// Every field, in the order of its number, which is also the order in which fields are packed.
+            /// Every field, in the order of its number, which is also the order in which fields are
+            /// packed.
             pub const ALL: &[Field] = &[$(Field::$variant,)*];
 
             /// The name that scripts see.
@@ -17,7 +19,8 @@ macro_rules! fields {
                 match self { $(Field::$variant => $name,)* }
             }
 
-            /// (rows, columns) on a model of the given sizes; a vector has one column, matrices are packed row by row.
+            /// (rows, columns) on a model of the given sizes; a vector has one column, matrices are
+            /// packed row by row.
             pub const fn shape(self, sizes: &Sizes, n_frames: usize, n_wrenches: usize) -> (usize, usize) {
                 match self { $(Field::$variant => { let ($s, $frames, $wrenches) = (sizes, n_frames, n_wrenches); let _ = ($s, $frames, $wrenches); $shape })* }
             }
@@ -46,7 +49,8 @@ fields! {
     Udd = 8, "udd", |s, f, w| (s.n_u, 1);
     /// A closed pose near the answer from which numerical closures continue (n_q).
     QGuess = 9, "q_guess", |s, f, w| (s.n_q, 1);
-    /// The tree velocity that goes with the guess: where branches cross, the numerical closure goes on along it (n_v).
+    /// The tree velocity that goes with the guess: where branches cross, the numerical closure goes
+    /// on along it (n_v).
     QdGuess = 10, "qd_guess", |s, f, w| (s.n_v, 1);
     /// Generalised forces on the tree coordinates (n_v).
     TauQ = 11, "tau_q", |s, f, w| (s.n_v, 1);
@@ -54,7 +58,8 @@ fields! {
     TauY = 12, "tau_y", |s, f, w| (s.n_vy, 1);
     /// Actuator forces (n_u).
     TauU = 13, "tau_u", |s, f, w| (s.n_u, 1);
-    /// Wrenches `[n; f]` on the named links, world axes at the link's origin, acting on the robot (n_wrenches × 6).
+    /// Wrenches `[n; f]` on the named links, world axes at the link's origin, acting on the robot
+    /// (n_wrenches × 6).
     Wrenches = 14, "wrenches", |s, f, w| (w, 6);
     /// The part of `tau_y` that no actuator can give (n_vy).
     TauUnactuated = 15, "tau_unactuated", |s, f, w| (s.n_vy, 1);
@@ -88,7 +93,8 @@ fields! {
     SigmaMin = 29, "sigma_min", |s, f, w| (1, 1);
     /// The closest reachable independent coordinates found (n_qy).
     NearestY = 30, "nearest_y", |s, f, w| (s.n_qy, 1);
-    /// Pose of each asked frame in the root frame: position and quaternion x, y, z, w (n_frames × 7).
+    /// Pose of each asked frame in the root frame: position and quaternion x, y, z, w (n_frames ×
+    /// 7).
     FramePose = 31, "frame_pose", |s, f, w| (f, 7);
     /// Twist `[ω; v]` of each asked frame, world axes at the frame's origin (n_frames × 6).
     FrameTwist = 32, "frame_twist", |s, f, w| (f, 6);
@@ -98,17 +104,22 @@ fields! {
     JacobianTree = 34, "jacobian_tree", |s, f, w| (6 * f, s.n_v);
     /// Frame Jacobians over the independent velocities (6 n_frames × n_vy).
     JacobianIndependent = 35, "jacobian_independent", |s, f, w| (6 * f, s.n_vy);
-    /// Frame Jacobians over the actuator velocities, where these determine the motion (6 n_frames × n_u).
+    /// Frame Jacobians over the actuator velocities, where these determine the motion (6 n_frames ×
+    /// n_u).
     JacobianActuator = 36, "jacobian_actuator", |s, f, w| (6 * f, s.n_u);
     /// 2-norm condition number of M_y (1).
     CondMy = 37, "cond_My", |s, f, w| (1, 1);
-    /// Branch of each tied cluster that is not a pure coupling: the sign of det K_d, 1 or −1 (n_branches).
+    /// Branch of each tied cluster that is not a pure coupling: the sign of det K_d, 1 or −1
+    /// (n_branches).
     Branch = 38, "branch", |s, f, w| (s.n_branches, 1);
-    /// 1 where a loop-closure force is determined by the motion, 0 where redundant rows share it (n_c).
+    /// 1 where a loop-closure force is determined by the motion, 0 where redundant rows share it
+    /// (n_c).
     LambdaDeterminate = 39, "lambda_determinate", |s, f, w| (s.n_c, 1);
-    /// 1 where a tree velocity belongs to a set of independents that is good at this pose, else 0 (n_v).
+    /// 1 where a tree velocity belongs to a set of independents that is good at this pose, else 0
+    /// (n_v).
     GoodIndependents = 40, "good_independents", |s, f, w| (s.n_v, 1);
-    /// The direction of ẏ, of unit length, that the actuators control least; after a singular actuation the one that none controls (n_vy).
+    /// The direction of ẏ, of unit length, that the actuators control least; after a singular
+    /// actuation the one that none controls (n_vy).
     Uncontrolled = 41, "uncontrolled", |s, f, w| (s.n_vy, 1);
 }
 
@@ -121,7 +132,10 @@ impl Field {
     /// True for fields that a failed answer may still carry.
     pub const fn survives_failure(self) -> bool {
         use Field::*;
-        matches!(self, Residual | Iterations | NearestY | SigmaMin | GoodIndependents | Uncontrolled)
+        matches!(
+            self,
+            Residual | Iterations | NearestY | SigmaMin | GoodIndependents | Uncontrolled
+        )
     }
 }
 

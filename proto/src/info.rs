@@ -128,9 +128,20 @@ mod tests {
 
     #[test]
     fn information_survives_the_journey_bit_by_bit() {
-        let limits = JointLimits { lower: Some(-0.1 - 1e-17), upper: None, velocity: Some(1.0 / 3.0), effort: None };
-        let closure =
-            Closure { name: "ankle".into(), type_name: "2SPU+1U".into(), kind: "analytic".into(), rows: 4, rank: 4, misfit: 1e-9 / 3.0 };
+        let limits = JointLimits {
+            lower: Some(-0.1 - 1e-17),
+            upper: None,
+            velocity: Some(1.0 / 3.0),
+            effort: None,
+        };
+        let closure = Closure {
+            name: "ankle".into(),
+            type_name: "2SPU+1U".into(),
+            kind: "analytic".into(),
+            rows: 4,
+            rank: 4,
+            misfit: 1e-9 / 3.0,
+        };
         let info = ModelInfo {
             robot: "ä \"robot\"".into(),
             fingerprint: u64::MAX - 1,

@@ -1,9 +1,11 @@
-//! The one module that touches shared memory directly: hand-over of numbers between client and server.
+//! The one module that touches shared memory directly: hand-over of numbers between client and
+//! server.
 //!
-//! A lane is a pair of boards, each with one writer and one reader: the client writes a request and polls for the answer,
-//! the server the other way round. Both write in place and neither allocates. The requests door is here for the same
-//! reason: its payloads are filled in place.
-// lint: writing in place into shared memory cannot be said in safe Rust; everything that needs it is in this file
+//! A lane is a pair of boards, each with one writer and one reader: the client writes a request and
+//! polls for the answer, the server the other way round. Both write in place and neither allocates.
+//! The requests door is here for the same reason: its payloads are filled in place.
+// lint: writing in place into shared memory cannot be said in safe Rust; everything that needs it
+// is in this file
 #![allow(unsafe_code)]
 
 use core::ptr::addr_of_mut;
@@ -27,8 +29,8 @@ pub(crate) const KEY: u64 = 0;
 
 macro_rules! plain {
     ($($type:ty = $name:literal $(, const $n:ident)?;)*) => { $(
-        // SAFETY: `repr(C)`, holds plain numbers only, no pointer, handle or index into anything outside itself; the name
-        // changes with the layout.
+        // SAFETY: `repr(C)`, holds plain numbers only, no pointer, handle or index into anything
+        // outside itself; the name changes with the layout.
         unsafe impl $(<const $n: usize>)? ZeroCopySend for $type {
             unsafe fn type_name() -> &'static str {
                 $name
@@ -53,8 +55,9 @@ plain! {
 
 /// The reading end of a board.
 pub trait Inbox<H>: Send {
-    /// The entry when it was written since the last call. It is copied before anybody looks at it: what the writer does
-    /// meanwhile changes nothing. Makes no system call, takes no lock, never allocates.
+    /// The entry when it was written since the last call. It is copied before anybody looks at it:
+    /// what the writer does meanwhile changes nothing. Makes no system call, takes no lock, never
+    /// allocates.
     fn poll(&mut self) -> Option<(H, &[f64])>;
     /// True when `poll` would give the entry.
     fn has_news(&self) -> bool;
@@ -62,7 +65,8 @@ pub trait Inbox<H>: Send {
 
 /// The writing end of a board.
 pub trait Outbox<H>: Send {
-    /// The numbers of the entry being written, with what they happen to hold; the reader does not see them yet.
+    /// The numbers of the entry being written, with what they happen to hold; the reader does not
+    /// see them yet.
     fn numbers(&mut self) -> &mut [f64];
     /// Gives head and numbers to the reader. Makes no system call, takes no lock, never allocates.
     fn publish(&mut self, head: H);
@@ -74,7 +78,9 @@ struct Reading<H: Copy + 'static, const N: usize> {
 }
 
 /// The reading end of the entry of a board; what is written already counts as read.
-pub(crate) fn inbox<H: Copy + Send + 'static, const N: usize>(reader: &Reader<Threadsafe, u64>) -> Option<Box<dyn Inbox<H>>>
+pub(crate) fn inbox<H: Copy + Send + 'static, const N: usize>(
+    reader: &Reader<Threadsafe, u64>,
+) -> Option<Box<dyn Inbox<H>>>
 where
     Entry<H, N>: ZeroCopySend,
 {
@@ -108,8 +114,11 @@ struct Writing<H: Copy + 'static, const N: usize> {
     _port: Writer<Threadsafe, u64>,
 }
 
-/// The writing end of the entry of a board; `None` when another handle exists or died without giving it back.
-pub(crate) fn outbox<H: Copy + Default + Send + 'static, const N: usize>(port: Writer<Threadsafe, u64>) -> Option<Box<dyn Outbox<H>>>
+/// The writing end of the entry of a board; `None` when another handle exists or died without
+/// giving it back.
+pub(crate) fn outbox<H: Copy + Default + Send + 'static, const N: usize>(
+    port: Writer<Threadsafe, u64>,
+) -> Option<Box<dyn Outbox<H>>>
 where
     Entry<H, N>: ZeroCopySend,
 {
@@ -121,9 +130,9 @@ impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {
     #[inline]
     fn numbers(&mut self) -> &mut [f64] {
         match &mut self.value {
-            // SAFETY: the value is a cell of a shared mapping that lives as long as the handle: every byte is mapped and
-            // has some value, and every bit pattern is a double. The cell is not the published one, and this handle is
-            // the board's only writer.
+            // SAFETY: the value is a cell of a shared mapping that lives as long as the handle:
+            // every byte is mapped and has some value, and every bit pattern is a double. The cell
+            // is not the published one, and this handle is the board's only writer.
             Some(value) => unsafe { &mut *addr_of_mut!((*value.value_mut().as_mut_ptr()).numbers) },
             None => &mut self.spare,
         }
@@ -134,8 +143,8 @@ impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {
         if let Some(mut value) = self.value.take() {
             // SAFETY: as in `numbers`; the head is plain data.
             unsafe { addr_of_mut!((*value.value_mut().as_mut_ptr()).head).write(head) };
-            // SYNC POINT: lane entry (the other end is `poll`)
-            // SAFETY: the head was just written, and numbers nobody wrote hold what the mapping held: any bits are a double.
+            // SYNC POINT: lane entry (the other end is `poll`) SAFETY: the head was just written,
+            // and numbers nobody wrote hold what the mapping held: any bits are a double.
             let entry = unsafe { value.assume_init_and_update() };
             self.value = Some(entry.loan_uninit());
         }
@@ -149,22 +158,31 @@ pub type ComputePending<S> = PendingResponse<S, ComputeRequest, (), ComputeRespo
 /// A request that the server has taken.
 pub type ComputeActive<S> = ActiveRequest<S, ComputeRequest, (), ComputeResponse, ()>;
 
-/// Writes a request in place and sends it; `None` when no server took it: it is busy with an older one, or gone.
-pub fn send_request<S: Service>(client: &ComputeClient<S>, head: &RequestHead, numbers: &[f64]) -> Option<ComputePending<S>> {
+/// Writes a request in place and sends it; `None` when no server took it: it is busy with an older
+/// one, or gone.
+pub fn send_request<S: Service>(
+    client: &ComputeClient<S>,
+    head: &RequestHead,
+    numbers: &[f64],
+) -> Option<ComputePending<S>> {
     let request = client.loan_uninit().ok()?;
-    // SAFETY: the payload lies in a shared mapping: every byte has some value, and any bits are an atomic integer. Only
-    // head and numbers are touched, whatever the payload could hold.
+    // SAFETY: the payload lies in a shared mapping: every byte has some value, and any bits are an
+    // atomic integer. Only head and numbers are touched, whatever the payload could hold.
     let request = unsafe { request.assume_init() };
     request.payload().write(head, numbers);
     request.send().ok().filter(|pending| pending.number_of_server_connections() > 0)
 }
 
-/// Lets `fill` write an answer in place and sends it; false when it could not be sent, then `fill` may not have run.
-pub fn send_response<S: Service>(request: &ComputeActive<S>, fill: impl FnOnce(&mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead) -> bool {
+/// Lets `fill` write an answer in place and sends it; false when it could not be sent, then `fill`
+/// may not have run.
+pub fn send_response<S: Service>(
+    request: &ComputeActive<S>,
+    fill: impl FnOnce(&mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+) -> bool {
     let Ok(mut response) = request.loan_uninit() else { return false };
     let payload = response.payload_mut().as_mut_ptr();
-    // SAFETY: the payload lies in a shared mapping that is loaned to us alone: every byte has some value, and any bits are
-    // a double. The head is written before the answer is sent.
+    // SAFETY: the payload lies in a shared mapping that is loaned to us alone: every byte has some
+    // value, and any bits are a double. The head is written before the answer is sent.
     let response = unsafe {
         let head = fill(&mut *addr_of_mut!((*payload).numbers));
         addr_of_mut!((*payload).head).write(head);
@@ -173,7 +191,8 @@ pub fn send_response<S: Service>(request: &ComputeActive<S>, fill: impl FnOnce(&
     response.send().is_ok()
 }
 
-/// Copies a control request out of shared memory, reading it once whatever its writer does meanwhile.
+/// Copies a control request out of shared memory, reading it once whatever its writer does
+/// meanwhile.
 pub fn copy_once(request: &ControlRequest) -> ControlRequest {
     // SAFETY: the reference is valid and aligned, and any bits are a value of plain integers.
     unsafe { core::ptr::from_ref(request).read_volatile() }

@@ -40,7 +40,8 @@ impl Slot {
     }
 }
 
-/// How the fields of a set lie one after the other in one flat array, in the order of the field numbers.
+/// How the fields of a set lie one after the other in one flat array, in the order of the field
+/// numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     slots: Vec<Slot>,
@@ -90,7 +91,8 @@ impl Layout {
             .enumerate()
             .map(|(k, field)| {
                 place[field as usize] = k as u8;
-                let (rows, columns) = field.shape(sizes, wanted.n_frames as usize, wanted.n_wrenches as usize);
+                let (rows, columns) =
+                    field.shape(sizes, wanted.n_frames as usize, wanted.n_wrenches as usize);
                 let slot = Slot { field, offset: len, rows, columns };
                 len += rows * columns;
                 slot

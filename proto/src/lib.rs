@@ -1,8 +1,9 @@
 //! The wire contract of sarrus.
 //!
-//! Without the feature `transport` this crate is the vocabulary that the mathematics and the wire share and depends on
-//! nothing: what can be asked ([`Request`], [`Field`], [`Wanted`]), how numbers are packed ([`Layout`]) and how an
-//! answer ends ([`Status`], [`Warnings`]). With it, it also holds the services over shared memory.
+//! Without the feature `transport` this crate is the vocabulary that the mathematics and the wire
+//! share and depends on nothing: what can be asked ([`Request`], [`Field`], [`Wanted`]), how
+//! numbers are packed ([`Layout`]) and how an answer ends ([`Status`], [`Warnings`]). With it, it
+//! also holds the services over shared memory.
 
 pub mod actuators;
 mod field;

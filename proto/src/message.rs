@@ -4,7 +4,8 @@ use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::{LaneId, Status, Wanted, Warnings};
 
-/// Version of everything on the wire; a change of any payload raises it, together with the type names in `lane.rs`.
+/// Version of everything on the wire; a change of any payload raises it, together with the type
+/// names in `lane.rs`.
 pub const PROTOCOL_VERSION: u32 = 2;
 /// Plans that one server holds.
 pub const MAX_PLANS: usize = 1024;
@@ -27,7 +28,8 @@ pub struct RequestHead {
     pub plan: u32,
     /// Fingerprint of the model that the client was made for.
     pub fingerprint: u64,
-    /// Counts the client's requests from 1; the answer repeats it. A lane's entry with 0 is no request.
+    /// Counts the client's requests from 1; the answer repeats it. A lane's entry with 0 is no
+    /// request.
     pub sequence: u64,
 }
 
@@ -65,8 +67,8 @@ pub type LaneRequest<const N: usize> = Entry<RequestHead, N>;
 /// The server's entry of a lane.
 pub type LaneResponse<const N: usize> = Entry<ResponseHead, N>;
 
-/// A request through the requests door. The client may change it while the server reads, so its words are atomic and the
-/// server reads each of them once.
+/// A request through the requests door. The client may change it while the server reads, so its
+/// words are atomic and the server reads each of them once.
 #[derive(Debug)]
 #[repr(C)]
 pub struct ComputeRequest {
@@ -77,12 +79,16 @@ pub struct ComputeRequest {
 }
 
 impl ComputeRequest {
-    /// Writes the head and the numbers; what does not fit is left out, the server refuses plans that need more.
+    /// Writes the head and the numbers; what does not fit is left out, the server refuses plans
+    /// that need more.
     pub fn write(&self, head: &RequestHead, numbers: &[f64]) {
         self.version_plan.store(u64::from(head.version) | u64::from(head.plan) << 32, Relaxed);
         self.fingerprint.store(head.fingerprint, Relaxed);
         self.sequence.store(head.sequence, Relaxed);
-        self.numbers.iter().zip(numbers).for_each(|(word, number)| word.store(number.to_bits(), Relaxed));
+        self.numbers
+            .iter()
+            .zip(numbers)
+            .for_each(|(word, number)| word.store(number.to_bits(), Relaxed));
     }
 
     /// Reads the head.
@@ -98,7 +104,10 @@ impl ComputeRequest {
 
     /// Reads as many numbers as `numbers` holds.
     pub fn read(&self, numbers: &mut [f64]) {
-        numbers.iter_mut().zip(&self.numbers).for_each(|(number, word)| *number = f64::from_bits(word.load(Relaxed)));
+        numbers
+            .iter_mut()
+            .zip(&self.numbers)
+            .for_each(|(number, word)| *number = f64::from_bits(word.load(Relaxed)));
     }
 }
 
@@ -110,13 +119,15 @@ pub type ComputeResponse = Entry<ResponseHead, MAX_NUMBERS_OUT>;
 #[repr(u32)]
 #[non_exhaustive]
 pub enum Call {
-    /// Who is there? Answers [`ControlResponse::instance`], `fingerprint` and, in `numbers[0]`, the bytes of the model information.
+    /// Who is there? Answers [`ControlResponse::instance`], `fingerprint` and, in `numbers[0]`, the
+    /// bytes of the model information.
     Hello = 1,
     /// A page of the model information as JSON; `arguments[0]` is the page's number.
     Model = 2,
     /// Register `wanted`; answers plan number, numbers in, numbers out.
     Plan = 3,
-    /// A lane for plans of up to `arguments[0]` numbers in and `arguments[1]` out; answers a [`LaneId`] and both classes.
+    /// A lane for plans of up to `arguments[0]` numbers in and `arguments[1]` out; answers a
+    /// [`LaneId`] and both classes.
     Lane = 4,
 }
 
@@ -161,7 +172,8 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// The refusal of a number on the wire; `None` when the call was granted or the number is unknown.
+    /// The refusal of a number on the wire; `None` when the call was granted or the number is
+    /// unknown.
     pub const fn from_code(code: u32) -> Option<Refusal> {
         match code {
             1 => Some(Refusal::WrongVersion),
@@ -219,7 +231,11 @@ impl ControlResponse {
     /// The lane that [`Call::Lane`] answers, and its classes in and out.
     pub fn lane(&self) -> (LaneId, usize, usize) {
         let [slot, generation, class_in, class_out] = self.numbers;
-        (LaneId { slot: slot as u32, generation: generation as u32 }, class_in as usize, class_out as usize)
+        (
+            LaneId { slot: slot as u32, generation: generation as u32 },
+            class_in as usize,
+            class_out as usize,
+        )
     }
 
     /// The bytes of text that count.
@@ -238,7 +254,8 @@ pub struct Heartbeat {
     pub stopped: u64,
 }
 
-/// The state of a run of the server, written a few times each second beside the thread that answers.
+/// The state of a run of the server, written a few times each second beside the thread that
+/// answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Statistics {
@@ -250,7 +267,8 @@ pub struct Statistics {
     pub door_requests: u64,
     /// Answers by number of the [`Status`].
     pub statuses: [u64; 32],
-    /// Time from finding a request to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the largest, to about 6 %.
+    /// Time from finding a request to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the
+    /// largest, to about 6 %.
     pub latency_ns: [u64; 5],
     /// Lanes that clients hold or are about to.
     pub lanes_taken: u64,

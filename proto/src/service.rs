@@ -6,13 +6,17 @@ use iceoryx2::node::Node;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::{BackpressureStrategy, Service, ServiceName, ZeroCopySend};
-use iceoryx2::service::builder::request_response::{RequestResponseOpenError, RequestResponseOpenOrCreateError};
+use iceoryx2::service::builder::request_response::{
+    RequestResponseOpenError, RequestResponseOpenOrCreateError,
+};
 use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response;
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
 use crate::lane::{ComputeClient, Threadsafe};
-use crate::message::{ComputeRequest, ComputeResponse, ControlRequest, ControlResponse, MAX_REQUEST_CLIENTS};
+use crate::message::{
+    ComputeRequest, ComputeResponse, ControlRequest, ControlResponse, MAX_REQUEST_CLIENTS,
+};
 use crate::{DomainError, PROTOCOL_VERSION, ServerName};
 
 /// A server's port of the control service.
@@ -32,13 +36,17 @@ const MAX_CONTROL_CLIENTS: usize = 32;
 #[non_exhaustive]
 pub enum ServiceError {
     /// Nobody serves under this name.
-    #[error("`{service}` is not there: no server runs under this name; start one with `sarrus serve --name NAME`")]
+    #[error(
+        "`{service}` is not there: no server runs under this name; start one with `sarrus serve --name NAME`"
+    )]
     Absent {
         /// Name of the service.
         service: String,
     },
     /// No bridge runs under this name.
-    #[error("`{service}` is not there: no bridge runs under this name; start one with `sarrus-can run CONFIG --name NAME`")]
+    #[error(
+        "`{service}` is not there: no bridge runs under this name; start one with `sarrus-can run CONFIG --name NAME`"
+    )]
     NoBridge {
         /// Name of the service.
         service: String,
@@ -50,7 +58,9 @@ pub enum ServiceError {
         service: String,
     },
     /// All ports are in use.
-    #[error("`{service}` has no port left, expected fewer than {limit} clients; close some or use another server")]
+    #[error(
+        "`{service}` has no port left, expected fewer than {limit} clients; close some or use another server"
+    )]
     Full {
         /// Name of the service.
         service: String,
@@ -58,7 +68,9 @@ pub enum ServiceError {
         limit: usize,
     },
     /// The service was made by another version of sarrus.
-    #[error("`{service}` has other payloads, expected those of protocol version {version}; use client and server of one version")]
+    #[error(
+        "`{service}` has other payloads, expected those of protocol version {version}; use client and server of one version"
+    )]
     OtherVersion {
         /// Name of the service.
         service: String,
@@ -72,7 +84,9 @@ pub enum ServiceError {
         service: String,
     },
     /// Something else is wrong with the shared memory.
-    #[error("`{service}`: {reason}; if it stays so, stop all servers and clients and remove what is left in /dev/shm")]
+    #[error(
+        "`{service}`: {reason}; if it stays so, stop all servers and clients and remove what is left in /dev/shm"
+    )]
     Memory {
         /// Name of the service.
         service: String,
@@ -89,42 +103,65 @@ impl ServiceError {
         ServiceError::Memory { service: service.to_string(), reason: format!("{reason:?}") }
     }
 
-    fn of_open(service: &ServiceName, error: RequestResponseOpenError, limit: usize) -> ServiceError {
+    fn of_open(
+        service: &ServiceName,
+        error: RequestResponseOpenError,
+        limit: usize,
+    ) -> ServiceError {
         use RequestResponseOpenError as E;
         let service_name = service.to_string();
         match error {
-            E::DoesNotExist | E::IsMarkedForDestruction => ServiceError::Absent { service: service_name },
+            E::DoesNotExist | E::IsMarkedForDestruction => {
+                ServiceError::Absent { service: service_name }
+            }
             E::ExceedsMaxNumberOfNodes => ServiceError::Full { service: service_name, limit },
             E::IncompatibleRequestOrResponseType
             | E::IncompatibleMessagingPattern
             | E::DoesNotSupportRequestedAmountOfClients
-            | E::DoesNotSupportRequestedAmountOfNodes => ServiceError::OtherVersion { service: service_name, version: PROTOCOL_VERSION },
+            | E::DoesNotSupportRequestedAmountOfNodes => {
+                ServiceError::OtherVersion { service: service_name, version: PROTOCOL_VERSION }
+            }
             other => ServiceError::memory(service, &other),
         }
     }
 }
 
-/// The control service, served: only one server can have it, also when clients of a dead one still hold it.
-pub fn serve_control(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControlServer, ServiceError> {
+/// The control service, served: only one server can have it, also when clients of a dead one still
+/// hold it.
+pub fn serve_control(
+    node: &Node<Threadsafe>,
+    name: &ServerName,
+) -> Result<ControlServer, ServiceError> {
     let service = name.control()?;
     let factory = request_response_service(node, &service, MAX_CONTROL_CLIENTS)?;
     serve(&factory, &service)
 }
 
 /// The requests door of a run of the server, served.
-pub fn serve_compute<S: Service>(node: &Node<S>, name: &ServerName, instance: u64) -> Result<ComputeServer<S>, ServiceError> {
+pub fn serve_compute<S: Service>(
+    node: &Node<S>,
+    name: &ServerName,
+    instance: u64,
+) -> Result<ComputeServer<S>, ServiceError> {
     let service = name.compute(instance)?;
     let factory = request_response_service(node, &service, MAX_REQUEST_CLIENTS)?;
     serve(&factory, &service)
 }
 
 /// A port of the control service.
-pub fn open_control(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControlClient, ServiceError> {
+pub fn open_control(
+    node: &Node<Threadsafe>,
+    name: &ServerName,
+) -> Result<ControlClient, ServiceError> {
     connect(node, &name.control()?, MAX_CONTROL_CLIENTS)
 }
 
 /// A port of the requests door.
-pub fn open_compute<S: Service>(node: &Node<S>, name: &ServerName, instance: u64) -> Result<ComputeClient<S>, ServiceError> {
+pub fn open_compute<S: Service>(
+    node: &Node<S>,
+    name: &ServerName,
+    instance: u64,
+) -> Result<ComputeClient<S>, ServiceError> {
     connect(node, &name.compute(instance)?, MAX_REQUEST_CLIENTS)
 }
 
@@ -137,7 +174,8 @@ where
     Q: Debug + ZeroCopySend + 'static,
     R: Debug + ZeroCopySend + 'static,
 {
-    // one request of each client under way, nothing overwritten, nothing sent to nobody: no request is lost in silence
+    // one request of each client under way, nothing overwritten, nothing sent to nobody: no request
+    // is lost in silence
     node.service_builder(service)
         .request_response::<Q, R>()
         .max_servers(1)
@@ -152,34 +190,53 @@ where
         .enable_fire_and_forget_requests(false)
         .open_or_create()
         .map_err(|error| match error {
-            RequestResponseOpenOrCreateError::RequestResponseOpenError(error) => ServiceError::of_open(service, error, clients),
+            RequestResponseOpenOrCreateError::RequestResponseOpenError(error) => {
+                ServiceError::of_open(service, error, clients)
+            }
             other => ServiceError::memory(service, &other),
         })
 }
 
-fn serve<S: Service, Q, R>(factory: &Factory<S, Q, R>, service: &ServiceName) -> Result<Server<S, Q, (), R, ()>, ServiceError>
+fn serve<S: Service, Q, R>(
+    factory: &Factory<S, Q, R>,
+    service: &ServiceName,
+) -> Result<Server<S, Q, (), R, ()>, ServiceError>
 where
     Q: Debug + ZeroCopySend + 'static,
     R: Debug + ZeroCopySend + 'static,
 {
     // a client that went away must not hold the server up
-    let builder = factory.server_builder().max_loaned_responses_per_request(1).backpressure_strategy(BackpressureStrategy::DiscardData);
+    let builder = factory
+        .server_builder()
+        .max_loaned_responses_per_request(1)
+        .backpressure_strategy(BackpressureStrategy::DiscardData);
     builder.create().map_err(|error| match error {
-        ServerCreateError::ExceedsMaxSupportedServers => ServiceError::Taken { service: service.to_string() },
+        ServerCreateError::ExceedsMaxSupportedServers => {
+            ServiceError::Taken { service: service.to_string() }
+        }
         other => ServiceError::memory(service, &other),
     })
 }
 
-fn connect<S: Service, Q, R>(node: &Node<S>, service: &ServiceName, limit: usize) -> Result<Client<S, Q, (), R, ()>, ServiceError>
+fn connect<S: Service, Q, R>(
+    node: &Node<S>,
+    service: &ServiceName,
+    limit: usize,
+) -> Result<Client<S, Q, (), R, ()>, ServiceError>
 where
     Q: Debug + ZeroCopySend + 'static,
     R: Debug + ZeroCopySend + 'static,
 {
-    let factory =
-        node.service_builder(service).request_response::<Q, R>().open().map_err(|error| ServiceError::of_open(service, error, limit))?;
+    let factory = node
+        .service_builder(service)
+        .request_response::<Q, R>()
+        .open()
+        .map_err(|error| ServiceError::of_open(service, error, limit))?;
     let builder = factory.client_builder().backpressure_strategy(BackpressureStrategy::DiscardData);
     builder.create().map_err(|error| match error {
-        ClientCreateError::ExceedsMaxSupportedClients => ServiceError::Full { service: service.to_string(), limit },
+        ClientCreateError::ExceedsMaxSupportedClients => {
+            ServiceError::Full { service: service.to_string(), limit }
+        }
         other => ServiceError::memory(service, &other),
     })
 }

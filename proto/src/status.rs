@@ -17,7 +17,8 @@ macro_rules! statuses {
                 match self { $(Status::$variant => $name,)* }
             }
 
-            /// The status of a number on the wire; `None` for a number that this version does not know.
+            /// The status of a number on the wire; `None` for a number that this version does not
+            /// know.
             pub const fn from_code(code: u32) -> Option<Status> {
                 match code { $($code => Some(Status::$variant),)* _ => None }
             }
@@ -28,7 +29,8 @@ macro_rules! statuses {
 statuses! {
     /// The answer is complete.
     Ok = 0, "ok";
-    /// The request itself is malformed: a field missing, two that exclude each other, a quaternion not of unit length.
+    /// The request itself is malformed: a field missing, two that exclude each other, a quaternion
+    /// not of unit length.
     BadRequest = 1, "bad_request";
     /// An input number is NaN or infinite, or so large that the answer would be.
     NonFiniteInput = 2, "non_finite_input";
@@ -48,7 +50,8 @@ statuses! {
     SingularClosure = 9, "singular_closure";
     /// The declared independent coordinates do not determine the motion at the answer.
     SingularIndependents = 10, "singular_independents";
-    /// The actuators do not determine the motion (or a force cannot be mapped to them) at the answer.
+    /// The actuators do not determine the motion (or a force cannot be mapped to them) at the
+    /// answer.
     SingularActuation = 11, "singular_actuation";
     /// The reduced mass matrix is not positive definite.
     MassNotPositive = 12, "mass_not_positive";
@@ -74,8 +77,9 @@ impl Warnings {
     pub const NONE: Warnings = Warnings(0);
     /// A position, velocity or actuator force lies outside the limits that the model declares.
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
-    /// Results may keep fewer than nine digits: a loop is within 1/100 (the sine that vanishes there) of a singular pose and rates were asked;
-    /// the actuators are within 1e-5 of losing control and forces or motion of theirs were asked; in forward dynamics, what is left of a
+    /// Results may keep fewer than nine digits: a loop is within 1/100 (the sine that vanishes
+    /// there) of a singular pose and rates were asked; the actuators are within 1e-5 of losing
+    /// control and forces or motion of theirs were asked; in forward dynamics, what is left of a
     /// joint's inertia once the joints behind it are free is less than 1e-6 of it.
     pub const ILL_CONDITIONED: Warnings = Warnings(2);
 
@@ -86,7 +90,10 @@ impl Warnings {
 
     /// The names that scripts see, in the order of the bits.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        let names = [(Self::LIMITS_EXCEEDED, "limits_exceeded"), (Self::ILL_CONDITIONED, "ill_conditioned")];
+        let names = [
+            (Self::LIMITS_EXCEEDED, "limits_exceeded"),
+            (Self::ILL_CONDITIONED, "ill_conditioned"),
+        ];
         names.into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
     }
 }

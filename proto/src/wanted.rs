@@ -24,7 +24,8 @@ pub enum Request {
 
 impl Request {
     /// Every request, in the order of its number.
-    pub const ALL: &[Request] = &[Request::Kinematics, Request::InverseDynamics, Request::ForwardDynamics, Request::Map];
+    pub const ALL: &[Request] =
+        &[Request::Kinematics, Request::InverseDynamics, Request::ForwardDynamics, Request::Map];
 
     /// The name that scripts see.
     pub const fn name(self) -> &'static str {
@@ -50,15 +51,18 @@ impl Request {
     /// What is answered when a script names no wish.
     pub const fn default_want(self) -> FieldSet {
         match self {
-            Request::Kinematics | Request::Map => FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U]),
+            Request::Kinematics | Request::Map => {
+                FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U])
+            }
             Request::InverseDynamics => FieldSet::of(&[Field::TauY, Field::TauU]),
             Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
         }
     }
 }
 
-/// What a plan is made for: the fields that a request gives and those that the answer holds. Its bytes are those on the
-/// wire, so it holds plain numbers only and is checked by [`Wanted::check`] before use.
+/// What a plan is made for: the fields that a request gives and those that the answer holds. Its
+/// bytes are those on the wire, so it holds plain numbers only and is checked by [`Wanted::check`]
+/// before use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(C)]
 pub struct Wanted {
@@ -108,14 +112,26 @@ pub enum WantedError {
 impl fmt::Display for WantedError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            WantedError::UnknownRequest(code) => write!(f, "request number {code} is unknown; this version knows 1 to 4"),
-            WantedError::UnknownField => f.write_str("a field number is unknown to this version; client and server differ"),
-            WantedError::TooMany { what, limit } => write!(f, "too many {what}; a plan names at most {limit}"),
+            WantedError::UnknownRequest(code) => {
+                write!(f, "request number {code} is unknown; this version knows 1 to 4")
+            }
+            WantedError::UnknownField => {
+                f.write_str("a field number is unknown to this version; client and server differ")
+            }
+            WantedError::TooMany { what, limit } => {
+                write!(f, "too many {what}; a plan names at most {limit}")
+            }
             WantedError::UnknownLink(index) => write!(f, "link number {index} is not in the model"),
-            WantedError::NotAnInput(field) => write!(f, "`{}` is no input of this request", field.name()),
-            WantedError::NotAnOutput(field) => write!(f, "`{}` is no output of this request", field.name()),
+            WantedError::NotAnInput(field) => {
+                write!(f, "`{}` is no input of this request", field.name())
+            }
+            WantedError::NotAnOutput(field) => {
+                write!(f, "`{}` is no output of this request", field.name())
+            }
             WantedError::Missing(what) => write!(f, "nothing says {what}"),
-            WantedError::Conflict(a, b) => write!(f, "`{}` and `{}` exclude each other; give one", a.name(), b.name()),
+            WantedError::Conflict(a, b) => {
+                write!(f, "`{}` and `{}` exclude each other; give one", a.name(), b.name())
+            }
         }
     }
 }
@@ -136,7 +152,8 @@ impl Wanted {
         }
     }
 
-    /// The same wish with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and refused by [`Wanted::check`].
+    /// The same wish with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and
+    /// refused by [`Wanted::check`].
     #[must_use]
     pub fn with_frames(mut self, links: &[u16]) -> Wanted {
         self.n_frames = links.len().min(u16::MAX as usize) as u16;
@@ -166,7 +183,8 @@ impl Wanted {
     /// Checks everything that does not depend on numbers; `n_links` is the model's count of links.
     pub fn check(&self, n_links: usize) -> Result<Request, WantedError> {
         use Field::*;
-        let request = Request::from_code(self.request).ok_or(WantedError::UnknownRequest(self.request))?;
+        let request =
+            Request::from_code(self.request).ok_or(WantedError::UnknownRequest(self.request))?;
         if !self.given.is_known() || !self.want.is_known() {
             return Err(WantedError::UnknownField);
         }
@@ -176,12 +194,15 @@ impl Wanted {
         if self.n_wrenches as usize > MAX_WRENCHES {
             return Err(WantedError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
         }
-        if let Some(link) = self.frames().iter().chain(self.wrench_links()).find(|link| **link as usize >= n_links) {
+        if let Some(link) =
+            self.frames().iter().chain(self.wrench_links()).find(|link| **link as usize >= n_links)
+        {
             return Err(WantedError::UnknownLink(*link));
         }
 
         // what may be given
-        const MOTION: FieldSet = FieldSet::of(&[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, QGuess, QdGuess]);
+        const MOTION: FieldSet =
+            FieldSet::of(&[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, QGuess, QdGuess]);
         const VELOCITY: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
         const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU]);
         let inputs = match request {
@@ -244,7 +265,9 @@ impl Wanted {
         let outputs = STATE.0
             | match request {
                 Request::Kinematics => 0,
-                Request::InverseDynamics => DYNAMICS.with(TauY).with(TauU).with(TauUnactuated).with(TauQ).0,
+                Request::InverseDynamics => {
+                    DYNAMICS.with(TauY).with(TauU).with(TauUnactuated).with(TauQ).0
+                }
                 Request::ForwardDynamics => DYNAMICS.with(TauY).0,
                 Request::Map => FieldSet::of(&[TauY, TauU, TauUnactuated]).0,
             };
@@ -252,7 +275,10 @@ impl Wanted {
             return Err(WantedError::NotAnOutput(field));
         }
         let forces_given = self.given.has_any(&[TauQ, TauY, TauU]);
-        if request == Request::Map && !forces_given && self.want.has_any(&[TauY, TauU, TauUnactuated]) {
+        if request == Request::Map
+            && !forces_given
+            && self.want.has_any(&[TauY, TauU, TauUnactuated])
+        {
             return Err(WantedError::Missing("the forces: give tau_u, tau_y or tau_q"));
         }
         Ok(request)

@@ -16,7 +16,10 @@ impl Label {
     /// A name, cut where it is too long.
     pub fn new(name: &str) -> Label {
         let mut label = Label::default();
-        let end = (0..=name.len().min(MAX_LABEL)).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
+        let end = (0..=name.len().min(MAX_LABEL))
+            .rev()
+            .find(|end| name.is_char_boundary(*end))
+            .unwrap_or(0);
         let (into, from) = (label.0.get_mut(..end), name.as_bytes().get(..end));
         if let (Some(into), Some(from)) = (into, from) {
             into.copy_from_slice(from);
@@ -153,7 +156,11 @@ mod tests {
     fn labels_are_cut_between_letters() {
         for name in ["", "elbow", &"x".repeat(40), &format!("{}ä", "x".repeat(31))] {
             let label = Label::new(name);
-            assert!(name.starts_with(label.as_str()) && label.as_str().len() + 1 >= name.len().min(MAX_LABEL), "{name}");
+            assert!(
+                name.starts_with(label.as_str())
+                    && label.as_str().len() + 1 >= name.len().min(MAX_LABEL),
+                "{name}"
+            );
         }
     }
 }

@@ -46,7 +46,12 @@ impl Control {
         any
     }
 
-    fn answer(&self, request: &ControlRequest, node: &Node<Threadsafe>, lanes: &mut Lanes) -> Result<Granted, Refused> {
+    fn answer(
+        &self,
+        request: &ControlRequest,
+        node: &Node<Threadsafe>,
+        lanes: &mut Lanes,
+    ) -> Result<Granted, Refused> {
         let refused = |refusal| (refusal, String::new(), [0; 4]);
         if request.version != PROTOCOL_VERSION {
             return Err(refused(Refusal::WrongVersion));
@@ -57,13 +62,22 @@ impl Control {
         match Call::from_code(request.call) {
             Some(Call::Hello) => Ok(([self.info.len() as u64, 0, 0, 0], Vec::new())),
             Some(Call::Model) => {
-                let page = usize::try_from(request.arguments[0]).ok().and_then(|page| self.info.chunks(PAGE).nth(page));
-                page.map(|page| ([page.len() as u64, 0, 0, 0], page.to_vec())).ok_or_else(|| refused(Refusal::NoSuchPage))
+                let page = usize::try_from(request.arguments[0])
+                    .ok()
+                    .and_then(|page| self.info.chunks(PAGE).nth(page));
+                page.map(|page| ([page.len() as u64, 0, 0, 0], page.to_vec()))
+                    .ok_or_else(|| refused(Refusal::NoSuchPage))
             }
             Some(Call::Plan) => match self.plans.register(&self.model, &request.wanted) {
-                Ok(Registered { plan, n_in, n_out }) => Ok(([plan.into(), n_in as u64, n_out as u64, 0], Vec::new())),
-                Err(Unplanned::Wanted(error)) => Err((Refusal::BadWanted, error.to_string(), [0; 4])),
-                Err(Unplanned::TooLarge { n_in, n_out }) => Err((Refusal::TooLarge, String::new(), [n_in as u64, n_out as u64, 0, 0])),
+                Ok(Registered { plan, n_in, n_out }) => {
+                    Ok(([plan.into(), n_in as u64, n_out as u64, 0], Vec::new()))
+                }
+                Err(Unplanned::Wanted(error)) => {
+                    Err((Refusal::BadWanted, error.to_string(), [0; 4]))
+                }
+                Err(Unplanned::TooLarge { n_in, n_out }) => {
+                    Err((Refusal::TooLarge, String::new(), [n_in as u64, n_out as u64, 0, 0]))
+                }
                 Err(Unplanned::TooMany) => Err(refused(Refusal::TooManyPlans)),
             },
             Some(Call::Lane) => {
@@ -73,8 +87,13 @@ impl Control {
                     return Err((Refusal::TooLarge, String::new(), [n_in, n_out, 0, 0]));
                 };
                 match lanes.make(node, [class_in, class_out]) {
-                    Ok(id) => Ok(([id.slot.into(), id.generation.into(), class_in as u64, class_out as u64], Vec::new())),
-                    Err(NoLane::Full) => Err((Refusal::NoLane, String::new(), [lanes.len() as u64, 0, 0, 0])),
+                    Ok(id) => Ok((
+                        [id.slot.into(), id.generation.into(), class_in as u64, class_out as u64],
+                        Vec::new(),
+                    )),
+                    Err(NoLane::Full) => {
+                        Err((Refusal::NoLane, String::new(), [lanes.len() as u64, 0, 0, 0]))
+                    }
                     Err(NoLane::Failed(error)) => Err((Refusal::Failed, error.to_string(), [0; 4])),
                 }
             }
@@ -91,6 +110,14 @@ impl Control {
         let n_text = bytes.len().min(PAGE);
         text[..n_text].copy_from_slice(&bytes[..n_text]);
         let (version, fingerprint, instance) = (PROTOCOL_VERSION, self.fingerprint, self.instance);
-        ControlResponse { version, refusal, fingerprint, instance, numbers, n_text: n_text as u64, text }
+        ControlResponse {
+            version,
+            refusal,
+            fingerprint,
+            instance,
+            numbers,
+            n_text: n_text as u64,
+            text,
+        }
     }
 }

@@ -36,7 +36,8 @@ impl Counters {
         }
     }
 
-    /// Counts one answer; `ticks` of the processor's counter from finding the request to publishing the answer.
+    /// Counts one answer; `ticks` of the processor's counter from finding the request to publishing
+    /// the answer.
     #[inline]
     pub(crate) fn record(&self, door: Door, status: u32, ticks: u64) {
         match door {
@@ -128,9 +129,14 @@ mod tests {
     #[test]
     fn buckets_tell_ticks_to_a_sixteenth() {
         for exponent in 0..42 {
-            for ticks in [1_u64 << exponent, (1 << exponent) + (1 << exponent) / 3, (2 << exponent) - 1] {
+            for ticks in
+                [1_u64 << exponent, (1 << exponent) + (1 << exponent) / 3, (2 << exponent) - 1]
+            {
                 let middle = middle_of(bucket_of(ticks)) as f64;
-                assert!((middle - ticks as f64).abs() <= ticks as f64 / 16.0, "{ticks} became {middle}");
+                assert!(
+                    (middle - ticks as f64).abs() <= ticks as f64 / 16.0,
+                    "{ticks} became {middle}"
+                );
             }
         }
         assert_eq!(bucket_of(u64::MAX), N_BUCKETS - 1);
@@ -139,10 +145,15 @@ mod tests {
     #[test]
     fn percentiles_come_from_what_was_counted() {
         let (counters, mut latency) = (Counters::new(), Latency::new(Clock::new()).unwrap());
-        (0..1000).for_each(|k| counters.record(if k % 2 == 0 { Door::Lane } else { Door::Requests }, k % 2, 1 << 20));
+        (0..1000).for_each(|k| {
+            counters.record(if k % 2 == 0 { Door::Lane } else { Door::Requests }, k % 2, 1 << 20)
+        });
         latency.fold(&counters);
         latency.fold(&counters);
-        assert_eq!((counters.lane_requests(), counters.door_requests(), counters.statuses()[1]), (500, 500, 500));
+        assert_eq!(
+            (counters.lane_requests(), counters.door_requests(), counters.statuses()[1]),
+            (500, 500, 500)
+        );
         assert_eq!(latency.histogram.len(), 1000);
         let [p50, .., max] = latency.percentiles();
         assert!(p50 > 0 && max >= p50 && max < 2 * p50);

@@ -3,10 +3,13 @@
 use std::sync::{Arc, Mutex, OnceLock};
 
 use sarrus_dynamics::{Model, Plan, Workspace};
-use sarrus_proto::message::{ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead, ResponseHead};
+use sarrus_proto::message::{
+    ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead, ResponseHead,
+};
 use sarrus_proto::{PROTOCOL_VERSION, Status, Wanted, WantedError, Warnings};
 
-/// The plans of all clients: filled beside the answering thread, read by it. A plan stays as long as the server.
+/// The plans of all clients: filled beside the answering thread, read by it. A plan stays as long
+/// as the server.
 pub(crate) struct Plans {
     table: Box<[OnceLock<Plan>]>,
     // only the side that registers takes it
@@ -31,7 +34,10 @@ pub(crate) enum Unplanned {
 
 impl Plans {
     pub(crate) fn new() -> Plans {
-        Plans { table: (0..MAX_PLANS).map(|_| OnceLock::new()).collect(), registered: Mutex::new(0) }
+        Plans {
+            table: (0..MAX_PLANS).map(|_| OnceLock::new()).collect(),
+            registered: Mutex::new(0),
+        }
     }
 
     /// How many there are.
@@ -40,9 +46,15 @@ impl Plans {
     }
 
     /// The plan of a wanted set; equal sets share one.
-    pub(crate) fn register(&self, model: &Model<f64>, wanted: &Wanted) -> Result<Registered, Unplanned> {
-        let mut registered = self.registered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let known = self.table.iter().map_while(OnceLock::get).position(|plan| plan.wanted() == wanted);
+    pub(crate) fn register(
+        &self,
+        model: &Model<f64>,
+        wanted: &Wanted,
+    ) -> Result<Registered, Unplanned> {
+        let mut registered =
+            self.registered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let known =
+            self.table.iter().map_while(OnceLock::get).position(|plan| plan.wanted() == wanted);
         let index = match known {
             Some(index) => index,
             None => {
@@ -89,10 +101,16 @@ impl Engine {
         Engine { model, plans, workspace, scratch: vec![0.0; MAX_NUMBERS_IN] }
     }
 
-    /// Checks a request, runs its plan from `input` into `output` and says how it ended. Never allocates, never panics;
-    /// whatever the request says, nothing outside `input` and `output` is touched. What passes no gate leaves NaN.
+    /// Checks a request, runs its plan from `input` into `output` and says how it ended. Never
+    /// allocates, never panics; whatever the request says, nothing outside `input` and `output` is
+    /// touched. What passes no gate leaves NaN.
     #[inline]
-    pub(crate) fn answer(&mut self, head: &RequestHead, input: Input<'_>, output: &mut [f64]) -> ResponseHead {
+    pub(crate) fn answer(
+        &mut self,
+        head: &RequestHead,
+        input: Input<'_>,
+        output: &mut [f64],
+    ) -> ResponseHead {
         let (status, warnings) = match self.run(head, input, output) {
             Ok(outcome) => outcome,
             Err(status) => {
@@ -104,7 +122,12 @@ impl Engine {
     }
 
     #[inline]
-    fn run(&mut self, head: &RequestHead, input: Input<'_>, output: &mut [f64]) -> Result<(Status, Warnings), Status> {
+    fn run(
+        &mut self,
+        head: &RequestHead,
+        input: Input<'_>,
+        output: &mut [f64],
+    ) -> Result<(Status, Warnings), Status> {
         // the gate
         if head.version != PROTOCOL_VERSION {
             return Err(Status::BadRequest);

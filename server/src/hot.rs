@@ -1,13 +1,15 @@
 //! The thread that answers.
 //!
-//! One sweep takes what waits, at most one request of each client, and answers all of it: no client can starve another, and
-//! none is overwritten, because a client has one request under way. After start-up the loop takes no lock, writes no log,
-//! reads no clock but the processor's counter, and in busy mode makes no system call. Two things the transport does on it
-//! are no part of a request: when a client of the requests door comes or goes its memory is mapped or unmapped.
+//! One sweep takes what waits, at most one request of each client, and answers all of it: no client
+//! can starve another, and none is overwritten, because a client has one request under way. After
+//! start-up the loop takes no lock, writes no log, reads no clock but the processor's counter, and
+//! in busy mode makes no system call. Two things the transport does on it are no part of a request:
+//! when a client of the requests door comes or goes its memory is mapped or unmapped.
 //!
-//! Overload: work is bounded by the number of clients, so requests wait, at most for one request of each other client. A
-//! client that gives up a request and asks again before the server took it is told `overloaded` by its own side of the
-//! requests door; through a lane its newer request replaces the one that it gave up. Nothing else is ever dropped.
+//! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
+//! each other client. A client that gives up a request and asks again before the server took it is
+//! told `overloaded` by its own side of the requests door; through a lane its newer request
+//! replaces the one that it gave up. Nothing else is ever dropped.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -38,7 +40,8 @@ const NAP: Duration = Duration::from_micros(50);
 const QUIET: Duration = Duration::from_millis(200);
 /// In sleeping mode: the length of one long sleep.
 const LONG_NAP: Duration = Duration::from_millis(1);
-/// After the order to stop, requests are refused for this long, so that nobody waits for an answer in vain.
+/// After the order to stop, requests are refused for this long, so that nobody waits for an answer
+/// in vain.
 const FAREWELL: Duration = Duration::from_millis(100);
 
 /// The answering thread's ends of a lane.
@@ -82,9 +85,11 @@ impl Hot {
     /// Answers until the order to stop, then refuses for a moment what still comes.
     pub(crate) fn run(&mut self) {
         let ticks = |span: Duration| Ticks::of(&self.clock, span);
-        let (beat, idle, quiet, farewell) = (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(FAREWELL));
+        let (beat, idle, quiet, farewell) =
+            (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(FAREWELL));
         let (mut beats, mut sweeps) = (0, 0_u32);
-        let (mut last_beat, mut last_request, mut stop_since) = (self.clock.raw(), self.clock.raw(), None);
+        let (mut last_beat, mut last_request, mut stop_since) =
+            (self.clock.raw(), self.clock.raw(), None);
 
         loop {
             let stopping = self.shared.stopping.load(Relaxed);
@@ -127,7 +132,8 @@ impl Hot {
     fn sweep(&mut self, stopping: bool) -> usize {
         let mut answered = 0;
 
-        // take from the requests door: a client's next request can only come after this one's answer
+        // take from the requests door: a client's next request can only come after this one's
+        // answer
         let found = self.clock.raw();
         let mut n_waiting = 0;
         while let Some(place) = self.waiting.get_mut(n_waiting) {
@@ -151,7 +157,11 @@ impl Hot {
                 true => refuse(&head, Status::ShuttingDown, output),
             };
             lane.outbox.publish(answer);
-            self.shared.counters.record(Door::Lane, answer.status, self.clock.raw().wrapping_sub(start));
+            self.shared.counters.record(
+                Door::Lane,
+                answer.status,
+                self.clock.raw().wrapping_sub(start),
+            );
             answered += 1;
         }
 
@@ -169,22 +179,29 @@ impl Hot {
                 status = answer.status;
                 answer
             });
-            // a client that went away meanwhile hears nothing; it is counted as what it would have heard
+            // a client that went away meanwhile hears nothing; it is counted as what it would have
+            // heard
             let _ = sent;
-            self.shared.counters.record(Door::Requests, status, self.clock.raw().wrapping_sub(found));
+            self.shared.counters.record(
+                Door::Requests,
+                status,
+                self.clock.raw().wrapping_sub(found),
+            );
             answered += 1;
         }
         answered
     }
 
-    /// Takes new lanes and gives back old ones. Nobody ever blocks on these channels: looking costs two loads.
+    /// Takes new lanes and gives back old ones. Nobody ever blocks on these channels: looking costs
+    /// two loads.
     fn obey(&mut self) {
         while let Ok(order) = self.orders.try_recv() {
             match order {
                 Order::Serve { slot, lane } => self.lanes[slot] = Some(lane),
                 Order::Retire { slot } => {
                     if let Some(lane) = self.lanes[slot].take() {
-                        // there is room for every lane, so this cannot fail; were it to, the lane would stay
+                        // there is room for every lane, so this cannot fail; were it to, the lane
+                        // would stay
                         if let Err(error) = self.retired.try_send((slot, lane)) {
                             let (std::sync::mpsc::TrySendError::Full((slot, lane))
                             | std::sync::mpsc::TrySendError::Disconnected((slot, lane))) = error;

@@ -1,4 +1,5 @@
-//! Lanes beside the answering thread: made for clients that attach, retired when these leave, die or never come.
+//! Lanes beside the answering thread: made for clients that attach, retired when these leave, die
+//! or never come.
 
 use std::sync::mpsc::{Receiver, SyncSender};
 use std::time::{Duration, Instant};
@@ -55,7 +56,13 @@ pub(crate) enum NoLane {
 type Node = iceoryx2::node::Node<Threadsafe>;
 
 impl Lanes {
-    pub(crate) fn new(name: ServerName, instance: u64, n: usize, orders: SyncSender<Order>, retired: Receiver<Retired>) -> Lanes {
+    pub(crate) fn new(
+        name: ServerName,
+        instance: u64,
+        n: usize,
+        orders: SyncSender<Order>,
+        retired: Receiver<Retired>,
+    ) -> Lanes {
         let slots = (0..n).map(|_| Slot { generation: 0, lane: Lane::Free }).collect();
         Lanes { name, instance, slots, orders, retired, made: 0 }
     }
@@ -78,7 +85,9 @@ impl Lanes {
         let slot = &mut self.slots[index];
         slot.generation += 1;
         let id = LaneId { slot: index as u32, generation: slot.generation };
-        let (boards, inbox, outbox) = ServedLane::create(node, &self.name, self.instance, id, classes).map_err(NoLane::Failed)?;
+        let (boards, inbox, outbox) =
+            ServedLane::create(node, &self.name, self.instance, id, classes)
+                .map_err(NoLane::Failed)?;
         let order = Order::Serve { slot: index, lane: HotLane { inbox, outbox } };
         // room for two orders of each lane: full means that the answering thread is gone
         self.orders.try_send(order).map_err(|_| NoLane::Full)?;
@@ -96,9 +105,17 @@ impl Lanes {
         }
         for (index, slot) in self.slots.iter_mut().enumerate() {
             slot.lane = match std::mem::replace(&mut slot.lane, Lane::Free) {
-                Lane::Offered { boards, .. } | Lane::Claimed { boards } if boards.is_claimed() => Lane::Claimed { boards },
-                Lane::Offered { boards, since } if !boards.was_claimed() && since.elapsed() < UNCLAIMED => Lane::Offered { boards, since },
-                Lane::Offered { boards, .. } | Lane::Claimed { boards } => leave(&self.orders, index, boards),
+                Lane::Offered { boards, .. } | Lane::Claimed { boards } if boards.is_claimed() => {
+                    Lane::Claimed { boards }
+                }
+                Lane::Offered { boards, since }
+                    if !boards.was_claimed() && since.elapsed() < UNCLAIMED =>
+                {
+                    Lane::Offered { boards, since }
+                }
+                Lane::Offered { boards, .. } | Lane::Claimed { boards } => {
+                    leave(&self.orders, index, boards)
+                }
                 lane => lane,
             };
         }
@@ -116,7 +133,9 @@ impl Lanes {
             self.upkeep();
             let leaving = self.slots.iter().any(|slot| matches!(slot.lane, Lane::Leaving { .. }));
             match free(&self.slots) {
-                None if leaving && start.elapsed() < HAND_BACK => std::thread::sleep(Duration::from_millis(1)),
+                None if leaving && start.elapsed() < HAND_BACK => {
+                    std::thread::sleep(Duration::from_millis(1))
+                }
                 found => return found,
             }
         }

@@ -22,40 +22,49 @@ struct Arguments {
 enum Command {
     /// See it work: a server process, a controller that asks it, and the truth about every answer.
     ///
-    /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and within 1e-12 of the truth.
+    /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and
+    /// within 1e-12 of the truth.
     Demo(commands::demo::Demo),
     /// Read a robot's files: every fault of them, or what the robot is.
     ///
-    /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid robot, 1 for faulty files, 2 for files that cannot be
-    /// opened and wrong flags.
+    /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid robot, 1 for faulty
+    /// files, 2 for files that cannot be opened and wrong flags.
     Check(commands::check::Check),
     /// Answer requests: JSON lines in, JSON lines out.
     ///
-    /// A line such as `{"y": [0.1], "yd": [1], "want": ["q", "tau_u"], "frames": ["hand"], "wrenches": {"hand": [0,0,0,0,0,-10]}}` gives the
-    /// state from y, u or q (and their rates yd, ud, qd, ydd, udd, qdd; zero where they are missing), forces as tau_u, tau_y or tau_q,
-    /// and for numerical loops a q_guess and qd_guess. `sarrus check` prints the order of each list. The answer is one line with
-    /// status, warnings and each wanted field: numbers, lists, lists of rows, or null where the status forbids numbers.
+    /// A line such as `{"y": [0.1], "yd": [1], "want": ["q", "tau_u"], "frames": ["hand"],
+    /// "wrenches": {"hand": [0,0,0,0,0,-10]}}` gives the state from y, u or q (and their rates yd,
+    /// ud, qd, ydd, udd, qdd; zero where they are missing), forces as tau_u, tau_y or tau_q, and
+    /// for numerical loops a q_guess and qd_guess. `sarrus check` prints the order of each list.
+    /// The answer is one line with status, warnings and each wanted field: numbers, lists, lists of
+    /// rows, or null where the status forbids numbers.
     ///
-    /// Ends with 0 when every line was answered, 1 when some line was no valid request (status bad_request, with the column) or the
-    /// model is bad, 2 when it could not start or lost its server.
+    /// Ends with 0 when every line was answered, 1 when some line was no valid request (status
+    /// bad_request, with the column) or the model is bad, 2 when it could not start or lost its
+    /// server.
     Ask(commands::ask::Ask),
     /// Hold a robot and answer requests over shared memory.
     ///
-    /// Prints `ready NAME FINGERPRINT` when clients can attach. SIGTERM and SIGINT are a clean stop, which ends with 0.
+    /// Prints `ready NAME FINGERPRINT` when clients can attach. SIGTERM and SIGINT are a clean
+    /// stop, which ends with 0.
     Serve(commands::serve::Serve),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
-    /// Measure: error against run time, time integration, stiff and extreme cases, as a page that opens offline.
+    /// Measure: error against run time, time integration, stiff and extreme cases, as a page that
+    /// opens offline.
     ///
-    /// Writes report.html, report.json and one CSV file for each figure and table. Ends with 0, with 1 when some extreme case failed
-    /// silently, and with 2 when it could not measure or write.
+    /// Writes report.html, report.json and one CSV file for each figure and table. Ends with 0,
+    /// with 1 when some extreme case failed silently, and with 2 when it could not measure or
+    /// write.
     #[cfg(feature = "report")]
     Report(commands::report::Report),
     /// Integrate a robot in time: a table, pictures, and how good it is.
     ///
-    /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and springs. Writes motion.csv and motion.html; prints
-    /// how it ended, what it took, the drift of energy and what happened on the way. Ends with 0 when the whole time was simulated, 1 when the
-    /// robot's files are faulty or the motion ended early (the status says why), 2 for wrong flags and files that cannot be opened.
+    /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
+    /// springs. Writes motion.csv and motion.html; prints how it ended, what it took, the drift of
+    /// energy and what happened on the way. Ends with 0 when the whole time was simulated, 1 when
+    /// the robot's files are faulty or the motion ended early (the status says why), 2 for wrong
+    /// flags and files that cannot be opened.
     #[cfg(feature = "simulate")]
     Simulate(Box<commands::simulate::Simulate>),
 }
@@ -63,7 +72,9 @@ enum Command {
 fn main() -> ExitCode {
     // before anything that may need it
     if let Err(missing) = commands::processor::check() {
-        eprintln!("sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and AVX2, processors from 2015 on)");
+        eprintln!(
+            "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and AVX2, processors from 2015 on)"
+        );
         return ExitCode::from(2);
     }
     match Arguments::parse().command {

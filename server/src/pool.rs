@@ -1,10 +1,13 @@
-//! The allocator of the binary: the thread that answers takes its small blocks from a fixed pool of its own.
+//! The allocator of the binary: the thread that answers takes its small blocks from a fixed pool of
+//! its own.
 //!
-//! The transport makes two small blocks for each request through the requests door. [`Pool`] as the global allocator serves
-//! them, on a thread that called [`adopt_thread`], from memory that is reserved and mapped beforehand; every other thread
-//! uses the system's allocator. A block may be freed on any thread. Should the pool ever run out, the system's allocator
-//! steps in and [`counts`] tells.
-// lint: a global allocator cannot be written in safe Rust; this file holds all unsafe code of the server
+//! The transport makes two small blocks for each request through the requests door. [`Pool`] as the
+//! global allocator serves them, on a thread that called [`adopt_thread`], from memory that is
+//! reserved and mapped beforehand; every other thread uses the system's allocator. A block may be
+//! freed on any thread. Should the pool ever run out, the system's allocator steps in and
+//! [`counts`] tells.
+// lint: a global allocator cannot be written in safe Rust; this file holds all unsafe code of the
+// server
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -39,7 +42,8 @@ static POOL_BLOCKS: AtomicU64 = AtomicU64::new(0);
 /// From now on this thread takes small blocks from the pool, which is mapped first.
 pub fn adopt_thread() -> Adopted {
     for page in (0..ARENA_SIZE).step_by(4096) {
-        // SAFETY: inside the arena; adding nothing atomically maps the page and changes no block that may be in use.
+        // SAFETY: inside the arena; adding nothing atomically maps the page and changes no block
+        // that may be in use.
         unsafe { &*ARENA.start().add(page).cast::<AtomicU8>() }.fetch_or(0, Relaxed);
     }
     ADOPTED.set(true);
@@ -57,7 +61,8 @@ pub fn counts() -> Counts {
     Counts { system: SYSTEM_CALLS.load(Relaxed), pool: POOL_BLOCKS.load(Relaxed) }
 }
 
-/// (size, count) of each class: the transport's blocks for a request, and above what it takes when a client comes.
+/// (size, count) of each class: the transport's blocks for a request, and above what it takes when
+/// a client comes.
 const CLASSES: [Class; 5] = classes([(64, 4096), (256, 512), (1024, 128), (4096, 64), (65536, 8)]);
 const ARENA_SIZE: usize = CLASSES[4].end();
 const N_BLOCKS: usize = CLASSES[4].first_block + CLASSES[4].n_blocks;
@@ -117,7 +122,8 @@ impl Arena {
 
 /// Freed blocks as a stack, and the blocks that nobody has used yet.
 struct FreeList {
-    /// Number of the top block plus one, and above it a count of changes, so that a change back is seen.
+    /// Number of the top block plus one, and above it a count of changes, so that a change back is
+    /// seen.
     top: AtomicU64,
     used: AtomicU32,
 }
@@ -165,17 +171,24 @@ fn count_system_call() {
     }
 }
 
-// SAFETY: blocks of the arena do not overlap, are as large as their class and aligned to ALIGNMENT (sizes and offsets of all
-// classes are multiples of it, the arena is aligned to more); a block has one owner between `pop` and `push`. Everything
-// else is the system's allocator unchanged: an address tells which of the two a block came from.
+// SAFETY: blocks of the arena do not overlap, are as large as their class and aligned to ALIGNMENT
+// (sizes and offsets of all classes are multiples of it, the arena is aligned to more); a block has
+// one owner between `pop` and `push`. Everything else is the system's allocator unchanged: an
+// address tells which of the two a block came from.
 unsafe impl GlobalAlloc for Pool {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if adopted() {
-            let fitting = CLASSES.iter().position(|class| layout.size() <= class.size && layout.align() <= ALIGNMENT);
-            if let Some((index, block)) = fitting.and_then(|index| Some((index, FREE[index].pop(&CLASSES[index])?))) {
+            let fitting = CLASSES
+                .iter()
+                .position(|class| layout.size() <= class.size && layout.align() <= ALIGNMENT);
+            if let Some((index, block)) =
+                fitting.and_then(|index| Some((index, FREE[index].pop(&CLASSES[index])?)))
+            {
                 POOL_BLOCKS.fetch_add(1, Relaxed);
                 // SAFETY: the block lies inside the arena.
-                return unsafe { ARENA.start().add(CLASSES[index].offset + block * CLASSES[index].size) };
+                return unsafe {
+                    ARENA.start().add(CLASSES[index].offset + block * CLASSES[index].size)
+                };
             }
         }
         count_system_call();
@@ -199,8 +212,9 @@ unsafe impl GlobalAlloc for Pool {
             // SAFETY: from the system's allocator; the caller's duties are handed on.
             return unsafe { System.realloc(pointer, layout, new_size) };
         }
-        // SAFETY: the caller warrants that the new size is not zero and, rounded up to the alignment, fits `isize`; the two
-        // blocks do not overlap and both hold the bytes that are copied.
+        // SAFETY: the caller warrants that the new size is not zero and, rounded up to the
+        // alignment, fits `isize`; the two blocks do not overlap and both hold the bytes that are
+        // copied.
         unsafe {
             let new = self.alloc(Layout::from_size_align_unchecked(new_size, layout.align()));
             if !new.is_null() {
@@ -234,14 +248,20 @@ mod tests {
         let _alone = ALONE.lock().unwrap();
         for round in 0..3 {
             let adopted = adopt_thread();
-            let blocks: Vec<(usize, usize)> = (0..3000).map(|k| (take(1 + k % 200) as usize, 1 + k % 200)).collect();
+            let blocks: Vec<(usize, usize)> =
+                (0..3000).map(|k| (take(1 + k % 200) as usize, 1 + k % 200)).collect();
             drop(adopted);
             let mut sorted = blocks.clone();
             sorted.sort_unstable();
-            assert!(sorted.windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0), "round {round}");
+            assert!(
+                sorted.windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0),
+                "round {round}"
+            );
             std::thread::scope(|scope| {
                 for half in blocks.chunks(1500) {
-                    scope.spawn(move || half.iter().for_each(|(pointer, size)| give(*pointer as *mut u8, *size)));
+                    scope.spawn(move || {
+                        half.iter().for_each(|(pointer, size)| give(*pointer as *mut u8, *size))
+                    });
                 }
             });
         }
@@ -249,7 +269,9 @@ mod tests {
         let adopted = adopt_thread();
         let blocks: Vec<usize> = (0..CLASSES[0].n_blocks).map(|_| take(64) as usize).collect();
         drop(adopted);
-        assert!(blocks.iter().all(|pointer| ARENA.block_at(*pointer as *const u8).is_some_and(|(class, _)| class == 0)));
+        assert!(blocks.iter().all(|pointer| {
+            ARENA.block_at(*pointer as *const u8).is_some_and(|(class, _)| class == 0)
+        }));
         blocks.into_iter().for_each(|pointer| give(pointer as *mut u8, 64));
     }
 

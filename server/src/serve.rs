@@ -28,14 +28,16 @@ use crate::pool;
 pub enum Wait {
     /// Polls without pause: the lowest latency for a whole processor.
     Busy,
-    /// Polls while requests come; after 0.2 ms without one sleeps 50 µs at a time, after 0.2 s without one 1 ms at a time.
-    /// The first request after a pause waits that long and for what the kernel adds: on a two-core virtual machine 60 µs
-    /// (p50) at 1 kHz. Costs about an eighth of a processor between requests and a twenty-fifth when quiet.
+    /// Polls while requests come; after 0.2 ms without one sleeps 50 µs at a time, after 0.2 s
+    /// without one 1 ms at a time. The first request after a pause waits that long and for what the
+    /// kernel adds: on a two-core virtual machine 60 µs (p50) at 1 kHz. Costs about an eighth of a
+    /// processor between requests and a twenty-fifth when quiet.
     Sleep,
 }
 
 impl Wait {
-    /// Busy where at least three processors are there: one for the server, one for a client, one for everything else.
+    /// Busy where at least three processors are there: one for the server, one for a client, one
+    /// for everything else.
     pub fn fitting() -> Wait {
         match std::thread::available_parallelism() {
             Ok(n) if n.get() >= 3 => Wait::Busy,
@@ -66,7 +68,9 @@ pub enum ServeError {
     #[error(transparent)]
     Domain(#[from] DomainError),
     /// Another server runs under this name.
-    #[error("a server named `{name}` is running already; stop it or choose another name with --name")]
+    #[error(
+        "a server named `{name}` is running already; stop it or choose another name with --name"
+    )]
     NameTaken {
         /// The name.
         name: String,
@@ -87,13 +91,16 @@ pub enum ServeError {
         source: std::io::Error,
     },
     /// The answering thread ended without being told to.
-    #[error("the answering thread ended by itself; this is a defect of sarrus, please report it with the model")]
+    #[error(
+        "the answering thread ended by itself; this is a defect of sarrus, please report it with the model"
+    )]
     Died,
 }
 
 /// Serves a model until `stop` is set; calls `ready` once clients can attach.
 ///
-/// This thread makes and retires lanes and answers the control service; a thread of its own answers requests.
+/// This thread makes and retires lanes and answers the control service; a thread of its own answers
+/// requests.
 ///
 /// # Errors
 /// [`ServeError`]; whatever it is, nothing is left in shared memory.
@@ -128,7 +135,8 @@ fn run(
         other => ServeError::Service(other),
     };
 
-    // the control port is what makes this server the only one of its name; what a dead one left is cleared on the way
+    // the control port is what makes this server the only one of its name; what a dead one left is
+    // cleared on the way
     let node = domain.node::<Threadsafe>()?;
     let port = take_name(&node, name).map_err(service)?;
     let instance = instance();
@@ -159,8 +167,16 @@ fn run(
     let fingerprint = info.fingerprint;
     let control = Control { port, instance, model, plans, info: info.to_json(), fingerprint };
     let latency = Latency::new(clock).ok_or(ServeError::Died)?;
-    let mut upkeep =
-        Upkeep { node, control, lanes, latency, statistics: status.statistics, shared: shared.clone(), since: Instant::now(), naps: 0 };
+    let mut upkeep = Upkeep {
+        node,
+        control,
+        lanes,
+        latency,
+        statistics: status.statistics,
+        shared: shared.clone(),
+        since: Instant::now(),
+        naps: 0,
+    };
     upkeep.publish();
     ready();
     while !stop.load(Relaxed) && !thread.is_finished() {
@@ -178,13 +194,18 @@ fn run(
     if ended.is_ok() && stop.load(Relaxed) { Ok(()) } else { Err(ServeError::Died) }
 }
 
-/// The control port. A server that ended just now may still be going: the name is asked for a few times.
+/// The control port. A server that ended just now may still be going: the name is asked for a few
+/// times.
 fn take_name(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControlServer, ServiceError> {
     let mut attempts = 0;
     loop {
         node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
         match serve_control(node, name) {
-            Err(ServiceError::Taken { .. } | ServiceError::Memory { .. } | ServiceError::Absent { .. }) if attempts < 6 => attempts += 1,
+            Err(
+                ServiceError::Taken { .. }
+                | ServiceError::Memory { .. }
+                | ServiceError::Absent { .. },
+            ) if attempts < 6 => attempts += 1,
             outcome => return outcome,
         }
         std::thread::sleep(Duration::from_millis(50));
@@ -193,7 +214,8 @@ fn take_name(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControlServer
 
 /// Tells runs apart: the time of the start and the process.
 fn instance() -> u64 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+    let now =
+        SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
     (now ^ u64::from(std::process::id()) << 40).max(1)
 }
 
@@ -210,7 +232,12 @@ struct HotStart {
 
 impl HotStart {
     /// Starts the answering thread and waits until it answers.
-    fn spawn(self, domain: Domain, name: ServerName, instance: u64) -> Result<JoinHandle<()>, ServeError> {
+    fn spawn(
+        self,
+        domain: Domain,
+        name: ServerName,
+        instance: u64,
+    ) -> Result<JoinHandle<()>, ServeError> {
         let (started, outcome) = mpsc::channel();
         let body = move || match self.prepare(&domain, &name, instance) {
             Err(error) => {
@@ -226,18 +253,38 @@ impl HotStart {
             }
         };
         // entries of large lanes pass over the stack
-        let builder = std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
+        let builder =
+            std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
         let thread = builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
         outcome.recv().unwrap_or(Err(ServeError::Died))?;
         Ok(thread)
     }
 
-    fn prepare(self, domain: &Domain, name: &ServerName, instance: u64) -> Result<(Node<ipc::Service>, Hot), ServeError> {
+    fn prepare(
+        self,
+        domain: &Domain,
+        name: &ServerName,
+        instance: u64,
+    ) -> Result<(Node<ipc::Service>, Hot), ServeError> {
         let node = domain.node::<ipc::Service>()?;
         let door = serve_compute(&node, name, instance).map_err(ServeError::Service)?;
         let HotStart { engine, n_lanes, orders, retired, heartbeat, shared, clock, wait } = self;
         let lanes = (0..n_lanes).map(|_| None).collect();
-        Ok((node, Hot { engine, door, lanes, waiting: [const { None }; _], orders, retired, heartbeat, shared, clock, wait }))
+        Ok((
+            node,
+            Hot {
+                engine,
+                door,
+                lanes,
+                waiting: [const { None }; _],
+                orders,
+                retired,
+                heartbeat,
+                shared,
+                clock,
+                wait,
+            },
+        ))
     }
 }
 

@@ -11,8 +11,14 @@ use sarrus_tests::seed::Seeded;
 
 use Field::*;
 
-/// What one model answers to a state: kinematics with frames, inverse dynamics, forward dynamics for random actuator forces.
-fn answers<T: Scalar>(model: &Model<T>, state: &State<T>, links: &[u16], with_actuators: bool) -> [Fields<T>; 3] {
+/// What one model answers to a state: kinematics with frames, inverse dynamics, forward dynamics
+/// for random actuator forces.
+fn answers<T: Scalar>(
+    model: &Model<T>,
+    state: &State<T>,
+    links: &[u16],
+    with_actuators: bool,
+) -> [Fields<T>; 3] {
     let mut robot = Robot::new(model.clone());
     let motion: [(Field, &[T]); 3] = [(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)];
     let of = |request, want: &[Field]| Wanted::new(request, FieldSet::EMPTY, FieldSet::of(want));
@@ -24,7 +30,8 @@ fn answers<T: Scalar>(model: &Model<T>, state: &State<T>, links: &[u16], with_ac
     let inverse = robot.ask(Request::InverseDynamics, &motion, &INVERSE).ok();
     let tau = Seeded::new(3).numbers(model.sizes().n_u, largest(inverse.get(TauY)));
     let tau: Vec<T> = tau.into_iter().map(T::from_f64).collect();
-    let forward = robot.ask(Request::ForwardDynamics, &[motion[0], motion[1], (TauU, &tau)], &FORWARD).ok();
+    let forward =
+        robot.ask(Request::ForwardDynamics, &[motion[0], motion[1], (TauU, &tau)], &FORWARD).ok();
     [kinematics, inverse, forward]
 }
 
@@ -69,7 +76,8 @@ struct Scale {
 impl Scale {
     fn of<T: Scalar>([state, inverse, forward]: &[Fields<T>; 3]) -> Scale {
         let figure = |fields: &Fields<T>, field| fields.get(field)[0].to_f64();
-        let force = largest(inverse.get(TauQ)).max(largest(inverse.get(MY)) * largest(forward.get(Ydd)));
+        let force =
+            largest(inverse.get(TauQ)).max(largest(inverse.get(MY)) * largest(forward.get(Ydd)));
         Scale {
             K_d: figure(state, CondKd),
             G_u: figure(state, CondGu),
@@ -80,11 +88,13 @@ impl Scale {
         }
     }
 
-    /// Size below which a field's error does not count, and the condition that its error grows with.
+    /// Size below which a field's error does not count, and the condition that its error grows
+    /// with.
     fn of_field(&self, field: Field, K_size: f64) -> (f64, f64) {
         let square = self.velocity.powi(2);
         match field {
-            Q | U | G | GU | K | FramePose | JacobianTree | JacobianIndependent | Residual | SigmaMin => (1.0, self.K_d),
+            Q | U | G | GU | K | FramePose | JacobianTree | JacobianIndependent | Residual
+            | SigmaMin => (1.0, self.K_d),
             Qd | Ud | FrameTwist => (self.velocity, self.K_d),
             GBias | GUBias => (square, self.K_d * self.K_d),
             KBias => (K_size * square, self.K_d),
@@ -152,9 +162,24 @@ fn both_ways(ledger: &mut Ledger, a: &Case, b: &Case) {
     let links = some_links(&a.compiled.model, a.seed);
     for k in 0..3 {
         let [mine, other] = [a, b].map(|x| answers(&x.compiled.model, &a.state(k), &links, false));
-        compare(ledger, a, "double", (&mine, &other), &skip, 64.0 * f64::EPSILON + a.contradiction());
-        let [mine, other] = [a, b].map(|x| answers::<Dd>(&x.compiled.exact, &a.state(k), &links, false));
-        compare(ledger, a, "double-double", (&mine, &other), &skip, 64.0 * <Dd as Real>::EPSILON + a.contradiction());
+        compare(
+            ledger,
+            a,
+            "double",
+            (&mine, &other),
+            &skip,
+            64.0 * f64::EPSILON + a.contradiction(),
+        );
+        let [mine, other] =
+            [a, b].map(|x| answers::<Dd>(&x.compiled.exact, &a.state(k), &links, false));
+        compare(
+            ledger,
+            a,
+            "double-double",
+            (&mine, &other),
+            &skip,
+            64.0 * <Dd as Real>::EPSILON + a.contradiction(),
+        );
     }
 }
 
@@ -165,10 +190,14 @@ fn closed_forms_agree_with_newtons_method() {
         if let Some(numerical) = random_robot_numerical(seed) {
             let text = random_robot(seed);
             // a rounded cut frame is not where the type defines it
-            let same = !(text.rounded && (text.holds.contains("by type") || text.holds.contains("legs on arms")));
-            let [a, b] = [&text, &numerical].map(|text| Case::of_text(text, seed, &Options::default()).unwrap());
+            let same = !(text.rounded
+                && (text.holds.contains("by type") || text.holds.contains("legs on arms")));
+            let [a, b] = [&text, &numerical]
+                .map(|text| Case::of_text(text, seed, &Options::default()).unwrap());
             // a coupling to a mechanism makes one larger mechanism, which has no closed form
-            let kinds = |case: &Case| case.compiled.model.closures().iter().map(|x| x.kind).collect::<Vec<_>>();
+            let kinds = |case: &Case| {
+                case.compiled.model.closures().iter().map(|x| x.kind).collect::<Vec<_>>()
+            };
             if same && kinds(&a) != kinds(&b) {
                 pairs.push((a, b));
             }
@@ -176,12 +205,18 @@ fn closed_forms_agree_with_newtons_method() {
     }
     for name in ["lambda", "torso", "r3_lambda_r", "stewart", "rh5v2_upper_body", "rh5v2_full"] {
         let (urdf, yaml) = bundled_text(name).unwrap();
-        let yaml = ["RRPR", "2SPU+1U", "6UPS"]
-            .iter()
-            .fold(yaml.to_owned(), |text, kind| text.replace(&format!("type: {kind}"), "type: NUMERICAL"));
+        let yaml = ["RRPR", "2SPU+1U", "6UPS"].iter().fold(yaml.to_owned(), |text, kind| {
+            text.replace(&format!("type: {kind}"), "type: NUMERICAL")
+        });
         let a = Case::bundled(name);
-        let model = Text::of(urdf, &yaml).load(&Options::default()).unwrap_or_else(|error| panic!("{error}"));
-        let b = Case { compiled: model.compiled, description: model.description, ..Case::bundled(name) };
+        let model = Text::of(urdf, &yaml)
+            .load(&Options::default())
+            .unwrap_or_else(|error| panic!("{error}"));
+        let b = Case {
+            compiled: model.compiled,
+            description: model.description,
+            ..Case::bundled(name)
+        };
         pairs.push((a, b));
     }
     println!("{} robots", pairs.len());

@@ -19,7 +19,8 @@ thread_local! {
 /// Counts the calls of the thread that makes them.
 struct Counting;
 
-// SAFETY: every call goes to the system's allocator unchanged; the counter is a plain number of the calling thread.
+// SAFETY: every call goes to the system's allocator unchanged; the counter is a plain number of the
+// calling thread.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         CALLS.with(|calls| calls.set(calls.get() + 1));
@@ -55,11 +56,16 @@ fn run_all<T: Scalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
     let mut workspace = Workspace::new(model);
     let state = case.state::<T>(0);
     let mut far = state.clone();
-    far.y.iter_mut().zip(model.independent_q_names()).filter(|(_, name)| !name.contains('/')).for_each(|(y, _)| *y = T::from_f64(2.7));
+    far.y
+        .iter_mut()
+        .zip(model.independent_q_names())
+        .filter(|(_, name)| !name.contains('/'))
+        .for_each(|(y, _)| *y = T::from_f64(2.7));
     let mut seen = Vec::new();
     for plan in every_plan(model, &mut seeded) {
         let good = input(case, &mut robot, &plan, &state, &mut seeded);
-        let mut inputs = vec![good.clone(), good.iter().map(|x| *x * T::from_f64(40.0)).collect(), vec![]];
+        let mut inputs =
+            vec![good.clone(), good.iter().map(|x| *x * T::from_f64(40.0)).collect(), vec![]];
         if plan.given().slot(Field::Y).is_some() {
             let mut beyond = good.clone();
             beyond[plan.given().slot(Field::Y).unwrap().range()].copy_from_slice(&far.y);

@@ -1,14 +1,17 @@
 //! Assembly: closed poses near given ones.
 
 use sarrus_dynamics::description::{Cut, Description};
-use sarrus_dynamics::{AssembleError, Field, Model, OpenModel, Request, closing_placements, rezeroed};
+use sarrus_dynamics::{
+    AssembleError, Field, Model, OpenModel, Request, closing_placements, rezeroed,
+};
 use sarrus_tests::cases::{Case, Ledger, robots};
 use sarrus_tests::compare::error_by_size;
 use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 use sarrus_tests::small::{product, transposed};
 
-/// A closed pose of the robot, each joint that is no quaternion moved by up to `size` radians or lengths.
+/// A closed pose of the robot, each joint that is no quaternion moved by up to `size` radians or
+/// lengths.
 fn beside(case: &Case, robot: &mut Robot<f64>, seeded: &mut Seeded, size: f64) -> Option<Vec<f64>> {
     let state = case.state::<f64>(seeded.bits() % 100);
     let fields = robot.ask(Request::Kinematics, &[(Field::Y, &state.y)], &[Field::Q]);
@@ -20,7 +23,8 @@ fn beside(case: &Case, robot: &mut Robot<f64>, seeded: &mut Seeded, size: f64) -
     let mut q = fields.get(Field::Q).to_vec();
     for (x, name) in q.iter_mut().zip(model.tree_q_names()) {
         // a joint of one freedom has the same name among the velocities
-        if let Some(v) = model.tree_names().iter().position(|of| of == name && !name.contains('/')) {
+        if let Some(v) = model.tree_names().iter().position(|of| of == name && !name.contains('/'))
+        {
             *x += seeded.within(-size, size) * units[v];
         }
     }
@@ -29,9 +33,11 @@ fn beside(case: &Case, robot: &mut Robot<f64>, seeded: &mut Seeded, size: f64) -
 
 /// How far the joints have gone, by tree velocity; quaternion joints must stand still.
 fn gone(model: &Model, q: &[f64], near: &[f64]) -> Vec<f64> {
-    let way = model.tree_names().iter().map(|name| match model.tree_q_names().iter().position(|of| of == name) {
-        Some(at) if !name.contains('/') => q[at] - near[at],
-        _ => 0.0,
+    let way = model.tree_names().iter().map(|name| {
+        match model.tree_q_names().iter().position(|of| of == name) {
+            Some(at) if !name.contains('/') => q[at] - near[at],
+            _ => 0.0,
+        }
     });
     way.collect()
 }
@@ -47,31 +53,67 @@ fn poses_beside_closed_ones_are_closed_and_nearest() {
             let Some(near) = beside(case, &mut robot, &mut seeded, 0.03) else { continue };
             let weights: Vec<f64> = (0..n).map(|_| seeded.within(0.2, 5.0)).collect();
             let found = model.assemble(&near, &weights).unwrap_or_else(|error| panic!("{error}"));
-            ledger.note("residual of a closed pose", case, found.residual, 1e-12 + case.contradiction());
+            ledger.note(
+                "residual of a closed pose",
+                case,
+                found.residual,
+                1e-12 + case.contradiction(),
+            );
 
             // the robot's own closure at these independents, continued from there, is the same pose
-            let closed = robot.ask(Request::Kinematics, &[(Field::Q, &found.q)], &[Field::Q, Field::G, Field::CondKd]).ok();
-            let allowed = 1e-12 * closed.get(Field::CondKd)[0].max(1.0) + 10.0 * case.contradiction();
-            ledger.note("closure of the found pose", case, error_by_size(&found.q, closed.get(Field::Q), 1.0), allowed);
+            let closed = robot
+                .ask(
+                    Request::Kinematics,
+                    &[(Field::Q, &found.q)],
+                    &[Field::Q, Field::G, Field::CondKd],
+                )
+                .ok();
+            let allowed =
+                1e-12 * closed.get(Field::CondKd)[0].max(1.0) + 10.0 * case.contradiction();
+            ledger.note(
+                "closure of the found pose",
+                case,
+                error_by_size(&found.q, closed.get(Field::Q), 1.0),
+                allowed,
+            );
 
-            // where nothing is nearer the weighted way is a combination of the rows of K: Gᵀ takes it to zero
+            // where nothing is nearer the weighted way is a combination of the rows of K: Gᵀ takes
+            // it to zero
             let way = gone(model, &found.q, &near);
-            let pull: Vec<f64> = way.iter().zip(&weights).zip(model.tree_units()).map(|((d, w), unit)| w * d / (unit * unit)).collect();
+            let pull: Vec<f64> = way
+                .iter()
+                .zip(&weights)
+                .zip(model.tree_units())
+                .map(|((d, w), unit)| w * d / (unit * unit))
+                .collect();
             let along = transposed(closed.get(Field::G), &pull, model.sizes().n_vy);
             let scale = transposed(
                 &closed.get(Field::G).iter().map(|x| x.abs()).collect::<Vec<_>>(),
                 &pull.iter().map(|x| x.abs()).collect::<Vec<_>>(),
                 along.len(),
             );
-            let worst =
-                along.iter().zip(&scale).fold(0.0, |worst: f64, (x, size)| if *size > 0.0 { worst.max(x.abs() / size) } else { worst });
-            ledger.note("slope of the distance along closed poses", case, worst, 1e-10 + 1e3 * case.contradiction());
-            let square: f64 = way.iter().zip(&weights).zip(model.tree_units()).map(|((d, w), unit)| w * (d / unit).powi(2)).sum();
+            let worst = along.iter().zip(&scale).fold(0.0, |worst: f64, (x, size)| {
+                if *size > 0.0 { worst.max(x.abs() / size) } else { worst }
+            });
+            ledger.note(
+                "slope of the distance along closed poses",
+                case,
+                worst,
+                1e-10 + 1e3 * case.contradiction(),
+            );
+            let square: f64 = way
+                .iter()
+                .zip(&weights)
+                .zip(model.tree_units())
+                .map(|((d, w), unit)| w * (d / unit).powi(2))
+                .sum();
             ledger.note("distance", case, (square.sqrt() - found.distance).abs(), 1e-12);
 
             // and no closed pose beside it is nearer
             for _ in 0..4 {
-                let dy: Vec<f64> = (0..model.sizes().n_vy).map(|_| seeded.within(-1e-3, 1e-3) * case.scale.min(1.0)).collect();
+                let dy: Vec<f64> = (0..model.sizes().n_vy)
+                    .map(|_| seeded.within(-1e-3, 1e-3) * case.scale.min(1.0))
+                    .collect();
                 let step = product(closed.get(Field::G), &dy);
                 let other: f64 = way
                     .iter()
@@ -80,8 +122,13 @@ fn poses_beside_closed_ones_are_closed_and_nearest() {
                     .zip(model.tree_units())
                     .map(|(((d, s), w), unit)| w * ((d + s) / unit).powi(2))
                     .sum();
-                let size: f64 = step.iter().zip(model.tree_units()).map(|(s, unit)| (s / unit).powi(2)).sum();
-                assert!(other + 40.0 * size * (1.0 + square.sqrt()) > square, "{}: a nearer pose", case.name);
+                let size: f64 =
+                    step.iter().zip(model.tree_units()).map(|(s, unit)| (s / unit).powi(2)).sum();
+                assert!(
+                    other + 40.0 * size * (1.0 + square.sqrt()) > square,
+                    "{}: a nearer pose",
+                    case.name
+                );
             }
         }
     });
@@ -93,8 +140,15 @@ fn a_closed_pose_is_its_own_nearest() {
         let model = &case.compiled.model;
         let mut robot = Robot::new(model.clone());
         let Some(near) = beside(case, &mut robot, &mut Seeded::new(case.seed), 0.0) else { return };
-        let found = model.assemble(&near, &vec![1.0; model.sizes().n_v]).unwrap_or_else(|error| panic!("{error}"));
-        ledger.note("way of a closed pose", case, found.distance, 1e-10 + 100.0 * case.contradiction());
+        let found = model
+            .assemble(&near, &vec![1.0; model.sizes().n_v])
+            .unwrap_or_else(|error| panic!("{error}"));
+        ledger.note(
+            "way of a closed pose",
+            case,
+            found.distance,
+            1e-10 + 100.0 * case.contradiction(),
+        );
     });
 }
 
@@ -140,7 +194,10 @@ fn what_cannot_be_closed_is_unreachable_with_the_nearest_pose() {
     // a rocker and a slider that do not fit each other
     let weights = [f64::INFINITY, 1.0, f64::INFINITY];
     let near = [0.0, 0.3, 0.05];
-    let Err(AssembleError::Unreachable { residual, nearest }) = model.assemble(&near, &weights) else { panic!("reached") };
+    let Err(AssembleError::Unreachable { residual, nearest }) = model.assemble(&near, &weights)
+    else {
+        panic!("reached")
+    };
     assert_eq!([nearest[0], nearest[2]], [near[0], near[2]]);
     // the pin comes as near as the stator can turn it
     assert!((0.01..1.0).contains(&residual), "{residual}");
@@ -150,7 +207,9 @@ fn what_cannot_be_closed_is_unreachable_with_the_nearest_pose() {
     };
     assert!(at(near[1]) > residual);
     // with everything kept the given pose is the nearest
-    assert!(matches!(model.assemble(&near, &[f64::INFINITY; 3]), Err(AssembleError::Unreachable { nearest, .. }) if nearest == near));
+    assert!(
+        matches!(model.assemble(&near, &[f64::INFINITY; 3]), Err(AssembleError::Unreachable { nearest, .. }) if nearest == near)
+    );
     // a closed pose with everything kept is fine
     assert_eq!(model.assemble(&model.tree_zero(), &[f64::INFINITY; 3]).unwrap().distance, 0.0);
 }
@@ -160,15 +219,27 @@ fn lists_of_wrong_sizes_and_numbers_without_meaning_are_typed() {
     let case = Case::bundled("lambda");
     let model = &case.compiled.model;
     let weights = [1.0; 3];
-    assert!(matches!(model.assemble(&[0.0; 2], &weights), Err(AssembleError::WrongSize { found: 2, expected: 3, .. })));
-    assert!(matches!(model.assemble(&[0.0; 3], &[1.0; 4]), Err(AssembleError::WrongSize { found: 4, expected: 3, .. })));
+    assert!(matches!(
+        model.assemble(&[0.0; 2], &weights),
+        Err(AssembleError::WrongSize { found: 2, expected: 3, .. })
+    ));
+    assert!(matches!(
+        model.assemble(&[0.0; 3], &[1.0; 4]),
+        Err(AssembleError::WrongSize { found: 4, expected: 3, .. })
+    ));
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let error = model.assemble(&[0.0, bad, 0.0], &weights).unwrap_err();
-        assert!(matches!(&error, AssembleError::BadPose { name, .. } if name == "ElbowB11"), "{error}");
+        assert!(
+            matches!(&error, AssembleError::BadPose { name, .. } if name == "ElbowB11"),
+            "{error}"
+        );
     }
     for bad in [f64::NAN, -1.0, f64::NEG_INFINITY] {
         let error = model.assemble(&[0.0; 3], &[1.0, 1.0, bad]).unwrap_err();
-        assert!(matches!(&error, AssembleError::BadWeights { name, .. } if name == "ElbowAct"), "{error}");
+        assert!(
+            matches!(&error, AssembleError::BadWeights { name, .. } if name == "ElbowAct"),
+            "{error}"
+        );
     }
     // far beyond every length the answer is typed as well
     for huge in [1e6, 1e200, f64::MAX] {
@@ -187,10 +258,14 @@ fn lists_of_wrong_sizes_and_numbers_without_meaning_are_typed() {
     let mut weights = weights;
     let v = model.tree_names().iter().position(|name| name.contains('/')).unwrap();
     weights[v] = f64::INFINITY;
-    assert!(matches!(model.assemble(&model.tree_zero(), &weights), Err(AssembleError::BadWeights { .. })));
+    assert!(matches!(
+        model.assemble(&model.tree_zero(), &weights),
+        Err(AssembleError::BadWeights { .. })
+    ));
 }
 
-/// The description with its zero pose moved to a pose that may be open: explicit placements throughout.
+/// The description with its zero pose moved to a pose that may be open: explicit placements
+/// throughout.
 fn moved(description: &Description, q: &[f64]) -> Description {
     rezeroed(description, q).unwrap()
 }
@@ -199,8 +274,11 @@ fn moved(description: &Description, q: &[f64]) -> Description {
 fn files_that_are_open_at_zero_are_assembled_and_closed_by_their_new_origins() {
     let mut open_ones = 0;
     Ledger::over(robots().iter().filter(|case| !case.rounded && !case.floats()), |case, ledger| {
-        let explicit =
-            case.description.submechanisms.iter().all(|of| of.independent.len() == of.spanning_tree.len() || !of.loops.is_empty());
+        let explicit = case
+            .description
+            .submechanisms
+            .iter()
+            .all(|of| of.independent.len() == of.spanning_tree.len() || !of.loops.is_empty());
         if case.is_open() || !explicit {
             return;
         }
@@ -217,14 +295,26 @@ fn files_that_are_open_at_zero_are_assembled_and_closed_by_their_new_origins() {
         // the nearest closed pose of the open file is that of the robot, seen from the other zero
         let assembler = OpenModel::compile(&open).unwrap();
         let weights = vec![1.0; model.sizes().n_v];
-        let found = assembler.assemble(&assembler.tree_zero(), &weights).unwrap_or_else(|error| panic!("{error}"));
+        let found = assembler
+            .assemble(&assembler.tree_zero(), &weights)
+            .unwrap_or_else(|error| panic!("{error}"));
         // the lengths of the clusters at the other zero pose are others
-        let there: Vec<f64> = model.tree_units().iter().zip(assembler.tree_units()).map(|(a, b)| (a / b).powi(2)).collect();
+        let there: Vec<f64> = model
+            .tree_units()
+            .iter()
+            .zip(assembler.tree_units())
+            .map(|(a, b)| (a / b).powi(2))
+            .collect();
         let there = model.assemble(&start, &there).unwrap_or_else(|error| panic!("{error}"));
         let q: Vec<f64> = start.iter().zip(&found.q).map(|(a, b)| a + b).collect();
         let redundant = model.closures().iter().any(|x| x.rank < x.rows);
         let allowed = if redundant { 1e-7 } else { 1e-12 };
-        ledger.note("pose of an open file", case, error_by_size(&q, &there.q, 1.0), allowed + 100.0 * case.contradiction());
+        ledger.note(
+            "pose of an open file",
+            case,
+            error_by_size(&q, &there.q, 1.0),
+            allowed + 100.0 * case.contradiction(),
+        );
 
         // with the new origins the file is a robot, and the same one
         let closed = moved(&open, &found.q);
@@ -237,7 +327,12 @@ fn files_that_are_open_at_zero_are_assembled_and_closed_by_their_new_origins() {
         let new = mass(&mut Robot::new(compiled.model), &zero);
         if let (Some(old), Some(new)) = (mass(&mut robot, &q), new) {
             let size = old.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
-            ledger.note("mass matrix of the new zero pose", case, error_by_size(&new, &old, size), 1e-10 + 1e3 * case.contradiction());
+            ledger.note(
+                "mass matrix of the new zero pose",
+                case,
+                error_by_size(&new, &old, size),
+                1e-10 + 1e3 * case.contradiction(),
+            );
         }
     });
     assert!(open_ones > 20, "only {open_ones} robots were open");
@@ -251,11 +346,14 @@ fn a_closing_placement_closes_the_zero_pose() {
     let mut open = moved(&case.description, &start);
     assert!(Model::compile(&open).is_err());
     for (s, l, placement) in closing_placements(&open) {
-        let Cut::Placed { successor, .. } = &mut open.submechanisms[s].loops[l].cut else { panic!("{s} {l}") };
+        let Cut::Placed { successor, .. } = &mut open.submechanisms[s].loops[l].cut else {
+            panic!("{s} {l}")
+        };
         *successor = placement;
     }
     let weights = vec![1.0; start.len()];
-    let found = OpenModel::compile(&open).unwrap().assemble(&vec![0.0; start.len()], &weights).unwrap();
+    let found =
+        OpenModel::compile(&open).unwrap().assemble(&vec![0.0; start.len()], &weights).unwrap();
     assert!(found.residual_before < 1e-13 && found.distance < 1e-12, "{found:?}");
     assert!(Model::compile(&open).is_ok());
 }
@@ -265,8 +363,12 @@ fn the_branch_of_an_assembled_pose_is_that_of_its_answer() {
     Ledger::over(robots(), |case, ledger| {
         let model = &case.compiled.model;
         let mut robot = Robot::new(model.clone());
-        let Some(near) = beside(case, &mut robot, &mut Seeded::new(case.seed + 2), 0.01) else { return };
-        let found = model.assemble(&near, &vec![1.0; model.sizes().n_v]).unwrap_or_else(|error| panic!("{error}"));
+        let Some(near) = beside(case, &mut robot, &mut Seeded::new(case.seed + 2), 0.01) else {
+            return;
+        };
+        let found = model
+            .assemble(&near, &vec![1.0; model.sizes().n_v])
+            .unwrap_or_else(|error| panic!("{error}"));
         let answer = robot.ask(Request::Kinematics, &[(Field::Q, &found.q)], &[Field::Branch]);
         if answer.answer.status.name() == "ok" {
             let same = found.branch == answer.get(Field::Branch);

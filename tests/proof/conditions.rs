@@ -1,4 +1,5 @@
-//! What is told of poses and masses that cost digits, and how a loop goes on where its branches cross.
+//! What is told of poses and masses that cost digits, and how a loop goes on where its branches
+//! cross.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -27,7 +28,11 @@ fn compiled(description: &Description) -> Compiled {
 fn nobody_is_warned_at_ordinary_poses() {
     for name in ROBOTS {
         let case = Case::bundled(name);
-        assert!(!case.compiled.warnings.iter().any(|warning| warning.found.contains("unequal")), "{name}: {:?}", case.compiled.warnings);
+        assert!(
+            !case.compiled.warnings.iter().any(|warning| warning.found.contains("unequal")),
+            "{name}: {:?}",
+            case.compiled.warnings
+        );
         let mut robot = Robot::new(case.compiled.model.clone());
         for k in 0..10 {
             let state = case.state::<f64>(k);
@@ -60,14 +65,29 @@ fn whoever_loses_digits_near_a_singular_pose_is_told() {
             let given = [(Y, [y]), (Yd, [1.0]), (TauY, [1.0])];
             let exact_given = given.map(|(field, x)| (field, x.map(Dd::from_f64)));
             let want = [Q, Qd, Ydd, Qdd];
-            let found = robot.ask(Request::ForwardDynamics, &given.each_ref().map(|(field, x)| (*field, x.as_slice())), &want);
+            let found = robot.ask(
+                Request::ForwardDynamics,
+                &given.each_ref().map(|(field, x)| (*field, x.as_slice())),
+                &want,
+            );
             if found.answer.status != Status::Ok {
                 continue;
             }
-            let exact = truth.ask(Request::ForwardDynamics, &exact_given.each_ref().map(|(field, x)| (*field, x.as_slice())), &want);
+            let exact = truth.ask(
+                Request::ForwardDynamics,
+                &exact_given.each_ref().map(|(field, x)| (*field, x.as_slice())),
+                &want,
+            );
             let exact = exact.ok().map(Dd::hi);
-            let error = want.iter().map(|of| error_by_size(found.get(*of), exact.get(*of), 1e-9)).fold(0.0, f64::max);
-            assert!(error < FEW || told(&found), "{kind:?}: error {error:.1e} at {:.1e} from the end, and nobody is told", end - y);
+            let error = want
+                .iter()
+                .map(|of| error_by_size(found.get(*of), exact.get(*of), 1e-9))
+                .fold(0.0, f64::max);
+            assert!(
+                error < FEW || told(&found),
+                "{kind:?}: error {error:.1e} at {:.1e} from the end, and nobody is told",
+                end - y
+            );
             assert!(k > 10 || !told(&found), "{kind:?}: told at {:.1e} from the end", end - y);
             answered += 1;
             warned += i32::from(told(&found));
@@ -89,7 +109,8 @@ fn chain(n: usize, weight: f64) -> Description {
     let active: Vec<usize> = joints.iter().map(|x| x.0).collect();
     draft.roles(&joints, &active);
     let last = draft.description.links[link].inertial.as_mut().unwrap();
-    (last.mass, last.inertia, last.origin) = (weight, [0.0; 6], Placement { xyz: [1.0, 0.0, 0.0], rpy: [0.0; 3] });
+    (last.mass, last.inertia, last.origin) =
+        (weight, [0.0; 6], Placement { xyz: [1.0, 0.0, 0.0], rpy: [0.0; 3] });
     draft.description
 }
 
@@ -97,23 +118,44 @@ fn chain(n: usize, weight: f64) -> Description {
 fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
     for (weight, unequal) in [(1.0, false), (1e3, false), (1e9, true), (1e12, true)] {
         let Compiled { model, exact, warnings } = compiled(&chain(4, weight));
-        assert_eq!(warnings.iter().any(|warning| warning.found.contains("unequal")), unequal, "{weight:e}: {warnings:?}");
-        let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
+        assert_eq!(
+            warnings.iter().any(|warning| warning.found.contains("unequal")),
+            unequal,
+            "{weight:e}: {warnings:?}"
+        );
+        let wanted = Wanted::new(
+            Request::ForwardDynamics,
+            FieldSet::of(&[Y, Yd, TauY]),
+            FieldSet::of(&[Ydd]),
+        );
         let mut truth = Robot::new(exact);
         let numbers = [0.3, -0.4, 0.5, -0.6, 0.1, 0.2, 0.3, 0.4, 1.0, 2.0, 3.0, 4.0];
         let (y, rest) = numbers.split_at(4);
         let given = [(Y, y), (Yd, &rest[..4]), (TauY, &rest[4..])]
             .map(|(field, x)| (field, x.iter().map(|x| Dd::from_f64(*x)).collect::<Vec<_>>()));
-        let exact =
-            truth.ask(Request::ForwardDynamics, &given.each_ref().map(|(field, x)| (*field, x.as_slice())), &[Ydd]).ok().map(Dd::hi);
+        let exact = truth
+            .ask(
+                Request::ForwardDynamics,
+                &given.each_ref().map(|(field, x)| (*field, x.as_slice())),
+                &[Ydd],
+            )
+            .ok()
+            .map(Dd::hi);
         for method in [Method::Recursion, Method::Projection, Method::Kkt] {
             let plan = Plan::with_method(&model, &wanted, method).unwrap();
             let mut workspace = Workspace::for_plans(&model, [&plan]);
             let mut ydd = [0.0; 4];
             let answer = plan.run(&model, &mut workspace, &numbers, &mut ydd);
             let error = error_by_size(&ydd, exact.get(Ydd), 1e-9);
-            println!("weight {weight:e}, {method:?}: {} {:?}, error {error:.1e}", answer.status, answer.warnings);
-            assert_eq!(answer.warnings.contains(Warnings::ILL_CONDITIONED), unequal, "{weight:e}, {method:?}");
+            println!(
+                "weight {weight:e}, {method:?}: {} {:?}, error {error:.1e}",
+                answer.status, answer.warnings
+            );
+            assert_eq!(
+                answer.warnings.contains(Warnings::ILL_CONDITIONED),
+                unequal,
+                "{weight:e}, {method:?}"
+            );
             assert!(unequal || error < FEW, "{weight:e}, {method:?}: {error:.1e}");
         }
     }
@@ -123,7 +165,9 @@ fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
 fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
     let rotors = |inertia: f64| {
         let mut of = Case::bundled("rh5v2_upper_body").description;
-        for joint in of.submechanisms.iter().flat_map(|part| part.active.clone()).collect::<Vec<_>>() {
+        for joint in
+            of.submechanisms.iter().flat_map(|part| part.active.clone()).collect::<Vec<_>>()
+        {
             of.joints[joint].terms.rotor_inertia = inertia;
         }
         of
@@ -133,19 +177,35 @@ fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
         for description in [chain(8, 10f64.powi(k)), rotors(10f64.powi(k))] {
             let Compiled { model, exact, .. } = compiled(&description);
             let n = model.sizes().n_vy;
-            let scatter = |k: usize, size: f64| (0..n).map(|i| size * (1.0 + (k * n + i) as f64 * 2.4).sin()).collect::<Vec<_>>();
+            let scatter = |k: usize, size: f64| {
+                (0..n).map(|i| size * (1.0 + (k * n + i) as f64 * 2.4).sin()).collect::<Vec<_>>()
+            };
             let numbers = [scatter(0, 0.3), scatter(1, 1.0), scatter(2, 30.0)];
-            let exactly = numbers.clone().map(|x| x.into_iter().map(Dd::from_f64).collect::<Vec<_>>());
+            let exactly =
+                numbers.clone().map(|x| x.into_iter().map(Dd::from_f64).collect::<Vec<_>>());
             let given = [(Y, exactly[0].as_slice()), (Yd, &exactly[1]), (TauY, &exactly[2])];
-            let truth = Robot::new(exact).ask(Request::ForwardDynamics, &given, &[Ydd]).ok().map(Dd::hi);
-            let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
+            let truth =
+                Robot::new(exact).ask(Request::ForwardDynamics, &given, &[Ydd]).ok().map(Dd::hi);
+            let wanted = Wanted::new(
+                Request::ForwardDynamics,
+                FieldSet::of(&[Y, Yd, TauY]),
+                FieldSet::of(&[Ydd]),
+            );
             for method in Method::ALL {
                 let plan = Plan::with_method(&model, &wanted, method).unwrap();
                 let mut ydd = vec![0.0; n];
-                let answer = plan.run(&model, &mut Workspace::for_plans(&model, [&plan]), &numbers.concat(), &mut ydd);
+                let answer = plan.run(
+                    &model,
+                    &mut Workspace::for_plans(&model, [&plan]),
+                    &numbers.concat(),
+                    &mut ydd,
+                );
                 let error = error_by_size(&ydd, truth.get(Ydd), 0.0);
                 let warned = answer.warnings.contains(Warnings::ILL_CONDITIONED);
-                assert!(answer.status != Status::Ok || warned || error < 1e-9, "1e{k}, {method:?}: {error:.1e} without a word");
+                assert!(
+                    answer.status != Status::Ok || warned || error < 1e-9,
+                    "1e{k}, {method:?}: {error:.1e} without a word"
+                );
                 right += i32::from(error < 1e-9 && !warned);
                 told_of += i32::from(warned);
             }
@@ -167,18 +227,23 @@ fn a_parallelogram_goes_through_its_flat_pose_along_the_given_velocity() {
         robot.ask(Request::Kinematics, &given, &[Q, Qd, Branch])
     };
     for off in [1e-2, 1e-3, 1e-5] {
-        let before = robot.ask(Request::Kinematics, &[(Y, &[flat + off]), (Yd, &[-1.0])], &[Q, Qd]).ok();
+        let before =
+            robot.ask(Request::Kinematics, &[(Y, &[flat + off]), (Yd, &[-1.0])], &[Q, Qd]).ok();
         let y = flat - 0.7 * off;
         // without the velocity nobody can know which branch is meant
         let lost = ask(&mut robot, y, &before, None);
         assert!(
-            matches!(lost.answer.status, Status::BranchChanged | Status::SingularClosure | Status::SingularIndependents),
+            matches!(
+                lost.answer.status,
+                Status::BranchChanged | Status::SingularClosure | Status::SingularIndependents
+            ),
             "{}",
             lost.answer.status
         );
 
         let after = ask(&mut robot, y, &before, Some(before.get(Qd))).ok();
-        // a parallelogram's cranks stay parallel and its couplers level: each joint turns as the first one or the other way round
+        // a parallelogram's cranks stay parallel and its couplers level: each joint turns as the
+        // first one or the other way round
         for (q, qd) in after.get(Q).iter().zip(before.get(Qd)) {
             assert!((q + y * qd.signum()).abs() < 1e-9, "{off:e}: {q} for {y} at {qd}");
         }
@@ -197,12 +262,19 @@ fn accelerations_without_a_digit_are_refused() {
     let (mut answered, mut refused) = (0, 0);
     for k in 0..60 {
         let y = 10f64.powf(-0.125 * f64::from(k)) - FRAC_PI_2;
-        let exact = truth.ask(Request::Kinematics, &[(Y, &[Dd::from_f64(y)]), (Yd, &[Dd::ONE])], &[Qd, Qdd]).ok().map(Dd::hi);
+        let exact = truth
+            .ask(Request::Kinematics, &[(Y, &[Dd::from_f64(y)]), (Yd, &[Dd::ONE])], &[Qd, Qdd])
+            .ok()
+            .map(Dd::hi);
         let found = robot.ask(Request::Kinematics, &[(Y, &[y]), (Yd, &[1.0])], &[Qd, Qdd]);
         match found.answer.status {
             Status::Ok => {
                 // joints turn at unit speed and without acceleration
-                let of = |field| (found.get(field).iter().zip(exact.get(field))).map(|(x, y)| f64::abs(x - y)).fold(0.0, f64::max);
+                let of = |field| {
+                    (found.get(field).iter().zip(exact.get(field)))
+                        .map(|(x, y)| f64::abs(x - y))
+                        .fold(0.0, f64::max)
+                };
                 let error = f64::max(of(Qd), of(Qdd));
                 assert!(error < 0.1 && (error < FEW || told(&found)), "{error:.1e} at {k}");
                 answered += 1;
@@ -228,7 +300,10 @@ fn actuators_that_nearly_lose_control_are_told() {
             assert_eq!(found.answer.status, Status::SingularActuation);
             continue;
         }
-        let exact = truth.ask(Request::InverseDynamics, &[(Y, &y.map(Dd::from_f64))], &[TauU]).ok().map(Dd::hi);
+        let exact = truth
+            .ask(Request::InverseDynamics, &[(Y, &y.map(Dd::from_f64))], &[TauU])
+            .ok()
+            .map(Dd::hi);
         let error = error_by_size(found.get(TauU), exact.get(TauU), 1e-9);
         assert!(error < FEW || told(&found), "{error:.1e} at 1e-{k}");
         assert!(k > 3 || !told(&found), "told at 1e-{k}");
@@ -239,7 +314,8 @@ fn actuators_that_nearly_lose_control_are_told() {
 
 #[test]
 fn the_whole_system_tells_where_it_does_not_balance() {
-    // all but the slider nearly without mass: M_y is fine, the system of tree and constraints is not
+    // all but the slider nearly without mass: M_y is fine, the system of tree and constraints is
+    // not
     let mut description = Case::bundled("lambda").description;
     let slider = description.joints.iter().find(|joint| joint.name == "ElbowAct").unwrap().child;
     for (k, link) in description.links.iter_mut().enumerate() {
@@ -249,15 +325,23 @@ fn the_whole_system_tells_where_it_does_not_balance() {
         }
     }
     let Compiled { model, exact, .. } = compiled(&description);
-    let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
+    let wanted =
+        Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
     let numbers = [0.3, 1.0, 2.0];
-    let given = [Y, Yd, TauY].into_iter().zip(numbers).map(|(field, x)| (field, [Dd::from_f64(x)])).collect::<Vec<_>>();
+    let given = [Y, Yd, TauY]
+        .into_iter()
+        .zip(numbers)
+        .map(|(field, x)| (field, [Dd::from_f64(x)]))
+        .collect::<Vec<_>>();
     let given: Vec<_> = given.iter().map(|(field, x)| (*field, x.as_slice())).collect();
     let exact = Robot::new(exact).ask(Request::ForwardDynamics, &given, &[Ydd]).ok().map(Dd::hi);
-    for (method, lost) in [(Method::Recursion, false), (Method::Projection, false), (Method::Kkt, true)] {
+    for (method, lost) in
+        [(Method::Recursion, false), (Method::Projection, false), (Method::Kkt, true)]
+    {
         let plan = Plan::with_method(&model, &wanted, method).unwrap();
         let mut ydd = [0.0];
-        let answer = plan.run(&model, &mut Workspace::for_plans(&model, [&plan]), &numbers, &mut ydd);
+        let answer =
+            plan.run(&model, &mut Workspace::for_plans(&model, [&plan]), &numbers, &mut ydd);
         let error = error_by_size(&ydd, exact.get(Ydd), 1e-9);
         println!("{method:?}: {} {:?}, error {error:.1e}", answer.status, answer.warnings);
         assert_eq!((answer.status, error > FEW), (Status::Ok, lost));
@@ -271,10 +355,18 @@ fn an_angle_without_sine_is_no_finite_input_whatever_is_asked() {
         let mut robot = Robot::new(Case::bundled(name).compiled.model);
         let y = vec![1e15; robot.model.sizes().n_qy];
         let zero = vec![0.0; y.len()];
-        for (request, want) in [(Request::Kinematics, Q), (Request::InverseDynamics, TauY), (Request::ForwardDynamics, Ydd)] {
+        for (request, want) in [
+            (Request::Kinematics, Q),
+            (Request::InverseDynamics, TauY),
+            (Request::ForwardDynamics, Ydd),
+        ] {
             let given = [(Y, y.as_slice()), (TauY, &zero)];
             let given = if request == Request::ForwardDynamics { &given[..] } else { &given[..1] };
-            assert_eq!(robot.ask(request, given, &[want]).answer.status, Status::NonFiniteInput, "{name}, {request:?}");
+            assert_eq!(
+                robot.ask(request, given, &[want]).answer.status,
+                Status::NonFiniteInput,
+                "{name}, {request:?}"
+            );
         }
     }
 }

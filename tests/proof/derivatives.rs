@@ -1,4 +1,5 @@
-//! Derivatives against differences: central ones in double-double with a step of 1e-8 are good to sixteen digits.
+//! Derivatives against differences: central ones in double-double with a step of 1e-8 are good to
+//! sixteen digits.
 
 use sarrus_dynamics::description::Terms;
 use sarrus_dynamics::scalar::{Dd, Scalar};
@@ -12,10 +13,12 @@ use sarrus_tests::small::{inner, plus, product, times};
 use Field::*;
 
 const STEP: f64 = 1e-8;
-/// What third derivatives at that step and the rounding of second differences leave, at condition 1.
+/// What third derivatives at that step and the rounding of second differences leave, at condition
+/// 1.
 const ALLOWED: f64 = 1e-12;
 
-/// The state a time t later with ÿ constant, to second order in t; a quaternion to first, whose even error differences do not see.
+/// The state a time t later with ÿ constant, to second order in t; a quaternion to first, whose
+/// even error differences do not see.
 pub(crate) fn later<T: Scalar>(case: &Case, state: &State<T>, t: T) -> State<T> {
     let yd = plus(&state.yd, &times(t, &state.ydd));
     let half = T::from_f64(0.5);
@@ -24,7 +27,8 @@ pub(crate) fn later<T: Scalar>(case: &Case, state: &State<T>, t: T) -> State<T> 
     State { y, yd, ydd: state.ydd.clone() }
 }
 
-/// y + t ẏ; at a floating joint p + t R v, of a quaternion q + t/2 q ω at unit length, which is right to second order.
+/// y + t ẏ; at a floating joint p + t R v, of a quaternion q + t/2 q ω at unit length, which is
+/// right to second order.
 pub(crate) fn moved<T: Scalar>(case: &Case, y: &[T], yd: &[T], t: T) -> Vec<T> {
     let (mut y, mut v) = (y.to_vec(), 0);
     let names = case.compiled.model.independent_q_names();
@@ -63,14 +67,18 @@ pub(crate) fn quaternion_rate<T: Scalar>(q: &[T], w: &[T]) -> [T; 4] {
 
 /// R(q) v.
 pub(crate) fn turned<T: Scalar>(q: &[T], v: &[T]) -> [T; 3] {
-    let cross = |a: [T; 3], b: [T; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let cross = |a: [T; 3], b: [T; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
     let (axis, v) = ([q[0], q[1], q[2]], [v[0], v[1], v[2]]);
     let inner = cross(axis, v);
-    let twice = cross(axis, [inner[0] + q[3] * v[0], inner[1] + q[3] * v[1], inner[2] + q[3] * v[2]]);
+    let twice =
+        cross(axis, [inner[0] + q[3] * v[0], inner[1] + q[3] * v[1], inner[2] + q[3] * v[2]]);
     std::array::from_fn(|k| v[k] + twice[k] + twice[k])
 }
 
-/// Kinetic and potential energy from masses, poses and twists of the links, without any mass matrix.
+/// Kinetic and potential energy from masses, poses and twists of the links, without any mass
+/// matrix.
 pub(crate) fn energy<T: Scalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) {
     let (mut kinetic, mut potential) = (T::ZERO, T::ZERO);
     let links = case.description.links.iter().zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6));
@@ -87,7 +95,9 @@ pub(crate) fn energy<T: Scalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) 
         let back = [-pose[3], -pose[4], -pose[5], pose[6]];
         let in_link = turned(&back, w);
         let R = Pose::from_rpy(inertial.origin.rpy, [0.0; 3]).R;
-        let w: [T; 3] = std::array::from_fn(|k| (0..3).fold(T::ZERO, |sum, i| sum + T::from_f64(R[i][k]) * in_link[i]));
+        let w: [T; 3] = std::array::from_fn(|k| {
+            (0..3).fold(T::ZERO, |sum, i| sum + T::from_f64(R[i][k]) * in_link[i])
+        });
         let [xx, xy, xz, yy, yz, zz] = inertial.inertia.map(T::from_f64);
         let turning = w[0] * (xx * w[0] + xy * w[1] + xz * w[2])
             + w[1] * (xy * w[0] + yy * w[1] + yz * w[2])
@@ -105,7 +115,12 @@ pub(crate) fn frames<T: Scalar>(robot: &mut Robot<T>, state: &State<T>) -> (Vec<
     let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
     let (mut pose, mut twist) = (Vec::new(), Vec::new());
     for some in links.chunks(32) {
-        let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose, FrameTwist])).with_frames(some);
+        let wanted = Wanted::new(
+            Request::Kinematics,
+            FieldSet::EMPTY,
+            FieldSet::of(&[FramePose, FrameTwist]),
+        )
+        .with_frames(some);
         let x = robot.ask_for(wanted, &[(Y, &state.y), (Yd, &state.yd)]).ok();
         pose.extend_from_slice(x.get(FramePose));
         twist.extend_from_slice(x.get(FrameTwist));
@@ -118,8 +133,12 @@ pub(crate) fn in_joints<T: Scalar>(case: &Case, model: &Model<T>, q: &[T], qd: &
     let half = T::from_f64(0.5);
     let (mut kinetic, mut potential, mut loss) = (T::ZERO, T::ZERO, T::ZERO);
     for joint in case.description.joints.iter().filter(|joint| joint.terms != Terms::default()) {
-        let Some(v) = model.tree_names().iter().position(|name| *name == joint.name) else { continue };
-        let Some(k) = model.tree_q_names().iter().position(|name| *name == joint.name) else { continue };
+        let Some(v) = model.tree_names().iter().position(|name| *name == joint.name) else {
+            continue;
+        };
+        let Some(k) = model.tree_q_names().iter().position(|name| *name == joint.name) else {
+            continue;
+        };
         let (terms, rate) = (joint.terms, qd[v]);
         let stretch = q[k] - T::from_f64(terms.rest);
         let ratio = T::from_f64(terms.gear_ratio);
@@ -142,10 +161,13 @@ fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
         let n_vy = robot.model.sizes().n_vy;
         let links: Vec<u16> = (0..robot.model.link_names().len().min(32) as u16).collect();
         let now = case.state::<Dd>(0);
-        let want = FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd, G, GBias, K, KBias, CondKd, FramePose, FrameTwist, FrameAcc]);
+        let want = FieldSet::of(&[
+            Q, Qd, Qdd, U, Ud, Udd, G, GBias, K, KBias, CondKd, FramePose, FrameTwist, FrameAcc,
+        ]);
         let mut at = |t: f64| -> Fields<Dd> {
             let state = later(case, &now, Dd::from(t));
-            let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, want).with_frames(&links);
+            let wanted =
+                Wanted::new(Request::Kinematics, FieldSet::EMPTY, want).with_frames(&links);
             robot.ask_for(wanted, &[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]).ok()
         };
         let [before, x, after] = [-STEP, 0.0, STEP].map(&mut at);
@@ -153,10 +175,13 @@ fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
         let allowed = ALLOWED * cond + case.contradiction().min(1e-3);
         let speed = largest(x.get(Qd)).max(1.0);
         let change = |field: Field| slope(before.get(field), after.get(field));
-        let mut check = |what: &str, a: &[Dd], b: &[Dd], size: f64| ledger.compare(what, case, a, b, size, allowed);
+        let mut check = |what: &str, a: &[Dd], b: &[Dd], size: f64| {
+            ledger.compare(what, case, a, b, size, allowed)
+        };
 
         // joints of one freedom stand at the same names in q and q̇
-        let (q_names, v_names) = (case.compiled.model.tree_q_names(), case.compiled.model.tree_names());
+        let (q_names, v_names) =
+            (case.compiled.model.tree_q_names(), case.compiled.model.tree_names());
         let rate = change(Q);
         for (k, name) in q_names.iter().enumerate() {
             if let Some(v) = v_names.iter().position(|x| x == name) {
@@ -174,13 +199,20 @@ fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
         // frames: positions, quaternions (½ ω q, ω in world axes), twists
         let (poses, twists) = (change(FramePose), x.get(FrameTwist));
         let size = largest(twists).max(speed);
-        for ((rate, pose), twist) in poses.chunks_exact(7).zip(x.get(FramePose).chunks_exact(7)).zip(twists.chunks_exact(6)) {
+        for ((rate, pose), twist) in
+            poses.chunks_exact(7).zip(x.get(FramePose).chunks_exact(7)).zip(twists.chunks_exact(6))
+        {
             check("frame velocity", &rate[..3], &twist[3..], size);
             let back = [-pose[3], -pose[4], -pose[5], pose[6]];
             let in_body = turned(&back, &twist[..3]);
             check("quaternion rate", &rate[3..], &quaternion_rate(&pose[3..], &in_body), size);
         }
-        check("frame acceleration", &change(FrameTwist), x.get(FrameAcc), size.powi(2).max(largest(x.get(FrameAcc))));
+        check(
+            "frame acceleration",
+            &change(FrameTwist),
+            x.get(FrameAcc),
+            size.powi(2).max(largest(x.get(FrameAcc))),
+        );
     });
 }
 
@@ -190,12 +222,15 @@ fn power_is_the_rate_of_energy() {
         let mut robot = Robot::new(case.compiled.exact.clone());
         let now = case.state::<Dd>(1);
         let want = [TauY, MY, CondKd, Q, Qd];
-        let x = robot.ask(Request::InverseDynamics, &[(Y, &now.y), (Yd, &now.yd), (Ydd, &now.ydd)], &want).ok();
+        let x = robot
+            .ask(Request::InverseDynamics, &[(Y, &now.y), (Yd, &now.yd), (Ydd, &now.ydd)], &want)
+            .ok();
         let mut energy_at = |t: f64| {
             let state = later(case, &now, Dd::from(t));
             let (pose, twist) = frames(&mut robot, &state);
             let (kinetic, potential) = energy(case, &pose, &twist);
-            let x = robot.ask(Request::Kinematics, &[(Y, &state.y), (Yd, &state.yd)], &[Q, Qd]).ok();
+            let x =
+                robot.ask(Request::Kinematics, &[(Y, &state.y), (Yd, &state.yd)], &[Q, Qd]).ok();
             let [rotors, springs, _] = in_joints(case, &robot.model, x.get(Q), x.get(Qd));
             (kinetic + rotors, potential + springs)
         };
@@ -203,14 +238,25 @@ fn power_is_the_rate_of_energy() {
         let half = Dd::from(0.5) * inner(&now.yd, &product(x.get(MY), &now.yd));
         let cond = x.get(CondKd)[0].to_f64();
         // the inertia's frame is turned in double
-        ledger.note("½ ẏᵀ M_y ẏ", case, ((half - kinetic) / kinetic).to_f64().abs(), 1e-14 * cond + case.contradiction());
+        ledger.note(
+            "½ ẏᵀ M_y ẏ",
+            case,
+            ((half - kinetic) / kinetic).to_f64().abs(),
+            1e-14 * cond + case.contradiction(),
+        );
         let (before, after) = (energy_at(-STEP), energy_at(STEP));
         let sum = |x: (Dd, Dd)| x.0 + x.1;
         let rate = (sum(after) - sum(before)) / Dd::from(2.0 * STEP);
         let [_, _, loss] = in_joints(case, &case.compiled.exact, x.get(Q), x.get(Qd));
         let power = inner(x.get(TauY), &now.yd) - loss;
-        let terms = x.get(TauY).iter().zip(&now.yd).fold(0.0, |sum, (a, b)| sum + (*a * *b).to_f64().abs());
+        let terms =
+            x.get(TauY).iter().zip(&now.yd).fold(0.0, |sum, (a, b)| sum + (*a * *b).to_f64().abs());
         let size = terms.max(kinetic.to_f64()).max(loss.to_f64());
-        ledger.note("Ė = τ_y · ẏ less damping", case, (rate - power).to_f64().abs() / size, 1e-11 * cond + case.contradiction());
+        ledger.note(
+            "Ė = τ_y · ẏ less damping",
+            case,
+            (rate - power).to_f64().abs() / size,
+            1e-11 * cond + case.contradiction(),
+        );
     });
 }

@@ -51,7 +51,9 @@ fn the_same_request_gets_the_same_bits_whatever_was_asked_before() {
     for case in robots().iter().take(9).chain(robots().iter().skip(9).step_by(6)) {
         check::<f64>(case, &case.compiled.model, |x| (of_double(x), 0));
         if case.seed % 4 == 0 {
-            check::<Dd>(case, &case.compiled.exact, |x| (of_double(x.hi()), if x.hi().is_nan() { 0 } else { x.lo().to_bits() }));
+            check::<Dd>(case, &case.compiled.exact, |x| {
+                (of_double(x.hi()), if x.hi().is_nan() { 0 } else { x.lo().to_bits() })
+            });
         }
     }
 }

@@ -16,7 +16,9 @@ fn page(name: &str) -> String {
 
 /// What follows a heading of the second level, up to the next.
 fn section<'a>(page: &'a str, heading: &str) -> &'a str {
-    let (_, rest) = page.split_once(&format!("\n## {heading}\n")).unwrap_or_else(|| panic!("no heading `{heading}`"));
+    let (_, rest) = page
+        .split_once(&format!("\n## {heading}\n"))
+        .unwrap_or_else(|| panic!("no heading `{heading}`"));
     rest.split("\n## ").next().unwrap()
 }
 
@@ -27,12 +29,19 @@ fn quoted(page: &str) -> Vec<&str> {
 
 /// The blocks of code in one language.
 fn blocks<'a>(page: &'a str, language: &str) -> Vec<&'a str> {
-    page.split("```").skip(1).step_by(2).filter_map(|block| block.strip_prefix(language)?.strip_prefix('\n')).collect()
+    page.split("```")
+        .skip(1)
+        .step_by(2)
+        .filter_map(|block| block.strip_prefix(language)?.strip_prefix('\n'))
+        .collect()
 }
 
 /// The files of a list: lines that begin with a path in backticks.
 fn listed(section: &str) -> Vec<String> {
-    section.lines().filter_map(|line| Some(line.strip_prefix("- `")?.split_once('`')?.0.to_owned())).collect()
+    section
+        .lines()
+        .filter_map(|line| Some(line.strip_prefix("- `")?.split_once('`')?.0.to_owned()))
+        .collect()
 }
 
 /// Every file of the project with this ending, by its path from the root, in order.
@@ -50,7 +59,8 @@ fn files(ending: &str) -> Vec<String> {
     let mut found = Vec::new();
     walk(&root(), &mut found);
     let of_root = |path: &PathBuf| path.strip_prefix(root()).unwrap().to_str().unwrap().to_owned();
-    let mut paths: Vec<String> = found.iter().map(of_root).filter(|path| path.ends_with(ending)).collect();
+    let mut paths: Vec<String> =
+        found.iter().map(of_root).filter(|path| path.ends_with(ending)).collect();
     paths.sort();
     paths
 }
@@ -58,7 +68,10 @@ fn files(ending: &str) -> Vec<String> {
 /// The value of `key = "value"` in a section of a manifest.
 fn value(manifest: &str, section: &str, key: &str) -> Option<String> {
     let (_, rest) = manifest.split_once(&format!("[{section}]\n"))?;
-    let line = rest.lines().take_while(|line| !line.starts_with('[')).find_map(|line| line.strip_prefix(key)?.strip_prefix(" = "))?;
+    let line = rest
+        .lines()
+        .take_while(|line| !line.starts_with('['))
+        .find_map(|line| line.strip_prefix(key)?.strip_prefix(" = "))?;
     Some(line.trim_matches('"').to_owned())
 }
 
@@ -71,12 +84,17 @@ fn every_path_that_the_architecture_names_exists() {
     for name in ["ARCHITECTURE.md", "CONTRIBUTING.md"] {
         let page = page(name);
         let is_path = |word: &&str| {
-            let plain = word.chars().all(|letter| letter.is_ascii_alphanumeric() || "_./-".contains(letter));
-            plain && (word.contains('/') || [".md", ".rs", ".toml"].iter().any(|ending| word.ends_with(ending)))
+            let plain = word
+                .chars()
+                .all(|letter| letter.is_ascii_alphanumeric() || "_./-".contains(letter));
+            plain
+                && (word.contains('/')
+                    || [".md", ".rs", ".toml"].iter().any(|ending| word.ends_with(ending)))
         };
         let paths: Vec<&str> = quoted(&page).into_iter().filter(is_path).collect();
         assert!(paths.len() > 1, "{name} names no paths");
-        let missing: Vec<&str> = paths.into_iter().filter(|path| !root().join(path).exists()).collect();
+        let missing: Vec<&str> =
+            paths.into_iter().filter(|path| !root().join(path).exists()).collect();
         assert!(missing.is_empty(), "{name} names what is not there: {missing:?}");
     }
 }
@@ -85,8 +103,15 @@ fn every_path_that_the_architecture_names_exists() {
 fn every_crate_stands_in_the_architecture_with_its_folder() {
     let page = page("ARCHITECTURE.md");
     for path in files("Cargo.toml") {
-        let (folder, Some(package)) = (path.trim_end_matches("Cargo.toml"), value(&self::page(&path), "package", "name")) else { continue };
-        assert!(page.contains(&format!("| `{folder}` | `{package}` |")), "{package} in {folder} has no row");
+        let (folder, Some(package)) =
+            (path.trim_end_matches("Cargo.toml"), value(&self::page(&path), "package", "name"))
+        else {
+            continue;
+        };
+        assert!(
+            page.contains(&format!("| `{folder}` | `{package}` |")),
+            "{package} in {folder} has no row"
+        );
     }
 }
 
@@ -96,23 +121,27 @@ fn unsafe_code_stands_only_where_it_is_listed() {
     let [word, permission] = [concat!("un", "safe"), concat!("allow(un", "safe_code")];
     let is_letter = |letter: char| letter.is_alphanumeric() || letter == '_';
     let holds = |path: &String| {
-        page(path)
-            .lines()
-            .filter_map(|line| line.split("//").next())
-            .any(|code| code.contains(permission) || code.split(|letter| !is_letter(letter)).any(|token| token == word))
+        page(path).lines().filter_map(|line| line.split("//").next()).any(|code| {
+            code.contains(permission)
+                || code.split(|letter| !is_letter(letter)).any(|token| token == word)
+        })
     };
     let found: Vec<String> = files(".rs").into_iter().filter(holds).collect();
     let mut listed = listed(section(&page("ARCHITECTURE.md"), "Unsafe code"));
     listed.sort();
     assert_eq!(found, listed, "found and listed differ");
     for path in ["server/dynamics/src/lib.rs", "models/src/lib.rs"] {
-        assert!(page(path).contains(concat!("#![forbid(un", "safe_code)]")), "{path} does not forbid it");
+        assert!(
+            page(path).contains(concat!("#![forbid(un", "safe_code)]")),
+            "{path} does not forbid it"
+        );
     }
 }
 
 #[test]
 fn long_files_are_listed_with_their_reason() {
-    let long: Vec<String> = files(".rs").into_iter().filter(|path| page(path).lines().count() > 400).collect();
+    let long: Vec<String> =
+        files(".rs").into_iter().filter(|path| page(path).lines().count() > 400).collect();
     let mut listed = listed(section(&page("ARCHITECTURE.md"), "Long files"));
     listed.sort();
     assert_eq!(long, listed, "found and listed differ");
@@ -120,28 +149,43 @@ fn long_files_are_listed_with_their_reason() {
 
 #[test]
 fn commands_on_the_pages_name_what_exists() {
-    let (packages, robots) = (packages(), sarrus_models::bundled().map(|(name, _)| name.to_owned()).collect::<Vec<_>>());
+    let (packages, robots) =
+        (packages(), sarrus_models::bundled().map(|(name, _)| name.to_owned()).collect::<Vec<_>>());
     for name in ["README.md", "CONTRIBUTING.md"] {
         let page = page(name);
         let lines = blocks(&page, "sh").into_iter().flat_map(str::lines).chain(quoted(&page));
         for command in lines.flat_map(|line| line.split('|')).map(str::trim) {
-            let words: Vec<&str> = command.split_whitespace().take_while(|word| !word.starts_with('#')).collect();
-            let after = |flag: &str| words.iter().position(|word| *word == flag).and_then(|at| words.get(at + 1)).copied();
+            let words: Vec<&str> =
+                command.split_whitespace().take_while(|word| !word.starts_with('#')).collect();
+            let after = |flag: &str| {
+                words
+                    .iter()
+                    .position(|word| *word == flag)
+                    .and_then(|at| words.get(at + 1))
+                    .copied()
+            };
             match words.first() {
                 Some(&"cargo") => {
                     for package in ["-p", "--package"].iter().filter_map(|flag| after(flag)) {
-                        assert!(packages.iter().any(|name| name == package), "{name}: no package {package} in `{command}`");
+                        assert!(
+                            packages.iter().any(|name| name == package),
+                            "{name}: no package {package} in `{command}`"
+                        );
                     }
                 }
                 Some(&"sarrus") if words.len() > 1 => {
                     let commands = root().join("server/src/commands");
-                    let exists = commands.join(words[1]).is_dir() || commands.join(format!("{}.rs", words[1])).exists();
+                    let exists = commands.join(words[1]).is_dir()
+                        || commands.join(format!("{}.rs", words[1])).exists();
                     assert!(exists, "{name}: no command {} in `{command}`", words[1]);
                 }
                 _ => continue,
             }
             if let Some(robot) = after("--robot").filter(|robot| *robot != "NAME") {
-                assert!(robots.iter().any(|name| name == robot), "{name}: no robot {robot} in `{command}`");
+                assert!(
+                    robots.iter().any(|name| name == robot),
+                    "{name}: no robot {robot} in `{command}`"
+                );
             }
         }
     }
@@ -151,7 +195,10 @@ fn commands_on_the_pages_name_what_exists() {
 fn the_two_commands_are_on_the_first_page() {
     let page = page("README.md");
     for command in ["cargo run --release -- demo", "cargo test --release --workspace"] {
-        assert!(blocks(&page, "sh").iter().any(|block| block.contains(command)), "the README lacks `{command}`");
+        assert!(
+            blocks(&page, "sh").iter().any(|block| block.contains(command)),
+            "the README lacks `{command}`"
+        );
     }
     let server = value(&self::page("Cargo.toml"), "workspace", "default-members");
     assert_eq!(server.as_deref(), Some("[\"server\"]"), "`cargo run` must mean the server");
@@ -160,13 +207,24 @@ fn the_two_commands_are_on_the_first_page() {
 #[test]
 fn versions_agree() {
     let workspace = page("Cargo.toml");
-    let [version, rust] = ["version", "rust-version"].map(|key| value(&workspace, "workspace.package", key).unwrap());
-    assert!(page("README.md").contains(&format!("Rust ≥ {rust}")), "the README asks for another Rust than {rust}");
-    let newest = page("CHANGELOG.md").lines().find_map(|line| line.strip_prefix("## [")?.split(']').next().map(str::to_owned));
+    let [version, rust] =
+        ["version", "rust-version"].map(|key| value(&workspace, "workspace.package", key).unwrap());
+    assert!(
+        page("README.md").contains(&format!("Rust ≥ {rust}")),
+        "the README asks for another Rust than {rust}"
+    );
+    let newest = page("CHANGELOG.md")
+        .lines()
+        .find_map(|line| line.strip_prefix("## [")?.split(']').next().map(str::to_owned));
     assert_eq!(newest, Some(version), "the newest entry of the changelog is another version");
     for path in files("Cargo.toml").iter().filter(|path| *path != "Cargo.toml") {
         let manifest = page(path);
-        for line in ["version.workspace = true", "rust-version.workspace = true", "license.workspace = true", "[lints]\nworkspace = true"] {
+        for line in [
+            "version.workspace = true",
+            "rust-version.workspace = true",
+            "license.workspace = true",
+            "[lints]\nworkspace = true",
+        ] {
             assert!(manifest.contains(line), "{path} lacks `{line}`");
         }
     }
@@ -175,7 +233,8 @@ fn versions_agree() {
 #[test]
 fn the_robot_on_the_first_page_is_a_good_one() {
     let page = page("README.md");
-    let [urdf, submechanisms] = ["xml", "yaml"].map(|language| blocks(&page, language).concat().into_bytes());
+    let [urdf, submechanisms] =
+        ["xml", "yaml"].map(|language| blocks(&page, language).concat().into_bytes());
     let source = Source::Text { urdf, submechanisms: Some(submechanisms) };
     let loaded = load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
     assert!(loaded.report.warnings.is_empty(), "{:?}", loaded.report.warnings);

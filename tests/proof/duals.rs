@@ -1,7 +1,8 @@
-//! Derivatives by dual numbers: G and g from γ alone, every rate from what it is the rate of, forces from the energies.
+//! Derivatives by dual numbers: G and g from γ alone, every rate from what it is the rate of,
+//! forces from the energies.
 //!
-//! A numerical closure over duals starts at the closed pose without derivatives; one Newton step from there gives the first derivative,
-//! one more the second.
+//! A numerical closure over duals starts at the closed pose without derivatives; one Newton step
+//! from there gives the first derivative, one more the second.
 
 use sarrus_dynamics::scalar::{Dd, Dual, Real, Scalar};
 use sarrus_dynamics::{Field, FieldSet, Model, Request, Wanted};
@@ -19,7 +20,8 @@ use Field::*;
 /// Rounding allowed at condition 1, in units of the scalar.
 const ROUNDING: f64 = 64.0;
 
-/// Closes at y from the closed pose q, as often as there are orders of derivatives, and asks from there.
+/// Closes at y from the closed pose q, as often as there are orders of derivatives, and asks from
+/// there.
 fn ask_at<S: Scalar>(
     robot: &mut Robot<Dual<S>>,
     base: Wanted,
@@ -31,7 +33,8 @@ fn ask_at<S: Scalar>(
     for _ in 0..orders {
         q = robot.ask(Request::Kinematics, &[given[0], (QGuess, &q)], &[Q]).ok().get(Q).to_vec();
     }
-    let given: Vec<(Field, &[Dual<S>])> = given.iter().copied().chain([(QGuess, q.as_slice())]).collect();
+    let given: Vec<(Field, &[Dual<S>])> =
+        given.iter().copied().chain([(QGuess, q.as_slice())]).collect();
     robot.ask_for(base, &given).ok()
 }
 
@@ -47,7 +50,8 @@ fn kinematics(want: &[Field]) -> Wanted {
     Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(want))
 }
 
-/// Joint rates (place in q̇, rate) from the derivative of q: that itself, or 2 q* q̇ of a quaternion; also the second derivatives.
+/// Joint rates (place in q̇, rate) from the derivative of q: that itself, or 2 q* q̇ of a
+/// quaternion; also the second derivatives.
 fn rates<S: Scalar>(model: &Model<S>, q: &[S], dq: &[S]) -> Vec<(usize, S)> {
     let (q_names, v_names) = (model.tree_q_names(), model.tree_names());
     let place = |name: &str| v_names.iter().position(|x| x == name);
@@ -58,7 +62,9 @@ fn rates<S: Scalar>(model: &Model<S>, q: &[S], dq: &[S]) -> Vec<(usize, S)> {
         } else if let Some(joint) = name.strip_suffix("/qx") {
             let (q, d) = (&q[k..k + 4], &dq[k..k + 4]);
             let two = S::from_f64(2.0);
-            let w = |i: usize, j: usize, l: usize| two * (q[3] * d[i] - d[3] * q[i] - q[j] * d[l] + q[l] * d[j]);
+            let w = |i: usize, j: usize, l: usize| {
+                two * (q[3] * d[i] - d[3] * q[i] - q[j] * d[l] + q[l] * d[j])
+            };
             let turn = [w(0, 1, 2), w(1, 2, 0), w(2, 0, 1)];
             let axes = ["rx", "ry", "rz"].map(|axis| place(&format!("{joint}/{axis}")));
             rates.extend(axes.into_iter().zip(turn).filter_map(|(v, w)| v.map(|v| (v, w))));
@@ -68,7 +74,15 @@ fn rates<S: Scalar>(model: &Model<S>, q: &[S], dq: &[S]) -> Vec<(usize, S)> {
 }
 
 /// Compares the rates of some joints with a field over all of q̇.
-fn compare_rates<S: Scalar>(ledger: &mut Ledger, what: &str, case: &Case, rates: &[(usize, S)], field: &[S], size: f64, allowed: f64) {
+fn compare_rates<S: Scalar>(
+    ledger: &mut Ledger,
+    what: &str,
+    case: &Case,
+    rates: &[(usize, S)],
+    field: &[S],
+    size: f64,
+    allowed: f64,
+) {
     let (a, b): (Vec<S>, Vec<S>) = rates.iter().map(|(v, rate)| (*rate, field[*v])).unzip();
     ledger.compare(what, case, &a, &b, size, allowed);
 }
@@ -87,11 +101,27 @@ fn columns<S: Scalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledger, scalar
         e[k] = Dual::ONE;
         let y = moved(case, &y, &e, Dual::new(S::ZERO, S::ONE));
         let at = ask_at(&mut over_duals, kinematics(&[Q, U]), &[(Y, &y)], &q, 0);
-        let column = |field: Field| -> Vec<S> { x.get(field).chunks_exact(n).map(|row| row[k]).collect() };
+        let column =
+            |field: Field| -> Vec<S> { x.get(field).chunks_exact(n).map(|row| row[k]).collect() };
         let of_gamma = rates(plain, x.get(Q), &slopes(at.get(Q)));
-        compare_rates(ledger, &format!("∂γ/∂y = G in {scalar}"), case, &of_gamma, &column(G), size, allowed);
+        compare_rates(
+            ledger,
+            &format!("∂γ/∂y = G in {scalar}"),
+            case,
+            &of_gamma,
+            &column(G),
+            size,
+            allowed,
+        );
         if plain.active_names().iter().all(|name| !name.contains('/')) {
-            ledger.compare(&format!("∂u/∂y = G_u in {scalar}"), case, &slopes(at.get(U)), &column(GU), size, allowed);
+            ledger.compare(
+                &format!("∂u/∂y = G_u in {scalar}"),
+                case,
+                &slopes(at.get(U)),
+                &column(GU),
+                size,
+                allowed,
+            );
         }
     }
 }
@@ -109,25 +139,62 @@ fn the_loop_jacobian_is_the_derivative_of_the_closure() {
 fn the_bias_is_the_second_derivative_of_the_closure() {
     Ledger::over(robots(), |case, ledger| {
         let plain = &case.compiled.model;
-        let (mut robot, mut over_duals) = (Robot::new(plain.clone()), Robot::new(model(&model(plain))));
+        let (mut robot, mut over_duals) =
+            (Robot::new(plain.clone()), Robot::new(model(&model(plain))));
         for k in 0..2 {
             let now = case.state::<f64>(k);
             let given = [(Y, now.y.as_slice()), (Yd, &now.yd), (Ydd, &now.ydd)];
             let x = robot.ask_for(kinematics(&[Q, Qd, Qdd, Ud, Udd, CondKd]), &given).ok();
-            let twice = |x: &[f64]| -> Vec<Second> { x.iter().map(|x| Second::path(*x, 0.0, 0.0)).collect() };
+            let twice = |x: &[f64]| -> Vec<Second> {
+                x.iter().map(|x| Second::path(*x, 0.0, 0.0)).collect()
+            };
             let still = State { y: twice(&now.y), yd: twice(&now.yd), ydd: twice(&now.ydd) };
             let y = later(case, &still, Second::path(0.0, 1.0, 0.0)).y;
             let at = ask_at(&mut over_duals, kinematics(&[Q, U]), &[(Y, &y)], &twice(x.get(Q)), 2);
             let (speed, cond) = (largest(x.get(Qd)).max(1.0), x.get(CondKd)[0]);
-            let allowed = |power: i32| ROUNDING * <f64 as Real>::EPSILON * cond.powi(power) + case.contradiction();
-            let part = |field: Field, of: fn(&Second) -> f64| -> Vec<f64> { at.get(field).iter().map(of).collect() };
+            let allowed = |power: i32| {
+                ROUNDING * <f64 as Real>::EPSILON * cond.powi(power) + case.contradiction()
+            };
+            let part = |field: Field, of: fn(&Second) -> f64| -> Vec<f64> {
+                at.get(field).iter().map(of).collect()
+            };
             let (first, second) = (part(Q, |x| x.du.re), part(Q, |x| x.du.du));
-            compare_rates(ledger, "γ̇ = q̇", case, &rates(plain, x.get(Q), &first), x.get(Qd), speed, allowed(1));
+            compare_rates(
+                ledger,
+                "γ̇ = q̇",
+                case,
+                &rates(plain, x.get(Q), &first),
+                x.get(Qd),
+                speed,
+                allowed(1),
+            );
             let size = speed.powi(2).max(largest(x.get(Qdd)));
-            compare_rates(ledger, "γ̈ = q̈", case, &rates(plain, x.get(Q), &second), x.get(Qdd), size, allowed(2));
+            compare_rates(
+                ledger,
+                "γ̈ = q̈",
+                case,
+                &rates(plain, x.get(Q), &second),
+                x.get(Qdd),
+                size,
+                allowed(2),
+            );
             if plain.active_names().iter().all(|name| !name.contains('/')) {
-                ledger.compare("u̇ by duals", case, &part(U, |x| x.du.re), x.get(Ud), speed, allowed(1));
-                ledger.compare("ü by duals", case, &part(U, |x| x.du.du), x.get(Udd), size, allowed(2));
+                ledger.compare(
+                    "u̇ by duals",
+                    case,
+                    &part(U, |x| x.du.re),
+                    x.get(Ud),
+                    speed,
+                    allowed(1),
+                );
+                ledger.compare(
+                    "ü by duals",
+                    case,
+                    &part(U, |x| x.du.du),
+                    x.get(Udd),
+                    size,
+                    allowed(2),
+                );
             }
         }
     });
@@ -141,7 +208,10 @@ fn along_the_motion<S: Scalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledge
     let still = State { y: constants(&now.y), yd: constants(&now.yd), ydd: constants(&now.ydd) };
     let moving = later(case, &still, Dual::new(S::ZERO, S::ONE));
     let links: Vec<u16> = (0..plain.link_names().len().min(32) as u16).collect();
-    let want = kinematics(&[Q, Qd, Qdd, U, Ud, Udd, G, GBias, K, KBias, CondKd, FramePose, FrameTwist, FrameAcc]).with_frames(&links);
+    let want = kinematics(&[
+        Q, Qd, Qdd, U, Ud, Udd, G, GBias, K, KBias, CondKd, FramePose, FrameTwist, FrameAcc,
+    ])
+    .with_frames(&links);
     let given = [(Y, moving.y.as_slice()), (Yd, &moving.yd), (Ydd, &moving.ydd)];
     let x = ask_at(&mut over_duals, want, &given, &constants(&q), 1);
     let value = |field: Field| -> Vec<S> { x.get(field).iter().map(|x| x.re).collect() };
@@ -149,7 +219,9 @@ fn along_the_motion<S: Scalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledge
     let cond = x.get(CondKd)[0].to_f64();
     let allowed = ROUNDING * S::EPSILON * cond * cond + case.contradiction();
     let speed = largest(&value(Qd)).max(1.0);
-    let mut check = |what: &str, a: &[S], b: &[S], size: f64| ledger.compare(&format!("{what} in {scalar}"), case, a, b, size, allowed);
+    let mut check = |what: &str, a: &[S], b: &[S], size: f64| {
+        ledger.compare(&format!("{what} in {scalar}"), case, a, b, size, allowed)
+    };
 
     let of_q = rates(plain, &q, &change(Q));
     let (a, b): (Vec<S>, Vec<S>) = of_q.iter().map(|(v, rate)| (*rate, value(Qd)[*v])).unzip();
@@ -157,20 +229,32 @@ fn along_the_motion<S: Scalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledge
     let size = speed.powi(2).max(largest(&value(Qdd)));
     check("dq̇/dt = q̈", &change(Qd), &value(Qdd), size);
     check("du̇/dt = ü", &change(Ud), &value(Udd), size);
-    check("Ġ ẏ = g", &product(&change(G), &now.yd), &value(GBias), speed.powi(2).max(largest(&value(GBias))));
+    check(
+        "Ġ ẏ = g",
+        &product(&change(G), &now.yd),
+        &value(GBias),
+        speed.powi(2).max(largest(&value(GBias))),
+    );
     let k_bias: Vec<S> = product(&change(K), &value(Qd)).into_iter().map(|x| -x).collect();
     check("−K̇ q̇ = k", &k_bias, &value(KBias), largest(&value(K)).max(1.0) * speed.powi(2));
 
     // frames: positions, quaternions, twists
     let (pose, twist) = (value(FramePose), value(FrameTwist));
     let size = largest(&twist).max(speed);
-    for ((rate, pose), twist) in change(FramePose).chunks_exact(7).zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6)) {
+    for ((rate, pose), twist) in
+        change(FramePose).chunks_exact(7).zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6))
+    {
         check("frame velocity", &rate[..3], &twist[3..], size);
         let in_body = turned(&[-pose[3], -pose[4], -pose[5], pose[6]], &twist[..3]);
         check("quaternion rate", &rate[3..], &quaternion_rate(&pose[3..], &in_body), size);
     }
     let acceleration = value(FrameAcc);
-    check("frame acceleration", &change(FrameTwist), &acceleration, size.powi(2).max(largest(&acceleration)));
+    check(
+        "frame acceleration",
+        &change(FrameTwist),
+        &acceleration,
+        size.powi(2).max(largest(&acceleration)),
+    );
 }
 
 #[test]
@@ -181,7 +265,8 @@ fn every_rate_is_a_derivative_by_duals() {
     });
 }
 
-/// Kinetic and potential energy with rotors and springs, from poses and twists of the links and from q and q̇.
+/// Kinetic and potential energy with rotors and springs, from poses and twists of the links and
+/// from q and q̇.
 fn energies<T: Scalar>(case: &Case, robot: &mut Robot<T>, y: &[T], yd: &[T], q: &[T]) -> (T, T) {
     let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
     let (mut pose, mut twist) = (Vec::new(), Vec::new());
@@ -199,13 +284,15 @@ fn energies<T: Scalar>(case: &Case, robot: &mut Robot<T>, y: &[T], yd: &[T], q: 
     (kinetic, potential)
 }
 
-/// Lagrange's equation from energies that know no mass matrix, no acceleration and no force: d/dt ∂T/∂ẏ − ∂T/∂y + ∂V/∂y = τ_y − Gᵀ d q̇.
+/// Lagrange's equation from energies that know no mass matrix, no acceleration and no force: d/dt
+/// ∂T/∂ẏ − ∂T/∂y + ∂V/∂y = τ_y − Gᵀ d q̇.
 #[test]
 fn forces_are_those_of_lagrange() {
     // a quaternion has no Lagrangian of its own
     Ledger::over(robots().iter().filter(|case| !case.floats()), |case, ledger| {
         let plain = &case.compiled.model;
-        let (mut robot, mut over_duals) = (Robot::new(plain.clone()), Robot::new(model(&model(plain))));
+        let (mut robot, mut over_duals) =
+            (Robot::new(plain.clone()), Robot::new(model(&model(plain))));
         let n = plain.sizes().n_vy;
         let now = case.state::<f64>(1);
         let given = [(Y, now.y.as_slice()), (Yd, &now.yd), (Ydd, &now.ydd)];
@@ -241,7 +328,8 @@ fn forces_are_those_of_lagrange() {
     });
 }
 
-/// Forward dynamics of inverse dynamics is the identity, and so is the derivative of that in any direction.
+/// Forward dynamics of inverse dynamics is the identity, and so is the derivative of that in any
+/// direction.
 #[test]
 fn derivatives_of_forward_and_inverse_dynamics_undo_each_other() {
     Ledger::over(robots(), |case, ledger| {
@@ -251,19 +339,36 @@ fn derivatives_of_forward_and_inverse_dynamics_undo_each_other() {
         let n = plain.sizes().n_vy;
         let q = constants(robot.ask_for(kinematics(&[Q]), &[(Y, &now.y)]).ok().get(Q));
         let mut seeded = Seeded::new(case.seed + 77);
-        let mut direction = || -> Vec<Dual<Dd>> { seeded.numbers(n, 1.0).into_iter().map(|x| Dual::constant(Dd::from(x))).collect() };
+        let mut direction = || -> Vec<Dual<Dd>> {
+            seeded.numbers(n, 1.0).into_iter().map(|x| Dual::constant(Dd::from(x))).collect()
+        };
         let t = Dual::new(Dd::ZERO, Dd::ONE);
         let y = moved(case, &constants(&now.y), &direction(), t);
         let yd = plus(&constants(&now.yd), &times(t, &direction()));
         let ydd = plus(&constants(&now.ydd), &times(t, &direction()));
-        let want = |request, fields: &[Field]| Wanted::new(request, FieldSet::EMPTY, FieldSet::of(fields));
+        let want =
+            |request, fields: &[Field]| Wanted::new(request, FieldSet::EMPTY, FieldSet::of(fields));
         let given = [(Y, y.as_slice()), (Yd, &yd), (Ydd, &ydd)];
-        let id = ask_at(&mut over_duals, want(Request::InverseDynamics, &[TauY, CondKd, CondMy]), &given, &q, 1);
+        let id = ask_at(
+            &mut over_duals,
+            want(Request::InverseDynamics, &[TauY, CondKd, CondMy]),
+            &given,
+            &q,
+            1,
+        );
         let given = [(Y, y.as_slice()), (Yd, &yd), (TauY, id.get(TauY))];
         let fd = ask_at(&mut over_duals, want(Request::ForwardDynamics, &[Ydd]), &given, &q, 1);
         let [cond, cond_M] = [CondKd, CondMy].map(|field| id.get(field)[0].to_f64());
-        let allowed = ROUNDING * <Dd as Real>::EPSILON * cond * cond * cond_M * cond_M + case.contradiction();
+        let allowed =
+            ROUNDING * <Dd as Real>::EPSILON * cond * cond * cond_M * cond_M + case.contradiction();
         let size = largest(&slopes(fd.get(Ydd))).max(largest(&now.ydd));
-        ledger.compare("derivative of FD ∘ ID", case, &slopes(fd.get(Ydd)), &slopes(&ydd), size, allowed);
+        ledger.compare(
+            "derivative of FD ∘ ID",
+            case,
+            &slopes(fd.get(Ydd)),
+            &slopes(&ydd),
+            size,
+            allowed,
+        );
     });
 }

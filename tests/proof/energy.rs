@@ -1,4 +1,5 @@
-//! Motion over time: energy is kept by forward dynamics, and without gravity a robot at rest stays so.
+//! Motion over time: energy is kept by forward dynamics, and without gravity a robot at rest stays
+//! so.
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Dd, Scalar};
@@ -37,10 +38,13 @@ fn step(case: &Case, robot: &mut Robot<Dd>, state: &State<Dd>, h: f64) -> State<
 #[test]
 fn energy_is_kept_to_the_order_of_the_integrator() {
     // a quaternion needs an integrator of its own
-    let damped = |case: &Case| case.description.joints.iter().any(|joint| joint.terms.damping != 0.0);
-    let cases = robots()
-        .iter()
-        .filter(|case| !case.floats() && !damped(case) && (case.seed >= 1000 || case.seed % 10 == 1 || case.seed % 20 == 18));
+    let damped =
+        |case: &Case| case.description.joints.iter().any(|joint| joint.terms.damping != 0.0);
+    let cases = robots().iter().filter(|case| {
+        !case.floats()
+            && !damped(case)
+            && (case.seed >= 1000 || case.seed % 10 == 1 || case.seed % 20 == 18)
+    });
     Ledger::over(cases, |case, ledger| {
         let mut robot = Robot::new(case.compiled.exact.clone());
         let slow = |x: &[Dd]| times(Dd::from(0.3), x);
@@ -51,20 +55,35 @@ fn energy_is_kept_to_the_order_of_the_integrator() {
             let (kinetic, potential) = energy(case, &pose, &twist);
             let given = [(Field::Y, state.y.as_slice()), (Field::Yd, &state.yd)];
             let x = robot.ask(Request::Kinematics, &given, &[Field::Q, Field::Qd]).ok();
-            let [rotors, springs, _] = in_joints(case, &robot.model, x.get(Field::Q), x.get(Field::Qd));
+            let [rotors, springs, _] =
+                in_joints(case, &robot.model, x.get(Field::Q), x.get(Field::Qd));
             (kinetic + rotors, potential + springs)
         };
-        let mut after = |steps: u32| (0..steps).fold(start.clone(), |state, _| step(case, &mut robot, &state, 8e-3 / f64::from(steps)));
+        let mut after = |steps: u32| {
+            (0..steps).fold(start.clone(), |state, _| {
+                step(case, &mut robot, &state, 8e-3 / f64::from(steps))
+            })
+        };
         let [coarse, fine, finest] = [4, 8, 16].map(&mut after);
         let (kinetic, potential) = all(&mut robot, &start);
         let (after_kinetic, after_potential) = all(&mut robot, &finest);
         let drift = ((after_kinetic + after_potential) - (kinetic + potential)).to_f64().abs();
-        ledger.note("energy drift in 16 steps of 0.5 ms", case, drift / kinetic.to_f64().max(after_kinetic.to_f64()), 1e-8);
+        ledger.note(
+            "energy drift in 16 steps of 0.5 ms",
+            case,
+            drift / kinetic.to_f64().max(after_kinetic.to_f64()),
+            1e-8,
+        );
         // halving the step takes a fourth-order method's error down by sixteen
         let gap = |a: &State<Dd>, b: &State<Dd>| largest(&minus(&a.yd, &b.yd));
         let (wide, narrow) = (gap(&coarse, &fine), gap(&fine, &finest));
         if wide > 1e-24 {
-            ledger.note("order of convergence less four", case, ((wide / narrow).log2() - 4.0).abs(), 0.7);
+            ledger.note(
+                "order of convergence less four",
+                case,
+                ((wide / narrow).log2() - 4.0).abs(),
+                0.7,
+            );
         }
     });
 }
@@ -76,17 +95,36 @@ fn without_gravity_nothing_pulls() {
         let weightless = Description { gravity: [0.0; 3], ..case.description.clone() };
         let mut robot = Robot::new(Model::compile(&weightless).unwrap().model);
         let state = case.state::<f64>(0);
-        let rest = robot.ask(Request::InverseDynamics, &[(Field::Y, &state.y)], &[Field::TauQ, Field::TauY, Field::CY]).ok();
+        let rest = robot
+            .ask(
+                Request::InverseDynamics,
+                &[(Field::Y, &state.y)],
+                &[Field::TauQ, Field::TauY, Field::CY],
+            )
+            .ok();
         for field in [Field::TauQ, Field::TauY, Field::CY] {
             assert!(rest.get(field).iter().all(|x| *x == 0.0), "{field:?} {:?}", rest.get(field));
         }
         // what is left of C_y is quadratic in the velocities
         let mut bias = |factor: f64| {
             let yd = times(factor, &state.yd);
-            robot.ask(Request::InverseDynamics, &[(Field::Y, &state.y), (Field::Yd, &yd)], &[Field::CY, Field::TauQ]).ok()
+            robot
+                .ask(
+                    Request::InverseDynamics,
+                    &[(Field::Y, &state.y), (Field::Yd, &yd)],
+                    &[Field::CY, Field::TauQ],
+                )
+                .ok()
         };
         let (once, twice) = (bias(1.0), bias(2.0));
         let size = 4.0 * largest(once.get(Field::TauQ));
-        ledger.compare("C_y(2 ẏ) = 4 C_y(ẏ)", case, &times(4.0, once.get(Field::CY)), twice.get(Field::CY), size, 1e-14);
+        ledger.compare(
+            "C_y(2 ẏ) = 4 C_y(ẏ)",
+            case,
+            &times(4.0, once.get(Field::CY)),
+            twice.get(Field::CY),
+            size,
+            1e-14,
+        );
     });
 }

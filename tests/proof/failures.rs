@@ -18,8 +18,15 @@ fn assert_honest<T: Scalar>(plan: &Plan, status: Status, output: &[T]) {
         let numbers = &output[slot.range()];
         let wanted = plan.wanted();
         if status == Status::Ok {
-            assert!(numbers.iter().all(|x| x.to_f64().is_finite()), "ok with {numbers:?} in {:?} of {wanted:?}", slot.field);
-        } else if !slot.field.survives_failure() || status == Status::NonFiniteInput || status == Status::WrongSize {
+            assert!(
+                numbers.iter().all(|x| x.to_f64().is_finite()),
+                "ok with {numbers:?} in {:?} of {wanted:?}",
+                slot.field
+            );
+        } else if !slot.field.survives_failure()
+            || status == Status::NonFiniteInput
+            || status == Status::WrongSize
+        {
             let empty = slot.field == Iterations || numbers.iter().all(|x| x.to_f64().is_nan());
             assert!(empty, "{status} with {numbers:?} in {:?} of {wanted:?}", slot.field);
         }
@@ -84,7 +91,10 @@ fn wrong_sizes_and_another_robots_plan_are_refused() {
             }
         }
         let mut output = vec![1.0; want];
-        assert_eq!(plan.run(b, &mut Workspace::new(b), &vec![0.0; given], &mut output).status, Status::WrongModel);
+        assert_eq!(
+            plan.run(b, &mut Workspace::new(b), &vec![0.0; given], &mut output).status,
+            Status::WrongModel
+        );
         assert!(output.iter().all(|x| x.is_nan()));
     }
 }
@@ -93,7 +103,13 @@ fn wrong_sizes_and_another_robots_plan_are_refused() {
 fn a_quaternion_that_is_not_of_unit_length_is_a_bad_request() {
     let case = robots().iter().find(|case| case.floats()).unwrap();
     let mut robot = Robot::new(case.compiled.model.clone());
-    let at = case.compiled.model.independent_q_names().iter().position(|name| name.ends_with("/qx")).unwrap();
+    let at = case
+        .compiled
+        .model
+        .independent_q_names()
+        .iter()
+        .position(|name| name.ends_with("/qx"))
+        .unwrap();
     let good = case.state::<f64>(0).y;
     let mut ask = |factor: f64| {
         let mut y = good.clone();
@@ -141,12 +157,14 @@ fn lambda(type_name: &str, arm: f64, aside: f64) -> Case {
     Case::of_text(&text, 0, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Follows a path in short steps, each from the pose before; the last pose, if the path can be followed.
+/// Follows a path in short steps, each from the pose before; the last pose, if the path can be
+/// followed.
 fn followed<T: Scalar>(model: &Model<T>, y: &[T], steps: u32) -> Option<Vec<T>> {
     let mut robot = Robot::new(model.clone());
     let mut guess: Option<Vec<T>> = None;
     for k in 0..=steps {
-        let at: Vec<T> = y.iter().map(|y| *y * T::from_f64(f64::from(k) / f64::from(steps))).collect();
+        let at: Vec<T> =
+            y.iter().map(|y| *y * T::from_f64(f64::from(k) / f64::from(steps))).collect();
         let mut given = vec![(Y, at.as_slice())];
         given.extend(guess.as_deref().map(|guess| (QGuess, guess)));
         let x = robot.ask(Request::Kinematics, &given, &[Q]);
@@ -160,7 +178,8 @@ fn followed<T: Scalar>(model: &Model<T>, y: &[T], steps: u32) -> Option<Vec<T>> 
 
 #[test]
 fn a_lambda_that_cannot_reach_says_so() {
-    // the pin comes nearer to the stator's pivot than the slider's line may pass it, between y = −π/2 ± a little
+    // the pin comes nearer to the stator's pivot than the slider's line may pass it, between y =
+    // −π/2 ± a little
     for kind in ["RRPR", "NUMERICAL"] {
         let case = lambda(kind, 0.9, 0.3);
         let mut robot = Robot::new(case.compiled.model.clone());
@@ -173,11 +192,18 @@ fn a_lambda_that_cannot_reach_says_so() {
             let x = robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q, Qd, Residual]);
             if d < 0.3 - 1e-6 {
                 // Newton's method cannot always tell that there is nothing to find
-                let told = [Status::Unreachable, if kind == "RRPR" { Status::Unreachable } else { Status::NotConverged }];
+                let told = [
+                    Status::Unreachable,
+                    if kind == "RRPR" { Status::Unreachable } else { Status::NotConverged },
+                ];
                 assert!(told.contains(&x.answer.status), "{kind} y = {y}: {}", x.answer.status);
                 assert!(x.get(Q).iter().all(|x| x.is_nan()));
             } else if x.answer.status == Status::Ok {
-                assert!(x.get(Residual)[0] < 1e-12, "{kind} y = {y}: ok but open by {}", x.get(Residual)[0]);
+                assert!(
+                    x.get(Residual)[0] < 1e-12,
+                    "{kind} y = {y}: ok but open by {}",
+                    x.get(Residual)[0]
+                );
             } else {
                 // beyond the gap another branch may be all there is
                 assert!(y < -1.2, "{kind} y = {y}: {} at a distance of {d}", x.answer.status);
@@ -190,7 +216,11 @@ fn a_lambda_that_cannot_reach_says_so() {
 
 #[test]
 fn what_is_answered_far_from_zero_is_where_the_path_leads() {
-    let far: Vec<Case> = robots().iter().filter(|case| !case.is_open() && !case.floats() && case.seed % 3 == 0).map(Case::clone).collect();
+    let far: Vec<Case> = robots()
+        .iter()
+        .filter(|case| !case.is_open() && !case.floats() && case.seed % 3 == 0)
+        .map(Case::clone)
+        .collect();
     let (mut ok, mut failed, mut lost) = (0, 0, 0);
     Ledger::over(&far, |case, ledger| {
         let exact = &case.compiled.exact;
@@ -210,7 +240,13 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
             let y: Vec<Dd> = given.iter().map(|y| Dd::from(*y)).collect();
             let Some(path) = followed(exact, &y, 100) else {
                 // closed forms keep the sign of their root, whatever lies between
-                if case.compiled.model.closures().iter().all(|x| x.kind != sarrus_dynamics::ClosureKind::Numerical) {
+                if case
+                    .compiled
+                    .model
+                    .closures()
+                    .iter()
+                    .all(|x| x.kind != sarrus_dynamics::ClosureKind::Numerical)
+                {
                     continue;
                 }
                 lost += 1;
@@ -224,9 +260,16 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
                 .iter()
                 .zip(&path)
                 .map(|(a, b)| (*a - *b).to_f64())
-                .fold(0.0, |worst: f64, d| worst.max((d - turn * (d / turn).round()).abs().min(d.abs())));
+                .fold(0.0, |worst: f64, d| {
+                    worst.max((d - turn * (d / turn).round()).abs().min(d.abs()))
+                });
             let cond = x.get(CondKd)[0];
-            ledger.note("the branch of the path", case, difference, 1e3 * <f64 as Real>::EPSILON * cond + case.contradiction());
+            ledger.note(
+                "the branch of the path",
+                case,
+                difference,
+                1e3 * <f64 as Real>::EPSILON * cond + case.contradiction(),
+            );
         }
     });
     println!("{ok} ok, {failed} without an answer, {lost} beyond their path");
@@ -234,16 +277,27 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
 
 #[test]
 fn actuators_that_cannot_tell_the_pose_do_not_pretend_to() {
-    // a mechanism with more or fewer actuators than freedoms: from u, without a guess, there is no answer yet
-    Ledger::over(robots().iter().filter(|case| case.name.contains("four-bar w")), |case, ledger| {
-        let mut robot = Robot::new(case.compiled.model.clone());
-        let y = case.state::<f64>(0).y;
-        let u = robot.ask(Request::Kinematics, &[(Y, &y)], &[U]).ok().get(U).to_vec();
-        let x = robot.ask(Request::Kinematics, &[(U, &u)], &[Y]);
-        if x.answer.status == Status::Ok {
-            ledger.compare("y from the actuators that there are", case, x.get(Y), &y, 1.0, 1e-9);
-        }
-    });
+    // a mechanism with more or fewer actuators than freedoms: from u, without a guess, there is no
+    // answer yet
+    Ledger::over(
+        robots().iter().filter(|case| case.name.contains("four-bar w")),
+        |case, ledger| {
+            let mut robot = Robot::new(case.compiled.model.clone());
+            let y = case.state::<f64>(0).y;
+            let u = robot.ask(Request::Kinematics, &[(Y, &y)], &[U]).ok().get(U).to_vec();
+            let x = robot.ask(Request::Kinematics, &[(U, &u)], &[Y]);
+            if x.answer.status == Status::Ok {
+                ledger.compare(
+                    "y from the actuators that there are",
+                    case,
+                    x.get(Y),
+                    &y,
+                    1.0,
+                    1e-9,
+                );
+            }
+        },
+    );
 }
 
 #[test]
@@ -256,5 +310,8 @@ fn a_failure_tells_how_open_the_loop_stayed_where_that_is_asked() {
     let nearest = x.get(NearestY)[0];
     // there the independents themselves fail; a little before, towards the guess, they do not
     let before = nearest * (1.0 - 1e-6);
-    assert!(robot.ask(Request::Kinematics, &[(Y, &[before])], &[Q]).answer.status == Status::Ok, "nearest y {nearest}");
+    assert!(
+        robot.ask(Request::Kinematics, &[(Y, &[before])], &[Q]).answer.status == Status::Ok,
+        "nearest y {nearest}"
+    );
 }

@@ -1,5 +1,5 @@
-//! HyRoDyn's robots and its answers, where they lie beside the project: its numerical answers at 1e-11 by size, its closed forms at the
-//! figures to which it agrees with itself.
+//! HyRoDyn's robots and its answers, where they lie beside the project: its numerical answers at
+//! 1e-11 by size, its closed forms at the figures to which it agrees with itself.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,8 @@ impl Tolerance {
     /// Its leg: positions agree to the last digit, its Jacobian to eleven.
     const NUMERICAL_LEG: Tolerance = Tolerance { q: 1e-11, ..Tolerance::all(2e-10) };
     /// RH5v2: its closed-form torso is 8e-8 away from its numerical one.
-    const TORSO: Tolerance = Tolerance { q: 1e-7, qd: 5e-7, qdd: 1e-6, inverse: 1e-6, forward: 1e-6 };
+    const TORSO: Tolerance =
+        Tolerance { q: 1e-7, qd: 5e-7, qdd: 1e-6, inverse: 1e-6, forward: 1e-6 };
     /// RH5's leg: axes 4e-5 rad from parallel, knee out of its plane.
     const LEG: Tolerance = Tolerance { q: 5e-6, qd: 2e-5, qdd: 8e-5, inverse: 2e-4, forward: 5e-4 };
 
@@ -37,7 +38,8 @@ impl Tolerance {
     }
 }
 
-/// A file of the reference folder wherever it is meant from: paths in the vectors are relative to one folder or another.
+/// A file of the reference folder wherever it is meant from: paths in the vectors are relative to
+/// one folder or another.
 fn find(root: &Path, path: &str) -> PathBuf {
     let rest = path.trim_start_matches("../").trim_start_matches("robots/");
     root.join("robots/hyrodyn").join(rest)
@@ -59,29 +61,41 @@ fn names(file: &Value, key: &str) -> Vec<String> {
     file[key].as_array().unwrap().iter().map(|x| x.as_str().unwrap().to_owned()).collect()
 }
 
-/// Its files have faults of inertia that HyRoDyn does not look at, and turns that its reader changes. `None` where they cannot be read.
+/// Its files have faults of inertia that HyRoDyn does not look at, and turns that its reader
+/// changes. `None` where they cannot be read.
 fn loaded(name: &str, urdf: &Path, submechanisms: Option<PathBuf>) -> Option<Loaded> {
-    let changed = std::env::temp_dir().join(format!("sarrus_proof_{}_{name}.urdf", std::process::id()));
+    let changed =
+        std::env::temp_dir().join(format!("sarrus_proof_{}_{name}.urdf", std::process::id()));
     std::fs::write(&changed, as_urdfdom_reads(&std::fs::read_to_string(urdf).unwrap())).unwrap();
-    let read = load(&Source::Files { urdf: changed.clone(), submechanisms }, &Options { lenient: true, ..Options::default() });
+    let read = load(
+        &Source::Files { urdf: changed.clone(), submechanisms },
+        &Options { lenient: true, ..Options::default() },
+    );
     std::fs::remove_file(&changed).unwrap();
     read.map_err(|error| println!("not run: {name} cannot be read\n{error}")).ok()
 }
 
-/// urdfdom keeps a turn as a quaternion and gives it back as roll, pitch, yaw; where the sine of the pitch is within 1e-5 of one it makes
-/// the pitch a right angle, the roll zero and the yaw what two of the quaternion's parts say. The rounded neck of RH5v2's torso
-/// (rpy −1.570793 −1.570793 1.570796) stands 3e-6 rad elsewhere by that.
+/// urdfdom keeps a turn as a quaternion and gives it back as roll, pitch, yaw; where the sine of
+/// the pitch is within 1e-5 of one it makes the pitch a right angle, the roll zero and the yaw what
+/// two of the quaternion's parts say. The rounded neck of RH5v2's torso (rpy −1.570793 −1.570793
+/// 1.570796) stands 3e-6 rad elsewhere by that.
 fn as_urdfdom_reads(urdf: &str) -> String {
     let mut parts = urdf.split("rpy=\"");
     let mut text = parts.next().unwrap_or_default().to_owned();
     for part in parts {
         let (value, rest) = part.split_once('"').unwrap();
-        let rpy: [f64; 3] = std::array::from_fn(|k| value.split_whitespace().nth(k).unwrap().parse().unwrap());
+        let rpy: [f64; 3] =
+            std::array::from_fn(|k| value.split_whitespace().nth(k).unwrap().parse().unwrap());
         let [(sr, cr), (sp, cp), (sy, cy)] = rpy.map(|x| (0.5 * x).sin_cos());
         let (x, y) = (sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy);
         let side = rpy[1].sin();
-        let turn = [0.0, side.signum() * FRAC_PI_2, 2.0 * (-side.signum() * x).atan2(side.signum() * y)];
-        let value = if side.abs() >= 0.99999 { turn.map(|x| format!("{x:?}")).join(" ") } else { value.to_owned() };
+        let turn =
+            [0.0, side.signum() * FRAC_PI_2, 2.0 * (-side.signum() * x).atan2(side.signum() * y)];
+        let value = if side.abs() >= 0.99999 {
+            turn.map(|x| format!("{x:?}")).join(" ")
+        } else {
+            value.to_owned()
+        };
         text += &format!("rpy=\"{value}\"{rest}");
     }
     text
@@ -93,7 +107,14 @@ fn compare(root: &Path, name: &str, tolerance: &Tolerance) -> Vec<String> {
     let Some(loaded) = loaded(name, &urdf, submechanisms) else { return vec![] };
     let mut robot = Robot::new(loaded.compiled.model);
     let order = |ours: &[String], theirs: &[String]| -> Vec<usize> {
-        theirs.iter().map(|name| ours.iter().position(|x| x == name).unwrap_or_else(|| panic!("no joint {name} in {ours:?}"))).collect()
+        theirs
+            .iter()
+            .map(|name| {
+                ours.iter()
+                    .position(|x| x == name)
+                    .unwrap_or_else(|| panic!("no joint {name} in {ours:?}"))
+            })
+            .collect()
     };
     // both orders are those of the submechanism file
     let tree = order(robot.model.tree_names(), &names(&file, "joints_spanningtree"));
@@ -106,10 +127,12 @@ fn compare(root: &Path, name: &str, tolerance: &Tolerance) -> Vec<String> {
         to
     };
     let mut worst: Vec<(&str, f64, f64)> = Vec::new();
-    let mut note = |what: &'static str, error: f64, allowed: f64| match worst.iter_mut().find(|x| x.0 == what) {
-        Some(seen) => seen.1 = seen.1.max(error),
-        None => worst.push((what, error, allowed)),
-    };
+    let mut note =
+        |what: &'static str, error: f64, allowed: f64| match worst.iter_mut().find(|x| x.0 == what)
+        {
+            Some(seen) => seen.1 = seen.1.max(error),
+            None => worst.push((what, error, allowed)),
+        };
     for case in file["states"].as_array().unwrap() {
         let of = |key: &str| numbers(&case[key]);
         let [y, yd, ydd] = ["y", "yd", "ydd"].map(|key| place(&of(key), &independent));
@@ -130,15 +153,30 @@ fn compare(root: &Path, name: &str, tolerance: &Tolerance) -> Vec<String> {
             note(key, error_by_size(&pick(state.get(field), order), &of(key), least), allowed);
         }
         let inverse = robot.ask(Request::InverseDynamics, &motion, &[TauU, TauY, MY]).ok();
-        note("tau_u", error_by_size(&pick(inverse.get(TauU), &active), &of("tau_u"), 0.0), t.inverse);
-        note("tau_y", error_by_size(&pick(inverse.get(TauY), &independent), &of("tau_y"), 0.0), t.inverse);
+        note(
+            "tau_u",
+            error_by_size(&pick(inverse.get(TauU), &active), &of("tau_u"), 0.0),
+            t.inverse,
+        );
+        note(
+            "tau_y",
+            error_by_size(&pick(inverse.get(TauY), &independent), &of("tau_y"), 0.0),
+            t.inverse,
+        );
         let n = independent.len();
-        let M: Vec<f64> = (0..n * n).map(|k| inverse.get(MY)[independent[k / n] * n + independent[k % n]]).collect();
+        let M: Vec<f64> = (0..n * n)
+            .map(|k| inverse.get(MY)[independent[k / n] * n + independent[k % n]])
+            .collect();
         // symmetric, so the order of rows and columns does not matter
         note("M_y", error_by_size(&M, &of("H_y_colmajor"), 0.0), t.inverse);
         let tau = place(&of("fd_tau_u_in"), &active);
-        let forward = robot.ask(Request::ForwardDynamics, &[motion[0], motion[1], (TauU, &tau)], &[Ydd]).ok();
-        note("fd_ydd", error_by_size(&pick(forward.get(Ydd), &independent), &of("fd_ydd"), 0.0), t.forward);
+        let forward =
+            robot.ask(Request::ForwardDynamics, &[motion[0], motion[1], (TauU, &tau)], &[Ydd]).ok();
+        note(
+            "fd_ydd",
+            error_by_size(&pick(forward.get(Ydd), &independent), &of("fd_ydd"), 0.0),
+            t.forward,
+        );
     }
     let mut off = Vec::new();
     for (what, error, allowed) in worst {
@@ -152,7 +190,8 @@ fn compare(root: &Path, name: &str, tolerance: &Tolerance) -> Vec<String> {
 
 fn compare_all(files: &[(&str, Tolerance)]) {
     let Some(root) = folder() else { return };
-    let off: Vec<String> = files.iter().flat_map(|(name, tolerance)| compare(&root, name, tolerance)).collect();
+    let off: Vec<String> =
+        files.iter().flat_map(|(name, tolerance)| compare(&root, name, tolerance)).collect();
     assert!(off.is_empty(), "{}", off.join("\n"));
 }
 
@@ -164,21 +203,37 @@ const ROBOTS: [[&str; 2]; 8] = [
     ["rh5v2/derived/RH5v2.urdf", "rh5v2/derived/submechanisms_full_hybrid.yml"],
     ["rh5v2/derived/RH5v2.urdf", "rh5v2/derived/submechanisms_full_numerical.yml"],
     ["rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced.yml"],
-    ["rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_hybrid_elbows_numerical.yml"],
-    ["rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_numerical.yml"],
+    [
+        "rh5v2/derived/submechanisms_reduced.urdf",
+        "rh5v2/derived/submechanisms_reduced_hybrid_elbows_numerical.yml",
+    ],
+    [
+        "rh5v2/derived/submechanisms_reduced.urdf",
+        "rh5v2/derived/submechanisms_reduced_numerical.yml",
+    ],
 ];
 
 #[test]
 fn hyrodyns_robots_obey_every_law() {
     let Some(root) = folder() else { return };
     let read = |(k, [urdf, submechanisms]): (usize, &[&str; 2])| -> Option<Case> {
-        let [urdf, submechanisms] = [urdf, submechanisms].map(|path| root.join("robots/hyrodyn").join(path));
+        let [urdf, submechanisms] =
+            [urdf, submechanisms].map(|path| root.join("robots/hyrodyn").join(path));
         let name = submechanisms.file_name().unwrap().to_string_lossy().into_owned();
         let Loaded { compiled, description, .. } = loaded(&name, &urdf, Some(submechanisms))?;
         let sizes = compiled.model.sizes();
         let reach = vec![0.1; sizes.n_vy];
         // its placements are rounded
-        Some(Case { name, seed: 5000 + k as u64, description, compiled, reach, square: sizes.n_u == sizes.n_vy, rounded: true, scale: 0.3 })
+        Some(Case {
+            name,
+            seed: 5000 + k as u64,
+            description,
+            compiled,
+            reach,
+            square: sizes.n_u == sizes.n_vy,
+            rounded: true,
+            scale: 0.3,
+        })
     };
     let cases: Vec<Case> = ROBOTS.iter().enumerate().filter_map(read).collect();
     every_law(&cases);
@@ -218,10 +273,15 @@ fn hyrodyns_ankle_stands_where_ours_does() {
         list(&tree[..2]),
         list(&[tree[6].clone(), tree[9].clone()])
     );
-    let source = Source::Text { urdf: std::fs::read(urdf).unwrap(), submechanisms: Some(yaml.into_bytes()) };
+    let source =
+        Source::Text { urdf: std::fs::read(urdf).unwrap(), submechanisms: Some(yaml.into_bytes()) };
     let loaded = match load(&source, &Options { lenient: true, ..Options::default() }) {
         Ok(loaded) => loaded,
-        Err(error) => return println!("not run: 2SPRR+1U with ten joints has no closure of its own yet\n{error}"),
+        Err(error) => {
+            return println!(
+                "not run: 2SPRR+1U with ten joints has no closure of its own yet\n{error}"
+            );
+        }
     };
     let mut robot = Robot::new(loaded.compiled.model);
     let mut worst: f64 = 0.0;
@@ -234,6 +294,7 @@ fn hyrodyns_ankle_stands_where_ours_does() {
         println!("state {k}: q differs by {error:.2e}, HyRoDyn's own loop is open by {open:.2e} m");
     }
     println!("worst {worst:.1} rad for each metre by which HyRoDyn's loop is open");
-    // an opening of 1 m turns a rod of a quarter of a metre, an arm of a few centimetres, by its inverse
+    // an opening of 1 m turns a rod of a quarter of a metre, an arm of a few centimetres, by its
+    // inverse
     assert!(worst < 200.0, "{worst}");
 }

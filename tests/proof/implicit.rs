@@ -1,8 +1,12 @@
-//! The tree under its loops as constraints: the plan's forward dynamics at closed states, and back to them from others.
+//! The tree under its loops as constraints: the plan's forward dynamics at closed states, and back
+//! to them from others.
 
 use sarrus_dynamics::description::JointKind;
 use sarrus_dynamics::scalar::{Dd, Real, Scalar};
-use sarrus_dynamics::{Compiled, Field, FieldSet, ImplicitForm, Method, Model, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{
+    Compiled, Field, FieldSet, ImplicitForm, Method, Model, Plan, Request, Status, Wanted,
+    Workspace,
+};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::run::Robot;
@@ -13,7 +17,10 @@ use Field::*;
 
 /// The robots of all laws, and one whose rows are redundant.
 fn all() -> Vec<Case> {
-    [Case::bundled("bricard"), Case::bundled("stewart_floating")].into_iter().chain(robots().iter().cloned()).collect()
+    [Case::bundled("bricard"), Case::bundled("stewart_floating")]
+        .into_iter()
+        .chain(robots().iter().cloned())
+        .collect()
 }
 
 /// A closed state in all coordinates, with K and conditions.
@@ -34,7 +41,12 @@ fn closed<T: Scalar>(model: &Model<T>, state: &State<T>) -> Closed<T> {
 }
 
 /// Forward dynamics from forces on the tree by one method: q̈ and λ.
-fn planned<T: Scalar>(model: &Model<T>, method: Method, base: Wanted, given: &[(Field, &[T])]) -> [Vec<T>; 2] {
+fn planned<T: Scalar>(
+    model: &Model<T>,
+    method: Method,
+    base: Wanted,
+    given: &[(Field, &[T])],
+) -> [Vec<T>; 2] {
     let fields: Vec<Field> = given.iter().map(|x| x.0).collect();
     let mut wanted = base;
     wanted.want = FieldSet::of(&[Qdd, Lambda]);
@@ -42,21 +54,32 @@ fn planned<T: Scalar>(model: &Model<T>, method: Method, base: Wanted, given: &[(
     let plan = Plan::with_method(model, &wanted, method).unwrap();
     let mut workspace = Workspace::for_plans(model, [&plan]);
     let mut input = vec![T::ZERO; plan.given().len()];
-    given.iter().for_each(|(field, numbers)| input[plan.given().slot(*field).unwrap().range()].copy_from_slice(numbers));
+    given.iter().for_each(|(field, numbers)| {
+        input[plan.given().slot(*field).unwrap().range()].copy_from_slice(numbers)
+    });
     let mut output = vec![T::ZERO; plan.want().len()];
     assert_eq!(plan.run(model, &mut workspace, &input, &mut output).status, Status::Ok);
     [Qdd, Lambda].map(|field| output[plan.want().slot(field).unwrap().range()].to_vec())
 }
 
-fn agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, scalar: &str, allowed: f64, ledger: &mut Ledger) {
+fn agree<T: Scalar>(
+    case: &Case,
+    model: &Model<T>,
+    state: &State<T>,
+    scalar: &str,
+    allowed: f64,
+    ledger: &mut Ledger,
+) {
     let n_v = model.sizes().n_v;
     let Closed { q, qd, rows, cond } = closed(model, state);
-    let tau: Vec<T> = Seeded::new(case.seed).numbers(n_v, 3.0).into_iter().map(T::from_f64).collect();
+    let tau: Vec<T> =
+        Seeded::new(case.seed).numbers(n_v, 3.0).into_iter().map(T::from_f64).collect();
     // a wrench on the last link
     let link = (model.link_names().len() - 1) as u16;
     let wrench: Vec<T> = [0.3, -0.2, 0.5, 4.0, -7.0, 2.0].into_iter().map(T::from_f64).collect();
     let base = Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::EMPTY);
-    let given: [(Field, &[T]); 4] = [(Y, &state.y), (Yd, &state.yd), (TauQ, &tau), (Wrenches, &wrench)];
+    let given: [(Field, &[T]); 4] =
+        [(Y, &state.y), (Yd, &state.yd), (TauQ, &tau), (Wrenches, &wrench)];
     let mut form = ImplicitForm::with_wrenches(model, &[link]);
     let none = (T::ZERO, T::ZERO);
     let stabilised = (T::from_f64(5.0), T::from_f64(5.0));
@@ -64,7 +87,11 @@ fn agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, scalar: &st
         let mut qdd = vec![T::ZERO; n_v];
         let status = form.accelerations(model, &q, &qd, &tau, &wrench, stabilisation, &mut qdd);
         assert_eq!(status, Status::Ok, "{what}");
-        assert!(form.position_drift().to_f64() < 1e-12 + case.contradiction(), "{}", form.position_drift().to_f64());
+        assert!(
+            form.position_drift().to_f64() < 1e-12 + case.contradiction(),
+            "{}",
+            form.position_drift().to_f64()
+        );
         for method in [Method::Kkt, Method::Recursion] {
             let [of_plan, lambda] = planned(model, method, base.with_wrenches(&[link]), &given);
             let size = largest(&of_plan).max(1.0);
@@ -75,7 +102,14 @@ fn agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, scalar: &st
             let forces = |lambda: &[T]| transposed(&rows, lambda, n_v);
             let (mine, others) = (forces(form.lambda()), forces(&lambda));
             let name = format!("Kᵀλ {what} against {} in {scalar}", method.name());
-            ledger.compare(&name, case, &mine, &others, largest(&tau), (allowed + loops) * cond * 1e2);
+            ledger.compare(
+                &name,
+                case,
+                &mine,
+                &others,
+                largest(&tau),
+                (allowed + loops) * cond * 1e2,
+            );
         }
     }
 }
@@ -92,15 +126,23 @@ fn at_a_closed_state_it_is_the_plans_forward_dynamics() {
 
 /// The unit of each coordinate: a typical length where it slides.
 fn units(case: &Case) -> Vec<f64> {
-    let slides = |name: &String| case.description.joints.iter().any(|x| x.name == *name && x.kind == JointKind::Prismatic);
-    case.compiled.model.tree_q_names().iter().map(|name| if slides(name) { case.scale } else { 1.0 }).collect()
+    let slides = |name: &String| {
+        case.description.joints.iter().any(|x| x.name == *name && x.kind == JointKind::Prismatic)
+    };
+    case.compiled
+        .model
+        .tree_q_names()
+        .iter()
+        .map(|name| if slides(name) { case.scale } else { 1.0 })
+        .collect()
 }
 
 /// q of a closed state, every single coordinate moved a little.
 fn disturbed(case: &Case, q: &[f64], size: f64, seed: u64) -> Vec<f64> {
     let moves = Seeded::new(seed).numbers(q.len(), size);
     let names = case.compiled.model.tree_q_names();
-    let moved = |k: usize, unit: f64| if names[k].contains('/') { q[k] } else { q[k] + unit * moves[k] };
+    let moved =
+        |k: usize, unit: f64| if names[k].contains('/') { q[k] } else { q[k] + unit * moves[k] };
     units(case).into_iter().enumerate().map(|(k, unit)| moved(k, unit)).collect()
 }
 
@@ -116,7 +158,12 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
         for size in [1e-8, 1e-4, 1e-2] {
             let mut q = disturbed(case, &truth.q, size, case.seed);
             let before = q.clone();
-            let mut qd: Vec<f64> = truth.qd.iter().zip(Seeded::new(7).numbers(q.len(), 1.0)).map(|(qd, by)| qd + by).collect();
+            let mut qd: Vec<f64> = truth
+                .qd
+                .iter()
+                .zip(Seeded::new(7).numbers(q.len(), 1.0))
+                .map(|(qd, by)| qd + by)
+                .collect();
             let status = form.project(model, &mut q, &mut qd);
             if status != Status::Ok {
                 // a large disturbance of a pose near a singular one may leave no way back
@@ -127,7 +174,10 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
             closed_again += 1;
             let tau = vec![0.0; qd.len()];
             let mut qdd = tau.clone();
-            assert_eq!(form.accelerations(model, &q, &qd, &tau, &[], (0.0, 0.0), &mut qdd), Status::Ok);
+            assert_eq!(
+                form.accelerations(model, &q, &qd, &tau, &[], (0.0, 0.0), &mut qdd),
+                Status::Ok
+            );
             let rows = 1e-14 + case.contradiction();
             ledger.note("φ after a projection", case, form.position_drift(), rows);
             ledger.note(
@@ -137,14 +187,35 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
                 1e-13 * largest(&qd).max(1.0) * (1.0 + 1.0 / case.scale) + rows,
             );
             // the undisturbed pose is closed and that far away
-            let far = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(&units).map(|((a, b), unit)| ((a - b) / unit).powi(2)).sum::<f64>().sqrt();
+            let far = |a: &[f64], b: &[f64]| {
+                a.iter()
+                    .zip(b)
+                    .zip(&units)
+                    .map(|((a, b), unit)| ((a - b) / unit).powi(2))
+                    .sum::<f64>()
+                    .sqrt()
+            };
             let (moved, disturbance) = (far(&q, &before), far(&truth.q, &before));
             ledger.note("length of the move", case, moved, 3.0 * disturbance + 1e-14);
             // a second projection has nothing to do
             let (again, mut again_qd) = (q.clone(), qd.clone());
             assert_eq!(form.project(model, &mut q, &mut again_qd), Status::Ok);
-            ledger.compare("q projected twice", case, &q, &again, 1.0, 1e-13 + case.contradiction() * 1e2);
-            ledger.compare("q̇ projected twice", case, &again_qd, &qd, 1.0, 1e-11 + case.contradiction() * 1e2);
+            ledger.compare(
+                "q projected twice",
+                case,
+                &q,
+                &again,
+                1.0,
+                1e-13 + case.contradiction() * 1e2,
+            );
+            ledger.compare(
+                "q̇ projected twice",
+                case,
+                &again_qd,
+                &qd,
+                1.0,
+                1e-11 + case.contradiction() * 1e2,
+            );
         }
     });
     println!("{closed_again} closed, {refused} refused");
@@ -152,7 +223,14 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
 }
 
 /// One step of Runge and Kutta's method of order four for (q, q̇) of a robot without quaternions.
-fn step(model: &Model, form: &mut ImplicitForm<f64>, stabilisation: (f64, f64), h: f64, q: &mut [f64], qd: &mut [f64]) {
+fn step(
+    model: &Model,
+    form: &mut ImplicitForm<f64>,
+    stabilisation: (f64, f64),
+    h: f64,
+    q: &mut [f64],
+    qd: &mut [f64],
+) {
     let n = q.len();
     let tau = vec![0.0; n];
     let (mut k_q, mut k_v) = (vec![vec![0.0; n]; 4], vec![vec![0.0; n]; 4]);
@@ -161,7 +239,10 @@ fn step(model: &Model, form: &mut ImplicitForm<f64>, stabilisation: (f64, f64), 
         let last = stage.max(1) - 1;
         let at: Vec<f64> = (0..n).map(|i| q[i] + by * k_q[last][i]).collect();
         let rate: Vec<f64> = (0..n).map(|i| qd[i] + by * k_v[last][i]).collect();
-        assert_eq!(form.accelerations(model, &at, &rate, &tau, &[], stabilisation, &mut k_v[stage]), Status::Ok);
+        assert_eq!(
+            form.accelerations(model, &at, &rate, &tau, &[], stabilisation, &mut k_v[stage]),
+            Status::Ok
+        );
         k_q[stage] = rate;
     }
     for i in 0..n {
@@ -194,7 +275,10 @@ fn a_drifted_state_comes_back_as_baumgarte_says() {
         let (first, last) = run((beta, beta));
         let t = f64::from(steps) * h;
         let expected = (1.0 + beta * t) * (-beta * t).exp();
-        println!("{name}: drift {first:.3e} to {last:.3e}, a part of {:.4e}, expected {expected:.4e}", last / first);
+        println!(
+            "{name}: drift {first:.3e} to {last:.3e}, a part of {:.4e}, expected {expected:.4e}",
+            last / first
+        );
         // to the error of the integration
         assert!((last / first / expected - 1.0).abs() < 0.05, "{name}");
     }
@@ -211,7 +295,10 @@ fn what_does_not_fit_is_refused_and_nothing_allocates() {
         let zero = vec![0.0; sizes.n_v];
         let (mut q, mut qd) = (at.q.clone(), at.qd.clone());
         let mut far = at.q.clone();
-        far.iter_mut().zip(model.tree_q_names()).filter(|(_, name)| !name.contains('/')).for_each(|(q, _)| *q += 2.0);
+        far.iter_mut()
+            .zip(model.tree_q_names())
+            .filter(|(_, name)| !name.contains('/'))
+            .for_each(|(q, _)| *q += 2.0);
         let mut far_qd = at.qd.clone();
         let before = crate::allocation::calls();
         let fine = form.accelerations(model, &at.q, &at.qd, &zero, &[], (1.0, 1.0), &mut qdd);
@@ -219,16 +306,24 @@ fn what_does_not_fit_is_refused_and_nothing_allocates() {
         // closed elsewhere or refused, but never half
         let elsewhere = form.project(model, &mut far, &mut far_qd);
         let short = form.accelerations(model, &at.q, &at.qd, &zero[1..], &[], (1.0, 1.0), &mut qdd);
-        let too_many = form.accelerations(model, &at.q, &at.qd, &zero, &[0.0], (1.0, 1.0), &mut qdd);
-        let no_number = form.accelerations(model, &at.q, &at.qd, &zero, &[], (f64::NAN, 1.0), &mut qdd);
+        let too_many =
+            form.accelerations(model, &at.q, &at.qd, &zero, &[0.0], (1.0, 1.0), &mut qdd);
+        let no_number =
+            form.accelerations(model, &at.q, &at.qd, &zero, &[], (f64::NAN, 1.0), &mut qdd);
         assert_eq!(crate::allocation::calls(), before, "{}", case.name);
         assert_eq!(
             [fine, closed, short, too_many, no_number],
             [Status::Ok, Status::Ok, Status::WrongSize, Status::WrongSize, Status::NonFiniteInput]
         );
         assert!(qdd.iter().all(|x| x.is_nan()) && form.lambda().iter().all(|x| x.is_nan()));
-        assert_eq!(elsewhere == Status::Ok, far.iter().all(|x| x.is_finite()), "{}: {elsewhere}", case.name);
-        let other = Case::bundled(if case.name == "torso" { "lambda" } else { "torso" }).compiled.model;
+        assert_eq!(
+            elsewhere == Status::Ok,
+            far.iter().all(|x| x.is_finite()),
+            "{}: {elsewhere}",
+            case.name
+        );
+        let other =
+            Case::bundled(if case.name == "torso" { "lambda" } else { "torso" }).compiled.model;
         assert_eq!(form.project(&other, &mut q, &mut qd), Status::WrongModel);
     }
 }

@@ -1,7 +1,13 @@
 //! The proof: one binary, so that it links once.
 // the symbols of the equations
 #![allow(non_snake_case)]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, reason = "a test that fails panics")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    missing_docs,
+    reason = "a test that fails panics"
+)]
 
 mod agreement;
 mod allocation;

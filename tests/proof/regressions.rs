@@ -23,11 +23,15 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
         sliders.push(slider);
     }
     draft.roles(&[(first, 0.2), (second, 0.2)], &sliders);
-    let model = Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}")).model;
+    let model =
+        Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}")).model;
 
     let mut robot = Robot::new(model);
-    let [one, other] = [[0.11, -0.07], [-0.05, 0.13]].map(|y| robot.ask(Request::Kinematics, &[(Y, &y)], &[G]).ok());
-    let still = |v: usize| [&one, &other].iter().all(|answer| answer.get(G)[2 * v..2 * v + 2] == [0.0, 0.0]);
+    let [one, other] = [[0.11, -0.07], [-0.05, 0.13]]
+        .map(|y| robot.ask(Request::Kinematics, &[(Y, &y)], &[G]).ok());
+    let still = |v: usize| {
+        [&one, &other].iter().all(|answer| answer.get(G)[2 * v..2 * v + 2] == [0.0, 0.0])
+    };
     let names = robot.model.tree_names();
     let locked: Vec<&String> = (0..names.len()).filter(|v| still(*v)).map(|v| &names[v]).collect();
     let mut told: Vec<&String> = robot.model.closures()[0].idle.iter().collect();
@@ -38,7 +42,8 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
 #[test]
 fn wishing_for_good_independents_does_not_take_an_answer_away() {
     // nearly flat, K has nearly lost rank; and a platform far out
-    let flat = [1e-3, 1e-4, 1e-6].map(|off| ("four_bars_2", vec![off - std::f64::consts::FRAC_PI_2]));
+    let flat =
+        [1e-3, 1e-4, 1e-6].map(|off| ("four_bars_2", vec![off - std::f64::consts::FRAC_PI_2]));
     let far = [("stewart", vec![1e4; 6])];
     for (name, y) in flat.into_iter().chain(far) {
         let mut robot = Robot::new(Case::bundled(name).compiled.model);
@@ -59,7 +64,11 @@ fn a_loop_that_is_singular_at_zero_is_warned_of_and_called_singular() {
     draft.cut(rod, rocker, along, &[], &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     draft.roles(&[(crank, 0.2)], &[crank]);
     let compiled = Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}"));
-    assert!(compiled.warnings.iter().any(|warning| warning.found.contains("singular at the zero pose")), "{:?}", compiled.warnings);
+    assert!(
+        compiled.warnings.iter().any(|warning| warning.found.contains("singular at the zero pose")),
+        "{:?}",
+        compiled.warnings
+    );
 
     let mut robot = Robot::new(compiled.model);
     for y in [0.0, 0.1, -0.1] {

@@ -1,4 +1,5 @@
-//! The same robot in other units: lengths and masses times 1e±3 give the same angles and scaled forces, to rounding.
+//! The same robot in other units: lengths and masses times 1e±3 give the same angles and scaled
+//! forces, to rounding.
 
 use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
 use sarrus_dynamics::scalar::Real;
@@ -10,7 +11,8 @@ use sarrus_tests::seed::Seeded;
 
 use Field::*;
 
-/// Rounding allowed at condition 1, in units of rounding: every number of the description is rounded anew.
+/// Rounding allowed at condition 1, in units of rounding: every number of the description is
+/// rounded anew.
 const ROUNDING: f64 = 256.0;
 
 /// Every length times L and every mass times M; times stay, so gravity is scaled with the lengths.
@@ -23,7 +25,8 @@ fn scaled(of: &Description, L: f64, M: f64) -> Description {
         inertial.mass *= M;
         inertial.inertia = inertial.inertia.map(|x| M * L * L * x);
     }
-    let slides: Vec<bool> = of.joints.iter().map(|joint| joint.kind == JointKind::Prismatic).collect();
+    let slides: Vec<bool> =
+        of.joints.iter().map(|joint| joint.kind == JointKind::Prismatic).collect();
     let unit = |joint: usize| if slides[joint] { L } else { 1.0 };
     for (j, joint) in to.joints.iter_mut().enumerate() {
         place(&mut joint.origin);
@@ -33,8 +36,10 @@ fn scaled(of: &Description, L: f64, M: f64) -> Description {
         }
         let terms = &mut joint.terms;
         let force = M * L * L / unit(j).powi(2);
-        (terms.damping, terms.stiffness, terms.rest) = (force * terms.damping, force * terms.stiffness, unit(j) * terms.rest);
-        (terms.rotor_inertia, terms.gear_ratio) = (M * L * L * terms.rotor_inertia, terms.gear_ratio / unit(j));
+        (terms.damping, terms.stiffness, terms.rest) =
+            (force * terms.damping, force * terms.stiffness, unit(j) * terms.rest);
+        (terms.rotor_inertia, terms.gear_ratio) =
+            (M * L * L * terms.rotor_inertia, terms.gear_ratio / unit(j));
     }
     for of in to.submechanisms.iter_mut().flat_map(|x| &mut x.loops) {
         if let Cut::Placed { predecessor, successor } = &mut of.cut {
@@ -47,8 +52,14 @@ fn scaled(of: &Description, L: f64, M: f64) -> Description {
 
 /// The factor of each coordinate or velocity by its name.
 fn units(case: &Case, names: &[String], L: f64) -> Vec<f64> {
-    let slides = |name: &str| case.description.joints.iter().any(|joint| joint.name == name && joint.kind == JointKind::Prismatic);
-    let moves = |name: &str| ["/x", "/y", "/z", "/tx", "/ty", "/tz"].iter().any(|end| name.ends_with(end));
+    let slides = |name: &str| {
+        case.description
+            .joints
+            .iter()
+            .any(|joint| joint.name == name && joint.kind == JointKind::Prismatic)
+    };
+    let moves =
+        |name: &str| ["/x", "/y", "/z", "/tx", "/ty", "/tz"].iter().any(|end| name.ends_with(end));
     names.iter().map(|name| if slides(name) || moves(name) { L } else { 1.0 }).collect()
 }
 
@@ -66,7 +77,8 @@ fn angles_stay_and_forces_scale_with_lengths_and_masses() {
     Ledger::over(robots(), |case, ledger| {
         let mut robot = Robot::new(case.compiled.model.clone());
         for (L, M) in [(1e-3, 1e-3), (1e-3, 1e3), (1e3, 1e-3), (1e3, 1e3)] {
-            let compiled = Model::compile(&scaled(&case.description, L, M)).unwrap_or_else(|faults| panic!("{faults:?}"));
+            let compiled = Model::compile(&scaled(&case.description, L, M))
+                .unwrap_or_else(|faults| panic!("{faults:?}"));
             let mut large = Robot::new(compiled.model);
             let of = |names: &[String]| units(case, names, L);
             let model = &robot.model;
@@ -78,12 +90,14 @@ fn angles_stay_and_forces_scale_with_lengths_and_masses() {
                 of(model.active_names()),
             );
             // a generalised force is power over speed
-            let force = |units: &[f64]| units.iter().map(|unit| M * L * L / unit).collect::<Vec<f64>>();
+            let force =
+                |units: &[f64]| units.iter().map(|unit| M * L * L / unit).collect::<Vec<f64>>();
             let state = case.state::<f64>(2);
             let given = [(Y, state.y.as_slice()), (Yd, &state.yd), (Ydd, &state.ydd)];
             let want = [Q, Qd, Qdd, G, TauQ, TauY, TauU, MY, CondKd, CondGu, CondMy];
             let x = robot.ask(Request::InverseDynamics, &given, &want).ok();
-            let [sy, syd, sydd] = [times(&state.y, &qy), times(&state.yd, &y), times(&state.ydd, &y)];
+            let [sy, syd, sydd] =
+                [times(&state.y, &qy), times(&state.yd, &y), times(&state.ydd, &y)];
             let given = [(Y, sy.as_slice()), (Yd, &syd), (Ydd, &sydd)];
             let z = large.ask(Request::InverseDynamics, &given, &want).ok();
             let [cond, cond_u, cond_M] = [CondKd, CondGu, CondMy].map(|field| x.get(field)[0]);
@@ -93,27 +107,65 @@ fn angles_stay_and_forces_scale_with_lengths_and_masses() {
             ledger.compare("q", case, &over(z.get(Q), &q), x.get(Q), 1.0, allowed(cond));
             ledger.compare("q̇", case, &over(z.get(Qd), &v), x.get(Qd), speed, allowed(cond));
             let size = speed.powi(2).max(largest(x.get(Qdd)));
-            ledger.compare("q̈", case, &over(z.get(Qdd), &v), x.get(Qdd), size, allowed(cond * cond));
+            ledger.compare(
+                "q̈",
+                case,
+                &over(z.get(Qdd), &v),
+                x.get(Qdd),
+                size,
+                allowed(cond * cond),
+            );
             let n = y.len();
             let of_G: Vec<f64> = (0..x.get(G).len()).map(|k| v[k / n] / y[k % n]).collect();
             ledger.compare("G", case, &over(z.get(G), &of_G), x.get(G), 1.0, allowed(cond));
             let of_M: Vec<f64> = (0..n * n).map(|k| M * L * L / (y[k / n] * y[k % n])).collect();
             ledger.compare("M_y", case, &over(z.get(MY), &of_M), x.get(MY), 0.0, allowed(cond));
             let size = largest(x.get(TauQ));
-            ledger.compare("τ_q", case, &over(z.get(TauQ), &force(&v)), x.get(TauQ), size, allowed(cond * cond));
-            ledger.compare("τ_y", case, &over(z.get(TauY), &force(&y)), x.get(TauY), size, allowed(cond * cond));
+            ledger.compare(
+                "τ_q",
+                case,
+                &over(z.get(TauQ), &force(&v)),
+                x.get(TauQ),
+                size,
+                allowed(cond * cond),
+            );
+            ledger.compare(
+                "τ_y",
+                case,
+                &over(z.get(TauY), &force(&y)),
+                x.get(TauY),
+                size,
+                allowed(cond * cond),
+            );
             if case.square {
                 // otherwise the least norm over actuators of unlike units is another one
-                ledger.compare("τ_u", case, &over(z.get(TauU), &force(&u)), x.get(TauU), size, allowed(cond * cond * cond_u));
+                ledger.compare(
+                    "τ_u",
+                    case,
+                    &over(z.get(TauU), &force(&u)),
+                    x.get(TauU),
+                    size,
+                    allowed(cond * cond * cond_u),
+                );
             }
             let mut seeded = Seeded::new(case.seed);
-            let tau: Vec<f64> = x.get(TauY).iter().map(|tau| tau * seeded.within(0.5, 1.5)).collect();
+            let tau: Vec<f64> =
+                x.get(TauY).iter().map(|tau| tau * seeded.within(0.5, 1.5)).collect();
             let given = [(Y, state.y.as_slice()), (Yd, &state.yd), (TauY, &tau)];
             let x = robot.ask(Request::ForwardDynamics, &given, &[Ydd]).ok();
             let tau = times(&tau, &force(&y));
-            let z = large.ask(Request::ForwardDynamics, &[(Y, &sy), (Yd, &syd), (TauY, &tau)], &[Ydd]).ok();
+            let z = large
+                .ask(Request::ForwardDynamics, &[(Y, &sy), (Yd, &syd), (TauY, &tau)], &[Ydd])
+                .ok();
             let size = largest(x.get(Ydd)).max(largest(&state.ydd));
-            ledger.compare("ÿ of FD", case, &over(z.get(Ydd), &y), x.get(Ydd), size, allowed(cond * cond * cond_M));
+            ledger.compare(
+                "ÿ of FD",
+                case,
+                &over(z.get(Ydd), &y),
+                x.get(Ydd),
+                size,
+                allowed(cond * cond * cond_M),
+            );
 
             // far away, where there may be no answer
             for k in 0..6 {
@@ -133,7 +185,14 @@ fn angles_stay_and_forces_scale_with_lengths_and_masses() {
                 }
                 if (x.answer.status, z.answer.status) == (Status::Ok, Status::Ok) {
                     let cond = x.get(CondKd)[0];
-                    ledger.compare("q far away", case, &over(z.get(Q), &q), x.get(Q), 1.0, allowed(cond));
+                    ledger.compare(
+                        "q far away",
+                        case,
+                        &over(z.get(Q), &q),
+                        x.get(Q),
+                        1.0,
+                        allowed(cond),
+                    );
                 }
             }
         }

@@ -30,8 +30,14 @@ fn narrow(x: &[f64]) -> Vec<f32> {
     x.iter().map(|x| *x as f32).collect()
 }
 
-/// Both precisions at one state that is exact in both; the statuses of positions, and how far these are apart by size.
-fn positions(case: &Case, single: &mut Robot<f32>, double: &mut Robot<f64>, k: u64) -> (Status, Status, f64) {
+/// Both precisions at one state that is exact in both; the statuses of positions, and how far these
+/// are apart by size.
+fn positions(
+    case: &Case,
+    single: &mut Robot<f32>,
+    double: &mut Robot<f64>,
+    k: u64,
+) -> (Status, Status, f64) {
     let y = case.state::<f32>(k).y;
     let x = single.ask(Request::Kinematics, &[(Y, &y)], &[Q]);
     let truth = double.ask(Request::Kinematics, &[(Y, &wide(&y))], &[Q]);
@@ -44,14 +50,22 @@ fn positions(case: &Case, single: &mut Robot<f32>, double: &mut Robot<f64>, k: u
 }
 
 /// Compares everything at one state; false where single precision has no answer.
-fn compare(case: &Case, single: &mut Robot<f32>, double: &mut Robot<f64>, k: u64, ledger: &mut Ledger) -> bool {
+fn compare(
+    case: &Case,
+    single: &mut Robot<f32>,
+    double: &mut Robot<f64>,
+    k: u64,
+    ledger: &mut Ledger,
+) -> bool {
     let State { y, yd, ydd } = case.state::<f32>(k);
     let [wide_y, wide_yd, wide_ydd] = [&y, &yd, &ydd].map(|x| wide(x));
     let motion: [(Field, &[f64]); 3] = [(Y, &wide_y), (Yd, &wide_yd), (Ydd, &wide_ydd)];
     let truth = double.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, CondKd]).ok();
     let forces = double.ask(Request::InverseDynamics, &motion, &[TauQ, TauY, CondMy]).ok();
     let tau = narrow(forces.get(TauY));
-    let forward = double.ask(Request::ForwardDynamics, &[motion[0], motion[1], (TauY, &wide(&tau))], &[Ydd]).ok();
+    let forward = double
+        .ask(Request::ForwardDynamics, &[motion[0], motion[1], (TauY, &wide(&tau))], &[Ydd])
+        .ok();
 
     let motion: [(Field, &[f32]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
     let x = single.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd]);
@@ -71,7 +85,14 @@ fn compare(case: &Case, single: &mut Robot<f32>, double: &mut Robot<f64>, k: u64
     let force = largest(forces.get(TauQ));
     ledger.compare("τ_y", case, &wide(tau_y.get(TauY)), forces.get(TauY), force, allowed * cond);
     let acceleration = largest(forward.get(Ydd)).max(rate);
-    ledger.compare("ÿ", case, &wide(ydd.get(Ydd)), forward.get(Ydd), acceleration, allowed * cond * cond_M);
+    ledger.compare(
+        "ÿ",
+        case,
+        &wide(ydd.get(Ydd)),
+        forward.get(Ydd),
+        acceleration,
+        allowed * cond * cond_M,
+    );
     true
 }
 
@@ -81,27 +102,37 @@ fn single_precision_is_right_to_its_rounding_on_every_bundled_robot() {
     let mut refused = Vec::new();
     Ledger::over(&cases, |case, ledger| {
         let double = &case.compiled.model;
-        let (mut single, mut double) = (Robot::new(double.convert(|x| x as f32)), Robot::new(double.clone()));
-        let answered = (0..STATES).filter(|k| compare(case, &mut single, &mut double, *k, ledger)).count();
+        let (mut single, mut double) =
+            (Robot::new(double.convert(|x| x as f32)), Robot::new(double.clone()));
+        let answered =
+            (0..STATES).filter(|k| compare(case, &mut single, &mut double, *k, ledger)).count();
         refused.push((case.name.clone(), STATES as usize - answered));
     });
     println!("refused of {STATES}: {refused:?}");
     let total: usize = refused.iter().map(|x| x.1).sum();
-    assert!(total * 50 <= cases.len() * STATES as usize, "more than one in fifty refused: {refused:?}");
+    assert!(
+        total * 50 <= cases.len() * STATES as usize,
+        "more than one in fifty refused: {refused:?}"
+    );
 }
 
-/// Out to where loops do not close: an answer is on the branch of the double one, and where that has none there is none.
+/// Out to where loops do not close: an answer is on the branch of the double one, and where that
+/// has none there is none.
 #[test]
 fn single_precision_never_gives_another_branch() {
     let (mut answered, mut refused) = (0, 0);
     for mut case in bundled() {
         case.reach.iter_mut().for_each(|reach| *reach *= 8.0);
         let double = &case.compiled.model;
-        let (mut single, mut double) = (Robot::new(double.convert(|x| x as f32)), Robot::new(double.clone()));
+        let (mut single, mut double) =
+            (Robot::new(double.convert(|x| x as f32)), Robot::new(double.clone()));
         for k in 0..4 * STATES {
             let (status, truth, error) = positions(&case, &mut single, &mut double, k);
             let name = &case.name;
-            assert!(status != Status::Ok || truth == Status::Ok, "{name}, state {k}: ok, but {truth} in double");
+            assert!(
+                status != Status::Ok || truth == Status::Ok,
+                "{name}, state {k}: ok, but {truth} in double"
+            );
             assert!(error < ANOTHER, "{name}, state {k}: {error}");
             *(if status == Status::Ok { &mut answered } else { &mut refused }) += 1;
         }
@@ -114,11 +145,14 @@ fn single_precision_never_gives_another_branch() {
 fn a_request_that_single_precision_cannot_tell_is_refused() {
     let case = Case::bundled("lambda");
     let mut robot = Robot::new(case.compiled.model.convert(|x| x as f32));
-    let status = |robot: &mut Robot<f32>, y: f32| robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q]).answer.status;
+    let status = |robot: &mut Robot<f32>, y: f32| {
+        robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q]).answer.status
+    };
     assert_eq!(status(&mut robot, 0.1), Status::Ok);
     for y in [f32::NAN, f32::INFINITY, f32::MAX, 1e30] {
         assert_ne!(status(&mut robot, y), Status::Ok, "y = {y}");
     }
-    let residual = robot.ask(Request::Kinematics, &[(Y, &[0.1])], &[Residual]).ok().get(Residual)[0].to_f64();
+    let residual =
+        robot.ask(Request::Kinematics, &[(Y, &[0.1])], &[Residual]).ok().get(Residual)[0].to_f64();
     assert!(residual < 1e-6, "{residual}");
 }

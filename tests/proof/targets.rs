@@ -1,9 +1,11 @@
-//! Ten thousand random targets for each robot, half of them far away: unreachable, or across a toggle.
+//! Ten thousand random targets for each robot, half of them far away: unreachable, or across a
+//! toggle.
 //!
-//! An answer with status ok is finite, closed, and on the branch of its guess: every det K_d has the sign that it has there, and a path
-//! follower that shares no code with the program arrives at the same pose. A closed form keeps the sign of its root, whatever lies between:
-//! where the follower is stopped on its way to such an answer, the signs alone decide. A parallelogram in closed form is linear and has
-//! no root.
+//! An answer with status ok is finite, closed, and on the branch of its guess: every det K_d has
+//! the sign that it has there, and a path follower that shares no code with the program arrives at
+//! the same pose. A closed form keeps the sign of its root, whatever lies between: where the
+//! follower is stopped on its way to such an answer, the signs alone decide. A parallelogram in
+//! closed form is linear and has no root.
 
 use std::fmt::Write as _;
 use std::sync::Mutex;
@@ -65,24 +67,39 @@ impl Signs {
         let model = &case.compiled.model;
         let (n_v, n_c) = (model.sizes().n_v, model.sizes().n_c);
         let independent = model.independent_names();
-        let dependent: Vec<usize> = (0..n_v).filter(|v| !independent.contains(&model.tree_names()[*v])).collect();
-        // a parallelogram stays one where its links lie in one line, though K_d changes its sign there
+        let dependent: Vec<usize> =
+            (0..n_v).filter(|v| !independent.contains(&model.tree_names()[*v])).collect();
+        // a parallelogram stays one where its links lie in one line, though K_d changes its sign
+        // there
         let linear: Vec<usize> = (case.description.submechanisms.iter().zip(model.closures()))
-            .filter(|(of, closure)| of.kind == SubmechanismKind::ParallelogramChain && closure.kind == ClosureKind::Analytic)
+            .filter(|(of, closure)| {
+                of.kind == SubmechanismKind::ParallelogramChain
+                    && closure.kind == ClosureKind::Analytic
+            })
             .flat_map(|(of, _)| &of.spanning_tree)
-            .filter_map(|j| model.tree_names().iter().position(|name| *name == case.description.joints[*j].name))
+            .filter_map(|j| {
+                model.tree_names().iter().position(|name| *name == case.description.joints[*j].name)
+            })
             .collect();
         let touches = |r: usize, v: usize| some.iter().any(|of| of[r * n_v + v] != 0.0);
         let mut of_row: Vec<usize> = (0..n_c).collect();
         for &v in &dependent {
-            let labels: Vec<usize> = (0..n_c).filter(|r| touches(*r, v)).map(|r| of_row[r]).collect();
+            let labels: Vec<usize> =
+                (0..n_c).filter(|r| touches(*r, v)).map(|r| of_row[r]).collect();
             let Some(least) = labels.iter().min().copied() else { continue };
-            of_row.iter_mut().filter(|label| labels.contains(label)).for_each(|label| *label = least);
+            of_row
+                .iter_mut()
+                .filter(|label| labels.contains(label))
+                .for_each(|label| *label = least);
         }
         let mut parts = Vec::new();
         for label in (0..n_c).filter(|r| of_row[*r] == *r) {
             let rows: Vec<usize> = (0..n_c).filter(|r| of_row[*r] == label).collect();
-            let columns: Vec<usize> = dependent.iter().copied().filter(|v| rows.iter().any(|r| touches(*r, *v))).collect();
+            let columns: Vec<usize> = dependent
+                .iter()
+                .copied()
+                .filter(|v| rows.iter().any(|r| touches(*r, *v)))
+                .collect();
             if rows.len() == columns.len() && !columns.iter().any(|v| linear.contains(v)) {
                 parts.push((rows, columns));
             }
@@ -93,7 +110,8 @@ impl Signs {
     fn of(&self, jacobian: &[f64]) -> Vec<bool> {
         let sign = |(rows, columns): &(Vec<usize>, Vec<usize>)| {
             let n = rows.len();
-            let A: Vec<f64> = (0..n * n).map(|k| jacobian[rows[k / n] * self.n_v + columns[k % n]]).collect();
+            let A: Vec<f64> =
+                (0..n * n).map(|k| jacobian[rows[k / n] * self.n_v + columns[k % n]]).collect();
             eliminated(A, vec![0.0; n], n).is_some_and(|x| x.1 > 0.0)
         };
         self.parts.iter().map(sign).collect()
@@ -104,7 +122,8 @@ impl Signs {
 #[derive(Default)]
 struct Counts {
     by_status: Vec<(Status, usize)>,
-    /// Paths that the follower went, those that both reached, those that only a closed form could answer, those given up too early.
+    /// Paths that the follower went, those that both reached, those that only a closed form could
+    /// answer, those given up too early.
     followed: usize,
     reached: usize,
     beyond: usize,
@@ -116,7 +135,9 @@ struct Counts {
 /// A target: near by as often as far away.
 fn target(case: &Case, seeded: &mut Seeded, far: bool) -> Vec<f64> {
     let model = &case.compiled.model;
-    let slides = |name: &String| case.description.joints.iter().any(|x| x.name == *name && x.kind == JointKind::Prismatic);
+    let slides = |name: &String| {
+        case.description.joints.iter().any(|x| x.name == *name && x.kind == JointKind::Prismatic)
+    };
     let mut y = case.state::<f64>(seeded.bits() % 1000).y;
     let names = model.independent_q_names();
     for (k, name) in names.iter().enumerate() {
@@ -132,7 +153,13 @@ fn target(case: &Case, seeded: &mut Seeded, far: bool) -> Vec<f64> {
 }
 
 /// Asks one of the three requests; all give q, K and the residual.
-fn ask(robot: &mut Robot<f64>, which: usize, y: &[f64], guess: Option<&[f64]>, seeded: &mut Seeded) -> Fields<f64> {
+fn ask(
+    robot: &mut Robot<f64>,
+    which: usize,
+    y: &[f64],
+    guess: Option<&[f64]>,
+    seeded: &mut Seeded,
+) -> Fields<f64> {
     let sizes = robot.model.sizes();
     let (yd, ydd) = (seeded.numbers(sizes.n_vy, 1.0), seeded.numbers(sizes.n_vy, 1.0));
     let (request, force, result) = match which {
@@ -151,7 +178,11 @@ fn in_small_steps(robot: &mut Robot<f64>, start: &[f64], y: &[f64], places: &[us
     let mut least = (f64::INFINITY, 0.0);
     for k in 1..=2000 {
         let part = f64::from(k) / 2000.0;
-        let at: Vec<f64> = places.iter().zip(y).map(|(place, y)| start[*place] + (y - start[*place]) * part).collect();
+        let at: Vec<f64> = places
+            .iter()
+            .zip(y)
+            .map(|(place, y)| start[*place] + (y - start[*place]) * part)
+            .collect();
         let x = robot.ask(Request::Kinematics, &[(Y, &at), (QGuess, &q)], &[Q, SigmaMin]);
         if x.answer.status != Status::Ok {
             return format!("{} after {part}", x.answer.status);
@@ -178,14 +209,27 @@ fn go(case: &Case) -> Counts {
         })
         .collect();
     let signs = Signs::new(case, &near.iter().map(|x| x.1.clone()).collect::<Vec<_>>());
-    let zero: Vec<f64> =
-        case.state::<f64>(0).y.iter().zip(model.independent_q_names()).map(|(y, name)| if name.contains('/') { *y } else { 0.0 }).collect();
+    let zero: Vec<f64> = case
+        .state::<f64>(0)
+        .y
+        .iter()
+        .zip(model.independent_q_names())
+        .map(|(y, name)| if name.contains('/') { *y } else { 0.0 })
+        .collect();
     let zero = robot.ask(Request::Kinematics, &[(Y, &zero)], &[Q, K]).ok();
     let zero = (zero.get(Q).to_vec(), zero.get(K).to_vec());
     // where the tree coordinates of y stand in q
-    let places: Vec<usize> =
-        model.independent_q_names().iter().map(|name| model.tree_q_names().iter().position(|x| x == name).unwrap()).collect();
-    let turns = |k: usize| case.description.joints.iter().any(|x| x.name == model.tree_q_names()[k] && x.kind != JointKind::Prismatic);
+    let places: Vec<usize> = model
+        .independent_q_names()
+        .iter()
+        .map(|name| model.tree_q_names().iter().position(|x| x == name).unwrap())
+        .collect();
+    let turns = |k: usize| {
+        case.description
+            .joints
+            .iter()
+            .any(|x| x.name == model.tree_q_names()[k] && x.kind != JointKind::Prismatic)
+    };
     let every = TARGETS / (1500 / model.link_names().len()).clamp(20, 60);
     let mut counts = Counts::default();
     for k in 0..TARGETS {
@@ -198,9 +242,10 @@ fn go(case: &Case) -> Counts {
             None => counts.by_status.push((status, 1)),
         }
         let mut silent = |what: String| {
-            counts
-                .silent
-                .push(format!("target {k} from {} ({status}): {what}; y = {y:?}", if start.is_some() { "a guess" } else { "zero" }))
+            counts.silent.push(format!(
+                "target {k} from {} ({status}): {what}; y = {y:?}",
+                if start.is_some() { "a guess" } else { "zero" }
+            ))
         };
         let start = start.unwrap_or(&zero);
         let result = x.get([TauY, Ydd, Qdd][k % 3]);
@@ -233,10 +278,17 @@ fn go(case: &Case) -> Counts {
                 let apart = |k: usize| {
                     let d = x.get(Q)[k] - q[k];
                     let turn = std::f64::consts::TAU;
-                    if turns(k) { (d - turn * (d / turn).round()).abs() } else { d.abs() / case.scale }
+                    if turns(k) {
+                        (d - turn * (d / turn).round()).abs()
+                    } else {
+                        d.abs() / case.scale
+                    }
                 };
                 // quaternions are not the follower's
-                let worst = (0..q.len()).filter(|k| !model.tree_q_names()[*k].contains('/')).map(apart).fold(0.0, f64::max);
+                let worst = (0..q.len())
+                    .filter(|k| !model.tree_q_names()[*k].contains('/'))
+                    .map(apart)
+                    .fold(0.0, f64::max);
                 if worst > 1e-5 {
                     silent(format!("ok but {worst:.2e} from where the path leads"));
                 }
@@ -260,10 +312,16 @@ fn go(case: &Case) -> Counts {
 /// The bundled robots and random ones of every kind.
 fn chosen() -> Vec<&'static Case> {
     let all = robots();
-    let mut chosen: Vec<&Case> = all.iter().take_while(|case| case.seed >= 1000 || !case.name.starts_with("seed")).collect();
+    let mut chosen: Vec<&Case> =
+        all.iter().take_while(|case| case.seed >= 1000 || !case.name.starts_with("seed")).collect();
     for family in FAMILIES {
-        let of_family = all.iter().filter(|case| case.name.starts_with("seed") && !case.rounded && case.name.contains(family));
-        let fresh: Vec<&Case> = of_family.filter(|case| !chosen.iter().any(|x| x.name == case.name)).take(OF_EACH).collect();
+        let of_family = all.iter().filter(|case| {
+            case.name.starts_with("seed") && !case.rounded && case.name.contains(family)
+        });
+        let fresh: Vec<&Case> = of_family
+            .filter(|case| !chosen.iter().any(|x| x.name == case.name))
+            .take(OF_EACH)
+            .collect();
         chosen.extend(fresh);
     }
     chosen
@@ -292,7 +350,8 @@ fn no_target_is_answered_wrongly() {
     let mut wrong = String::new();
     for (k, counts, seconds) in results {
         let case = cases[k];
-        let by_status: Vec<String> = counts.by_status.iter().map(|(status, n)| format!("{status} {n}")).collect();
+        let by_status: Vec<String> =
+            counts.by_status.iter().map(|(status, n)| format!("{status} {n}")).collect();
         println!("{}: {} ({seconds:.1} s)", case.name, by_status.join(", "));
         let Counts { followed, reached, beyond, given_up, early, silent, .. } = counts;
         println!(
@@ -303,7 +362,13 @@ fn no_target_is_answered_wrongly() {
         }
         if !silent.is_empty() {
             let first: Vec<&str> = silent.iter().take(3).map(String::as_str).collect();
-            let _ = write!(wrong, "\n{}: {} of {TARGETS}\n    {}", case.name, silent.len(), first.join("\n    "));
+            let _ = write!(
+                wrong,
+                "\n{}: {} of {TARGETS}\n    {}",
+                case.name,
+                silent.len(),
+                first.join("\n    ")
+            );
         }
     }
     assert!(wrong.is_empty(), "{wrong}");

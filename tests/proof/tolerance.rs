@@ -8,21 +8,27 @@ use sarrus_tests::run::Robot;
 use Field::*;
 
 /// Robots whose loops are closed by Newton's method alone.
-const NUMERICAL: [&str; 6] = ["wrist", "squeezer", "delta", "active_ankle", "four_bars_2", "bricard"];
-/// Those of them that the first attempt closes however loosely it ends: elsewhere redundant rows or the way to the pose ask for more.
+const NUMERICAL: [&str; 6] =
+    ["wrist", "squeezer", "delta", "active_ankle", "four_bars_2", "bricard"];
+/// Those of them that the first attempt closes however loosely it ends: elsewhere redundant rows or
+/// the way to the pose ask for more.
 const DIRECT: [&str; 4] = ["wrist", "squeezer", "delta", "active_ankle"];
 /// States of each.
 const STATES: u64 = 12;
-const TOLERANCES: [f64; 15] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15];
+const TOLERANCES: [f64; 15] = [
+    1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15,
+];
 
 /// Worst error of q against double-double and all Newton steps of some states.
 fn measured(case: &Case, model: &Model) -> (f64, f64) {
-    let (mut robot, mut exact) = (Robot::new(model.clone()), Robot::new(case.compiled.exact.clone()));
+    let (mut robot, mut exact) =
+        (Robot::new(model.clone()), Robot::new(case.compiled.exact.clone()));
     let (mut worst, mut steps) = (0.0_f64, 0.0);
     for k in 0..STATES {
         let x = robot.ask(Request::Kinematics, &[(Y, &case.state::<f64>(k).y)], &[Q, Iterations]);
         assert_eq!(x.answer.status, Status::Ok, "{} state {k}", case.name);
-        let truth = exact.ask(Request::Kinematics, &[(Y, &case.state(k).y)], &[Q]).ok().map(|x| x.hi());
+        let truth =
+            exact.ask(Request::Kinematics, &[(Y, &case.state(k).y)], &[Q]).ok().map(|x| x.hi());
         worst = worst.max(error_by_size(x.get(Q), truth.get(Q), 1.0));
         steps += x.get(Iterations)[0];
     }
@@ -38,15 +44,27 @@ fn an_answer_is_as_exact_as_its_tolerance() {
         let mut before = f64::INFINITY;
         for tolerance in TOLERANCES {
             let (error, steps) = measured(&case, &model.with_tolerance(tolerance, 10));
-            println!("{name} {tolerance:.0e}: {error:.1e} in {steps} steps; usually {:.1e} in {}", usual.0, usual.1);
+            println!(
+                "{name} {tolerance:.0e}: {error:.1e} in {steps} steps; usually {:.1e} in {}",
+                usual.0, usual.1
+            );
             // what is left of a step is at most a part of it, and mostly its square
             assert!(error <= 0.5 * tolerance + 4.0 * usual.0, "{name} {tolerance}: {error}");
-            assert!(error <= 2.0 * before + 4.0 * usual.0, "{name} {tolerance}: {error} after {before}");
-            assert!(tolerance < 2e-9 || steps <= usual.1 || !DIRECT.contains(&name), "{name} {tolerance}: {steps} steps");
+            assert!(
+                error <= 2.0 * before + 4.0 * usual.0,
+                "{name} {tolerance}: {error} after {before}"
+            );
+            assert!(
+                tolerance < 2e-9 || steps <= usual.1 || !DIRECT.contains(&name),
+                "{name} {tolerance}: {steps} steps"
+            );
             before = error;
         }
         let loose = measured(&case, &model.with_tolerance(1e-1, 10));
-        assert!((loose.1 < usual.1 || !DIRECT.contains(&name)) && loose.0 > usual.0, "{name}: {loose:?} {usual:?}");
+        assert!(
+            (loose.1 < usual.1 || !DIRECT.contains(&name)) && loose.0 > usual.0,
+            "{name}: {loose:?} {usual:?}"
+        );
     }
 }
 
@@ -78,7 +96,13 @@ fn closed_forms_have_no_tolerance() {
         let loose = model.with_tolerance(0.1, 1);
         assert_eq!(loose.fingerprint(), model.fingerprint());
         let state = case.state::<f64>(0);
-        let q = |model: &Model| Robot::new(model.clone()).ask(Request::Kinematics, &[(Y, &state.y)], &[Q]).ok().get(Q).to_vec();
+        let q = |model: &Model| {
+            Robot::new(model.clone())
+                .ask(Request::Kinematics, &[(Y, &state.y)], &[Q])
+                .ok()
+                .get(Q)
+                .to_vec()
+        };
         assert_eq!(q(&loose), q(model), "{name}");
     }
 }

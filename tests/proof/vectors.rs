@@ -1,4 +1,5 @@
-//! Every bundled robot against an independent engine, by size at 1e-12, and in double-double against forty digits.
+//! Every bundled robot against an independent engine, by size at 1e-12, and in double-double
+//! against forty digits.
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{Compiled, Field, Request};
@@ -9,7 +10,9 @@ use sarrus_tests::run::Robot;
 use serde_json::Value;
 
 fn bundled(name: &str) -> Compiled {
-    load(&Source::Bundled(name.into()), &Options::default()).unwrap_or_else(|error| panic!("{error}")).compiled
+    load(&Source::Bundled(name.into()), &Options::default())
+        .unwrap_or_else(|error| panic!("{error}"))
+        .compiled
 }
 
 fn negated<T: Scalar>(x: Vec<T>) -> Vec<T> {
@@ -17,12 +20,19 @@ fn negated<T: Scalar>(x: Vec<T>) -> Vec<T> {
 }
 
 /// Compares one case at the tolerance; `read` takes numbers of the file in the scalar under test.
-fn check_case<T: Scalar>(robot: &mut Robot<T>, case: &Value, what: &str, tolerance: f64, read: impl Fn(&Value) -> Vec<T>) {
+fn check_case<T: Scalar>(
+    robot: &mut Robot<T>,
+    case: &Value,
+    what: &str,
+    tolerance: f64,
+    read: impl Fn(&Value) -> Vec<T>,
+) {
     let of = |key: &str| read(&case[key]);
     let (y, yd, ydd) = (of("y"), of("yd"), of("ydd"));
     let motion: [(Field, &[T]); 3] = [(Field::Y, &y), (Field::Yd, &yd), (Field::Ydd, &ydd)];
     use Field::*;
-    let state = robot.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, G, GBias, K, KBias, Residual]).ok();
+    let state =
+        robot.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, G, GBias, K, KBias, Residual]).ok();
     let square = largest(state.get(Qd)).powi(2);
     let check = |field: Field, key: &str, least: f64, fields: &sarrus_tests::run::Fields<T>| {
         assert_close(&format!("{what} {key}"), fields.get(field), &of(key), least, tolerance);
@@ -34,7 +44,13 @@ fn check_case<T: Scalar>(robot: &mut Robot<T>, case: &Value, what: &str, toleran
     check(GBias, "g", square, &state);
     check(K, "K", 1.0, &state);
     // the file has +K̇ q̇
-    assert_close(&format!("{what} k"), state.get(KBias), &negated(of("k")), largest(state.get(K)) * square, tolerance);
+    assert_close(
+        &format!("{what} k"),
+        state.get(KBias),
+        &negated(of("k")),
+        largest(state.get(K)) * square,
+        tolerance,
+    );
 
     let inverse = robot.ask(Request::InverseDynamics, &motion, &[TauY, TauU, TauQ, Lambda]).ok();
     check(TauQ, "tau_tree", 0.0, &inverse);
@@ -43,7 +59,13 @@ fn check_case<T: Scalar>(robot: &mut Robot<T>, case: &Value, what: &str, toleran
     check(Lambda, "lambda_id", 0.0, &inverse);
 
     let tau = of("tau_fd");
-    let forward = robot.ask(Request::ForwardDynamics, &[(Y, y.as_slice()), (Yd, &yd), (TauU, &tau)], &[Ydd, Qdd, Lambda, MY, CY]).ok();
+    let forward = robot
+        .ask(
+            Request::ForwardDynamics,
+            &[(Y, y.as_slice()), (Yd, &yd), (TauU, &tau)],
+            &[Ydd, Qdd, Lambda, MY, CY],
+        )
+        .ok();
     check(Ydd, "ydd_fd", 0.0, &forward);
     check(Qdd, "qdd_fd", 0.0, &forward);
     check(Lambda, "lambda_fd", 0.0, &forward);
@@ -56,7 +78,14 @@ fn every_bundled_robot_agrees_with_an_independent_engine() {
     for name in ROBOTS {
         let mut robot = Robot::new(bundled(name).model);
         let file = vectors(name);
-        let names = |key: &str| file[key].as_array().unwrap().iter().map(|x| x.as_str().unwrap().to_owned()).collect::<Vec<_>>();
+        let names = |key: &str| {
+            file[key]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|x| x.as_str().unwrap().to_owned())
+                .collect::<Vec<_>>()
+        };
         assert_eq!(robot.model.tree_names(), names("tree"), "{name}");
         assert_eq!(robot.model.independent_names(), names("ind"), "{name}");
         assert_eq!(robot.model.active_names(), names("act"), "{name}");
@@ -73,15 +102,23 @@ fn conditions_agree_with_an_independent_engine() {
         for case in cases(&vectors(name)) {
             let y = numbers(&case["y"]);
             use Field::*;
-            let state = robot.ask(Request::InverseDynamics, &[(Y, &y)], &[CondKd, CondGu, CondMy]).ok();
+            let state =
+                robot.ask(Request::InverseDynamics, &[(Y, &y)], &[CondKd, CondGu, CondMy]).ok();
             for (field, key) in [(CondKd, "cond_Kd"), (CondGu, "cond_Gu"), (CondMy, "cond_My")] {
-                assert_close(&format!("{name} {key}"), state.get(field), &numbers(&case[key]), 0.0, 1e-9);
+                assert_close(
+                    &format!("{name} {key}"),
+                    state.get(field),
+                    &numbers(&case[key]),
+                    0.0,
+                    1e-9,
+                );
             }
         }
     }
 }
 
-/// Largest error of a field over all states, in units of the last place of the field's largest number.
+/// Largest error of a field over all states, in units of the last place of the field's largest
+/// number.
 fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
     let mut robot = Robot::new(bundled(name).model);
     let mut worst: Vec<(&'static str, f64)> = Vec::new();
@@ -89,7 +126,10 @@ fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
         let size = largest(truth).max(least);
         // the spacing of doubles at that size
         let ulp = 2f64.powi(size.log2().floor() as i32 - 52);
-        let error = mine.iter().zip(truth).fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs() / ulp));
+        let error = mine
+            .iter()
+            .zip(truth)
+            .fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs() / ulp));
         match worst.iter_mut().find(|x| x.0 == key) {
             Some(seen) => seen.1 = seen.1.max(error),
             None => worst.push((key, error)),
@@ -104,24 +144,37 @@ fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
         let motion: [(Field, &[f64]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
         let state = robot.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, G, GBias, K, KBias]).ok();
         let square = largest(state.get(Qd)).powi(2);
-        for (field, key, least) in [(Q, "q", 1.0), (Qd, "qd", 1.0), (Qdd, "qdd", 1.0), (G, "G", 1.0), (GBias, "g", square), (K, "K", 1.0)] {
+        for (field, key, least) in [
+            (Q, "q", 1.0),
+            (Qd, "qd", 1.0),
+            (Qdd, "qdd", 1.0),
+            (G, "G", 1.0),
+            (GBias, "g", square),
+            (K, "K", 1.0),
+        ] {
             note(key, state.get(field), &of(key), least);
         }
         note("k", state.get(KBias), &negated(of("k")), largest(state.get(K)) * square);
-        let inverse = robot.ask(Request::InverseDynamics, &motion, &[TauY, TauU, TauQ, Lambda]).ok();
-        for (field, key) in [(TauQ, "tau_tree"), (TauY, "tau_y"), (TauU, "tau_u"), (Lambda, "lambda_id")] {
+        let inverse =
+            robot.ask(Request::InverseDynamics, &motion, &[TauY, TauU, TauQ, Lambda]).ok();
+        for (field, key) in
+            [(TauQ, "tau_tree"), (TauY, "tau_y"), (TauU, "tau_u"), (Lambda, "lambda_id")]
+        {
             note(key, inverse.get(field), &of(key), 0.0);
         }
         let given: [(Field, &[f64]); 3] = [(Y, &y), (Yd, &yd), (TauU, &tau)];
         let forward = robot.ask(Request::ForwardDynamics, &given, &[Ydd, Qdd, Lambda, MY, CY]).ok();
-        for (field, key) in [(Ydd, "ydd_fd"), (Qdd, "qdd_fd"), (Lambda, "lambda_fd"), (MY, "M_y"), (CY, "C_y")] {
+        for (field, key) in
+            [(Ydd, "ydd_fd"), (Qdd, "qdd_fd"), (Lambda, "lambda_fd"), (MY, "M_y"), (CY, "C_y")]
+        {
             note(key, forward.get(field), &of(key), 0.0);
         }
     }
     worst
 }
 
-/// Bounds in ulp on positions, rates and Jacobians, on inverse and on forward dynamics of each robot: about twice what was seen.
+/// Bounds in ulp on positions, rates and Jacobians, on inverse and on forward dynamics of each
+/// robot: about twice what was seen.
 const ULPS: [(&str, [f64; 3]); 9] = [
     ("lambda", [5.0, 6.0, 64.0]),
     ("parallelogram", [10.0, 14.0, 20.0]),
@@ -139,7 +192,8 @@ fn double_is_off_the_forty_digits_by_a_few_ulp() {
     let mut off = String::new();
     for (name, bounds) in ULPS {
         let errors = errors_in_ulp(name);
-        let line: Vec<String> = errors.iter().map(|(key, error)| format!("{key} {error:.1}")).collect();
+        let line: Vec<String> =
+            errors.iter().map(|(key, error)| format!("{key} {error:.1}")).collect();
         println!("{name}: {}", line.join(", "));
         for (key, error) in errors {
             let part = match key {
@@ -155,17 +209,26 @@ fn double_is_off_the_forty_digits_by_a_few_ulp() {
     assert!(off.is_empty(), "{off}");
 }
 
-/// The loops of the forty-digit files are open by up to 6e-17 m on the numbers of the URDFs, as if their cut frames had been rounded to double;
-/// the parallelogram, whose cut lies at a round number, and the robots whose placements are written out close and show what is left without
+/// The loops of the forty-digit files are open by up to 6e-17 m on the numbers of the URDFs, as if
+/// their cut frames had been rounded to double; the parallelogram, whose cut lies at a round
+/// number, and the robots whose placements are written out close and show what is left without
 /// that.
 #[test]
 fn double_double_agrees_with_forty_digits() {
     for name in ROBOTS {
         let mut robot = Robot::new(bundled(name).exact);
-        let closes = ["parallelogram", "four_bars_2", "five_bar", "squeezer", "delta", "active_ankle"].contains(&name);
+        let closes =
+            ["parallelogram", "four_bars_2", "five_bar", "squeezer", "delta", "active_ankle"]
+                .contains(&name);
         let tolerance = if closes { 1e-25 } else { 2e-15 };
         for (k, case) in cases(&vectors(&format!("{name}_mp"))).iter().enumerate() {
-            check_case(&mut robot, case, &format!("{name} state {k} to forty digits:"), tolerance, digits);
+            check_case(
+                &mut robot,
+                case,
+                &format!("{name} state {k} to forty digits:"),
+                tolerance,
+                digits,
+            );
         }
     }
 }

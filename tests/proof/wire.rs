@@ -17,7 +17,10 @@ fn a_wish_is_120_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Wanted, wrench_links),
     ];
     assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 88]);
-    assert_eq!((size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()), (8, 4, 4, 1));
+    assert_eq!(
+        (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
+        (8, 4, 4, 1)
+    );
 }
 
 #[test]
@@ -107,9 +110,16 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 fn fields_are_packed_in_the_order_of_their_numbers() {
     let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4 };
     let given = FieldSet::of(&[Field::TauU, Field::Yd, Field::Y]);
-    let wanted = Wanted::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42])).with_frames(&[1, 0]).with_wrenches(&[1]);
-    let slots = |layout: Layout| layout.slots().iter().map(|slot| (slot.offset, slot.rows, slot.columns)).collect::<Vec<_>>();
-    assert_eq!(slots(Layout::of_given(&wanted, &sizes)), [(0, 8, 1), (8, 7, 1), (15, 3, 1), (18, 1, 6)]);
+    let wanted = Wanted::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42]))
+        .with_frames(&[1, 0])
+        .with_wrenches(&[1]);
+    let slots = |layout: Layout| {
+        layout.slots().iter().map(|slot| (slot.offset, slot.rows, slot.columns)).collect::<Vec<_>>()
+    };
+    assert_eq!(
+        slots(Layout::of_given(&wanted, &sizes)),
+        [(0, 8, 1), (8, 7, 1), (15, 3, 1), (18, 1, 6)]
+    );
     let shapes = [
         (8, 1),
         (7, 1),

@@ -1,4 +1,5 @@
-//! The robots that the laws are checked on: the bundled ones and random ones, read once, with random states.
+//! The robots that the laws are checked on: the bundled ones and random ones, read once, with
+//! random states.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
@@ -27,7 +28,8 @@ pub struct Case {
     pub description: Description,
     /// The models.
     pub compiled: Compiled,
-    /// How far each independent coordinate may go (n_vy); the freedoms of a floating base have none.
+    /// How far each independent coordinate may go (n_vy); the freedoms of a floating base have
+    /// none.
     pub reach: Vec<f64>,
     /// Each mechanism has as many actuators as independent joints.
     pub square: bool,
@@ -51,13 +53,27 @@ pub struct State<T> {
 impl Case {
     /// A bundled robot.
     pub fn bundled(name: &str) -> Case {
-        let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let loaded = load(&Source::Bundled(name.into()), &Options::default())
+            .unwrap_or_else(|error| panic!("{name}: {error}"));
         let compiled = loaded.compiled;
-        let kind = |joint: &str| loaded.description.joints.iter().find(|x| x.name == joint).map(|x| x.kind);
+        let kind = |joint: &str| {
+            loaded.description.joints.iter().find(|x| x.name == joint).map(|x| x.kind)
+        };
         let reach = compiled.model.independent_names().iter();
-        let reach = reach.map(|joint| if kind(joint) == Some(JointKind::Prismatic) { 0.04 } else { 0.25 }).collect();
+        let reach = reach
+            .map(|joint| if kind(joint) == Some(JointKind::Prismatic) { 0.04 } else { 0.25 })
+            .collect();
         let seed = name.bytes().fold(1000, |sum, byte| 31 * sum + u64::from(byte));
-        Case { name: name.into(), seed, description: loaded.description, compiled, reach, square: true, rounded: false, scale: 0.3 }
+        Case {
+            name: name.into(),
+            seed,
+            description: loaded.description,
+            compiled,
+            reach,
+            square: true,
+            rounded: false,
+            scale: 0.3,
+        }
     }
 
     /// A robot of text.
@@ -67,14 +83,26 @@ impl Case {
         let of = |name: &String| text.reach.iter().find(|x| x.0 == *name).map_or(0.0, |x| x.1);
         let reach = compiled.model.independent_names().iter().map(of).collect();
         let (square, rounded, scale) = (text.square, text.rounded, text.scale);
-        Ok(Case { name: text.holds.clone(), seed, description: loaded.description, compiled, reach, square, rounded, scale })
+        Ok(Case {
+            name: text.holds.clone(),
+            seed,
+            description: loaded.description,
+            compiled,
+            reach,
+            square,
+            rounded,
+            scale,
+        })
     }
 
-    /// How far the rows of the loops contradict each other or the closed forms, which no precision mends: the misfit of a closed form
-    /// that counts as rounding, and the redundant rows of placements that are rounded.
+    /// How far the rows of the loops contradict each other or the closed forms, which no precision
+    /// mends: the misfit of a closed form that counts as rounding, and the redundant rows of
+    /// placements that are rounded.
     pub fn contradiction(&self) -> f64 {
         let closures = self.compiled.model.closures();
-        let misfit = closures.iter().fold(0.0, |worst: f64, x| worst.max(if x.misfit <= 1e-13 { x.misfit } else { 0.0 }));
+        let misfit = closures
+            .iter()
+            .fold(0.0, |worst: f64, x| worst.max(if x.misfit <= 1e-13 { x.misfit } else { 0.0 }));
         // a rod that spins about itself has its mass there only up to rounding
         let redundant = closures.iter().any(|x| x.rank < x.rows || !x.idle.is_empty());
         match (redundant, self.rounded) {
@@ -89,7 +117,8 @@ impl Case {
         self.description.joints.iter().any(|joint| joint.terms != Terms::default())
     }
 
-    /// True where some joint is a quaternion: a floating base or a ball, whose place no actuator can tell.
+    /// True where some joint is a quaternion: a floating base or a ball, whose place no actuator
+    /// can tell.
     pub fn floats(&self) -> bool {
         self.compiled.model.sizes().n_q > self.compiled.model.sizes().n_v
     }
@@ -107,7 +136,8 @@ impl Case {
         let (mut y, mut yd, mut ydd) = (Vec::new(), Vec::new(), Vec::new());
         for (name, reach) in model.independent_names().iter().zip(&self.reach) {
             if let Some(joint) = name.strip_suffix("/rx") {
-                // a floating joint: position and quaternion stand for its six freedoms; a ball joint: a quaternion for its three
+                // a floating joint: position and quaternion stand for its six freedoms; a ball
+                // joint: a quaternion for its three
                 if model.independent_names().contains(&format!("{joint}/tx")) {
                     y.extend(seeded.vector(self.scale).map(number));
                 }
@@ -117,7 +147,11 @@ impl Case {
             } else if !name.contains('/') {
                 y.push(number(seeded.within(-1.0, 1.0) * reach));
             }
-            let slides = self.description.joints.iter().any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic);
+            let slides = self
+                .description
+                .joints
+                .iter()
+                .any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic);
             let size = if slides || name.contains("/t") { self.scale } else { 1.0 };
             yd.push(number(seeded.within(-1.5, 1.5) * size));
             ydd.push(number(seeded.within(-4.0, 4.0) * size));
@@ -132,7 +166,11 @@ pub fn robots() -> &'static [Case] {
     ROBOTS_ONCE.get_or_init(|| {
         let mut robots: Vec<Case> = ROBOTS.iter().map(|name| Case::bundled(name)).collect();
         // a robot that cannot be read fails a test of its own
-        robots.extend((0..SEEDS).filter_map(|seed| Case::of_text(&random_robot(seed), seed, &Options::default()).ok()));
+        robots.extend(
+            (0..SEEDS).filter_map(|seed| {
+                Case::of_text(&random_robot(seed), seed, &Options::default()).ok()
+            }),
+        );
         robots
     })
 }
@@ -158,12 +196,23 @@ struct Entry {
 
 impl Ledger {
     /// Checks every robot; what panics is a failure of that robot.
-    pub fn over<'a>(cases: impl IntoIterator<Item = &'a Case>, mut check: impl FnMut(&'a Case, &mut Ledger)) {
+    pub fn over<'a>(
+        cases: impl IntoIterator<Item = &'a Case>,
+        mut check: impl FnMut(&'a Case, &mut Ledger),
+    ) {
         let mut ledger = Ledger::default();
         for case in cases {
             if let Err(cause) = catch_unwind(AssertUnwindSafe(|| check(case, &mut ledger))) {
-                let cause = cause.downcast_ref::<String>().cloned().or(cause.downcast_ref::<&str>().map(|x| (*x).to_owned()));
-                ledger.note(&cause.unwrap_or_default().replace('\n', " "), case, f64::INFINITY, 1.0);
+                let cause = cause
+                    .downcast_ref::<String>()
+                    .cloned()
+                    .or(cause.downcast_ref::<&str>().map(|x| (*x).to_owned()));
+                ledger.note(
+                    &cause.unwrap_or_default().replace('\n', " "),
+                    case,
+                    f64::INFINITY,
+                    1.0,
+                );
             }
         }
         ledger.finish();
@@ -175,7 +224,14 @@ impl Ledger {
         let ratio = if ratio.is_nan() { f64::INFINITY } else { ratio };
         let at = self.laws.iter().position(|law| law.what == what).unwrap_or_else(|| {
             let (what, worst) = (what.to_owned(), String::new());
-            self.laws.push(Entry { what, ratio: -1.0, error: 0.0, worst, failures: 0, failing: Vec::new() });
+            self.laws.push(Entry {
+                what,
+                ratio: -1.0,
+                error: 0.0,
+                worst,
+                failures: 0,
+                failing: Vec::new(),
+            });
             self.laws.len() - 1
         });
         let law = &mut self.laws[at];
@@ -191,7 +247,15 @@ impl Ledger {
     }
 
     /// Notes how far two arrays are apart by size.
-    pub fn compare<T: Scalar>(&mut self, what: &str, case: &Case, a: &[T], b: &[T], least: f64, allowed: f64) {
+    pub fn compare<T: Scalar>(
+        &mut self,
+        what: &str,
+        case: &Case,
+        a: &[T],
+        b: &[T],
+        least: f64,
+        allowed: f64,
+    ) {
         self.note(what, case, error_by_size(a, b, least), allowed);
     }
 
@@ -202,8 +266,10 @@ impl Ledger {
             let Entry { what, ratio, error, worst, failures, failing } = law;
             println!("{what:<50} worst {error:.2e}, {ratio:.1e} of what is allowed, on {worst}");
             if *failures > 0 {
-                broken +=
-                    &format!("\n{what}: {failures} failures, worst {error:.2e} ({ratio:.1e}) on {worst}; first {}", failing.join(" | "));
+                broken += &format!(
+                    "\n{what}: {failures} failures, worst {error:.2e} ({ratio:.1e}) on {worst}; first {}",
+                    failing.join(" | ")
+                );
             }
         }
         assert!(broken.is_empty(), "{broken}");

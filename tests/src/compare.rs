@@ -2,7 +2,8 @@
 
 use sarrus_dynamics::scalar::Scalar;
 
-/// The largest difference of two arrays relative to the larger of the second's largest entry and `least`.
+/// The largest difference of two arrays relative to the larger of the second's largest entry and
+/// `least`.
 pub fn error_by_size<T: Scalar>(a: &[T], b: &[T], least: f64) -> f64 {
     assert_eq!(a.len(), b.len(), "arrays of different lengths");
     let size = b.iter().fold(least, |size, x| size.max(x.to_f64().abs()));
@@ -16,7 +17,10 @@ pub fn error_by_size<T: Scalar>(a: &[T], b: &[T], least: f64) -> f64 {
 /// Fails with the name where the error is larger than the tolerance.
 pub fn assert_close<T: Scalar>(what: &str, a: &[T], b: &[T], least: f64, tolerance: f64) {
     let error = error_by_size(a, b, least);
-    assert!(error <= tolerance, "{what}: error {error:.3e} by size, allowed {tolerance:.1e}\n left {a:?}\nright {b:?}");
+    assert!(
+        error <= tolerance,
+        "{what}: error {error:.3e} by size, allowed {tolerance:.1e}\n left {a:?}\nright {b:?}"
+    );
 }
 
 /// ‖x‖∞.

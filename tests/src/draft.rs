@@ -1,7 +1,8 @@
 //! One mechanism as a description, drawn in a frame that is put anywhere.
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind as Kind, Terms,
+    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind as Kind, Terms,
 };
 
 use crate::rigid::{Pose, Vector};
@@ -48,11 +49,26 @@ impl Draft {
             submechanisms: vec![part],
             gravity: [0.0, 0.0, -9.81],
         };
-        Draft { seeded, scale, straight, at, description, poses: vec![Pose::IDENTITY], reach: vec![] }
+        Draft {
+            seeded,
+            scale,
+            straight,
+            at,
+            description,
+            poses: vec![Pose::IDENTITY],
+            reach: vec![],
+        }
     }
 
-    /// A joint on a link through a point along an axis, either way round, both in the mechanism's frame; returns joint and child link.
-    pub fn joint(&mut self, kind: JointKind, parent: usize, point: Vector, axis: Vector) -> (usize, usize) {
+    /// A joint on a link through a point along an axis, either way round, both in the mechanism's
+    /// frame; returns joint and child link.
+    pub fn joint(
+        &mut self,
+        kind: JointKind,
+        parent: usize,
+        point: Vector,
+        axis: Vector,
+    ) -> (usize, usize) {
         let (n, s) = (self.description.joints.len(), self.scale);
         let sense = self.seeded.sign();
         let turn = if self.straight { Pose::IDENTITY } else { self.seeded.pose(0.0) };
@@ -70,7 +86,10 @@ impl Draft {
             kind,
             parent,
             child: n + 1,
-            origin: Placement { xyz: origin.p, rpy: if self.straight { [0.0; 3] } else { origin.rpy() } },
+            origin: Placement {
+                xyz: origin.p,
+                rpy: if self.straight { [0.0; 3] } else { origin.rpy() },
+            },
             axis: placed.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(along),
             limits: None,
             coupling: None,
@@ -92,20 +111,36 @@ impl Draft {
     }
 
     /// A cut at a point, its rows along directions of the mechanism's frame; angular ones first.
-    pub fn cut(&mut self, predecessor: usize, successor: usize, point: Vector, angular: &[Vector], linear: &[Vector]) {
-        let x_cut =
-            Pose { p: self.at.point(point.map(|x| x * self.scale)), ..if self.straight { Pose::IDENTITY } else { self.seeded.pose(0.0) } };
+    pub fn cut(
+        &mut self,
+        predecessor: usize,
+        successor: usize,
+        point: Vector,
+        angular: &[Vector],
+        linear: &[Vector],
+    ) {
+        let x_cut = Pose {
+            p: self.at.point(point.map(|x| x * self.scale)),
+            ..if self.straight { Pose::IDENTITY } else { self.seeded.pose(0.0) }
+        };
         let on = |link: usize| {
             let x = self.poses[link].inverse().then(&x_cut);
             Placement { xyz: x.p, rpy: if self.straight { [0.0; 3] } else { x.rpy() } }
         };
-        let back = |v: &Vector| x_cut.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(self.at.direction(*v));
+        let back = |v: &Vector| {
+            x_cut
+                .inverse()
+                .then(&Pose { p: [0.0; 3], ..Pose::IDENTITY })
+                .direction(self.at.direction(*v))
+        };
         let angular = angular.iter().map(|v| (back(v), [0.0; 3]));
-        let rows = angular.chain(linear.iter().map(|v| ([0.0; 3], back(v)))).enumerate().map(|(k, (w, v))| Row {
-            name: format!("row{k}"),
-            axis: [w[0], w[1], w[2], v[0], v[1], v[2]],
-            against: None,
-        });
+        let rows = angular.chain(linear.iter().map(|v| ([0.0; 3], back(v)))).enumerate().map(
+            |(k, (w, v))| Row {
+                name: format!("row{k}"),
+                axis: [w[0], w[1], w[2], v[0], v[1], v[2]],
+                against: None,
+            },
+        );
         let of = Loop {
             name: format!("cut{predecessor}"),
             predecessor,
@@ -128,7 +163,8 @@ impl Draft {
         self.reach = independent.iter().map(|x| x.1).collect();
     }
 
-    /// The joints of the list in any order; a joint's place in it says nothing to a form that reads the tree.
+    /// The joints of the list in any order; a joint's place in it says nothing to a form that reads
+    /// the tree.
     pub fn shuffled(mut self) -> Draft {
         let tree = self.description.submechanisms[0].spanning_tree.clone();
         let order = self.seeded.order(tree.len());

@@ -1,8 +1,10 @@
-//! A second opinion on where a path leads: the loops' equations straight from the description, followed in small steps.
+//! A second opinion on where a path leads: the loops' equations straight from the description,
+//! followed in small steps.
 //!
-//! Nothing of the program's kinematics is used. φ is written from its definition, K by differences; dependents follow from least squares,
-//! so that rows may be redundant. A step is halved until it neither corrects much nor changes the determinant much: a fold or a crossing
-//! of branches, straight on or by a bend, stops the path.
+//! Nothing of the program's kinematics is used. φ is written from its definition, K by differences;
+//! dependents follow from least squares, so that rows may be redundant. A step is halved until it
+//! neither corrects much nor changes the determinant much: a fold or a crossing of branches,
+//! straight on or by a bend, stops the path.
 
 use sarrus_dynamics::Model;
 use sarrus_dynamics::description::{Cut, Description, Joint, JointKind, Placement};
@@ -32,8 +34,17 @@ pub struct Paths<'a> {
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "a robot has few rows, most of them loops")]
 enum Row {
-    Loop { predecessor: (usize, Pose), successor: (usize, Pose), axis: [f64; 6], against: Option<Vector> },
-    Coupling { joint: usize, terms: Vec<(usize, f64)>, offset: f64 },
+    Loop {
+        predecessor: (usize, Pose),
+        successor: (usize, Pose),
+        axis: [f64; 6],
+        against: Option<Vector>,
+    },
+    Coupling {
+        joint: usize,
+        terms: Vec<(usize, f64)>,
+        offset: f64,
+    },
 }
 
 #[derive(Clone, Debug)]
@@ -53,48 +64,87 @@ pub enum End {
 
 impl<'a> Paths<'a> {
     /// The loops of a robot; `None` where a type defines them or a quaternion takes part.
-    pub fn new<C>(description: &'a Description, model: &Model<C>, length: f64) -> Option<Paths<'a>> {
-        let place = |joint: usize| model.tree_q_names().iter().position(|name| *name == description.joints[joint].name);
+    pub fn new<C>(
+        description: &'a Description,
+        model: &Model<C>,
+        length: f64,
+    ) -> Option<Paths<'a>> {
+        let place = |joint: usize| {
+            model.tree_q_names().iter().position(|name| *name == description.joints[joint].name)
+        };
         let mut joints: Vec<(&Joint, Option<usize>)> = Vec::new();
         let is_child = |link: usize| description.joints.iter().any(|joint| joint.child == link);
-        let mut reached: Vec<usize> = (0..description.links.len()).filter(|link| !is_child(*link)).collect();
+        let mut reached: Vec<usize> =
+            (0..description.links.len()).filter(|link| !is_child(*link)).collect();
         let mut k = 0;
         while k < reached.len() {
             let link = reached[k];
-            for (j, joint) in description.joints.iter().enumerate().filter(|(_, joint)| joint.parent == link) {
+            for (j, joint) in
+                description.joints.iter().enumerate().filter(|(_, joint)| joint.parent == link)
+            {
                 joints.push((joint, place(j)));
                 reached.push(joint.child);
             }
             k += 1;
         }
-        let independent: Vec<usize> =
-            model.independent_names().iter().filter_map(|name| model.tree_q_names().iter().position(|x| x == name)).collect();
-        let mut paths = Paths { description, joints, rows: Vec::new(), independent, components: Vec::new(), length };
+        let independent: Vec<usize> = model
+            .independent_names()
+            .iter()
+            .filter_map(|name| model.tree_q_names().iter().position(|x| x == name))
+            .collect();
+        let mut paths = Paths {
+            description,
+            joints,
+            rows: Vec::new(),
+            independent,
+            components: Vec::new(),
+            length,
+        };
         let zero = paths.poses(&vec![0.0; model.sizes().n_q]);
         for submechanism in &description.submechanisms {
-            let coupled = submechanism.spanning_tree.iter().filter(|j| description.joints[**j].coupling.is_some()).count();
-            if submechanism.loops.is_empty() && submechanism.independent.len() + coupled < submechanism.spanning_tree.len() {
+            let coupled = submechanism
+                .spanning_tree
+                .iter()
+                .filter(|j| description.joints[**j].coupling.is_some())
+                .count();
+            if submechanism.loops.is_empty()
+                && submechanism.independent.len() + coupled < submechanism.spanning_tree.len()
+            {
                 return None;
             }
-            let turns = submechanism.spanning_tree.iter().any(|j| description.joints[*j].kind == JointKind::Spherical);
+            let turns = submechanism
+                .spanning_tree
+                .iter()
+                .any(|j| description.joints[*j].kind == JointKind::Spherical);
             if turns && !submechanism.loops.is_empty() {
                 return None;
             }
             for of in &submechanism.loops {
-                let on = |frame: Pose| [of.predecessor, of.successor].map(|link| zero[link].inverse().then(&frame));
+                let on = |frame: Pose| {
+                    [of.predecessor, of.successor].map(|link| zero[link].inverse().then(&frame))
+                };
                 let [p, s] = match &of.cut {
                     Cut::AtJoint(joint) => on(zero[description.joints[*joint].child]),
                     Cut::AtLink(link) => on(zero[*link]),
                     Cut::Placed { predecessor, successor } => [pose(predecessor), pose(successor)],
                     _ => return None,
                 };
-                let row = |axis, against| Row::Loop { predecessor: (of.predecessor, p), successor: (of.successor, s), axis, against };
+                let row = |axis, against| Row::Loop {
+                    predecessor: (of.predecessor, p),
+                    successor: (of.successor, s),
+                    axis,
+                    against,
+                };
                 paths.rows.extend(of.rows.iter().map(|x| row(x.axis, x.against)));
             }
         }
         for (j, joint) in description.joints.iter().enumerate() {
             if let Some(coupling) = &joint.coupling {
-                let terms = coupling.terms.iter().map(|(j, c)| place(*j).map(|q| (q, *c))).collect::<Option<_>>()?;
+                let terms = coupling
+                    .terms
+                    .iter()
+                    .map(|(j, c)| place(*j).map(|q| (q, *c)))
+                    .collect::<Option<_>>()?;
                 paths.rows.push(Row::Coupling { joint: place(j)?, terms, offset: coupling.offset });
             }
         }
@@ -111,9 +161,13 @@ impl<'a> Paths<'a> {
         let mut of_row: Vec<usize> = rows.clone();
         let touches = |r: usize, a: usize| K[r * dependent.len() + a].abs() > 1e-7;
         for a in 0..dependent.len() {
-            let labels: Vec<usize> = rows.iter().filter(|r| touches(**r, a)).map(|r| of_row[*r]).collect();
+            let labels: Vec<usize> =
+                rows.iter().filter(|r| touches(**r, a)).map(|r| of_row[*r]).collect();
             let Some(least) = labels.iter().min().copied() else { continue };
-            of_row.iter_mut().filter(|label| labels.contains(label)).for_each(|label| *label = least);
+            of_row
+                .iter_mut()
+                .filter(|label| labels.contains(label))
+                .for_each(|label| *label = least);
         }
         for label in rows.iter().filter(|r| of_row[**r] == **r) {
             let rows: Vec<usize> = rows.iter().copied().filter(|r| of_row[*r] == *label).collect();
@@ -130,8 +184,12 @@ impl<'a> Paths<'a> {
             let at = poses[joint.parent].then(&pose(&joint.origin));
             let axis = if norm(joint.axis) > 0.0 { unit(joint.axis) } else { joint.axis };
             poses[joint.child] = match (joint.kind, place) {
-                (JointKind::Prismatic, Some(k)) => at.then(&Pose { p: add([0.0; 3], q[*k], axis), ..Pose::IDENTITY }),
-                (JointKind::Revolute | JointKind::Continuous, Some(k)) => at.then(&turned(axis, q[*k])),
+                (JointKind::Prismatic, Some(k)) => {
+                    at.then(&Pose { p: add([0.0; 3], q[*k], axis), ..Pose::IDENTITY })
+                }
+                (JointKind::Revolute | JointKind::Continuous, Some(k)) => {
+                    at.then(&turned(axis, q[*k]))
+                }
                 _ => at,
             };
         }
@@ -142,15 +200,21 @@ impl<'a> Paths<'a> {
     fn residual(&self, q: &[f64], rows: &[usize]) -> Vec<f64> {
         let poses = self.poses(q);
         let of = |r: &usize| match &self.rows[*r] {
-            Row::Coupling { joint, terms, offset } => q[*joint] - offset - terms.iter().map(|(k, c)| c * q[*k]).sum::<f64>(),
+            Row::Coupling { joint, terms, offset } => {
+                q[*joint] - offset - terms.iter().map(|(k, c)| c * q[*k]).sum::<f64>()
+            }
             Row::Loop { predecessor, successor, axis, against } => {
-                let (p, s) = (poses[predecessor.0].then(&predecessor.1), poses[successor.0].then(&successor.1));
+                let (p, s) = (
+                    poses[predecessor.0].then(&predecessor.1),
+                    poses[successor.0].then(&successor.1),
+                );
                 let between = p.inverse().then(&s);
                 if let Some(b) = against {
                     return dot([axis[0], axis[1], axis[2]], between.direction(*b));
                 }
                 let angles = if axis[..3] == [0.0; 3] { [0.0; 3] } else { log(&between) };
-                dot([axis[0], axis[1], axis[2]], angles) + dot([axis[3], axis[4], axis[5]], between.p) / self.length
+                dot([axis[0], axis[1], axis[2]], angles)
+                    + dot([axis[3], axis[4], axis[5]], between.p) / self.length
             }
         };
         rows.iter().map(of).collect()
@@ -171,28 +235,39 @@ impl<'a> Paths<'a> {
                 q[k] += h;
                 self.residual(&q, rows)
             };
-            let slides = self.joints.iter().any(|(joint, place)| *place == Some(k) && joint.kind == JointKind::Prismatic);
+            let slides = self
+                .joints
+                .iter()
+                .any(|(joint, place)| *place == Some(k) && joint.kind == JointKind::Prismatic);
             let h = if slides { DIFFERENCE * self.length } else { DIFFERENCE };
             let (after, before) = (at(h), at(-h));
             // sliders in units of the robot as well
-            (0..rows.len()).for_each(|r| K[r * columns.len() + a] = (after[r] - before[r]) / (2.0 * DIFFERENCE));
+            (0..rows.len()).for_each(|r| {
+                K[r * columns.len() + a] = (after[r] - before[r]) / (2.0 * DIFFERENCE)
+            });
         }
         K
     }
 
-    /// Follows the straight line of the independents from the closed pose q to y, given by place in q.
+    /// Follows the straight line of the independents from the closed pose q to y, given by place in
+    /// q.
     pub fn follow(&self, q: &[f64], goal: &[f64]) -> End {
         let (start, mut q) = (q.to_vec(), q.to_vec());
-        let unit: Vec<f64> = (0..q.len())
-            .map(|k| {
-                if self.joints.iter().any(|(joint, place)| *place == Some(k) && joint.kind == JointKind::Prismatic) {
-                    self.length
-                } else {
-                    1.0
-                }
-            })
-            .collect();
-        let matrices = |q: &[f64]| -> Vec<Vec<f64>> { self.components.iter().map(|c| self.jacobian(q, &c.rows, &c.dependent)).collect() };
+        let unit: Vec<f64> =
+            (0..q.len())
+                .map(|k| {
+                    if self.joints.iter().any(|(joint, place)| {
+                        *place == Some(k) && joint.kind == JointKind::Prismatic
+                    }) {
+                        self.length
+                    } else {
+                        1.0
+                    }
+                })
+                .collect();
+        let matrices = |q: &[f64]| -> Vec<Vec<f64>> {
+            self.components.iter().map(|c| self.jacobian(q, &c.rows, &c.dependent)).collect()
+        };
         let mut last = matrices(&q);
         let mut before: Option<(Vec<f64>, f64)> = None;
         let (mut at, mut step) = (0.0, LONGEST);
@@ -207,7 +282,8 @@ impl<'a> Paths<'a> {
                 trial[k] = start[k] + (goal[k] - start[k]) * next;
             }
             // the path is smooth: what is to be corrected is of second order
-            let travelled = (0..q.len()).map(|k| (trial[k] - q[k]).abs() / unit[k]).fold(0.0, f64::max);
+            let travelled =
+                (0..q.len()).map(|k| (trial[k] - q[k]).abs() / unit[k]).fold(0.0, f64::max);
             let allowed = if before.is_some() { 0.3 * travelled + 1e-9 } else { 0.05 };
             match self.closed(&mut trial, &unit, &last, allowed.min(0.05)) {
                 Some(matrices) => {
@@ -224,7 +300,13 @@ impl<'a> Paths<'a> {
     }
 
     /// Closes the loops near by on the same branch, no further away than allowed.
-    fn closed(&self, q: &mut [f64], unit: &[f64], last: &[Vec<f64>], allowed: f64) -> Option<Vec<Vec<f64>>> {
+    fn closed(
+        &self,
+        q: &mut [f64],
+        unit: &[f64],
+        last: &[Vec<f64>],
+        allowed: f64,
+    ) -> Option<Vec<Vec<f64>>> {
         let mut matrices = Vec::new();
         for (component, last) in self.components.iter().zip(last) {
             let m = component.dependent.len();
@@ -246,7 +328,9 @@ impl<'a> Paths<'a> {
                 return None;
             }
             let K = self.jacobian(q, &component.rows, &component.dependent);
-            let det = |A: &[f64], B: &[f64]| eliminated(product(A, B, m), vec![0.0; m], m).map_or(0.0, |x| x.1);
+            let det = |A: &[f64], B: &[f64]| {
+                eliminated(product(A, B, m), vec![0.0; m], m).map_or(0.0, |x| x.1)
+            };
             let (old, new, both) = (det(last, last), det(&K, &K), det(last, &K));
             // the same sign, and neither much smaller nor much larger than before
             if both <= 0.3 * (old * new).sqrt() || !(0.25..4.0).contains(&(new / old)) {
@@ -262,7 +346,9 @@ impl<'a> Paths<'a> {
 fn product(A: &[f64], B: &[f64], columns: usize) -> Vec<f64> {
     let rows = B.len() / columns.max(1);
     let n = A.len() / rows.max(1);
-    (0..n * columns).map(|k| (0..rows).map(|r| A[r * n + k / columns] * B[r * columns + k % columns]).sum()).collect()
+    (0..n * columns)
+        .map(|k| (0..rows).map(|r| A[r * n + k / columns] * B[r * columns + k % columns]).sum())
+        .collect()
 }
 
 /// Solution and determinant of a square system.

@@ -7,19 +7,31 @@ use crate::cases::{Case, State};
 use crate::run::Robot;
 use crate::seed::Seeded;
 
-/// Plans of every request from every space, each for all fields at once and for each field alone; frames and wrenches on some links.
+/// Plans of every request from every space, each for all fields at once and for each field alone;
+/// frames and wrenches on some links.
 pub fn every_plan<T: Scalar>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
     use Field::*;
     let mut plans = Vec::new();
     let link = |seeded: &mut Seeded| seeded.below(model.link_names().len()) as u16;
     for request in Request::ALL {
         for given in givens(*request) {
-            let base = Wanted::new(*request, FieldSet::of(&given), FieldSet::EMPTY).with_frames(&[link(seeded), link(seeded)]);
-            let base = if given.contains(&Wrenches) { base.with_wrenches(&[link(seeded), link(seeded)]) } else { base };
-            let single: Vec<Plan> = Field::ALL.iter().filter_map(|field| with(model, base, FieldSet::of(&[*field]))).collect();
-            let all = single.iter().fold(FieldSet::EMPTY, |all, plan| FieldSet(all.0 | plan.wanted().want.0));
+            let base = Wanted::new(*request, FieldSet::of(&given), FieldSet::EMPTY)
+                .with_frames(&[link(seeded), link(seeded)]);
+            let base = if given.contains(&Wrenches) {
+                base.with_wrenches(&[link(seeded), link(seeded)])
+            } else {
+                base
+            };
+            let single: Vec<Plan> = Field::ALL
+                .iter()
+                .filter_map(|field| with(model, base, FieldSet::of(&[*field])))
+                .collect();
+            let all = single
+                .iter()
+                .fold(FieldSet::EMPTY, |all, plan| FieldSet(all.0 | plan.wanted().want.0));
             let without = FieldSet(all.0 & !FieldSet::of(&[JacobianActuator, TauU]).0);
-            plans.extend([with(model, base, all), with(model, base, without)].into_iter().flatten());
+            plans
+                .extend([with(model, base, all), with(model, base, without)].into_iter().flatten());
             plans.extend(single);
         }
     }
@@ -33,11 +45,20 @@ fn with<T>(model: &Model<T>, mut wanted: Wanted, want: FieldSet) -> Option<Plan>
 
 fn givens(request: Request) -> Vec<Vec<Field>> {
     use Field::*;
-    let motions = [vec![Y, Yd, Ydd], vec![U, Ud, Udd], vec![Q, Qd, Qdd], vec![Y], vec![Y, Yd, Ydd, QGuess, QdGuess], vec![Y, Ud, Udd]];
+    let motions = [
+        vec![Y, Yd, Ydd],
+        vec![U, Ud, Udd],
+        vec![Q, Qd, Qdd],
+        vec![Y],
+        vec![Y, Yd, Ydd, QGuess, QdGuess],
+        vec![Y, Ud, Udd],
+    ];
     match request {
-        Request::InverseDynamics => {
-            motions.iter().cloned().chain(motions.iter().map(|of| of.iter().copied().chain([Wrenches]).collect())).collect()
-        }
+        Request::InverseDynamics => motions
+            .iter()
+            .cloned()
+            .chain(motions.iter().map(|of| of.iter().copied().chain([Wrenches]).collect()))
+            .collect(),
         Request::ForwardDynamics => vec![
             vec![Y, Yd, TauU],
             vec![Y, Yd, TauY],
@@ -46,13 +67,21 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
             vec![Y, TauU],
             vec![Y, Yd, QGuess, TauU, Wrenches],
         ],
-        Request::Map => motions.into_iter().chain([vec![Y, TauU], vec![Y, TauY], vec![Y, TauQ]]).collect(),
+        Request::Map => {
+            motions.into_iter().chain([vec![Y, TauU], vec![Y, TauY], vec![Y, TauQ]]).collect()
+        }
         _ => motions.to_vec(),
     }
 }
 
 /// Numbers for a plan at a state.
-pub fn input<T: Scalar>(case: &Case, robot: &mut Robot<T>, plan: &Plan, state: &State<T>, seeded: &mut Seeded) -> Vec<T> {
+pub fn input<T: Scalar>(
+    case: &Case,
+    robot: &mut Robot<T>,
+    plan: &Plan,
+    state: &State<T>,
+    seeded: &mut Seeded,
+) -> Vec<T> {
     use Field::*;
     let motion = [(Y, state.y.as_slice()), (Yd, &state.yd), (Ydd, &state.ydd)];
     let known = robot.ask(Request::Kinematics, &motion, &[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd]);
@@ -62,7 +91,9 @@ pub fn input<T: Scalar>(case: &Case, robot: &mut Robot<T>, plan: &Plan, state: &
         match slot.field {
             QGuess => to.copy_from_slice(known.get(Q)),
             QdGuess => to.copy_from_slice(known.get(Qd)),
-            TauQ | TauY | TauU | Wrenches => to.fill_with(|| T::from_f64(seeded.within(-1.0, 1.0) * case.scale.powi(4) * 100.0)),
+            TauQ | TauY | TauU | Wrenches => {
+                to.fill_with(|| T::from_f64(seeded.within(-1.0, 1.0) * case.scale.powi(4) * 100.0))
+            }
             field => to.copy_from_slice(known.get(field)),
         }
     }

@@ -1,7 +1,9 @@
-//! The Python of the tests: one virtual environment under the target folder, with pinned packages and the package `sarrus` of this build.
+//! The Python of the tests: one virtual environment under the target folder, with pinned packages
+//! and the package `sarrus` of this build.
 //!
-//! Cargo builds the extension before any test runs, since this crate depends on it without linking it. What is left to do is made once under a
-//! lock and used again until it changes. The interpreter is `SARRUS_PYTHON`, else `python3`; packages come from where `pip` takes them.
+//! Cargo builds the extension before any test runs, since this crate depends on it without linking
+//! it. What is left to do is made once under a lock and used again until it changes. The
+//! interpreter is `SARRUS_PYTHON`, else `python3`; packages come from where `pip` takes them.
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::fs::{self, File};
@@ -25,11 +27,20 @@ impl Environment {
         &self.python
     }
 
-    /// The interpreter as a command with arguments; nothing of the caller's own Python settings reaches it, and it writes nothing beside the sources.
+    /// The interpreter as a command with arguments; nothing of the caller's own Python settings
+    /// reaches it, and it writes nothing beside the sources.
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(&self.python);
-        command.args(arguments).env("PYTHONPATH", &self.package).env("PYTHONDONTWRITEBYTECODE", "1").env("PYTHONUNBUFFERED", "1");
-        command.env_remove("PYTHONHOME").env_remove("CAN_INTERFACE").env_remove("CAN_CHANNEL").env_remove("CAN_CONFIG");
+        command
+            .args(arguments)
+            .env("PYTHONPATH", &self.package)
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .env("PYTHONUNBUFFERED", "1");
+        command
+            .env_remove("PYTHONHOME")
+            .env_remove("CAN_INTERFACE")
+            .env_remove("CAN_CHANNEL")
+            .env_remove("CAN_CONFIG");
         command
     }
 
@@ -41,10 +52,12 @@ impl Environment {
     }
 }
 
-/// The environment, made when it is not there. A test that needs it fails where no Python of 3.10 or later is.
+/// The environment, made when it is not there. A test that needs it fails where no Python of 3.10
+/// or later is.
 pub fn environment() -> &'static Environment {
     static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
-    ENVIRONMENT.get_or_init(|| make().unwrap_or_else(|error| panic!("the Python of the tests: {error}")))
+    ENVIRONMENT
+        .get_or_init(|| make().unwrap_or_else(|error| panic!("the Python of the tests: {error}")))
 }
 
 fn make() -> Result<Environment, String> {
@@ -60,7 +73,9 @@ fn make() -> Result<Environment, String> {
     // each profile has a package of its own
     let package = root.join(profile.file_name().ok_or("no profile")?);
     let name = format!("{DLL_PREFIX}sarrus_python{DLL_SUFFIX}");
-    let extension = [profile.join("deps").join(&name), profile.join(&name)].into_iter().find(|path| path.exists());
+    let extension = [profile.join("deps").join(&name), profile.join(&name)]
+        .into_iter()
+        .find(|path| path.exists());
     let extension = extension.ok_or_else(|| format!("cargo has not built {name}"))?;
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/python/python/sarrus");
     copy_folder(&sources, &package.join("sarrus"))?;
@@ -72,13 +87,17 @@ fn make() -> Result<Environment, String> {
 fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
     let python = folder.join("bin/python");
     // what it was made from stands in it; it cannot be moved
-    let (stamp, made_from) = (folder.join("made-from"), format!("{}\n{REQUIREMENTS}", folder.display()));
+    let (stamp, made_from) =
+        (folder.join("made-from"), format!("{}\n{REQUIREMENTS}", folder.display()));
     if fs::read_to_string(&stamp).is_ok_and(|stamp| stamp == made_from) && python.exists() {
         return Ok(python);
     }
     let base = std::env::var_os("SARRUS_PYTHON").unwrap_or_else(|| "python3".into());
-    let version = run(Command::new(&base).args(["-c", "import sys; print(sys.version_info >= (3, 10), sys.version)"]))
-        .map_err(|error| format!("{error}\ninstall Python 3.10 or later, or name it in SARRUS_PYTHON"))?;
+    let version = run(Command::new(&base)
+        .args(["-c", "import sys; print(sys.version_info >= (3, 10), sys.version)"]))
+    .map_err(|error| {
+        format!("{error}\ninstall Python 3.10 or later, or name it in SARRUS_PYTHON")
+    })?;
     if !version.starts_with("True") {
         return Err(format!(
             "{base:?} is Python {}; 3.10 or later is needed, name one in SARRUS_PYTHON",
@@ -88,11 +107,14 @@ fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
     if folder.exists() {
         fs::remove_dir_all(folder).map_err(told)?;
     }
-    run(Command::new(&base).args(["-m", "venv"]).arg(folder)).map_err(|error| format!("{error}\non Debian: apt install python3-venv"))?;
+    run(Command::new(&base).args(["-m", "venv"]).arg(folder))
+        .map_err(|error| format!("{error}\non Debian: apt install python3-venv"))?;
     let requirements = folder.join("requirements.txt");
     fs::write(&requirements, REQUIREMENTS).map_err(told)?;
     let mut install = Command::new(&python);
-    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement"]).arg(&requirements);
+    install
+        .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement"])
+        .arg(&requirements);
     run(&mut install)?;
     fs::write(&stamp, made_from).map_err(told)?;
     Ok(python)
@@ -104,9 +126,14 @@ fn told(error: std::io::Error) -> String {
 
 /// Runs a command to its end and gives its stdout.
 fn run(command: &mut Command) -> Result<String, String> {
-    let Output { status, stdout, stderr } = command.output().map_err(|error| format!("{command:?}: {error}"))?;
+    let Output { status, stdout, stderr } =
+        command.output().map_err(|error| format!("{command:?}: {error}"))?;
     if !status.success() {
-        return Err(format!("{command:?}: {status}\n{}{}", String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr)));
+        return Err(format!(
+            "{command:?}: {status}\n{}{}",
+            String::from_utf8_lossy(&stdout),
+            String::from_utf8_lossy(&stderr)
+        ));
     }
     Ok(String::from_utf8_lossy(&stdout).into_owned())
 }
@@ -114,7 +141,8 @@ fn run(command: &mut Command) -> Result<String, String> {
 /// Makes a folder of Python sources equal to another one.
 fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
     fs::create_dir_all(to).map_err(told)?;
-    let wanted: Vec<PathBuf> = entries(from)?.into_iter().filter(|path| !path.ends_with("__pycache__")).collect();
+    let wanted: Vec<PathBuf> =
+        entries(from)?.into_iter().filter(|path| !path.ends_with("__pycache__")).collect();
     // what the sources no longer have must not be found by an import
     for path in entries(to)? {
         let same = wanted.iter().any(|wanted| wanted.file_name() == path.file_name());
@@ -127,7 +155,11 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
     }
     for path in wanted {
         let Some(name) = path.file_name() else { continue };
-        if path.is_dir() { copy_folder(&path, &to.join(name))? } else { copy_file(&path, &to.join(name))? }
+        if path.is_dir() {
+            copy_folder(&path, &to.join(name))?
+        } else {
+            copy_file(&path, &to.join(name))?
+        }
     }
     Ok(())
 }
@@ -137,7 +169,8 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
     entries.map(|entry| entry.map(|entry| entry.path()).map_err(told)).collect()
 }
 
-/// Copies a file that differs, under another name first: a process that has the old one open keeps it.
+/// Copies a file that differs, under another name first: a process that has the old one open keeps
+/// it.
 fn copy_file(from: &Path, to: &Path) -> Result<(), String> {
     let bytes = fs::read(from).map_err(|error| format!("{}: {error}", from.display()))?;
     if fs::read(to).is_ok_and(|there| there == bytes) {

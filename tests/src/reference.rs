@@ -1,4 +1,5 @@
-//! Reference answers: `tests/vectors` in the project, and a larger collection where `$SARRUS_REFERENCE` points.
+//! Reference answers: `tests/vectors` in the project, and a larger collection where
+//! `$SARRUS_REFERENCE` points.
 
 use std::path::{Path, PathBuf};
 
@@ -26,13 +27,15 @@ pub const ROBOTS: [&str; 14] = [
 /// A file of the project's own vectors.
 pub fn vectors(name: &str) -> Value {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors").join(format!("{name}.json"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let text = std::fs::read_to_string(&path)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 /// The folder of reference data beside the project, if there is one.
 pub fn folder() -> Option<PathBuf> {
-    let folder = std::env::var_os("SARRUS_REFERENCE").map(PathBuf::from).filter(|folder| folder.is_dir());
+    let folder =
+        std::env::var_os("SARRUS_REFERENCE").map(PathBuf::from).filter(|folder| folder.is_dir());
     if folder.is_none() {
         println!("not run: SARRUS_REFERENCE does not point to reference data");
     }
@@ -51,7 +54,9 @@ pub fn numbers(value: &Value) -> Vec<f64> {
 pub fn digits(value: &Value) -> Vec<Dd> {
     match value {
         Value::Array(items) => items.iter().flat_map(digits).collect(),
-        Value::String(text) => vec![Dd::parse_decimal(text).unwrap_or_else(|| panic!("not a number: {text}"))],
+        Value::String(text) => {
+            vec![Dd::parse_decimal(text).unwrap_or_else(|| panic!("not a number: {text}"))]
+        }
         other => numbers(other).into_iter().map(Dd::from).collect(),
     }
 }

@@ -39,7 +39,8 @@ pub fn unit(a: Vector) -> Vector {
 
 impl Pose {
     /// The frame itself.
-    pub const IDENTITY: Pose = Pose { R: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], p: [0.0; 3] };
+    pub const IDENTITY: Pose =
+        Pose { R: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], p: [0.0; 3] };
 
     /// Columns of the rotation and the origin.
     pub fn from_columns(x: Vector, y: Vector, z: Vector, p: Vector) -> Pose {

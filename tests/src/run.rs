@@ -39,7 +39,8 @@ impl<T: Scalar> Robot<T> {
         let plan = Plan::new(&self.model, &wanted).unwrap_or_else(|error| panic!("{error}"));
         let mut input = vec![T::ZERO; plan.given().len()];
         for (field, numbers) in given {
-            let slot = plan.given().slot(*field).unwrap_or_else(|| panic!("{field:?} is not packed"));
+            let slot =
+                plan.given().slot(*field).unwrap_or_else(|| panic!("{field:?} is not packed"));
             input[slot.range()].copy_from_slice(numbers);
         }
         let mut numbers = vec![T::ZERO; plan.want().len()];
@@ -51,13 +52,18 @@ impl<T: Scalar> Robot<T> {
 impl<T: Scalar> Fields<T> {
     /// The numbers of a field.
     pub fn get(&self, field: Field) -> &[T] {
-        let slot = self.plan.want().slot(field).unwrap_or_else(|| panic!("{field:?} was not wanted"));
+        let slot =
+            self.plan.want().slot(field).unwrap_or_else(|| panic!("{field:?} was not wanted"));
         &self.numbers[slot.range()]
     }
 
     /// The same answer in another scalar.
     pub fn map<D>(self, f: impl Fn(T) -> D) -> Fields<D> {
-        Fields { answer: self.answer, plan: self.plan, numbers: self.numbers.into_iter().map(f).collect() }
+        Fields {
+            answer: self.answer,
+            plan: self.plan,
+            numbers: self.numbers.into_iter().map(f).collect(),
+        }
     }
 
     /// The same answer, which must be complete.

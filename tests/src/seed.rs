@@ -9,7 +9,8 @@ pub struct Seeded(u64);
 impl Seeded {
     /// The stream of a seed.
     pub fn new(seed: u64) -> Seeded {
-        let mut stream = Seeded(seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add(0x2545_f491_4f6c_dd1d));
+        let mut stream =
+            Seeded(seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add(0x2545_f491_4f6c_dd1d));
         stream.bits();
         stream
     }

@@ -9,12 +9,15 @@ pub fn product<T: Scalar>(A: &[T], x: &[T]) -> Vec<T> {
 
 /// Aᵀ x.
 pub fn transposed<T: Scalar>(A: &[T], x: &[T], columns: usize) -> Vec<T> {
-    (0..columns).map(|j| (0..x.len()).fold(T::ZERO, |sum, i| sum + A[i * columns + j] * x[i])).collect()
+    (0..columns)
+        .map(|j| (0..x.len()).fold(T::ZERO, |sum, i| sum + A[i * columns + j] * x[i]))
+        .collect()
 }
 
 /// A B with this many inner and result columns.
 pub fn matrix_product<T: Scalar>(A: &[T], B: &[T], inner: usize, columns: usize) -> Vec<T> {
-    let entry = |row: &[T], j: usize| (0..inner).fold(T::ZERO, |sum, i| sum + row[i] * B[i * columns + j]);
+    let entry =
+        |row: &[T], j: usize| (0..inner).fold(T::ZERO, |sum, i| sum + row[i] * B[i * columns + j]);
     A.chunks_exact(inner.max(1)).flat_map(|row| (0..columns).map(move |j| entry(row, j))).collect()
 }
 

@@ -133,7 +133,8 @@ class Robot:
         for part in range(1, parts + 1):
             for i, value in zip(self.ind, y):
                 q[i] = mpf(value) * part / parts
-            # in one step the last digits come by themselves: K at the start of the step serves for all of them
+            # in one step the last digits come by themselves: K at the start of the step serves for
+            # all of them
             inverse = pick(self.K(q), self.dep) ** -1
             for _ in range(200):
                 step = inverse * self.phi(q)

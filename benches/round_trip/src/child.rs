@@ -1,4 +1,5 @@
-//! The other process: this program again, as a server or as the far end of the floor. It ends when its standard input does.
+//! The other process: this program again, as a server or as the far end of the floor. It ends when
+//! its standard input does.
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, Stdio};
@@ -32,7 +33,10 @@ impl Child {
     /// Starts it and waits until it is ready.
     pub(crate) fn start(role: Role, domain: &Domain, cores: &Cores) -> Outcome<Child> {
         let mut command = Command::new(std::env::current_exe()?);
-        command.args(["--child", role.to_possible_value().as_ref().map_or("", |value| value.get_name())]);
+        command.args([
+            "--child",
+            role.to_possible_value().as_ref().map_or("", |value| value.get_name()),
+        ]);
         command.arg("--processors").args(cores.of_server().map(|cpu| cpu.to_string()));
         command.env("SARRUS_ROOT", domain.root()).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = Child(command.spawn()?);
@@ -40,14 +44,22 @@ impl Child {
         if let Some(out) = child.0.stdout.take() {
             BufReader::new(out).read_line(&mut line)?;
         }
-        if line.trim() == "ready" { Ok(child) } else { Err(format!("the {role:?} process does not start").into()) }
+        if line.trim() == "ready" {
+            Ok(child)
+        } else {
+            Err(format!("the {role:?} process does not start").into())
+        }
     }
 
     /// Lets it end.
     pub(crate) fn stop(mut self) -> Outcome {
         drop(self.0.stdin.take());
         let status = self.0.wait()?;
-        if status.success() { Ok(()) } else { Err(format!("the other process ends with {status}").into()) }
+        if status.success() {
+            Ok(())
+        } else {
+            Err(format!("the other process ends with {status}").into())
+        }
     }
 }
 

@@ -1,7 +1,9 @@
-//! The floor: the same bytes there and back through shared memory, with nothing but atomic words between two processes that poll.
+//! The floor: the same bytes there and back through shared memory, with nothing but atomic words
+//! between two processes that poll.
 //!
-//! Each process writes into a request of its own that the other one holds: mapped once, then neither the transport nor the system
-//! takes part. A sequence number says that the numbers before it are complete.
+//! Each process writes into a request of its own that the other one holds: mapped once, then
+//! neither the transport nor the system takes part. A sequence number says that the numbers before
+//! it are complete.
 
 use std::hint::spin_loop;
 use std::sync::atomic::{AtomicBool, Ordering::*, fence};
@@ -34,7 +36,12 @@ struct End {
 
 impl End {
     /// Meets the other end; `opened` is called once it can come.
-    fn meet(domain: &Domain, mine: &str, theirs: &str, opened: impl FnOnce() -> Outcome) -> Outcome<End> {
+    fn meet(
+        domain: &Domain,
+        mine: &str,
+        theirs: &str,
+        opened: impl FnOnce() -> Outcome,
+    ) -> Outcome<End> {
         let node = domain.node::<Service>()?;
         let server = serve_compute(&node, &ServerName::new(mine)?, 1)?;
         opened()?;
@@ -56,7 +63,9 @@ impl End {
                 received = server.receive().map_err(|error| format!("{error:?}"))?;
             }
             match (sent, received) {
-                (Some(mine), Some(theirs)) => return Ok(End { mine, theirs, _ports: (server, client, node) }),
+                (Some(mine), Some(theirs)) => {
+                    return Ok(End { mine, theirs, _ports: (server, client, node) });
+                }
                 _ if late() => return Err("the other end of the floor does not come".into()),
                 (s, r) => (sent, received) = (s, r),
             }
@@ -68,7 +77,12 @@ impl End {
     #[inline]
     fn post(&self, sequence: u64, numbers: &[f64], n_back: usize) {
         let words: &ComputeRequest = self.mine.payload();
-        let head = RequestHead { version: numbers.len() as u32, plan: n_back as u32, sequence: sequence - 1, ..RequestHead::default() };
+        let head = RequestHead {
+            version: numbers.len() as u32,
+            plan: n_back as u32,
+            sequence: sequence - 1,
+            ..RequestHead::default()
+        };
         words.write(&head, numbers);
         // SYNC POINT: floor (the other end is `take`)
         fence(Release);

@@ -1,4 +1,5 @@
-//! Round trips: both doors of a server process, beside plain shared memory that carries the same bytes.
+//! Round trips: both doors of a server process, beside plain shared memory that carries the same
+//! bytes.
 //!
 //! ```text
 //! cargo run --release -p sarrus-round-trip                    # some minutes
@@ -92,12 +93,20 @@ fn run(flags: &Flags) -> Outcome {
 
 fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
     let row = |trip: &Trip| {
-        let mut row = vec![trip.what.name.to_owned(), format!("{} in, {} out", trip.n_in, trip.n_out), trip.way.name().to_owned()];
+        let mut row = vec![
+            trip.what.name.to_owned(),
+            format!("{} in, {} out", trip.n_in, trip.n_out),
+            trip.way.name().to_owned(),
+        ];
         row.extend([0.5, 0.9, 0.99, 0.999].map(|quantile| ns(trip.samples.at(quantile))));
         row.push(format!("{} to {}", ns(trip.starts.0), ns(trip.starts.1)));
         let served = trip.computation > 0.0;
         let optional = |x: f64| if served { ns(x) } else { "-".to_owned() };
-        row.extend([optional(trip.computation), ns(trip.samples.median() - trip.computation), optional(trip.over_floor())]);
+        row.extend([
+            optional(trip.computation),
+            ns(trip.samples.median() - trip.computation),
+            optional(trip.over_floor()),
+        ]);
         row
     };
     let count = trips.iter().map(|trip| trip.samples.count()).min().unwrap_or(0);

@@ -1,6 +1,7 @@
 //! Both doors of a server process, beside the floor.
 //!
-//! Server and floor take turns, each alone with the client: on two processors a third process that polls would be measured too.
+//! Server and floor take turns, each alone with the client: on two processors a third process that
+//! polls would be measured too.
 
 use std::time::Instant;
 
@@ -45,7 +46,12 @@ pub(crate) struct What {
 }
 
 const WHATS: [What; 3] = [
-    What { name: "y_to_u", wanted: || Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U])) },
+    What {
+        name: "y_to_u",
+        wanted: || {
+            Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U]))
+        },
+    },
     What { name: "ID", wanted: || Question::InverseDynamics.wanted() },
     What { name: "FD", wanted: || Question::ForwardDynamics.wanted() },
 ];
@@ -86,7 +92,8 @@ pub(crate) struct Trip {
     pub(crate) computation: f64,
     /// Median of the floor for the same bytes.
     floor: f64,
-    /// The least and the largest median of one start of the processes: a virtual machine moves its processors now and then.
+    /// The least and the largest median of one start of the processes: a virtual machine moves its
+    /// processors now and then.
     pub(crate) starts: (f64, f64),
 }
 
@@ -117,15 +124,25 @@ struct Asked {
     starts: [Vec<f64>; 3],
 }
 
-/// Measures all round trips whose name has `only` in it; nothing where server and client would share a processor.
-pub(crate) fn measure(robot: &Robot, cores: &Cores, effort: &Effort, only: &str, progress: &Progress) -> Outcome<Vec<Trip>> {
+/// Measures all round trips whose name has `only` in it; nothing where server and client would
+/// share a processor.
+pub(crate) fn measure(
+    robot: &Robot,
+    cores: &Cores,
+    effort: &Effort,
+    only: &str,
+    progress: &Progress,
+) -> Outcome<Vec<Trip>> {
     if cores.is_one() {
         eprintln!("round trips not run: server and client poll, each needs a processor of its own");
         return Ok(Vec::new());
     }
-    let mut asked = WHATS.into_iter().map(|what| Asked::new(what, robot)).collect::<Outcome<Vec<_>>>()?;
+    let mut asked =
+        WHATS.into_iter().map(|what| Asked::new(what, robot)).collect::<Outcome<Vec<_>>>()?;
     let chosen = |way, asked: &Asked| name(way, asked.what).contains(only) || way == Way::Floor;
-    let domain = Domain::at(&std::env::temp_dir().join(format!("sarrus-round-trip-{}", std::process::id())))?;
+    let domain = Domain::at(
+        &std::env::temp_dir().join(format!("sarrus-round-trip-{}", std::process::id())),
+    )?;
 
     for segment in 0..effort.segments {
         progress.show("round trips", segment as f64 / effort.segments as f64);
@@ -138,7 +155,8 @@ pub(crate) fn measure(robot: &Robot, cores: &Cores, effort: &Effort, only: &str,
 
         let server = Child::start(Role::Server, &domain, cores)?;
         for (way, door) in [(Way::Lane, Door::Lane), (Way::Requests, Door::Requests)] {
-            let options = ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
+            let options =
+                ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
             let mut client = Client::connect_in(domain.clone(), ROBOT, options)?;
             for asked in asked.iter_mut().filter(|asked| chosen(way, asked)) {
                 let plan = client.prepare(&asked.wanted)?;
@@ -152,13 +170,18 @@ pub(crate) fn measure(robot: &Robot, cores: &Cores, effort: &Effort, only: &str,
     Ok(asked.iter().flat_map(Asked::trips).filter(|trip| trip.samples.count() > 0).collect())
 }
 
-/// Round trips through a door; every answer's status is looked at, and the bits of a first pass through the states.
+/// Round trips through a door; every answer's status is looked at, and the bits of a first pass
+/// through the states.
 fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: PlanId) -> Outcome {
     let mut output = vec![0.0; asked.answers[0].len()];
     for (input, answer) in asked.inputs.iter().zip(&asked.answers) {
         client.ask(plan, input, &mut output)?;
         if output.iter().zip(answer).any(|(a, b)| a.to_bits() != b.to_bits()) {
-            return Err(format!("{}: the answer has other bits than in process", name(way, asked.what)).into());
+            return Err(format!(
+                "{}: the answer has other bits than in process",
+                name(way, asked.what)
+            )
+            .into());
         }
     }
     timed(asked, way, count, |_, input| match client.ask(plan, input, &mut output)?.status {
@@ -168,7 +191,12 @@ fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: 
 }
 
 /// Times `count` calls after a tenth of them untimed.
-fn timed(asked: &mut Asked, way: Way, count: usize, mut trip: impl FnMut(usize, &[f64]) -> Outcome) -> Outcome {
+fn timed(
+    asked: &mut Asked,
+    way: Way,
+    count: usize,
+    mut trip: impl FnMut(usize, &[f64]) -> Outcome,
+) -> Outcome {
     for k in 0..count / 10 {
         trip(k, &asked.inputs[k % STATES])?;
     }
@@ -188,16 +216,25 @@ impl Asked {
     fn new(what: What, robot: &Robot) -> Outcome<Asked> {
         let wanted = (what.wanted)();
         let plan = Plan::new(&robot.variants[0].compiled.model, &wanted)?;
-        let inputs = robot.states.iter().take(STATES).map(|state| packed(&plan, state, 0)).collect();
+        let inputs =
+            robot.states.iter().take(STATES).map(|state| packed(&plan, state, 0)).collect();
         let answers = vec![vec![0.0; plan.want().len()]; STATES];
-        let mut asked =
-            Asked { what, wanted, inputs, answers, computation: Vec::new(), ns: Default::default(), starts: Default::default() };
+        let mut asked = Asked {
+            what,
+            wanted,
+            inputs,
+            answers,
+            computation: Vec::new(),
+            ns: Default::default(),
+            starts: Default::default(),
+        };
         asked.compute(robot)?;
         asked.computation.clear();
         Ok(asked)
     }
 
-    /// Times the plan in process, in batches, and keeps its answers; done after each run of round trips, under the same conditions.
+    /// Times the plan in process, in batches, and keeps its answers; done after each run of round
+    /// trips, under the same conditions.
     fn compute(&mut self, robot: &Robot) -> Outcome {
         let model = &robot.variants[0].compiled.model;
         let plan = Plan::new(model, &self.wanted)?;
@@ -205,7 +242,12 @@ impl Asked {
         for _ in 0..200 {
             let start = Instant::now();
             for (input, answer) in self.inputs.iter().zip(&mut self.answers) {
-                std::hint::black_box(plan.run(model, &mut workspace, std::hint::black_box(input), answer));
+                std::hint::black_box(plan.run(
+                    model,
+                    &mut workspace,
+                    std::hint::black_box(input),
+                    answer,
+                ));
             }
             self.computation.push(start.elapsed().as_nanos() as f64 / STATES as f64);
         }

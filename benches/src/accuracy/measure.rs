@@ -40,7 +40,8 @@ impl<'a> Truths<'a> {
         Truths { robot, kept: Vec::new() }
     }
 
-    /// The error of an answer to a question at a state, whose numbers are those of `want`: on chains of the forces, for ÿ.
+    /// The error of an answer to a question at a state, whose numbers are those of `want`: on
+    /// chains of the forces, for ÿ.
     pub(super) fn error(
         &mut self,
         (asked, place, start): (Question, usize, Start),
@@ -53,13 +54,22 @@ impl<'a> Truths<'a> {
         if !self.kept.iter().any(|(of, _)| *of == key) {
             self.kept.push((key, Truth::new(self.robot, place, asked, start)?));
         }
-        let truth = self.kept.iter_mut().find(|(of, _)| *of == key).map(|(_, truth)| truth).ok_or("no exact answers")?;
+        let truth = self
+            .kept
+            .iter_mut()
+            .find(|(of, _)| *of == key)
+            .map(|(_, truth)| truth)
+            .ok_or("no exact answers")?;
         for before in 0..=state {
             truth.compute(self.robot, before)?;
         }
         let exact = truth.exact(want, state);
         let chain = matches!(self.robot.what, What::Chain(_));
-        Ok(if chain && asked == Question::ForwardDynamics { exact.backward_error(answer) } else { exact.error(answer) })
+        Ok(if chain && asked == Question::ForwardDynamics {
+            exact.backward_error(answer)
+        } else {
+            exact.error(answer)
+        })
     }
 }
 
@@ -95,7 +105,12 @@ pub(super) fn measure(
     }
     // a method that does not answer is not timed
     let fine = |of: &Measured| of.fault.is_none();
-    let mut runs: Vec<Run<'_>> = methods.iter_mut().zip(&measured).filter(|(_, of)| fine(of)).map(|(method, _)| Run(method)).collect();
+    let mut runs: Vec<Run<'_>> = methods
+        .iter_mut()
+        .zip(&measured)
+        .filter(|(_, of)| fine(of))
+        .map(|(method, _)| Run(method))
+        .collect();
     let times = interleaved(&mut runs, rounds, shown)?;
     for (of, samples) in measured.iter_mut().filter(|of| fine(of)).zip(times) {
         of.ns = samples.median();

@@ -1,4 +1,5 @@
-//! Every method that is measured on a robot: how loops are closed and how well, in which scalar, how forward dynamics go.
+//! Every method that is measured on a robot: how loops are closed and how well, in which scalar,
+//! how forward dynamics go.
 
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{Method as Forward, Model, Plan};
@@ -8,8 +9,10 @@ use crate::Outcome;
 use crate::cases::{Question, Start, Variant, What};
 use crate::states::Robot;
 
-/// Ends of Newton's method where only it is asked, and where dynamics follow; a tolerance of the last step each.
-const TOLERANCES: [f64; 13] = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15];
+/// Ends of Newton's method where only it is asked, and where dynamics follow; a tolerance of the
+/// last step each.
+const TOLERANCES: [f64; 13] =
+    [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15];
 const FEW_TOLERANCES: [f64; 5] = [1e-3, 1e-6, 1e-9, 1e-12, 1e-15];
 const TOLERANCES_IN_SINGLE: [f64; 3] = [1e-2, 1e-3, 1e-4];
 /// Bounded steps, from a closed pose nearby and from that at zero.
@@ -56,13 +59,26 @@ pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
     let chain = matches!(robot.what, What::Chain(_));
     let closed_form = chain || given.closures == "analytic";
     if given.closures != "numerical" {
-        let (name, start) = if closed_form { ("closed form", Start::None) } else { ("as given", Start::Warm) };
+        let (name, start) =
+            if closed_form { ("closed form", Start::None) } else { ("as given", Start::Warm) };
         methods.given(Way { place: 0, variant: given, name, start, default: true })?;
     }
     if let Some(place) = numerical {
         let variant = &robot.variants[place];
-        methods.newton(Way { place, variant, name: "Newton, warm", start: Start::Warm, default: place == 0 })?;
-        methods.cold(Way { place, variant, name: "Newton, cold", start: Start::Cold, default: false })?;
+        methods.newton(Way {
+            place,
+            variant,
+            name: "Newton, warm",
+            start: Start::Warm,
+            default: place == 0,
+        })?;
+        methods.cold(Way {
+            place,
+            variant,
+            name: "Newton, cold",
+            start: Start::Cold,
+            default: false,
+        })?;
     }
     Ok(methods.all)
 }
@@ -91,11 +107,19 @@ impl Methods<'_> {
         let model = &way.variant.compiled.model;
         let small = model.sizes().n_v <= LARGEST_SQUARE;
         for tolerance in TOLERANCES {
-            let (looser, label) = (model.with_tolerance(tolerance, 10), format!("tolerance {tolerance:.0e}"));
+            let (looser, label) =
+                (model.with_tolerance(tolerance, 10), format!("tolerance {tolerance:.0e}"));
             self.ask(&way, &looser, Question::State, "double", &label, false)?;
             if FEW_TOLERANCES.contains(&tolerance) {
                 self.ask(&way, &looser, Question::InverseDynamics, "double", &label, false)?;
-                self.ask(&way, &looser, Question::Forced(model.forward_method()), "double", &label, false)?;
+                self.ask(
+                    &way,
+                    &looser,
+                    Question::Forced(model.forward_method()),
+                    "double",
+                    &label,
+                    false,
+                )?;
                 if small {
                     self.implicit(&way, &looser, &label)?;
                 }
@@ -106,34 +130,66 @@ impl Methods<'_> {
         }
         self.forward(&way, model, "usual end", way.default)?;
         for steps in STEPS {
-            let (bounded, label) = (model.with_tolerance(0.0, steps), format!("at most {steps} steps"));
+            let (bounded, label) =
+                (model.with_tolerance(0.0, steps), format!("at most {steps} steps"));
             self.ask(&way, &bounded, Question::State, "double, bounded steps", &label, false)?;
             if steps <= 3 {
-                self.ask(&way, &bounded, Question::InverseDynamics, "double, bounded steps", &label, false)?;
+                self.ask(
+                    &way,
+                    &bounded,
+                    Question::InverseDynamics,
+                    "double, bounded steps",
+                    &label,
+                    false,
+                )?;
             }
         }
         let single = model.convert(|x| x as f32);
         for tolerance in TOLERANCES_IN_SINGLE {
             let label = format!("tolerance {tolerance:.0e}");
-            self.ask(&way, &single.with_tolerance(tolerance, 10), Question::State, "single", &label, false)?;
+            self.ask(
+                &way,
+                &single.with_tolerance(tolerance, 10),
+                Question::State,
+                "single",
+                &label,
+                false,
+            )?;
         }
-        for asked in [Question::State, Question::InverseDynamics, Question::Forced(model.forward_method())] {
+        for asked in
+            [Question::State, Question::InverseDynamics, Question::Forced(model.forward_method())]
+        {
             self.ask(&way, &single, asked, "single", "usual end", false)?;
         }
         Ok(())
     }
 
-    /// Newton's method from the closed pose at zero: more steps, so that more of them can be left out.
+    /// Newton's method from the closed pose at zero: more steps, so that more of them can be left
+    /// out.
     fn cold(&mut self, way: Way<'_>) -> Outcome {
         let model = &way.variant.compiled.model;
         for tolerance in FEW_TOLERANCES {
             let label = format!("tolerance {tolerance:.0e}");
-            self.ask(&way, &model.with_tolerance(tolerance, 10), Question::State, "double", &label, false)?;
+            self.ask(
+                &way,
+                &model.with_tolerance(tolerance, 10),
+                Question::State,
+                "double",
+                &label,
+                false,
+            )?;
         }
         self.ask(&way, model, Question::State, "double", "usual end", false)?;
         for steps in STEPS_FROM_ZERO {
             let label = format!("at most {steps} steps");
-            self.ask(&way, &model.with_tolerance(0.0, steps), Question::State, "double, bounded steps", &label, false)?;
+            self.ask(
+                &way,
+                &model.with_tolerance(0.0, steps),
+                Question::State,
+                "double, bounded steps",
+                &label,
+                false,
+            )?;
         }
         Ok(())
     }
@@ -143,23 +199,48 @@ impl Methods<'_> {
         let small = model.sizes().n_v <= LARGEST_SQUARE;
         for method in Forward::ALL {
             if small || method != Forward::Kkt {
-                self.ask(way, model, Question::Forced(method), "double", label, default && method == model.forward_method())?;
+                self.ask(
+                    way,
+                    model,
+                    Question::Forced(method),
+                    "double",
+                    label,
+                    default && method == model.forward_method(),
+                )?;
             }
         }
         Ok(())
     }
 
-    fn ask<T: Scalar>(&mut self, way: &Way<'_>, model: &Model<T>, asked: Question, scalar: &str, label: &str, default: bool) -> Outcome {
+    fn ask<T: Scalar>(
+        &mut self,
+        way: &Way<'_>,
+        model: &Model<T>,
+        asked: Question,
+        scalar: &str,
+        label: &str,
+        default: bool,
+    ) -> Outcome {
         let wanted = with_start(asked.wanted(), way.start);
         let (plan, before) = match asked {
-            Question::Forced(method) => (Plan::with_method(model, &wanted, method)?, format!("{}, ", method.name())),
+            Question::Forced(method) => {
+                (Plan::with_method(model, &wanted, method)?, format!("{}, ", method.name()))
+            }
             _ => (Plan::new(model, &wanted)?, String::new()),
         };
         let runner = Box::new(Planned::new(model.clone(), plan, self.robot, way.place));
         let series = format!("{before}{}, {scalar}", way.name);
         let asked = if asked.is_forward() { Question::ForwardDynamics } else { asked };
         let label = if label.is_empty() { "usual" } else { label }.to_owned();
-        self.all.push(Method { asked, series, label, default, place: way.place, start: way.start, runner });
+        self.all.push(Method {
+            asked,
+            series,
+            label,
+            default,
+            place: way.place,
+            start: way.start,
+            runner,
+        });
         Ok(())
     }
 
@@ -168,7 +249,15 @@ impl Methods<'_> {
         let label = if label.is_empty() { "usual" } else { label }.to_owned();
         let series = format!("implicit form with Baumgarte, {}, double", way.name);
         let (asked, default) = (Question::ForwardDynamics, false);
-        self.all.push(Method { asked, series, label, default, place: way.place, start: way.start, runner });
+        self.all.push(Method {
+            asked,
+            series,
+            label,
+            default,
+            place: way.place,
+            start: way.start,
+            runner,
+        });
         Ok(())
     }
 }

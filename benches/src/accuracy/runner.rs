@@ -3,7 +3,9 @@
 use std::hint::black_box;
 
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Layout, Model, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{
+    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Request, Status, Wanted, Workspace,
+};
 
 use crate::Outcome;
 use crate::cases::{Start, packed};
@@ -59,7 +61,12 @@ impl<T: Scalar> Runner for Planned<T> {
 
     #[inline]
     fn call(&mut self, state: usize) -> Status {
-        let answer = self.plan.run(&self.model, &mut self.workspace, black_box(&self.inputs[state]), &mut self.output);
+        let answer = self.plan.run(
+            &self.model,
+            &mut self.workspace,
+            black_box(&self.inputs[state]),
+            &mut self.output,
+        );
         black_box(&self.output);
         answer.status
     }
@@ -82,10 +89,25 @@ pub(super) struct Implicit {
 
 impl Implicit {
     /// On the states of a robot; the loops are closed from this start.
-    pub(super) fn new(model: &Model, robot: &Robot, place: usize, start: Start) -> Outcome<Implicit> {
-        let wanted = Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y, Field::Yd]), FieldSet::of(&[Field::Q, Field::Qd]));
+    pub(super) fn new(
+        model: &Model,
+        robot: &Robot,
+        place: usize,
+        start: Start,
+    ) -> Outcome<Implicit> {
+        let wanted = Wanted::new(
+            Request::Kinematics,
+            FieldSet::of(&[Field::Y, Field::Yd]),
+            FieldSet::of(&[Field::Q, Field::Qd]),
+        );
         let plan = Plan::new(model, &with_start(wanted, start))?;
-        let at = |name: &String| model.tree_names().iter().position(|x| x == name).ok_or_else(|| format!("no velocity {name}"));
+        let at = |name: &String| {
+            model
+                .tree_names()
+                .iter()
+                .position(|x| x == name)
+                .ok_or_else(|| format!("no velocity {name}"))
+        };
         let active = model.active_names().iter().map(at).collect::<Result<Vec<usize>, String>>()?;
         let tau = robot.states.iter().map(|state| {
             let mut tau = vec![0.0; model.sizes().n_v];
@@ -119,7 +141,15 @@ impl Runner for Implicit {
         }
         let Planned { model, plan, output, .. } = &self.closing;
         let [q, qd] = [Field::Q, Field::Qd].map(|of| field(plan.want(), of, output));
-        let status = self.form.accelerations(model, q, qd, &self.tau[state], &[], (STABILISATION, STABILISATION), &mut self.qdd);
+        let status = self.form.accelerations(
+            model,
+            q,
+            qd,
+            &self.tau[state],
+            &[],
+            (STABILISATION, STABILISATION),
+            &mut self.qdd,
+        );
         black_box(&self.qdd);
         status
     }

@@ -3,7 +3,9 @@
 use std::collections::HashMap;
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Answer, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Warnings, Workspace};
+use sarrus_dynamics::{
+    Answer, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Warnings, Workspace,
+};
 
 use super::robot::Robot;
 use crate::Outcome;
@@ -39,7 +41,8 @@ fn scatter(k: usize) -> f64 {
 }
 
 impl State {
-    /// A state within `reach` radians, or that many tenths of the robot's length where a joint slides; forces of the size of its own.
+    /// A state within `reach` radians, or that many tenths of the robot's length where a joint
+    /// slides; forces of the size of its own.
     pub(super) fn of(robot: &Robot, reach: f64) -> Outcome<State> {
         let model = &robot.compiled.model;
         let units = |field| robot.units(field).unwrap_or_default();
@@ -54,9 +57,14 @@ impl State {
                 scatter(k) * reach / unit * if unit == 1.0 { 1.0 } else { 0.1 }
             }
         });
-        let rates =
-            |shift: usize, size: f64| of_v.iter().enumerate().map(|(k, unit)| scatter(k + shift) * size / unit).collect::<Vec<f64>>();
-        let mut state = State { y: y.collect(), yd: rates(7, 1.0), ydd: rates(13, 3.0), ..State::default() };
+        let rates = |shift: usize, size: f64| {
+            of_v.iter()
+                .enumerate()
+                .map(|(k, unit)| scatter(k + shift) * size / unit)
+                .collect::<Vec<f64>>()
+        };
+        let mut state =
+            State { y: y.collect(), yd: rates(7, 1.0), ydd: rates(13, 3.0), ..State::default() };
         state.forces(robot)?;
         Ok(state)
     }
@@ -64,7 +72,9 @@ impl State {
     /// Forces that give about its ÿ, none of them quite.
     pub(super) fn forces(&mut self, robot: &Robot) -> Outcome {
         let motion = Ask::inverse(self, &[TauY]).run(&robot.compiled.model)?;
-        let one = |(k, tau): (usize, &f64)| if tau.is_finite() { tau * (1.0 + 0.5 * scatter(k + 3)) } else { 1.0 };
+        let one = |(k, tau): (usize, &f64)| {
+            if tau.is_finite() { tau * (1.0 + 0.5 * scatter(k + 3)) } else { 1.0 }
+        };
         self.tau_y = motion.get(TauY).iter().enumerate().map(one).collect();
         Ok(())
     }
@@ -126,7 +136,8 @@ impl Ask {
     pub(super) fn run<T: Scalar>(&self, model: &Model<T>) -> Outcome<Answered<T>> {
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, (field, _)| set.with(*field));
         let wanted = Wanted::new(self.request, given, FieldSet::of(&self.want));
-        let wanted = if self.wrenches.is_empty() { wanted } else { wanted.with_wrenches(&self.wrenches) };
+        let wanted =
+            if self.wrenches.is_empty() { wanted } else { wanted.with_wrenches(&self.wrenches) };
         let plan = match self.method {
             Some(method) => Plan::with_method(model, &wanted, method)?,
             None => Plan::new(model, &wanted)?,
@@ -137,7 +148,13 @@ impl Ask {
             let slot = plan.given().slot(*field).ok_or("a field that is not packed")?;
             let place = &mut input[slot.range()];
             if place.len() != numbers.len() {
-                return Err(format!("{} numbers for {}, which has {}", numbers.len(), field.name(), place.len()).into());
+                return Err(format!(
+                    "{} numbers for {}, which has {}",
+                    numbers.len(),
+                    field.name(),
+                    place.len()
+                )
+                .into());
             }
             place.iter_mut().zip(numbers).for_each(|(to, x)| *to = T::from_f64(*x));
         }
@@ -181,14 +198,20 @@ impl<T: Scalar> Answered<T> {
         let mut shortest = f64::INFINITY;
         for _ in 0..repeats {
             let start = std::time::Instant::now();
-            self.plan.run(model, &mut self.workspace, std::hint::black_box(&self.input), &mut self.numbers);
+            self.plan.run(
+                model,
+                &mut self.workspace,
+                std::hint::black_box(&self.input),
+                &mut self.numbers,
+            );
             shortest = shortest.min(start.elapsed().as_nanos() as f64);
         }
         shortest
     }
 }
 
-/// The largest error of an answer by size, over the fields that the truth has: max |x − truth| / max |truth|, lengths in those of the robot.
+/// The largest error of an answer by size, over the fields that the truth has: max |x − truth| /
+/// max |truth|, lengths in those of the robot.
 pub(super) fn error(robot: &Robot, answer: &Answered<f64>, truth: &[(Field, Vec<Dd>)]) -> f64 {
     let of_field = |(field, truth): &(Field, Vec<Dd>)| {
         let units = robot.units(*field).unwrap_or_else(|| vec![1.0; truth.len()]);
@@ -203,21 +226,34 @@ pub(super) fn error(robot: &Robot, answer: &Answered<f64>, truth: &[(Field, Vec<
     truth.iter().map(of_field).fold(0.0, f64::max)
 }
 
-/// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖) of an answer to forward dynamics, by inverse dynamics in double-double. ‖M_y‖ is taken
-/// as the largest row sum, which is never larger than the norm, so that the error is never told too small.
+/// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖) of an answer to forward dynamics, by inverse
+/// dynamics in double-double. ‖M_y‖ is taken as the largest row sum, which is never larger than the
+/// norm, so that the error is never told too small.
 pub(super) fn backward_error(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<f64> {
     let exact = &robot.compiled.exact;
     let inverse = |ydd: Vec<f64>| {
-        let given = ask.given.iter().filter(|(field, _)| *field != TauY).cloned().chain([(Ydd, ydd)]).collect();
-        Ask { wrenches: ask.wrenches.clone(), ..Ask::new(Request::InverseDynamics, given, &[TauY]) }.run(exact)
+        let given = ask
+            .given
+            .iter()
+            .filter(|(field, _)| *field != TauY)
+            .cloned()
+            .chain([(Ydd, ydd)])
+            .collect();
+        Ask { wrenches: ask.wrenches.clone(), ..Ask::new(Request::InverseDynamics, given, &[TauY]) }
+            .run(exact)
     };
     let (ydd, n) = (answer.get(Ydd), answer.get(Ydd).len());
-    let (back, bias, ones) = (inverse(ydd.to_vec())?, inverse(vec![0.0; n])?, inverse(vec![1.0; n])?);
+    let (back, bias, ones) =
+        (inverse(ydd.to_vec())?, inverse(vec![0.0; n])?, inverse(vec![1.0; n])?);
     let tau = ask.given.iter().find(|(field, _)| *field == TauY).map_or(&[][..], |(_, tau)| tau);
     let units = robot.units(TauY).unwrap_or_default();
-    let largest = |x: &mut dyn Iterator<Item = f64>| x.fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) });
-    let residual = largest(&mut (0..n).map(|i| units[i] * (back.get(TauY)[i] - Dd::from(tau[i])).to_f64()));
-    let sums = largest(&mut (0..n).map(|i| units[i] * (ones.get(TauY)[i] - bias.get(TauY)[i]).to_f64()));
+    let largest = |x: &mut dyn Iterator<Item = f64>| {
+        x.fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) })
+    };
+    let residual =
+        largest(&mut (0..n).map(|i| units[i] * (back.get(TauY)[i] - Dd::from(tau[i])).to_f64()));
+    let sums =
+        largest(&mut (0..n).map(|i| units[i] * (ones.get(TauY)[i] - bias.get(TauY)[i]).to_f64()));
     let size = sums * largest(&mut ydd.iter().copied())
         + largest(&mut (0..n).map(|i| units[i] * bias.get(TauY)[i].to_f64()))
         + largest(&mut (0..n).map(|i| units[i] * tau[i]));

@@ -97,13 +97,16 @@ impl Cases {
         }
     }
 
-    /// Loads a robot at a value of the parameter; one that is refused is a case of its own, whose message is what the user is told.
+    /// Loads a robot at a value of the parameter; one that is refused is a case of its own, whose
+    /// message is what the user is told.
     pub(super) fn load(&mut self, name: &str, at: At<'_>, robot: Outcome<Robot>) -> Option<Robot> {
         match robot {
             Ok(robot) => Some(robot),
             Err(error) => {
-                let (status, told, verdict) = ("refused at load".to_owned(), error.to_string(), Verdict::Failed);
-                let case = Case { status, told, verdict, truth: "-", ..self.blank(name, at, "load") };
+                let (status, told, verdict) =
+                    ("refused at load".to_owned(), error.to_string(), Verdict::Failed);
+                let case =
+                    Case { status, told, verdict, truth: "-", ..self.blank(name, at, "load") };
                 self.all.push(case);
                 None
             }
@@ -111,29 +114,60 @@ impl Cases {
     }
 
     /// Asks, compares, judges.
-    pub(super) fn ask(&mut self, robot: &Robot, at: At<'_>, asked: &str, ask: &Ask, truth: &Truth<'_>) -> Outcome<&mut Case> {
+    pub(super) fn ask(
+        &mut self,
+        robot: &Robot,
+        at: At<'_>,
+        asked: &str,
+        ask: &Ask,
+        truth: &Truth<'_>,
+    ) -> Outcome<&mut Case> {
         let answer = ask.run(&robot.compiled.model)?;
         let ok = answer.status() == Status::Ok;
         let (numbers, source) = if ok { true_numbers(robot, ask, truth)? } else { (None, "-") };
-        let error = ok.then(|| numbers.map_or(f64::INFINITY, |numbers| error(robot, &answer, &numbers)));
-        let forward = ok && ask.request == Request::ForwardDynamics && ask.given.iter().any(|(field, _)| *field == Field::TauY);
-        let backward = if forward && matches!(truth, Truth::Same) { Some(backward_error(robot, ask, &answer)?) } else { None };
+        let error =
+            ok.then(|| numbers.map_or(f64::INFINITY, |numbers| error(robot, &answer, &numbers)));
+        let forward = ok
+            && ask.request == Request::ForwardDynamics
+            && ask.given.iter().any(|(field, _)| *field == Field::TauY);
+        let backward = if forward && matches!(truth, Truth::Same) {
+            Some(backward_error(robot, ask, &answer)?)
+        } else {
+            None
+        };
         let case = Case {
             status: answer.status().name().to_owned(),
             warnings: answer.warnings().names().map(str::to_owned).collect(),
             error,
             truth: source,
             backward,
-            told: if error.is_some_and(|error| error > HELD) { figures(robot, ask)? } else { told(robot, ask, &answer)? },
-            verdict: of_answer(answer.status(), answer.warnings(), error.unwrap_or(f64::INFINITY), answer.is_empty()),
+            told: if error.is_some_and(|error| error > HELD) {
+                figures(robot, ask)?
+            } else {
+                told(robot, ask, &answer)?
+            },
+            verdict: of_answer(
+                answer.status(),
+                answer.warnings(),
+                error.unwrap_or(f64::INFINITY),
+                answer.is_empty(),
+            ),
             ..self.blank(&robot.name, at, asked)
         };
         self.all.push(case);
         self.all.last_mut().ok_or_else(|| "no case".into())
     }
 
-    /// Kinematics, inverse dynamics and forward dynamics at a state, against double-double; `methods` of forward dynamics.
-    pub(super) fn questions(&mut self, robot: &Robot, value: f64, state: &State, kinematics: bool, methods: &[Method]) -> Outcome {
+    /// Kinematics, inverse dynamics and forward dynamics at a state, against double-double;
+    /// `methods` of forward dynamics.
+    pub(super) fn questions(
+        &mut self,
+        robot: &Robot,
+        value: f64,
+        state: &State,
+        kinematics: bool,
+        methods: &[Method],
+    ) -> Outcome {
         let closures = robot.closures();
         let at = At { value, method: closures };
         if kinematics {
@@ -145,7 +179,8 @@ impl Cases {
             let ask = Ask::forward(state, Some(*method));
             // the oracle in double-double would cost more and say the same
             let exact = Ask { method: Some(Method::Recursion), ..ask.clone() };
-            let case = self.ask(robot, At { value, method: &name }, "FD", &ask, &Truth::Of(&exact))?;
+            let case =
+                self.ask(robot, At { value, method: &name }, "FD", &ask, &Truth::Of(&exact))?;
             if case.status == Status::Ok.name() {
                 let answer = ask.run(&robot.compiled.model)?;
                 case.backward = Some(backward_error(robot, &ask, &answer)?);
@@ -156,7 +191,11 @@ impl Cases {
 }
 
 /// The true numbers of the wanted fields, if there are any, and where they come from.
-fn true_numbers(robot: &Robot, ask: &Ask, truth: &Truth<'_>) -> Outcome<(Option<Vec<(Field, Vec<Dd>)>>, &'static str)> {
+fn true_numbers(
+    robot: &Robot,
+    ask: &Ask,
+    truth: &Truth<'_>,
+) -> Outcome<(Option<Vec<(Field, Vec<Dd>)>>, &'static str)> {
     let exact = match truth {
         Truth::Known(numbers) => return Ok((Some(numbers.clone()), "closed form")),
         Truth::None => return Ok((None, "there is no answer")),
@@ -167,23 +206,42 @@ fn true_numbers(robot: &Robot, ask: &Ask, truth: &Truth<'_>) -> Outcome<(Option<
     if answer.status() != Status::Ok {
         return Ok((None, "double-double has no answer"));
     }
-    Ok((Some(ask.want.iter().map(|field| (*field, answer.get(*field).to_vec())).collect()), "double-double"))
+    Ok((
+        Some(ask.want.iter().map(|field| (*field, answer.get(*field).to_vec())).collect()),
+        "double-double",
+    ))
 }
 
 /// What helps beside status and warnings: what can be asked after a failure.
 fn told(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<String> {
     use Field::*;
-    if matches!(answer.status(), Status::Ok | Status::NonFiniteInput | Status::BadRequest | Status::MassNotPositive) {
+    if matches!(
+        answer.status(),
+        Status::Ok | Status::NonFiniteInput | Status::BadRequest | Status::MassNotPositive
+    ) {
         return Ok(String::new());
     }
-    let given = ask.given.iter().filter(|(field, _)| matches!(field, Y | Q | U | QGuess)).cloned().collect();
+    let given = ask
+        .given
+        .iter()
+        .filter(|(field, _)| matches!(field, Y | Q | U | QGuess))
+        .cloned()
+        .collect();
     let want = [Residual, SigmaMin, NearestY, Uncontrolled];
     let helps = Ask::new(Request::Kinematics, given, &want).run(&robot.compiled.model)?;
     let mut told: Vec<Cow<'_, str>> = Vec::new();
-    for (field, name) in [(Residual, "residual"), (SigmaMin, "σ_min"), (NearestY, "nearest y"), (Uncontrolled, "uncontrolled")] {
+    for (field, name) in [
+        (Residual, "residual"),
+        (SigmaMin, "σ_min"),
+        (NearestY, "nearest y"),
+        (Uncontrolled, "uncontrolled"),
+    ] {
         let numbers = helps.get(field);
-        let few: Vec<String> =
-            numbers.iter().take(6).map(|x| if field == NearestY { format!("{x:.6}") } else { format!("{x:.1e}") }).collect();
+        let few: Vec<String> = numbers
+            .iter()
+            .take(6)
+            .map(|x| if field == NearestY { format!("{x:.6}") } else { format!("{x:.1e}") })
+            .collect();
         let relevant = field != Uncontrolled || answer.status() == Status::SingularActuation;
         if relevant && !numbers.is_empty() && numbers.iter().all(|x| x.is_finite()) {
             told.push(format!("{name} {}", few.join(" ")).into());
@@ -195,9 +253,16 @@ fn told(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<String> {
 /// The figures by which a user can judge an answer.
 fn figures(robot: &Robot, ask: &Ask) -> Outcome<String> {
     use Field::{CondGu, CondMy, Q, QGuess, SigmaMin, U, Y};
-    let given: Vec<_> = ask.given.iter().filter(|(field, _)| matches!(field, Y | Q | U | QGuess)).cloned().collect();
+    let given: Vec<_> = ask
+        .given
+        .iter()
+        .filter(|(field, _)| matches!(field, Y | Q | U | QGuess))
+        .cloned()
+        .collect();
     let want = [SigmaMin, CondGu, CondMy];
     let figures = Ask::new(Request::InverseDynamics, given, &want).run(&robot.compiled.model)?;
-    let told = want.map(|field| figures.get(field).first().map_or(String::new(), |x| format!("{} {x:.1e}", field.name())));
+    let told = want.map(|field| {
+        figures.get(field).first().map_or(String::new(), |x| format!("{} {x:.1e}", field.name()))
+    });
     Ok(told.join(", "))
 }

@@ -31,7 +31,13 @@ pub(super) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
             let mut state = State::of(robot, 0.2)?;
             state.y[0] += value;
             state.forces(robot)?;
-            cases.questions(robot, value, &state, true, &[robot.compiled.model.forward_method()])?;
+            cases.questions(
+                robot,
+                value,
+                &state,
+                true,
+                &[robot.compiled.model.forward_method()],
+            )?;
             if robot.closures() == "no loops" || value > 1e9 {
                 continue;
             }
@@ -48,7 +54,8 @@ pub(super) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The pose shortly before y, each joint as many turns on as it makes while the crank makes those of y; none where the crank has no full turn.
+/// The pose shortly before y, each joint as many turns on as it makes while the crank makes those
+/// of y; none where the crank has no full turn.
 fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
     let turns = ((y - 0.01) / TAU).floor();
     let mut guess: Option<Vec<f64>> = None;
@@ -57,8 +64,13 @@ fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
     let goal = y - 0.01 - turns * TAU;
     // once round from where the goal is, then what each joint turned
     for k in 0..=160 {
-        let at = if k <= 80 { goal * f64::from(k) / 80.0 } else { goal + TAU * f64::from(k - 80) / 80.0 };
-        let answer = Ask::pose(&State { y: vec![at], guess: guess.take(), ..State::default() }).run(&robot.compiled.model)?;
+        let at = if k <= 80 {
+            goal * f64::from(k) / 80.0
+        } else {
+            goal + TAU * f64::from(k - 80) / 80.0
+        };
+        let answer = Ask::pose(&State { y: vec![at], guess: guess.take(), ..State::default() })
+            .run(&robot.compiled.model)?;
         if answer.status() != Status::Ok {
             return Ok(None);
         }

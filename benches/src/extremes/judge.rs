@@ -7,7 +7,8 @@ use crate::report::Verdict;
 /// Error by size up to which an answer counts as right.
 pub(super) const HELD: f64 = 1e-9;
 
-/// The rule for an answer: its status, its warnings, its error where it is ok, and whether a failed answer is NaN wherever it must be.
+/// The rule for an answer: its status, its warnings, its error where it is ok, and whether a failed
+/// answer is NaN wherever it must be.
 pub(super) fn of_answer(status: Status, warnings: Warnings, error: f64, empty: bool) -> Verdict {
     match status {
         Status::Ok if error <= HELD => Verdict::Held,

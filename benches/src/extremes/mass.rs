@@ -17,7 +17,20 @@ const HEAVY: [(&str, &str, &[&str]); 10] = [
     ("lambda, heavy rocker", "lambda", &["Elbow_Link"]),
     ("lambda, light rocker", "lambda", &["ElbowB11_Link", "ElbowAct_Link"]),
     ("torso, heavy body", "torso", &["BodyRoll_Link"]),
-    ("torso, heavy legs", "torso", &["B1_Link", "B2_Link", "BL1_Link", "BL2_Link", "ActL_Link", "BR1_Link", "BR2_Link", "ActR_Link"]),
+    (
+        "torso, heavy legs",
+        "torso",
+        &[
+            "B1_Link",
+            "B2_Link",
+            "BL1_Link",
+            "BL2_Link",
+            "ActL_Link",
+            "BR1_Link",
+            "BR2_Link",
+            "ActR_Link",
+        ],
+    ),
     ("Stewart, heavy platform", "stewart", &["HipRotZ_Link"]),
     ("Stewart, heavy legs", "stewart", &["B1_Link", "B2_Link", "Act_Link"]),
     ("arm with a lambda, heavy hand", "r3_lambda_r", &["ALWristRoll_Link"]),
@@ -32,18 +45,32 @@ pub(super) fn ratios(cases: &mut Cases, effort: &Effort) -> Outcome {
     for (name, from, ends) in HEAVY {
         let plain = bundled(from)?;
         for &value in &values {
-            let robot = Robot::new(name, heavier(plain.clone(), |link| ends.iter().any(|end| link.ends_with(end)), value));
+            let robot = Robot::new(
+                name,
+                heavier(plain.clone(), |link| ends.iter().any(|end| link.ends_with(end)), value),
+            );
             answers(cases, name, value, robot)?;
         }
     }
     for &value in &values {
-        for (name, heavy) in [("8 rods, heavy end", "link8"), ("8 rods, heavy base", "link1"), ("8 rods, every second heavy", "")] {
-            let heavy = |link: &str| if heavy.is_empty() { link.ends_with(['2', '4', '6', '8']) } else { link == heavy };
+        for (name, heavy) in [
+            ("8 rods, heavy end", "link8"),
+            ("8 rods, heavy base", "link1"),
+            ("8 rods, every second heavy", ""),
+        ] {
+            let heavy = |link: &str| {
+                if heavy.is_empty() { link.ends_with(['2', '4', '6', '8']) } else { link == heavy }
+            };
             answers(cases, name, value, Robot::new(name, heavier(rods(8), heavy, value)))?;
         }
         let name = "four-bar, heavy coupler";
         let bars = four_bar(GRASHOF, Kind::FourBar, "xy");
-        answers(cases, name, value, Robot::new(name, heavier(bars, |link| link == "link2", value)))?;
+        answers(
+            cases,
+            name,
+            value,
+            Robot::new(name, heavier(bars, |link| link == "link2", value)),
+        )?;
     }
     Ok(())
 }
@@ -55,21 +82,30 @@ fn answers(cases: &mut Cases, name: &str, value: f64, robot: Outcome<Robot>) -> 
     Ok(())
 }
 
-/// Links of less and less mass, down to none. A mass matrix that is not positive is refused at load; one that is stays exact.
+/// Links of less and less mass, down to none. A mass matrix that is not positive is refused at
+/// load; one that is stays exact.
 pub(super) fn massless(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("massless links", "share of the mass that is left");
-    let mut values: Vec<f64> =
-        (0..if effort.quick { 5 } else { 16 }).map(|k| 10f64.powi(-(if effort.quick { 5 } else { 1 }) * k)).collect();
+    let mut values: Vec<f64> = (0..if effort.quick { 5 } else { 16 })
+        .map(|k| 10f64.powi(-(if effort.quick { 5 } else { 1 }) * k))
+        .collect();
     values.extend([1e-60, 1e-150, 1e-300, 0.0]);
     let robots: [(&str, fn(f64) -> Outcome<Description>); 6] = [
-        ("lambda, light stator", |factor| Ok(heavier(bundled("lambda")?, |link| link == "ElbowB11_Link", factor))),
-        ("lambda, light all but the slider", |factor| Ok(heavier(bundled("lambda")?, |link| link != "ElbowAct_Link", factor))),
-        ("Stewart, light legs", |factor| Ok(heavier(bundled("stewart")?, |link| link.contains("HipL"), factor))),
+        ("lambda, light stator", |factor| {
+            Ok(heavier(bundled("lambda")?, |link| link == "ElbowB11_Link", factor))
+        }),
+        ("lambda, light all but the slider", |factor| {
+            Ok(heavier(bundled("lambda")?, |link| link != "ElbowAct_Link", factor))
+        }),
+        ("Stewart, light legs", |factor| {
+            Ok(heavier(bundled("stewart")?, |link| link.contains("HipL"), factor))
+        }),
         ("3 rods, light middle", |factor| Ok(heavier(rods(3), |link| link == "link2", factor))),
         ("3 rods, light end", |factor| Ok(heavier(rods(3), |link| link == "link3", factor))),
         ("3 rods, light end with a rotor", |factor| {
             let mut of = heavier(rods(3), |link| link == "link3", factor);
-            of.joints[2].terms = Terms { rotor_inertia: 1e-4, gear_ratio: 50.0, ..Terms::default() };
+            of.joints[2].terms =
+                Terms { rotor_inertia: 1e-4, gear_ratio: 50.0, ..Terms::default() };
             Ok(of)
         }),
     ];

@@ -11,7 +11,8 @@ pub(super) const RHOMBUS: [[f64; 2]; 4] = [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [
 /// A crank that turns all round.
 pub(super) const GRASHOF: [[f64; 2]; 4] = [[0.0, 0.0], [0.0, 0.3], [0.9, 0.6], [1.0, 0.0]];
 
-/// A four-bar cut at C with the rows named; with six rows it is a chain of four joints, welded to the base.
+/// A four-bar cut at C with the rows named; with six rows it is a chain of four joints, welded to
+/// the base.
 pub(super) fn four_bar([a, b, c, d]: [[f64; 2]; 4], kind: Kind, which: &str) -> Description {
     let at = |p: [f64; 2]| [p[0], p[1], 0.0];
     let mut of = Draft::new(kind);
@@ -33,7 +34,8 @@ pub(super) fn toggle() -> f64 {
     let far = |a: [f64; 2], b: [f64; 2]| f64::hypot(b[0] - a[0], b[1] - a[1]);
     let [a, b, c, d] = LOOSE;
     let (crank, reach, ground) = (far(a, b), far(b, c) + far(c, d), far(d, a));
-    let angle = f64::acos((crank * crank + ground * ground - reach * reach) / (2.0 * crank * ground));
+    let angle =
+        f64::acos((crank * crank + ground * ground - reach * reach) / (2.0 * crank * ground));
     f64::atan2(d[1], d[0]) + angle - f64::atan2(b[1], b[0])
 }
 
@@ -49,22 +51,34 @@ pub(super) fn lambda(kind: Kind) -> Description {
     of.finish(&[0], &[2])
 }
 
-/// The rocker's angle at which the pin of [`lambda`] is as near to the stator's pivot as the slider's line may pass it.
+/// The rocker's angle at which the pin of [`lambda`] is as near to the stator's pivot as the
+/// slider's line may pass it.
 pub(super) fn reach_of_lambda() -> f64 {
     f64::acos((0.81 + 1.0 - 0.09) / 1.8) - std::f64::consts::FRAC_PI_2
 }
 
 /// Bricard's linkage of a cube, cut by a weld or, `open`, at its last revolute; singular at −π/6.
 pub(super) fn bricard(open: bool) -> Description {
-    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, -1.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]];
+    let points = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, -1.0, 0.0],
+        [1.0, -1.0, 1.0],
+        [0.0, -1.0, 1.0],
+        [0.0, 0.0, 1.0],
+    ];
     let mut of = Draft::new(Kind::Numerical);
-    let link =
-        points.into_iter().zip([Y, Z, X, Y, Z, X]).take(if open { 5 } else { 6 }).fold(0, |on, (at, axis)| of.joint(on, Turn, at, axis));
+    let link = points
+        .into_iter()
+        .zip([Y, Z, X, Y, Z, X])
+        .take(if open { 5 } else { 6 })
+        .fold(0, |on, (at, axis)| of.joint(on, Turn, at, axis));
     of.cut(0, link, points[5], if open { "xyzbc" } else { "xyzabc" });
     of.finish(&[0], &[0])
 }
 
-/// A door on a hinge, pushed by a rod between two ball joints; `spin`: the rod may turn about itself, which moves nothing else.
+/// A door on a hinge, pushed by a rod between two ball joints; `spin`: the rod may turn about
+/// itself, which moves nothing else.
 pub(super) fn door(spin: bool) -> Description {
     let (foot, head) = ([-0.6, 0.3, 0.2], [1.1, 1.0, 0.5]);
     let along: [f64; 3] = std::array::from_fn(|k| head[k] - foot[k]);

@@ -1,4 +1,5 @@
-//! Section `extremes`: stiff and extreme cases. What held, what degraded and said so, what failed and said so; nothing may fail silently.
+//! Section `extremes`: stiff and extreme cases. What held, what degraded and said so, what failed
+//! and said so; nothing may fail silently.
 
 mod ask;
 mod case;
@@ -79,13 +80,27 @@ mod tests {
         for (name, family) in FAMILIES {
             let (start, before) = (std::time::Instant::now(), cases.all.len());
             family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
-            println!("{name}: {} cases in {} ms", cases.all.len() - before, start.elapsed().as_millis());
+            println!(
+                "{name}: {} cases in {} ms",
+                cases.all.len() - before,
+                start.elapsed().as_millis()
+            );
         }
-        let silent: Vec<&Case> = cases.all.iter().filter(|case| case.verdict == Verdict::FailedSilently).collect();
-        assert!(silent.is_empty(), "{} of {} failed silently: {silent:#?}", silent.len(), cases.all.len());
+        let silent: Vec<&Case> =
+            cases.all.iter().filter(|case| case.verdict == Verdict::FailedSilently).collect();
+        assert!(
+            silent.is_empty(),
+            "{} of {} failed silently: {silent:#?}",
+            silent.len(),
+            cases.all.len()
+        );
         // every verdict but the last is met, so that the rule can tell them apart
         for verdict in [Verdict::Held, Verdict::Degraded, Verdict::Failed] {
-            assert!(cases.all.iter().any(|case| case.verdict == verdict), "no case {}", verdict.name());
+            assert!(
+                cases.all.iter().any(|case| case.verdict == verdict),
+                "no case {}",
+                verdict.name()
+            );
         }
         assert!(cases.all.len() >= 200);
     }

@@ -6,27 +6,35 @@ use crate::report::{self, Axis, Figure, Point, Section, Series, Table, Verdict};
 
 /// Values of a parameter that a picture shows; the others stand in its table.
 const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
-/// Families whose pictures and tables go by robot rather than by method: a robot breaks where its geometry says.
-const BY_ROBOT: [&str; 4] = ["distance to a singularity", "unreachable y", "many turns", "big jump"];
+/// Families whose pictures and tables go by robot rather than by method: a robot breaks where its
+/// geometry says.
+const BY_ROBOT: [&str; 4] =
+    ["distance to a singularity", "unreachable y", "many turns", "big jump"];
 /// Families whose parameter is no quantity.
-const NO_PICTURE: [&str; 4] = ["not a number", "faulty file", "unreachable y", "simulation of nothing"];
+const NO_PICTURE: [&str; 4] =
+    ["not a number", "faulty file", "unreachable y", "simulation of nothing"];
 
 /// Fills the section.
 pub(super) fn section(cases: &[Case]) -> Section {
     let mut section = Section::new("extremes", "Stiff and extreme cases");
     // families whose robots take turns come together
-    let names: Vec<&str> = cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
-        if !names.contains(&name) {
-            names.push(name);
-        }
-        names
-    });
+    let names: Vec<&str> =
+        cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+            names
+        });
     let mut cases = cases.to_vec();
     cases.sort_by_key(|case| names.iter().position(|name| *name == case.family));
     let cases = cases.as_slice();
     let families: Vec<&[Case]> = cases.chunk_by(|a, b| a.family == b.family).collect();
     section.summary = summary(cases, families.len());
-    section.worst_error = cases.iter().filter(|case| case.verdict == Verdict::Held).filter_map(|case| case.error).reduce(f64::max);
+    section.worst_error = cases
+        .iter()
+        .filter(|case| case.verdict == Verdict::Held)
+        .filter_map(|case| case.error)
+        .reduce(f64::max);
     section.tables.push(overview(&families));
     for family in &families {
         section.tables.push(table(family));
@@ -68,10 +76,15 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
             case.mechanism, case.family, case.value
         ));
     }
-    lines.extend(cases.iter().filter(|case| case.verdict == Verdict::FailedSilently).take(20).map(|case| {
-        let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
-        format!("Failed silently: {}, {}, {} at {:e}, {}: error {error}.", case.family, case.mechanism, case.asked, case.value, case.method)
-    }));
+    lines.extend(cases.iter().filter(|case| case.verdict == Verdict::FailedSilently).take(20).map(
+        |case| {
+            let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+            format!(
+                "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
+                case.family, case.mechanism, case.asked, case.value, case.method
+            )
+        },
+    ));
     lines
 }
 
@@ -84,7 +97,11 @@ fn id(family: &str) -> String {
 /// What a line of a picture or a row of a table stands for.
 fn key(case: &Case) -> String {
     if BY_ROBOT.contains(&case.family) {
-        return format!("{}, {}", case.mechanism, case.method.split(", ").next().unwrap_or_default());
+        return format!(
+            "{}, {}",
+            case.mechanism,
+            case.method.split(", ").next().unwrap_or_default()
+        );
     }
     match case.method.rsplit_once(", ") {
         Some((_, method)) => format!("{}, {method}", case.asked),
@@ -113,8 +130,17 @@ fn extremity(case: &Case) -> f64 {
 fn overview(families: &[&[Case]]) -> Table {
     let row = |family: &&[Case]| {
         let first = &family[0];
-        let held = family.iter().filter(|case| case.verdict == Verdict::Held).filter_map(|case| case.error).reduce(f64::max);
-        let mut row = vec![first.family.to_owned(), first.parameter.to_owned(), range(family), family.len().to_string()];
+        let held = family
+            .iter()
+            .filter(|case| case.verdict == Verdict::Held)
+            .filter_map(|case| case.error)
+            .reduce(f64::max);
+        let mut row = vec![
+            first.family.to_owned(),
+            first.parameter.to_owned(),
+            range(family),
+            family.len().to_string(),
+        ];
         row.push(held.map_or("-".into(), |error| format!("{error:.1e}")));
         row
     };
@@ -134,7 +160,8 @@ fn overview(families: &[&[Case]]) -> Table {
 /// The values of a family.
 fn range(family: &[Case]) -> String {
     let values = || family.iter().map(|case| case.value).filter(|value| value.is_finite());
-    let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+    let (least, most) =
+        (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
     if least <= most { format!("{least:e} … {most:e}") } else { "-".into() }
 }
 
@@ -144,17 +171,25 @@ fn table(family: &[Case]) -> Table {
         let of = |verdict| cases.iter().filter(|case| case.verdict == verdict).count().to_string();
         let mut row = vec![key];
         row.extend(Verdict::ALL.map(of));
-        let broken = cases.iter().filter(|case| case.verdict != Verdict::Held).min_by(|a, b| f64::total_cmp(&extremity(a), &extremity(b)));
+        let broken = cases
+            .iter()
+            .filter(|case| case.verdict != Verdict::Held)
+            .min_by(|a, b| f64::total_cmp(&extremity(a), &extremity(b)));
         row.extend(match broken {
             None => ["-".to_owned(), "-".to_owned(), "-".to_owned()],
             Some(case) => {
-                let at = if case.value.is_finite() { format!("{:e}", case.value) } else { case.method.clone() };
+                let at = if case.value.is_finite() {
+                    format!("{:e}", case.value)
+                } else {
+                    case.method.clone()
+                };
                 [at, case.mechanism.clone(), how(case)]
             }
         });
         row
     };
-    let mut columns = vec![if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" }.to_owned()];
+    let mut columns =
+        vec![if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" }.to_owned()];
     columns.extend(Verdict::ALL.map(|verdict| verdict.name().to_owned()));
     columns.extend(["first breaks at", "robot", "how the user is told"].map(str::to_owned));
     Table {
@@ -171,13 +206,16 @@ fn how(case: &Case) -> String {
     let mut parts = vec![case.status.clone()];
     parts.extend(case.warnings.iter().cloned());
     parts.extend((!case.told.is_empty()).then(|| case.told.clone()));
-    parts.extend(case.error.filter(|error| *error > HELD).map(|error| format!("error {error:.1e}")));
+    parts
+        .extend(case.error.filter(|error| *error > HELD).map(|error| format!("error {error:.1e}")));
     parts.join("; ")
 }
 
 fn capital(text: &str) -> String {
     let mut letters = text.chars();
-    letters.next().map_or(String::new(), |first| first.to_uppercase().collect::<String>() + letters.as_str())
+    letters
+        .next()
+        .map_or(String::new(), |first| first.to_uppercase().collect::<String>() + letters.as_str())
 }
 
 /// The largest error over the parameter, a line for each method or robot.
@@ -190,8 +228,13 @@ fn errors(family: &[Case]) -> Option<Figure> {
         let mut points: Vec<Point> = Vec::new();
         for case in cases.iter().filter(|case| DRAWN.contains(&case.value)) {
             let Some(error) = case.error else { continue };
-            let mark = if case.verdict == Verdict::Held { String::new() } else { format!(", {}", case.verdict.name()) };
-            let point = Point { x: case.value, y: error, label: format!("{}{mark}", case.mechanism) };
+            let mark = if case.verdict == Verdict::Held {
+                String::new()
+            } else {
+                format!(", {}", case.verdict.name())
+            };
+            let point =
+                Point { x: case.value, y: error, label: format!("{}{mark}", case.mechanism) };
             match points.iter_mut().find(|at| at.x == case.value) {
                 Some(at) if at.y < error => *at = point,
                 Some(_) => {}
@@ -214,8 +257,20 @@ fn errors(family: &[Case]) -> Option<Figure> {
         ),
         command: String::new(),
         x: Axis { label: family[0].parameter.to_owned(), log: true },
-        y: Axis { label: if name == "chain" { "backward error of FD, error of ID" } else { "error by size" }.into(), log: true },
-        series: groups(family).into_iter().map(series).filter(|series| !series.points.is_empty()).collect(),
+        y: Axis {
+            label: if name == "chain" {
+                "backward error of FD, error of ID"
+            } else {
+                "error by size"
+            }
+            .into(),
+            log: true,
+        },
+        series: groups(family)
+            .into_iter()
+            .map(series)
+            .filter(|series| !series.points.is_empty())
+            .collect(),
     })
 }
 
@@ -225,7 +280,11 @@ fn times(cases: &[Case]) -> Option<Figure> {
     for case in cases.iter().filter(|case| case.error.is_some()) {
         let Some(nanoseconds) = case.nanoseconds else { continue };
         let name = format!("{}, {}, {}", case.mechanism, case.asked, case.method);
-        let point = Point { x: case.value, y: nanoseconds / case.value, label: format!("{nanoseconds:.0} ns in all") };
+        let point = Point {
+            x: case.value,
+            y: nanoseconds / case.value,
+            label: format!("{nanoseconds:.0} ns in all"),
+        };
         match series.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),
             None => series.push(Series { name, line: true, front: false, points: vec![point] }),

@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind as Kind, Terms,
+    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind as Kind, Terms,
 };
 use sarrus_dynamics::{Compiled, Field, Model};
 use sarrus_models::{Options, Source, load};
@@ -27,14 +28,29 @@ pub(super) struct Robot {
 }
 
 impl Robot {
-    /// From a description; the typical length is that of its largest loop, else of its longest link.
+    /// From a description; the typical length is that of its largest loop, else of its longest
+    /// link.
     pub(super) fn new(name: &str, description: Description) -> Outcome<Robot> {
         let compiled = Model::compile(&description).map_err(|error| format!("{name}: {error}"))?;
-        let loops = compiled.model.closures().iter().fold(0.0, |length: f64, of| length.max(of.length));
-        let links = description.joints.iter().fold(0.0, |length: f64, joint| joint.origin.xyz.iter().fold(length, |l, x| l.max(x.abs())));
+        let loops =
+            compiled.model.closures().iter().fold(0.0, |length: f64, of| length.max(of.length));
+        let links = description.joints.iter().fold(0.0, |length: f64, joint| {
+            joint.origin.xyz.iter().fold(length, |l, x| l.max(x.abs()))
+        });
         let length = if loops > 0.0 { loops } else { links };
-        let slides = description.joints.iter().filter(|joint| joint.kind == Slide).map(|joint| joint.name.clone()).collect();
-        Ok(Robot { name: name.to_owned(), description, compiled, length: if length > 0.0 { length } else { 1.0 }, slides })
+        let slides = description
+            .joints
+            .iter()
+            .filter(|joint| joint.kind == Slide)
+            .map(|joint| joint.name.clone())
+            .collect();
+        Ok(Robot {
+            name: name.to_owned(),
+            description,
+            compiled,
+            length: if length > 0.0 { length } else { 1.0 },
+            slides,
+        })
     }
 
     /// How its loops are closed, in a word.
@@ -49,7 +65,8 @@ impl Robot {
         }
     }
 
-    /// The factor that makes each number of a field one of radians and moments; `None` where a field has one unit.
+    /// The factor that makes each number of a field one of radians and moments; `None` where a
+    /// field has one unit.
     pub(super) fn units(&self, field: Field) -> Option<Vec<f64>> {
         use Field::*;
         let model = &self.compiled.model;
@@ -64,7 +81,9 @@ impl Robot {
             _ => return None,
         };
         let moves = ["/x", "/y", "/z", "/tx", "/ty", "/tz"];
-        let slides = |name: &String| moves.iter().any(|end| name.ends_with(end)) || self.slides.contains(name);
+        let slides = |name: &String| {
+            moves.iter().any(|end| name.ends_with(end)) || self.slides.contains(name)
+        };
         let unit = |name| match (slides(name), force) {
             (false, _) => 1.0,
             (true, false) => 1.0 / self.length,
@@ -81,12 +100,19 @@ pub(super) fn bundled(name: &str) -> Outcome<Description> {
 
 /// The same robot with every loop closed by Newton's method.
 pub(super) fn numerical(mut of: Description) -> Description {
-    of.submechanisms.iter_mut().filter(|part| !part.loops.is_empty()).for_each(|part| part.kind = Kind::Numerical);
+    of.submechanisms
+        .iter_mut()
+        .filter(|part| !part.loops.is_empty())
+        .for_each(|part| part.kind = Kind::Numerical);
     of
 }
 
 /// Mass and inertia of the links that `which` names times a factor.
-pub(super) fn heavier(mut of: Description, which: impl Fn(&str) -> bool, factor: f64) -> Description {
+pub(super) fn heavier(
+    mut of: Description,
+    which: impl Fn(&str) -> bool,
+    factor: f64,
+) -> Description {
     for link in of.links.iter_mut().filter(|link| which(&link.name)) {
         if let Some(inertial) = &mut link.inertial {
             inertial.mass *= factor;
@@ -96,7 +122,8 @@ pub(super) fn heavier(mut of: Description, which: impl Fn(&str) -> bool, factor:
     of
 }
 
-/// Every length times `lengths` and every mass times `masses`; times stay, so gravity goes with the lengths.
+/// Every length times `lengths` and every mass times `masses`; times stay, so gravity goes with the
+/// lengths.
 pub(super) fn scaled(mut of: Description, lengths: f64, masses: f64) -> Description {
     let place = |x: &mut Placement| x.xyz = x.xyz.map(|x| lengths * x);
     of.gravity = of.gravity.map(|x| lengths * x);
@@ -115,7 +142,8 @@ pub(super) fn scaled(mut of: Description, lengths: f64, masses: f64) -> Descript
     of
 }
 
-/// A mechanism in code: every frame parallel to the root's at zero, so that a joint is a point, a kind and an axis. Link 0 is the base.
+/// A mechanism in code: every frame parallel to the root's at zero, so that a joint is a point, a
+/// kind and an axis. Link 0 is the base.
 pub(super) struct Draft {
     at: Vec<[f64; 3]>,
     pub(super) description: Description,
@@ -143,12 +171,24 @@ impl Draft {
     }
 
     /// A joint at a point of the root, which carries a link of 1 kg; returns the link.
-    pub(super) fn joint(&mut self, parent: usize, kind: JointKind, at: [f64; 3], axis: [f64; 3]) -> usize {
+    pub(super) fn joint(
+        &mut self,
+        parent: usize,
+        kind: JointKind,
+        at: [f64; 3],
+        axis: [f64; 3],
+    ) -> usize {
         let child = self.at.len();
-        let origin = Placement { xyz: std::array::from_fn(|k| at[k] - self.at[parent][k]), rpy: [0.0; 3] };
-        let inertial =
-            Inertial { origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.2, 0.01, 0.02, 0.3, 0.0, 0.25] };
-        self.description.links.push(Link { name: format!("link{child}"), inertial: Some(inertial) });
+        let origin =
+            Placement { xyz: std::array::from_fn(|k| at[k] - self.at[parent][k]), rpy: [0.0; 3] };
+        let inertial = Inertial {
+            origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.0; 3] },
+            mass: 1.0,
+            inertia: [0.2, 0.01, 0.02, 0.3, 0.0, 0.25],
+        };
+        self.description
+            .links
+            .push(Link { name: format!("link{child}"), inertial: Some(inertial) });
         self.description.joints.push(Joint {
             name: format!("j{}", child - 1),
             kind,
@@ -167,7 +207,10 @@ impl Draft {
 
     /// A cut at a point of the root with these rows: `xyz` along, `abc` about the axes of the root.
     pub(super) fn cut(&mut self, predecessor: usize, successor: usize, at: [f64; 3], which: &str) {
-        let on = |link: usize| Placement { xyz: std::array::from_fn(|k| at[k] - self.at[link][k]), rpy: [0.0; 3] };
+        let on = |link: usize| Placement {
+            xyz: std::array::from_fn(|k| at[k] - self.at[link][k]),
+            rpy: [0.0; 3],
+        };
         let row = |c: char| Row {
             name: c.to_string(),
             axis: std::array::from_fn(|k| if "abcxyz".find(c) == Some(k) { 1.0 } else { 0.0 }),
@@ -175,7 +218,13 @@ impl Draft {
         };
         let cut = Cut::Placed { predecessor: on(predecessor), successor: on(successor) };
         let loops = &mut self.description.submechanisms[0].loops;
-        loops.push(Loop { name: format!("cut{}", loops.len()), predecessor, successor, cut, rows: which.chars().map(row).collect() });
+        loops.push(Loop {
+            name: format!("cut{}", loops.len()),
+            predecessor,
+            successor,
+            cut,
+            rows: which.chars().map(row).collect(),
+        });
     }
 
     pub(super) fn finish(mut self, independent: &[usize], active: &[usize]) -> Description {

@@ -38,8 +38,9 @@ pub(super) fn apart(run: &Run, truth: &Run) -> f64 {
 }
 
 impl Cases {
-    /// Simulates with an estimate of the error and judges: held like any answer; degraded and said so where the run's own estimate or its energy
-    /// tells the size of the error; failed and said so where it stops with a status or does not start.
+    /// Simulates with an estimate of the error and judges: held like any answer; degraded and said
+    /// so where the run's own estimate or its energy tells the size of the error; failed and said
+    /// so where it stops with a status or does not start.
     pub(super) fn simulation(
         &mut self,
         name: &str,
@@ -54,14 +55,24 @@ impl Cases {
             Ok(run) => run,
             Err(error) => {
                 let (status, told) = ("refused at start".to_owned(), error.to_string());
-                let case = Case { status, told, verdict: Verdict::Failed, truth: "-", ..self.blank(name, at, "simulation") };
+                let case = Case {
+                    status,
+                    told,
+                    verdict: Verdict::Failed,
+                    truth: "-",
+                    ..self.blank(name, at, "simulation")
+                };
                 self.all.push(case);
                 return Ok(());
             }
         };
         let finished = run.end.is_finished();
         let error = if finished { Some((by.error)(&run)?) } else { None };
-        let size = run.samples.iter().flat_map(|sample| &sample.y).fold(f64::MIN_POSITIVE, |size: f64, y| size.max(y.abs()));
+        let size = run
+            .samples
+            .iter()
+            .flat_map(|sample| &sample.y)
+            .fold(f64::MIN_POSITIVE, |size: f64, y| size.max(y.abs()));
         let estimate = run.error_estimate.map_or(0.0, |[y, _]| y / size);
         let warned = tells(estimate, error) || tells(run.drift(), error);
         let verdict = match error {
@@ -70,12 +81,16 @@ impl Cases {
             Some(_) if warned => Verdict::Degraded,
             Some(_) => Verdict::FailedSilently,
         };
-        let mut told = vec![format!("error estimate {estimate:.1e}, energy drift {:.1e}", run.drift())];
+        let mut told =
+            vec![format!("error estimate {estimate:.1e}, energy drift {:.1e}", run.drift())];
         if run.correction[0] > 0.0 {
             told.push(format!("start moved by {:.1e}", run.correction[0]));
         }
         told.extend(
-            run.events.iter().any(|event| event.kind == EventKind::Stiff).then(|| "the problem is stiff for this method".to_owned()),
+            run.events
+                .iter()
+                .any(|event| event.kind == EventKind::Stiff)
+                .then(|| "the problem is stiff for this method".to_owned()),
         );
         if !finished {
             told.push(format!("at {:.3e} of {:.3e} s", run.time, settings.duration));
@@ -93,7 +108,8 @@ impl Cases {
     }
 }
 
-/// True where a figure that a run tells is about as large as its error, or all of the answer, or no number.
+/// True where a figure that a run tells is about as large as its error, or all of the answer, or no
+/// number.
 fn tells(figure: f64, error: Option<f64>) -> bool {
     error.is_some_and(|error| !figure.is_finite() || figure >= (TELLS * error).min(1.0))
 }

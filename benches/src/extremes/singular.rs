@@ -28,7 +28,11 @@ impl Way {
     fn at(&self, distance: f64) -> Vec<f64> {
         let size = self.to.iter().map(|x| x * x).sum::<f64>().sqrt();
         // PRECISION: the singular end itself first, then what is taken off
-        self.from.iter().zip(&self.to).map(|(from, to)| (from + to) - distance * (to / size)).collect()
+        self.from
+            .iter()
+            .zip(&self.to)
+            .map(|(from, to)| (from + to) - distance * (to / size))
+            .collect()
     }
 }
 
@@ -47,23 +51,35 @@ fn known() -> Outcome<Vec<Way>> {
         ("Bricard cut at a revolute", bricard(true), -FRAC_PI_6),
     ];
     list.into_iter()
-        .map(|(name, of, reach)| Ok(Way { robot: Robot::new(name, of)?, from: vec![0.0], to: vec![reach], guessed: false }))
+        .map(|(name, of, reach)| {
+            Ok(Way {
+                robot: Robot::new(name, of)?,
+                from: vec![0.0],
+                to: vec![reach],
+                guessed: false,
+            })
+        })
         .collect()
 }
 
-/// Bundled robots along a straight way to where it ends in double-double, each pose from the one before; the end is bisected.
+/// Bundled robots along a straight way to where it ends in double-double, each pose from the one
+/// before; the end is bisected.
 fn searched() -> Outcome<Vec<Way>> {
     const STEP: f64 = 0.04;
     let mut ways = Vec::new();
-    for (name, direction) in
-        [("wrist", &[1.0, 0.4][..]), ("five_bar", &[1.0, 0.2]), ("delta", &[1.0, 0.6, 0.2]), ("active_ankle", &[1.0, 0.5, -0.3])]
-    {
+    for (name, direction) in [
+        ("wrist", &[1.0, 0.4][..]),
+        ("five_bar", &[1.0, 0.2]),
+        ("delta", &[1.0, 0.6, 0.2]),
+        ("active_ankle", &[1.0, 0.5, -0.3]),
+    ] {
         let robot = Robot::new(name, numerical(bundled(name)?))?;
         let (mut low, mut step) = (0.0, STEP);
         let mut guess = None;
         while low + step > low && low < 3.1 {
             let y = direction.iter().map(|x| (low + step) * x).collect();
-            let answer = Ask::pose(&State { y, guess: guess.clone(), ..State::default() }).run(&robot.compiled.exact)?;
+            let answer = Ask::pose(&State { y, guess: guess.clone(), ..State::default() })
+                .run(&robot.compiled.exact)?;
             if answer.status() == Status::Ok {
                 low += step;
                 guess = Some(answer.get(Field::Q).iter().map(|q| q.hi()).collect());
@@ -72,7 +88,12 @@ fn searched() -> Outcome<Vec<Way>> {
             }
         }
         if low < 3.1 {
-            ways.push(Way { robot, from: vec![0.0; direction.len()], to: direction.iter().map(|x| low * x).collect(), guessed: true });
+            ways.push(Way {
+                robot,
+                from: vec![0.0; direction.len()],
+                to: direction.iter().map(|x| low * x).collect(),
+                guessed: true,
+            });
         }
     }
     Ok(ways)
@@ -88,7 +109,8 @@ fn platform() -> Outcome<Way> {
     let sign = |turn: f64| -> Outcome<bool> {
         let mut y = start.to_vec();
         y[axis] = turn;
-        let answer = Ask::new(Request::Kinematics, vec![(Field::Y, y)], &[Field::GU]).run(&robot.compiled.exact)?;
+        let answer = Ask::new(Request::Kinematics, vec![(Field::Y, y)], &[Field::GU])
+            .run(&robot.compiled.exact)?;
         Ok(determinant(answer.get(Field::GU).to_vec(), 6) > 0.0)
     };
     let first = sign(0.0)?;
@@ -110,7 +132,11 @@ fn platform() -> Outcome<Way> {
 fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
     let mut det = 1.0;
     for k in 0..n {
-        let Some(pivot) = (k..n).max_by(|i, j| f64::total_cmp(&a[i * n + k].hi().abs(), &a[j * n + k].hi().abs())) else { return 0.0 };
+        let Some(pivot) = (k..n)
+            .max_by(|i, j| f64::total_cmp(&a[i * n + k].hi().abs(), &a[j * n + k].hi().abs()))
+        else {
+            return 0.0;
+        };
         if pivot != k {
             (0..n).for_each(|j| a.swap(k * n + j, pivot * n + j));
             det = -det;
@@ -129,7 +155,8 @@ fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
 /// Every robot at distances from 1 to 1e-15.
 pub(super) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("distance to a singularity", "rad from the singular pose");
-    let values: Vec<f64> = (0..=15).filter(|k| !effort.quick || k % 3 == 0).map(|k| 10f64.powi(-k)).collect();
+    let values: Vec<f64> =
+        (0..=15).filter(|k| !effort.quick || k % 3 == 0).map(|k| 10f64.powi(-k)).collect();
     let mut ways = known()?;
     ways.extend(searched()?);
     ways.push(platform()?);
@@ -141,7 +168,13 @@ pub(super) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
                 state.guess = followed(&way.robot.compiled.model, &way.at(value + 0.02))?;
             }
             state.forces(&way.robot)?;
-            cases.questions(&way.robot, value, &state, true, &[way.robot.compiled.model.forward_method()])?;
+            cases.questions(
+                &way.robot,
+                value,
+                &state,
+                true,
+                &[way.robot.compiled.model.forward_method()],
+            )?;
             if way.robot.name == TYPE_II {
                 back_from_actuators(cases, way, value, &state)?;
             }
@@ -150,13 +183,29 @@ pub(super) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The pose from what the actuators tell, rounded to a double as an encoder's is, and a guess near by.
+/// The pose from what the actuators tell, rounded to a double as an encoder's is, and a guess near
+/// by.
 fn back_from_actuators(cases: &mut Cases, way: &Way, value: f64, state: &State) -> Outcome {
     let model = &way.robot.compiled.model;
-    let near = Ask::pose(&State { y: way.at(value + 1e-3), ..State::default() }).run(model)?.get(Field::Q).to_vec();
-    let u = Ask::kinematics(state).run(&way.robot.compiled.exact)?.get(Field::U).iter().map(|u| u.hi()).collect();
-    let ask = Ask::new(Request::Kinematics, vec![(Field::U, u), (Field::QGuess, near)], &[Field::Q]);
-    cases.ask(&way.robot, At { value, method: way.robot.closures() }, "u to q", &ask, &Truth::Of(&Ask::pose(state)))?;
+    let near = Ask::pose(&State { y: way.at(value + 1e-3), ..State::default() })
+        .run(model)?
+        .get(Field::Q)
+        .to_vec();
+    let u = Ask::kinematics(state)
+        .run(&way.robot.compiled.exact)?
+        .get(Field::U)
+        .iter()
+        .map(|u| u.hi())
+        .collect();
+    let ask =
+        Ask::new(Request::Kinematics, vec![(Field::U, u), (Field::QGuess, near)], &[Field::Q]);
+    cases.ask(
+        &way.robot,
+        At { value, method: way.robot.closures() },
+        "u to q",
+        &ask,
+        &Truth::Of(&Ask::pose(state)),
+    )?;
     Ok(())
 }
 
@@ -164,7 +213,8 @@ fn back_from_actuators(cases: &mut Cases, way: &Way, value: f64, state: &State) 
 pub(super) fn beyond(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("unreachable y", "rad beyond the reach");
     for way in known()?.iter().take(5) {
-        // nearer than the rounding of lengths and y there is no beyond; the lambda can be put together again more than 0.59 beyond
+        // nearer than the rounding of lengths and y there is no beyond; the lambda can be put
+        // together again more than 0.59 beyond
         for value in sweep(effort, -13, 0, 5).into_iter().map(|value| 0.5 * value) {
             let mut state = State::of(&way.robot, 0.1)?;
             state.y = way.at(-value);
@@ -176,7 +226,8 @@ pub(super) fn beyond(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// Far targets in one jump from zero; the truth is the pose at the end of the same way in small steps.
+/// Far targets in one jump from zero; the truth is the pose at the end of the same way in small
+/// steps.
 pub(super) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("big jump", "rad from the guess to the target");
     let values = if effort.quick {
@@ -188,7 +239,10 @@ pub(super) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
         Robot::new("wrist", bundled("wrist")?)?,
         Robot::new("delta", bundled("delta")?)?,
         Robot::new("squeezer", bundled("squeezer")?)?,
-        Robot::new("four-bar of a full turn", four_bar(super::mechanisms::GRASHOF, Kind::Numerical, "xy"))?,
+        Robot::new(
+            "four-bar of a full turn",
+            four_bar(super::mechanisms::GRASHOF, Kind::Numerical, "xy"),
+        )?,
         Robot::new("lambda numerical", numerical(bundled("lambda")?))?,
         Robot::new("Stewart numerical", numerical(bundled("stewart")?))?,
         Robot::new("Bricard", bricard(false))?,
@@ -203,19 +257,30 @@ pub(super) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
                 Some(q) => Truth::Known(vec![(Field::Q, q)]),
                 None => Truth::None,
             };
-            cases.ask(robot, At { value, method: robot.closures() }, "pose", &Ask::pose(&state), &truth)?;
+            cases.ask(
+                robot,
+                At { value, method: robot.closures() },
+                "pose",
+                &Ask::pose(&state),
+                &truth,
+            )?;
         }
     }
     Ok(())
 }
 
-/// The pose at the end of the straight way from zero in small steps, each from the one before; none where the way ends.
+/// The pose at the end of the straight way from zero in small steps, each from the one before; none
+/// where the way ends.
 fn followed<T: Scalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
     const STEPS: u32 = 200;
     let mut guess: Option<Vec<f64>> = None;
     for k in 1..=STEPS {
         let share = f64::from(k) / f64::from(STEPS);
-        let state = State { y: y.iter().map(|y| y * share).collect(), guess: guess.take(), ..State::default() };
+        let state = State {
+            y: y.iter().map(|y| y * share).collect(),
+            guess: guess.take(),
+            ..State::default()
+        };
         let answer = Ask::pose(&state).run(model)?;
         if answer.status() != Status::Ok {
             return Ok(None);

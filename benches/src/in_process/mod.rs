@@ -44,7 +44,8 @@ pub fn run(wish: &Wish) -> Outcome {
 
     // the same states for every way to close a robot's loops
     let mut robots = Vec::new();
-    let whats: Vec<cases::What> = cases::What::all().filter(|what| what.may_have(&wish.only)).collect();
+    let whats: Vec<cases::What> =
+        cases::What::all().filter(|what| what.may_have(&wish.only)).collect();
     for (k, what) in whats.iter().enumerate() {
         progress.show(what.name(), k as f64 / whats.len() as f64);
         match Robot::load(*what, what.states(if wish.list { 0 } else { effort.states })) {
@@ -54,7 +55,9 @@ pub fn run(wish: &Wish) -> Outcome {
     }
     let mut cases = Vec::new();
     for robot in &robots {
-        cases.extend(cases::of_robot(robot)?.into_iter().filter(|case| case.name().contains(&wish.only)));
+        cases.extend(
+            cases::of_robot(robot)?.into_iter().filter(|case| case.name().contains(&wish.only)),
+        );
     }
     if wish.list {
         cases.iter().map(Case::name).for_each(|name| println!("{name}"));
@@ -68,7 +71,8 @@ pub fn run(wish: &Wish) -> Outcome {
         progress.show("errors", k as f64 / n_cases as f64);
         errors.push(error::measure(case, &mut kept)?);
     }
-    let samples = timing::interleaved(&mut cases, effort.rounds, |done| progress.show("in process", done))?;
+    let samples =
+        timing::interleaved(&mut cases, effort.rounds, |done| progress.show("in process", done))?;
     progress.clear();
 
     let rows = cases.iter().zip(&errors).zip(&samples);

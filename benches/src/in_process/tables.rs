@@ -10,18 +10,29 @@ use crate::table::{Table, error, ns};
 use crate::timing::Samples;
 
 /// Every table; none without cases.
-pub(super) fn all(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Vec<Table> {
+pub(super) fn all(
+    robots: &[Robot],
+    cases: &[Case<'_>],
+    errors: &[Errors],
+    samples: &[Samples],
+) -> Vec<Table> {
     if cases.is_empty() {
         return Vec::new();
     }
-    vec![overview(cases, errors, samples), methods(cases, errors, samples), in_process(robots, cases, errors, samples)]
+    vec![
+        overview(cases, errors, samples),
+        methods(cases, errors, samples),
+        in_process(robots, cases, errors, samples),
+    ]
 }
 
-/// One line for each way to close a robot's loops: the median times, the worst error, the Newton steps.
+/// One line for each way to close a robot's loops: the median times, the worst error, the Newton
+/// steps.
 fn overview(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table {
     let mut rows: Vec<Vec<String>> = Vec::new();
     for ((case, errors), samples) in cases.iter().zip(errors).zip(samples) {
-        let key = [case.robot.name.to_owned(), case.variant.closures.to_owned(), start(case).to_owned()];
+        let key =
+            [case.robot.name.to_owned(), case.variant.closures.to_owned(), start(case).to_owned()];
         if rows.last().is_none_or(|row| row[..3] != key) {
             rows.push(key.into_iter().chain((0..4).map(|_| String::new())).collect());
         }
@@ -47,23 +58,35 @@ fn overview(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table
 
 /// Forward dynamics by each method, one line for each way to close a robot's loops.
 fn methods(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table {
-    let all: Vec<(&Case<'_>, &Errors, &Samples)> = cases.iter().zip(errors).zip(samples).map(|((a, b), c)| (a, b, c)).collect();
+    let all: Vec<(&Case<'_>, &Errors, &Samples)> =
+        cases.iter().zip(errors).zip(samples).map(|((a, b), c)| (a, b, c)).collect();
     let mut rows = Vec::new();
     for group in all.chunk_by(|a, b| std::ptr::eq(a.0.variant, b.0.variant)) {
-        let of = |method: Method| group.iter().find(|(case, ..)| case.question == Question::Forced(method));
+        let of = |method: Method| {
+            group.iter().find(|(case, ..)| case.question == Question::Forced(method))
+        };
         let Some((case, ..)) = of(Method::Recursion) else { continue };
         let chosen = case.variant.compiled.model.forward_method();
-        let mut row: Vec<String> = [case.robot.name, case.variant.closures, start(case)].map(str::to_owned).into();
+        let mut row: Vec<String> =
+            [case.robot.name, case.variant.closures, start(case)].map(str::to_owned).into();
         for method in Method::ALL {
             row.push(of(method).map_or("-".to_owned(), |(_, errors, samples)| {
                 let mark = if method == chosen { "* " } else { "" };
-                format!("{mark}{} ({}, {})", ns(samples.median()), error(errors.worst), errors.backward.map_or("-".to_owned(), error))
+                format!(
+                    "{mark}{} ({}, {})",
+                    ns(samples.median()),
+                    error(errors.worst),
+                    errors.backward.map_or("-".to_owned(), error)
+                )
             }));
         }
         // batches that others disturb only take longer
         let quarter = |method| of(method).map(|(.., samples)| samples.at(0.25));
-        let other = if chosen == Method::Recursion { Method::Projection } else { Method::Recursion };
-        let ratio = quarter(chosen).zip(quarter(other)).map_or("-".to_owned(), |(chosen, other)| format!("{:.2}", chosen / other));
+        let other =
+            if chosen == Method::Recursion { Method::Projection } else { Method::Recursion };
+        let ratio = quarter(chosen)
+            .zip(quarter(other))
+            .map_or("-".to_owned(), |(chosen, other)| format!("{:.2}", chosen / other));
         row.push(ratio);
         rows.push(row);
     }
@@ -79,10 +102,18 @@ fn methods(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table 
     }
 }
 
-fn in_process(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table {
+fn in_process(
+    robots: &[Robot],
+    cases: &[Case<'_>],
+    errors: &[Errors],
+    samples: &[Samples],
+) -> Table {
     let row = |((case, errors), samples): ((&Case<'_>, &Errors), &Samples)| {
         let backward = errors.backward.map_or("-".to_owned(), error);
-        let mut row: Vec<String> = [case.robot.name, case.variant.closures, start(case), case.question.name()].map(str::to_owned).into();
+        let mut row: Vec<String> =
+            [case.robot.name, case.variant.closures, start(case), case.question.name()]
+                .map(str::to_owned)
+                .into();
         row.extend([samples.median(), samples.at(0.0), samples.at(0.99)].map(ns));
         row.extend([error(errors.worst), error(errors.median), backward, newton(errors)]);
         row
@@ -101,14 +132,29 @@ fn in_process(robots: &[Robot], cases: &[Case<'_>], errors: &[Errors], samples: 
         "state: q q̇ q̈ u u̇ ü from y ẏ ÿ; ID: τ_u from y ẏ ÿ; FD: ÿ from y ẏ τ_u.".to_owned(),
     ];
     for robot in robots.iter().filter(|robot| robot.left_out > 0) {
-        notes.push(format!("{}: {} random states left out, some way to close the loops has no answer there.", robot.name, robot.left_out));
+        notes.push(format!(
+            "{}: {} random states left out, some way to close the loops has no answer there.",
+            robot.name, robot.left_out
+        ));
     }
     for robot in robots.iter().filter(|robot| robot.reach < 1.0) {
         notes.push(format!("{}: positions from {} of the usual reach.", robot.name, robot.reach));
     }
     Table {
         title: "In process, in full".to_owned(),
-        columns: vec!["robot", "closures", "start", "asked", "median", "min", "p99", "error", "median error", "backward", "Newton"],
+        columns: vec![
+            "robot",
+            "closures",
+            "start",
+            "asked",
+            "median",
+            "min",
+            "p99",
+            "error",
+            "median error",
+            "backward",
+            "Newton",
+        ],
         n_text: 4,
         rows: cases.iter().zip(errors).zip(samples).map(row).collect(),
         notes,

@@ -12,10 +12,16 @@ const STEP: f64 = 1e-3;
 /// Samples of each run.
 const SAMPLES: u32 = 200;
 
-/// The lambda swings freely under gravity, without anything that takes energy: picture and sentence.
+/// The lambda swings freely under gravity, without anything that takes energy: picture and
+/// sentence.
 pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
     let loaded = load(&Source::Bundled("lambda".into()), &Options::default())?;
-    let setup = Setup { description: &loaded.description, compiled: &loaded.compiled, springs: &[], inputs: &[] };
+    let setup = Setup {
+        description: &loaded.description,
+        compiled: &loaded.compiled,
+        springs: &[],
+        inputs: &[],
+    };
     let start = Start::Independent { y: vec![0.3], yd: vec![0.0], guess: None };
     let steps = STEPS[usize::from(effort.quick)];
     let duration = f64::from(steps) * STEP;
@@ -23,7 +29,8 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
     for method in Method::ALL.into_iter().filter(|method| !method.is_implicit_form()) {
         let step = method.is_fixed().then_some(STEP);
         let every = Some(duration / f64::from(SAMPLES));
-        let settings = Settings { step, every, rtol: 1e-11, atol: 1e-11, ..Settings::new(method, duration) };
+        let settings =
+            Settings { step, every, rtol: 1e-11, atol: 1e-11, ..Settings::new(method, duration) };
         let run = simulate(&setup, &start, &settings, &mut |_| ())?;
         let Some(first) = run.samples.first() else { continue };
         let size = run.samples.iter().map(|sample| sample.energy.kinetic).fold(0.0, f64::max);
@@ -32,8 +39,18 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
             y: (sample.balance() - first.balance()).abs() / size,
             label: String::new(),
         });
-        told.push(format!("{} {} in {} steps", method.name(), exponent(run.drift()), run.counts.steps));
-        series.push(Series { name: method.name().into(), line: true, front: false, points: points.collect() });
+        told.push(format!(
+            "{} {} in {} steps",
+            method.name(),
+            exponent(run.drift()),
+            run.counts.steps
+        ));
+        series.push(Series {
+            name: method.name().into(),
+            line: true,
+            front: false,
+            points: points.collect(),
+        });
     }
     let figure = Figure {
         id: "integration-energy".into(),

@@ -1,4 +1,5 @@
-//! Section `integration`: error of motions against the time that it takes to compute them, and energy over many steps.
+//! Section `integration`: error of motions against the time that it takes to compute them, and
+//! energy over many steps.
 //!
 //! A problem is one entry in `problems.rs`.
 
@@ -65,8 +66,16 @@ struct Row {
 fn best(rows: &[Row], quick: bool) -> String {
     let worst = rows.iter().max_by(|a, b| a.least.total_cmp(&b.least));
     worst.map_or_else(String::new, |row| {
-        let without = if quick { " (without the row of 40 four-bars, which a quick report leaves out)" } else { "" };
-        format!("Time integration: every problem reaches its reference to {}; hardest: {}{without}", exponent(row.least), row.title)
+        let without = if quick {
+            " (without the row of 40 four-bars, which a quick report leaves out)"
+        } else {
+            ""
+        };
+        format!(
+            "Time integration: every problem reaches its reference to {}; hardest: {}{without}",
+            exponent(row.least),
+            row.title
+        )
     })
 }
 
@@ -96,9 +105,15 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
     let mut series = Vec::new();
     for method in Method::ALL {
         let settings: Vec<(String, Settings)> = if method.is_fixed() {
-            (0..8).map(|k| problem.step * 0.5_f64.powi(k)).map(|step| (format!("step {step:.1e} s"), problem.fixed(method, step))).collect()
+            (0..8)
+                .map(|k| problem.step * 0.5_f64.powi(k))
+                .map(|step| (format!("step {step:.1e} s"), problem.fixed(method, step)))
+                .collect()
         } else {
-            (3..=12).map(|k| 10f64.powi(-k)).map(|tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol))).collect()
+            (3..=12)
+                .map(|k| 10f64.powi(-k))
+                .map(|tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol)))
+                .collect()
         };
         let mut points = Vec::new();
         for (label, settings) in settings {
@@ -106,7 +121,8 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
             let run = problem.run(&settings)?;
             let seconds = start.elapsed().as_secs_f64();
             let error = end(&run).map_or(f64::NAN, |end| off(&end, &truth));
-            let label = if run.end.is_finished() { label } else { format!("{label}, {}", run.end.name()) };
+            let label =
+                if run.end.is_finished() { label } else { format!("{label}, {}", run.end.name()) };
             points.push(Point { x: seconds, y: error, label });
             if seconds > patience {
                 break;
@@ -114,14 +130,31 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         }
         series.push(Series { name: method.name().into(), line: true, front: true, points });
     }
-    let reached = |series: &Series| series.points.iter().map(|point| point.y).filter(|y| y.is_finite()).fold(f64::INFINITY, f64::min);
+    let reached = |series: &Series| {
+        series
+            .points
+            .iter()
+            .map(|point| point.y)
+            .filter(|y| y.is_finite())
+            .fold(f64::INFINITY, f64::min)
+    };
     let least = series.iter().map(reached).fold(f64::INFINITY, f64::min);
-    let by = series.iter().find(|series| reached(series) == least).map_or("-", |series| series.name.as_str());
+    let by = series
+        .iter()
+        .find(|series| reached(series) == least)
+        .map_or("-", |series| series.name.as_str());
     let (from, difference) = match &problem.known {
         Some(known) => (known.from, exponent(off(&found, &[known.y.clone(), known.yd.clone()]))),
         None => ("-", "-".to_owned()),
     };
-    let cells = vec![problem.title.into(), exponent(agreement), from.into(), difference, exponent(least), by.into()];
+    let cells = vec![
+        problem.title.into(),
+        exponent(agreement),
+        from.into(),
+        difference,
+        exponent(least),
+        by.into(),
+    ];
     let figure = Figure {
         id: format!("integration-{}", problem.id),
         title: problem.title.into(),
@@ -142,7 +175,9 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
 fn off(found: &[Vec<f64>; 2], truth: &[Vec<f64>; 2]) -> f64 {
     let by_size = |a: &[f64], b: &[f64]| {
         let size = b.iter().fold(1e-9, |size: f64, x| size.max(x.abs()));
-        a.iter().zip(b).fold(0.0, |worst: f64, (a, b)| if (a - b).is_nan() { f64::NAN } else { worst.max((a - b).abs()) }) / size
+        a.iter().zip(b).fold(0.0, |worst: f64, (a, b)| {
+            if (a - b).is_nan() { f64::NAN } else { worst.max((a - b).abs()) }
+        }) / size
     };
     f64::max(by_size(&found[0], &truth[0]), by_size(&found[1], &truth[1]))
 }

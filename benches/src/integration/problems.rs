@@ -3,7 +3,9 @@
 use std::f64::consts::PI;
 
 use sarrus_models::{Loaded, Options, Source, load};
-use sarrus_simulation::{Input, Method, Point, Run, Settings, Setup, Space, Spring, Start, simulate};
+use sarrus_simulation::{
+    Input, Method, Point, Run, Settings, Setup, Space, Spring, Start, simulate,
+};
 
 use super::{four_bars, pendulum};
 use crate::Outcome;
@@ -35,21 +37,54 @@ pub(super) struct Known {
 }
 
 impl Problem {
-    fn new(id: &'static str, title: &'static str, source: &Source, duration: f64, step: f64) -> Outcome<Problem> {
+    fn new(
+        id: &'static str,
+        title: &'static str,
+        source: &Source,
+        duration: f64,
+        step: f64,
+    ) -> Outcome<Problem> {
         let loaded = load(source, &Options::default())?;
         let sizes = loaded.compiled.model.sizes();
         let (y, yd) = (vec![0.0; sizes.n_qy], vec![0.0; sizes.n_vy]);
-        Ok(Problem { id, title, loaded, springs: Vec::new(), inputs: Vec::new(), y, yd, duration, step, known: None })
+        Ok(Problem {
+            id,
+            title,
+            loaded,
+            springs: Vec::new(),
+            inputs: Vec::new(),
+            y,
+            yd,
+            duration,
+            step,
+            known: None,
+        })
     }
 
-    fn bundled(id: &'static str, title: &'static str, name: &str, duration: f64, step: f64) -> Outcome<Problem> {
+    fn bundled(
+        id: &'static str,
+        title: &'static str,
+        name: &str,
+        duration: f64,
+        step: f64,
+    ) -> Outcome<Problem> {
         Problem::new(id, title, &Source::Bundled(name.to_owned()), duration, step)
     }
 
     /// Hangs a spring between points of two links: stiffness, damping, rest length.
-    fn spring(mut self, from: (&str, [f64; 3]), to: (&str, [f64; 3]), [stiffness, damping, rest]: [f64; 3]) -> Outcome<Problem> {
+    fn spring(
+        mut self,
+        from: (&str, [f64; 3]),
+        to: (&str, [f64; 3]),
+        [stiffness, damping, rest]: [f64; 3],
+    ) -> Outcome<Problem> {
         let links = self.loaded.compiled.model.link_names();
-        let link = |name: &str| links.iter().position(|of| of == name).ok_or_else(|| format!("{}: no link {name}", self.id));
+        let link = |name: &str| {
+            links
+                .iter()
+                .position(|of| of == name)
+                .ok_or_else(|| format!("{}: no link {name}", self.id))
+        };
         let point = |(name, at): (&str, [f64; 3])| link(name).map(|link| Point { link, at });
         self.springs.push(Spring { from: point(from)?, to: point(to)?, stiffness, damping, rest });
         Ok(self)
@@ -57,47 +92,76 @@ impl Problem {
 
     /// From the start to the end.
     pub(super) fn run(&self, settings: &Settings) -> Outcome<Run> {
-        let setup =
-            Setup { description: &self.loaded.description, compiled: &self.loaded.compiled, springs: &self.springs, inputs: &self.inputs };
+        let setup = Setup {
+            description: &self.loaded.description,
+            compiled: &self.loaded.compiled,
+            springs: &self.springs,
+            inputs: &self.inputs,
+        };
         let start = Start::Independent { y: self.y.clone(), yd: self.yd.clone(), guess: None };
         Ok(simulate(&setup, &start, settings, &mut |_| ())?)
     }
 
     /// By a method with its own step.
     pub(super) fn adaptive(&self, method: Method, tolerance: f64) -> Settings {
-        Settings { rtol: tolerance, atol: tolerance, every: Some(self.duration), ..Settings::new(method, self.duration) }
+        Settings {
+            rtol: tolerance,
+            atol: tolerance,
+            every: Some(self.duration),
+            ..Settings::new(method, self.duration)
+        }
     }
 
     /// By a method of fixed step.
     pub(super) fn fixed(&self, method: Method, step: f64) -> Settings {
-        Settings { step: Some(step), every: Some(self.duration), ..Settings::new(method, self.duration) }
+        Settings {
+            step: Some(step),
+            every: Some(self.duration),
+            ..Settings::new(method, self.duration)
+        }
     }
 }
 
 /// Every problem, in the order of the page; a quick report leaves out the row of forty.
 pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
-    let mut squeezer = Problem::bundled("squeezer", "Andrews' squeezer to 0.03 s", "squeezer", 0.03, 1e-4)?.spring(
-        ("ground", [0.014, 0.072, 0.0]),
-        ("K3", [0.02, -0.018, 0.0]),
-        [4530.0, 0.0, 0.07785],
-    )?;
-    squeezer.inputs.push(Input { space: Space::Actuator, source: sarrus_simulation::Source::Constant(vec![0.033]) });
-    squeezer.known =
-        Some(Known { y: vec![15.81077119629904 + 0.061713890014276454], yd: vec![1139.920302151208], from: "the IVP test set", to: 1e-9 });
+    let mut squeezer =
+        Problem::bundled("squeezer", "Andrews' squeezer to 0.03 s", "squeezer", 0.03, 1e-4)?
+            .spring(
+                ("ground", [0.014, 0.072, 0.0]),
+                ("K3", [0.02, -0.018, 0.0]),
+                [4530.0, 0.0, 0.07785],
+            )?;
+    squeezer.inputs.push(Input {
+        space: Space::Actuator,
+        source: sarrus_simulation::Source::Constant(vec![0.033]),
+    });
+    squeezer.known = Some(Known {
+        y: vec![15.81077119629904 + 0.061713890014276454],
+        yd: vec![1139.920302151208],
+        from: "the IVP test set",
+        to: 1e-9,
+    });
 
     let rows = |id, title, n: usize, duration: f64, step: f64| -> Outcome<Problem> {
         let mut row = Problem::new(id, title, &four_bars(n), duration, step)?;
         row.yd[0] = -1.0;
         let [angle, rate] = pendulum(n as f64, [0.5 * PI, -1.0], duration);
-        row.known = Some(Known { y: vec![angle - 0.5 * PI], yd: vec![rate], from: "the parallelogram branch as one pendulum", to: 1e-12 });
+        row.known = Some(Known {
+            y: vec![angle - 0.5 * PI],
+            yd: vec![rate],
+            from: "the parallelogram branch as one pendulum",
+            to: 1e-12,
+        });
         Ok(row)
     };
 
     let governor = include_str!("governor.urdf").as_bytes().to_vec();
     let governor = Source::Text { urdf: governor, submechanisms: None };
-    let mut governor = Problem::new("governor", "Flyball governor to 0.5 s, stiff", &governor, 0.5, 1e-4)?;
+    let mut governor =
+        Problem::new("governor", "Flyball governor to 0.5 s, stiff", &governor, 0.5, 1e-4)?;
     for rod in ["right_rod", "left_rod"] {
-        governor = governor.spring((rod, [0.5, 0.0, 0.0]), ("slider", [0.0; 3]), [8e5, 4e4, 0.5])?;
+        governor =
+            governor.spring((rod, [0.5, 0.0, 0.0]), ("slider", [0.0; 3]), [8e5, 4e4, 0.5])?;
     }
     governor.yd[0] = 2.0 * PI;
 
@@ -107,18 +171,47 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
     };
     let lambda = Problem::bundled("lambda", "Lambda on a spring to 2 s", "lambda", 2.0, 8e-3)?;
     let torso = Problem::bundled("torso", "Torso on a spring to 1 s", "torso", 1.0, 4e-3)?;
-    let upper_body = Problem::bundled("upper_body", "Upper body, both hands on springs, to 0.5 s", "rh5v2_upper_body", 0.5, 2e-3)?;
+    let upper_body = Problem::bundled(
+        "upper_body",
+        "Upper body, both hands on springs, to 0.5 s",
+        "rh5v2_upper_body",
+        0.5,
+        2e-3,
+    )?;
     let mut problems = vec![
         squeezer,
         rows("four_bars_2", "2 four-bars in a row to 10 s, through the flat pose", 2, 10.0, 1e-2)?,
-        Problem::bundled("bricard", "Bricard's mechanism to 1 s, overconstrained", "bricard", 1.0, 1e-2)?,
+        Problem::bundled(
+            "bricard",
+            "Bricard's mechanism to 1 s, overconstrained",
+            "bricard",
+            1.0,
+            1e-2,
+        )?,
         governor,
-        lambda.spring(("base_link", [0.0; 3]), ("Elbow_Link", [0.0, 0.1, 0.2]), [500.0, 1.0, 0.1])?,
-        torso.spring(("base_link", [0.2, 0.0, 0.0]), ("BodyRoll_Link", [0.2, 0.1, 0.2]), [2000.0, 5.0, 0.2])?,
+        lambda.spring(
+            ("base_link", [0.0; 3]),
+            ("Elbow_Link", [0.0, 0.1, 0.2]),
+            [500.0, 1.0, 0.1],
+        )?,
+        torso.spring(
+            ("base_link", [0.2, 0.0, 0.0]),
+            ("BodyRoll_Link", [0.2, 0.1, 0.2]),
+            [2000.0, 5.0, 0.2],
+        )?,
         arm(arm(upper_body, "L")?, "R")?,
     ];
     if !quick {
-        problems.insert(2, rows("four_bars_40", "40 four-bars in a row to 2 s, through the flat pose", 40, 2.0, 1e-2)?);
+        problems.insert(
+            2,
+            rows(
+                "four_bars_40",
+                "40 four-bars in a row to 2 s, through the flat pose",
+                40,
+                2.0,
+                1e-2,
+            )?,
+        );
     }
     Ok(problems)
 }

@@ -1,4 +1,5 @@
-//! A robot and its states as the peers' programs read them: see the head of `benches/peers/pinocchio.cpp`.
+//! A robot and its states as the peers' programs read them: see the head of
+//! `benches/peers/pinocchio.cpp`.
 
 use core::fmt::Write;
 
@@ -7,13 +8,21 @@ use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
 use crate::states::State;
 
 /// The whole input, or what the robot has that the programs do not know.
-pub(super) fn input(description: &Description, states: &[State], place: usize, seconds: f64) -> Result<String, String> {
+pub(super) fn input(
+    description: &Description,
+    states: &[State],
+    place: usize,
+    seconds: f64,
+) -> Result<String, String> {
     let mut text = Text(format!("seconds {seconds}\n"));
     text.numbers("gravity", &description.gravity);
 
     text.count("links", description.links.len());
     for link in &description.links {
-        let inertial = link.inertial.as_ref().map_or((0.0, Placement::default(), [0.0; 6]), |i| (i.mass, i.origin, i.inertia));
+        let inertial = link
+            .inertial
+            .as_ref()
+            .map_or((0.0, Placement::default(), [0.0; 6]), |i| (i.mass, i.origin, i.inertia));
         text.numbers("", &[inertial.0]);
         text.placement(&inertial.1);
         text.numbers("", &inertial.2);
@@ -27,7 +36,10 @@ pub(super) fn input(description: &Description, states: &[State], place: usize, s
             _ => return Err(format!("the joint {} has several freedoms", joint.name)),
         };
         if joint.coupling.is_some() || joint.terms != Default::default() {
-            return Err(format!("the joint {} has a coupling, a spring, a damper or a rotor", joint.name));
+            return Err(format!(
+                "the joint {} has a coupling, a spring, a damper or a rotor",
+                joint.name
+            ));
         }
         text.0 += &format!("{kind} {} {} ", joint.parent, joint.child);
         text.placement(&joint.origin);
@@ -82,7 +94,8 @@ pub(super) fn input(description: &Description, states: &[State], place: usize, s
     Ok(text.0)
 }
 
-/// Words and numbers; each method ends a line. Numbers are written so that they are read back bit for bit.
+/// Words and numbers; each method ends a line. Numbers are written so that they are read back bit
+/// for bit.
 struct Text(String);
 
 impl Text {

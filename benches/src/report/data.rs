@@ -51,11 +51,17 @@ fn case_value(case: &Case) -> Value {
 
 /// A figure's points.
 pub(super) fn figure_table(figure: &Figure) -> Table {
-    let row = |name: &str, point: &super::Point| vec![name.to_owned(), point.label.clone(), number(point.x), number(point.y)];
+    let row = |name: &str, point: &super::Point| {
+        vec![name.to_owned(), point.label.clone(), number(point.x), number(point.y)]
+    };
     Table {
         id: figure.id.clone(),
         columns: ["series", "point", &figure.x.label, &figure.y.label].map(str::to_owned).into(),
-        rows: figure.series.iter().flat_map(|series| series.points.iter().map(|point| row(&series.name, point))).collect(),
+        rows: figure
+            .series
+            .iter()
+            .flat_map(|series| series.points.iter().map(|point| row(&series.name, point)))
+            .collect(),
         ..Table::default()
     }
 }
@@ -78,13 +84,26 @@ pub(super) fn result_table(section: &Section) -> Table {
     };
     Table {
         id: format!("{}-cases", section.name),
-        columns: ["family", "robot", "parameter", "value", "method", "error", "status", "told", "verdict"].map(str::to_owned).into(),
+        columns: [
+            "family",
+            "robot",
+            "parameter",
+            "value",
+            "method",
+            "error",
+            "status",
+            "told",
+            "verdict",
+        ]
+        .map(str::to_owned)
+        .into(),
         rows: section.cases.iter().map(row).collect(),
         ..Table::default()
     }
 }
 
-/// As short as it goes without loss where that is short, else four digits: data is kept in whole in JSON.
+/// As short as it goes without loss where that is short, else four digits: data is kept in whole in
+/// JSON.
 fn number(x: f64) -> String {
     let whole = format!("{x}");
     if whole.len() <= 8 { whole } else { format!("{x:.4e}") }
@@ -106,13 +125,21 @@ mod tests {
 
     #[test]
     fn cells_of_csv_with_commas_and_quotes_are_quoted() {
-        let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
-        let table = Table { columns: words(&["a", "b,c"]), rows: vec![words(&["say \"x\"", "1"])], ..Table::default() };
+        let words =
+            |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
+        let table = Table {
+            columns: words(&["a", "b,c"]),
+            rows: vec![words(&["say \"x\"", "1"])],
+            ..Table::default()
+        };
         assert_eq!(csv(&table), "a,\"b,c\"\r\n\"say \"\"x\"\"\",1\r\n");
     }
 
     #[test]
     fn numbers_are_short_and_keep_what_matters() {
-        assert_eq!([0.5, 1e-15, 123.456789012, f64::NAN].map(number), ["0.5", "1.0000e-15", "1.2346e2", "NaN"]);
+        assert_eq!(
+            [0.5, 1e-15, 123.456789012, f64::NAN].map(number),
+            ["0.5", "1.0000e-15", "1.2346e2", "NaN"]
+        );
     }
 }

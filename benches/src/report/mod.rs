@@ -1,8 +1,10 @@
 //! The page: sections of figures, tables and cases, written as HTML, JSON and CSV.
 //!
-//! A section is a folder beside this one with `run(effort, progress)` that fills a [`Section`], and one line in `SECTIONS`.
+//! A section is a folder beside this one with `run(effort, progress)` that fills a [`Section`], and
+//! one line in `SECTIONS`.
 //!
-//! Errors are by size, max |x − truth| / max(|truth| of that quantity, tiny). An error of exactly zero is drawn at [`DRAWN_FOR_ZERO`].
+//! Errors are by size, max |x − truth| / max(|truth| of that quantity, tiny). An error of exactly
+//! zero is drawn at [`DRAWN_FOR_ZERO`].
 
 mod data;
 mod front;
@@ -23,8 +25,11 @@ pub use self::write::{Wish, run};
 pub const DRAWN_FOR_ZERO: f64 = 1e-17;
 
 /// Every section: its name, what fills it, and its share of the time of a full report.
-const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 3] =
-    [("accuracy", accuracy::run, 0.5), ("integration", integration::run, 0.2), ("extremes", extremes::run, 0.3)];
+const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 3] = [
+    ("accuracy", accuracy::run, 0.5),
+    ("integration", integration::run, 0.2),
+    ("extremes", extremes::run, 0.3),
+];
 
 /// The names of all sections, in their order on the page.
 pub fn names() -> impl Iterator<Item = &'static str> {
@@ -72,10 +77,19 @@ impl Report {
     /// What was found, a line each.
     pub fn summary(&self) -> Vec<String> {
         let worst = self.worst_error().map_or("-".to_owned(), front::exponent);
-        let mut lines = vec![format!("worst error {worst}, {} extreme cases, {} silent failures", self.cases(), self.silent_failures())];
+        let mut lines = vec![format!(
+            "worst error {worst}, {} extreme cases, {} silent failures",
+            self.cases(),
+            self.silent_failures()
+        )];
         for section in &self.sections {
             lines.extend(section.summary.iter().cloned());
-            lines.extend(section.failure.iter().map(|failure| format!("{}: not finished. {failure}", section.title)));
+            lines.extend(
+                section
+                    .failure
+                    .iter()
+                    .map(|failure| format!("{}: not finished. {failure}", section.title)),
+            );
         }
         lines
     }
@@ -103,7 +117,8 @@ pub struct Section {
     pub title: String,
     /// What was found, a sentence each, for the top of the page.
     pub summary: Vec<String>,
-    /// The largest error of an answer that was given as good, by what a user gets without asking for anything special.
+    /// The largest error of an answer that was given as good, by what a user gets without asking
+    /// for anything special.
     pub worst_error: Option<f64>,
     /// Pictures.
     pub figures: Vec<Figure>,
@@ -226,7 +241,8 @@ pub enum Verdict {
 
 impl Verdict {
     /// Every verdict, from good to bad.
-    pub const ALL: [Verdict; 4] = [Verdict::Held, Verdict::Degraded, Verdict::Failed, Verdict::FailedSilently];
+    pub const ALL: [Verdict; 4] =
+        [Verdict::Held, Verdict::Degraded, Verdict::Failed, Verdict::FailedSilently];
 
     /// Its name on the page and in JSON.
     pub fn name(self) -> &'static str {

@@ -69,7 +69,8 @@ fn top(report: &Report) -> Markup {
     let places = places(&report.sections);
     let silent = report.silent_failures();
     let against = places.iter().filter(|place| place.with_peer);
-    let (front, ours) = against.fold((0, 0), |(front, ours), place| (front + place.front, ours + place.ours));
+    let (front, ours) =
+        against.fold((0, 0), |(front, ours), place| (front + place.front, ours + place.ours));
     html! {
         header {
             h1 { "sarrus: error against run time, stiff and extreme cases" }
@@ -126,7 +127,8 @@ fn one(report: &Report, section: &Section) -> Outcome<Markup> {
     for figure in &section.figures {
         figures.push(drawn(figure, Some((report, section)))?);
     }
-    let nothing = section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
+    let nothing =
+        section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
     Ok(html! {
         section id=(section.name) {
             h2 { (section.title) }
@@ -150,7 +152,9 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
     let wide = picture(figure, WIDE)?;
     let narrow = picture(figure, NARROW)?;
     let mut signs = Vec::new();
-    for (k, series) in figure.series.iter().enumerate().filter(|(_, series)| points(series).next().is_some()) {
+    for (k, series) in
+        figure.series.iter().enumerate().filter(|(_, series)| points(series).next().is_some())
+    {
         signs.push((sign(Some((k, series.line)))?, series.name.as_str()));
     }
     if figure.series.iter().any(|series| series.front) {
@@ -195,7 +199,10 @@ fn verdicts(section: &Section) -> Markup {
         }
     }
     let count = |family: Option<&str>, verdict: Option<Verdict>| {
-        let is = |case: &&Case| family.is_none_or(|family| case.family == family) && verdict.is_none_or(|verdict| case.verdict == verdict);
+        let is = |case: &&Case| {
+            family.is_none_or(|family| case.family == family)
+                && verdict.is_none_or(|verdict| case.verdict == verdict)
+        };
         section.cases.iter().filter(is).count()
     };
     let rows = families.iter().map(|family| Some(*family)).chain([None]);

@@ -1,4 +1,5 @@
-//! Pictures of figures as SVG. Colours are names for the style sheet, which has others for dark pages and for print.
+//! Pictures of figures as SVG. Colours are names for the style sheet, which has others for dark
+//! pages and for print.
 
 use core::fmt::Write;
 
@@ -10,7 +11,8 @@ use super::scale::Scale;
 use super::{Figure, Series};
 use crate::Outcome;
 
-/// A series' colour on light and on dark pages; they differ in lightness too, and with a form each series is told apart without colour.
+/// A series' colour on light and on dark pages; they differ in lightness too, and with a form each
+/// series is told apart without colour.
 const COLOURS: [(RGBColor, &str); 8] = [
     (RGBColor(0x00, 0x72, 0xb2), "#56b4f5"),
     (RGBColor(0xd5, 0x5e, 0x00), "#ff8f4a"),
@@ -42,10 +44,13 @@ pub(super) struct Size {
 }
 
 /// For screens and paper, and for phones.
-pub(super) const WIDE: Size = Size { width: 1440, height: 860, text: 26.0, left: 116, below: 56, mark: 11, ticks: (9, 10) };
-pub(super) const NARROW: Size = Size { width: 656, height: 720, text: 25.0, left: 104, below: 52, mark: 10, ticks: (5, 9) };
+pub(super) const WIDE: Size =
+    Size { width: 1440, height: 860, text: 26.0, left: 116, below: 56, mark: 11, ticks: (9, 10) };
+pub(super) const NARROW: Size =
+    Size { width: 656, height: 720, text: 25.0, left: 104, below: 52, mark: 10, ticks: (5, 9) };
 
-/// Marks on a line stand at most this close together, so that they tell lines apart and do not hide them.
+/// Marks on a line stand at most this close together, so that they tell lines apart and do not hide
+/// them.
 const MARKS_OF_A_LINE: usize = 24;
 
 /// The picture; none where nothing can be drawn.
@@ -63,7 +68,11 @@ pub(super) fn picture(figure: &Figure, size: Size) -> Outcome<Option<String>> {
 
 /// The points of a series that have a place.
 pub(super) fn points(series: &Series) -> impl Iterator<Item = (f64, f64)> {
-    series.points.iter().map(|point| (point.x, point.y)).filter(|(x, y)| x.is_finite() && y.is_finite())
+    series
+        .points
+        .iter()
+        .map(|point| (point.x, point.y))
+        .filter(|(x, y)| x.is_finite() && y.is_finite())
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -94,13 +103,18 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
     // lines first: marks stay in sight
     for (k, series) in figure.series.iter().enumerate().filter(|(_, series)| series.line) {
         let places = points(series).map(|(a, b)| (x.place(a), y.place(b)));
-        chart.draw_series([PathElement::new(places.collect::<Vec<_>>(), colour(k).stroke_width(4))])?;
+        chart.draw_series([PathElement::new(
+            places.collect::<Vec<_>>(),
+            colour(k).stroke_width(4),
+        )])?;
     }
     for (k, series) in figure.series.iter().enumerate() {
-        let stride = if series.line { points(series).count().div_ceil(MARKS_OF_A_LINE).max(1) } else { 1 };
+        let stride =
+            if series.line { points(series).count().div_ceil(MARKS_OF_A_LINE).max(1) } else { 1 };
         for (a, b) in points(series).step_by(stride) {
             for outline in form(k, size.mark) {
-                chart.draw_series([EmptyElement::at((x.place(a), y.place(b))) + Polygon::new(outline, colour(k).filled())])?;
+                chart.draw_series([EmptyElement::at((x.place(a), y.place(b)))
+                    + Polygon::new(outline, colour(k).filled())])?;
             }
         }
     }
@@ -134,10 +148,28 @@ fn form(series: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
     let s = r * 9 / 10;
     // arms of a cross
     let t = (r / 3).max(1);
-    let plus = vec![(-t, -r), (t, -r), (t, -t), (r, -t), (r, t), (t, t), (t, r), (-t, r), (-t, t), (-r, t), (-r, -t), (-t, -t)];
+    let plus = vec![
+        (-t, -r),
+        (t, -r),
+        (t, -t),
+        (r, -t),
+        (r, t),
+        (t, t),
+        (t, r),
+        (-t, r),
+        (-t, t),
+        (-r, t),
+        (-r, -t),
+        (-t, -t),
+    ];
     let turned = |(x, y): &(i32, i32)| ((x - y) * 7 / 10, (x + y) * 7 / 10);
     match (series + 3 * (series / COLOURS.len())) % 8 {
-        0 => vec![(0..16).map(|k| (f64::from(k) * core::f64::consts::PI / 8.0).sin_cos()).map(|(a, b)| around(r, a, b)).collect()],
+        0 => vec![
+            (0..16)
+                .map(|k| (f64::from(k) * core::f64::consts::PI / 8.0).sin_cos())
+                .map(|(a, b)| around(r, a, b))
+                .collect(),
+        ],
         1 => vec![vec![(-s, -s), (s, -s), (s, s), (-s, s)]],
         2 => vec![vec![(0, -r - 2), (r + 1, s), (-r - 1, s)]],
         3 => vec![vec![(0, -r - 3), (r + 1, 0), (0, r + 3), (-r - 1, 0)]],
@@ -158,7 +190,9 @@ pub(super) fn sign(series: Option<(usize, bool)>) -> Outcome<String> {
     const SIZE: (u32, u32) = (56, 32);
     let mut text = String::new();
     let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-    let line = |colour: RGBColor, width| PathElement::new(vec![(2, 16), (54, 16)], colour.stroke_width(width));
+    let line = |colour: RGBColor, width| {
+        PathElement::new(vec![(2, 16), (54, 16)], colour.stroke_width(width))
+    };
     match series {
         None => area.draw(&line(FRONT.0, 3))?,
         Some((k, with_line)) => {
@@ -166,7 +200,9 @@ pub(super) fn sign(series: Option<(usize, bool)>) -> Outcome<String> {
                 area.draw(&line(colour(k), 4))?;
             }
             for outline in form(k, WIDE.mark) {
-                area.draw(&(EmptyElement::at((28, 16)) + Polygon::new(outline, colour(k).filled())))?;
+                area.draw(
+                    &(EmptyElement::at((28, 16)) + Polygon::new(outline, colour(k).filled())),
+                )?;
             }
         }
     }
@@ -181,7 +217,8 @@ fn named(svg: &str, name: &str) -> String {
     svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\" "), 1)
 }
 
-/// Style rules that turn the pictures' colours into variables, and the variables of light and of dark pages.
+/// Style rules that turn the pictures' colours into variables, and the variables of light and of
+/// dark pages.
 pub(super) fn colours() -> [String; 3] {
     let mut all = COLOURS.to_vec();
     all.extend([INK, MESH, FRONT]);
@@ -189,7 +226,10 @@ pub(super) fn colours() -> [String; 3] {
     for (k, (RGBColor(r, g, b), on_dark)) in all.into_iter().enumerate() {
         let name = format!("#{r:02X}{g:02X}{b:02X}");
         // writing to a string cannot fail
-        let _ = write!(rules, "[fill=\"{name}\"]{{fill:var(--p{k})}}[stroke=\"{name}\"]{{stroke:var(--p{k})}}");
+        let _ = write!(
+            rules,
+            "[fill=\"{name}\"]{{fill:var(--p{k})}}[stroke=\"{name}\"]{{stroke:var(--p{k})}}"
+        );
         let _ = write!(light, "--p{k}:{name};");
         let _ = write!(dark, "--p{k}:{on_dark};");
     }
@@ -208,23 +248,42 @@ mod tests {
         let points = points.iter().map(|&(x, y)| Point { x, y, label: String::new() }).collect();
         let series = vec![Series { name: "a".into(), line: true, front: true, points }];
         let log = Axis { label: "error".into(), log: true };
-        Figure { id: "f".into(), title: "<&\">".into(), x: log.clone(), y: log, series, ..Figure::default() }
+        Figure {
+            id: "f".into(),
+            title: "<&\">".into(),
+            x: log.clone(),
+            y: log,
+            series,
+            ..Figure::default()
+        }
     }
 
     #[test]
     fn a_picture_has_its_marks_its_line_and_its_front() {
         for size in [WIDE, NARROW] {
-            let svg = picture(&figure(&[(1.0, 1e-3), (10.0, 0.0), (20.0, f64::NAN)]), size).unwrap().unwrap();
+            let svg = picture(&figure(&[(1.0, 1e-3), (10.0, 0.0), (20.0, f64::NAN)]), size)
+                .unwrap()
+                .unwrap();
             let read = roxmltree::Document::parse(&svg).unwrap();
             let count = |name: &str, attribute: &str, value: &str| {
                 read.descendants()
-                    .filter(|node| node.has_tag_name(("http://www.w3.org/2000/svg", name)) && node.attribute(attribute) == Some(value))
+                    .filter(|node| {
+                        node.has_tag_name(("http://www.w3.org/2000/svg", name))
+                            && node.attribute(attribute) == Some(value)
+                    })
                     .count()
             };
-            assert_eq!(count("polygon", "fill", "#0072B2"), 2, "one mark for each point that has a place");
+            assert_eq!(
+                count("polygon", "fill", "#0072B2"),
+                2,
+                "one mark for each point that has a place"
+            );
             assert_eq!(count("polyline", "stroke", "#0072B2"), 1);
             assert_eq!(count("polyline", "stroke", "#999999"), 1);
-            assert_eq!(read.root_element().attribute("aria-label"), Some("<&\">: error over error"));
+            assert_eq!(
+                read.root_element().attribute("aria-label"),
+                Some("<&\">: error over error")
+            );
         }
         assert!(picture(&figure(&[(f64::NAN, 1.0)]), WIDE).unwrap().is_none());
     }

@@ -20,13 +20,15 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// Over these values, with at most about `most` ticks; none without a finite value. `errors` have a place for zero of their own.
+    /// Over these values, with at most about `most` ticks; none without a finite value. `errors`
+    /// have a place for zero of their own.
     pub(super) fn new(axis: &Axis, errors: bool, values: &[f64], most: usize) -> Option<Scale> {
         let finite: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
         if finite.is_empty() {
             return None;
         }
-        let mut scale = Scale { log: axis.log, nothing: 0.0, from: 0.0, to: 0.0, ticks: Vec::new() };
+        let mut scale =
+            Scale { log: axis.log, nothing: 0.0, from: 0.0, to: 0.0, ticks: Vec::new() };
         if axis.log {
             let least = finite.iter().copied().filter(|x| *x > 0.0).fold(f64::INFINITY, f64::min);
             // zero stands a decade before the least of the others
@@ -34,7 +36,8 @@ impl Scale {
             scale.nothing = if errors { DRAWN_FOR_ZERO.log10() } else { before };
         }
         let places = || finite.iter().map(|x| scale.place(*x));
-        let (from, to) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+        let (from, to) =
+            (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
         let margin = if to > from { 0.04 * (to - from) } else { 0.5 };
         (scale.from, scale.to) = (from - margin, to + margin);
         scale.ticks = if axis.log { scale.powers(most) } else { scale.steps(most) };
@@ -54,18 +57,25 @@ impl Scale {
         }
     }
 
-    /// Powers of ten, every second or third of them where they are many; 1, 2 and 5 where they are few.
+    /// Powers of ten, every second or third of them where they are many; 1, 2 and 5 where they are
+    /// few.
     fn powers(&self, most: usize) -> Vec<(f64, String)> {
         let range = || (self.from.ceil() as i32)..=(self.to.floor() as i32);
         let mut step = 1;
         while range().count() > most * step as usize {
             step += 1;
         }
-        let mut ticks: Vec<(f64, String)> = range().filter(|k| k.rem_euclid(step) == 0).map(|k| (f64::from(k), power(1, k))).collect();
+        let mut ticks: Vec<(f64, String)> = range()
+            .filter(|k| k.rem_euclid(step) == 0)
+            .map(|k| (f64::from(k), power(1, k)))
+            .collect();
         if ticks.len() < 3 {
-            let parts = |k: i32| [1, 2, 5].map(|part| (f64::from(part).log10() + f64::from(k), power(part, k)));
+            let parts = |k: i32| {
+                [1, 2, 5].map(|part| (f64::from(part).log10() + f64::from(k), power(part, k)))
+            };
             let finer = (self.from.floor() as i32..=self.to.floor() as i32).flat_map(parts);
-            let finer: Vec<_> = finer.filter(|(place, _)| (self.from..=self.to).contains(place)).collect();
+            let finer: Vec<_> =
+                finer.filter(|(place, _)| (self.from..=self.to).contains(place)).collect();
             if finer.len() > ticks.len() && finer.len() <= most {
                 ticks = finer;
             }
@@ -77,11 +87,21 @@ impl Scale {
     fn steps(&self, most: usize) -> Vec<(f64, String)> {
         let least = (self.to - self.from) / most as f64;
         let power = least.log10().floor();
-        let step = [1.0, 2.0, 5.0, 10.0].map(|part| part * 10f64.powf(power)).into_iter().find(|step| *step >= least).unwrap_or(least);
+        let step = [1.0, 2.0, 5.0, 10.0]
+            .map(|part| part * 10f64.powf(power))
+            .into_iter()
+            .find(|step| *step >= least)
+            .unwrap_or(least);
         let digits = (-step.log10().floor()).max(0.0) as usize;
-        let name = |x: f64| if digits > 4 || x.abs() >= 1e6 { format!("{x:.0e}") } else { format!("{x:.digits$}") };
+        let name = |x: f64| {
+            if digits > 4 || x.abs() >= 1e6 { format!("{x:.0e}") } else { format!("{x:.digits$}") }
+        };
         let first = (self.from / step).ceil() as i64;
-        (first..).map(|k| k as f64 * step).take_while(|x| *x <= self.to).map(|x| (x, name(x))).collect()
+        (first..)
+            .map(|k| k as f64 * step)
+            .take_while(|x| *x <= self.to)
+            .map(|x| (x, name(x)))
+            .collect()
     }
 }
 
@@ -106,7 +126,11 @@ impl Ranged for Scale {
 
 impl ValueFormatter<f64> for Scale {
     fn format_ext(&self, place: &f64) -> String {
-        self.ticks.iter().find(|(tick, _)| tick == place).map(|(_, name)| name.clone()).unwrap_or_default()
+        self.ticks
+            .iter()
+            .find(|(tick, _)| tick == place)
+            .map(|(_, name)| name.clone())
+            .unwrap_or_default()
     }
 }
 
@@ -117,7 +141,11 @@ fn power(part: i32, k: i32) -> String {
         -2..0 => format!("{:.*}", -k as usize, f64::from(part) * 10f64.powi(k)),
         _ => {
             let raised = |digit| {
-                if digit == '-' { '⁻' } else { ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize - 48] }
+                if digit == '-' {
+                    '⁻'
+                } else {
+                    ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize - 48]
+                }
             };
             let raised: String = k.to_string().chars().map(raised).collect();
             if part == 1 { format!("10{raised}") } else { format!("{part}·10{raised}") }

@@ -9,7 +9,8 @@ use super::data::json;
 use super::page::page;
 use super::*;
 
-/// Two sections with everything that may stand on the page, and names that would break it unescaped.
+/// Two sections with everything that may stand on the page, and names that would break it
+/// unescaped.
 fn report() -> Report {
     let point = |x: f64, y: f64| Point { x, y, label: "tolerance <1e-3> & \"more\"".into() };
     let series = |name: &str, line: bool, points: &[(f64, f64)]| Series {
@@ -45,8 +46,17 @@ fn report() -> Report {
         summary: vec!["5 < 6".into()],
         worst_error: Some(1e-12),
         figures: vec![
-            figure("a", vec![series("analytic", false, &[(100.0, 1e-15), (50.0, 0.0)]), series("Pinocchio FD", false, &[(900.0, 1e-8)])]),
-            figure("b", vec![series("drift", true, &[(1.0, 1e-3), (2.0, 1e-2), (3.0, f64::INFINITY)])]),
+            figure(
+                "a",
+                vec![
+                    series("analytic", false, &[(100.0, 1e-15), (50.0, 0.0)]),
+                    series("Pinocchio FD", false, &[(900.0, 1e-8)]),
+                ],
+            ),
+            figure(
+                "b",
+                vec![series("drift", true, &[(1.0, 1e-3), (2.0, 1e-2), (3.0, f64::INFINITY)])],
+            ),
             figure("c", vec![series("nothing", false, &[])]),
         ],
         tables: vec![Table {
@@ -58,8 +68,10 @@ fn report() -> Report {
         }],
         ..Section::new("accuracy", "Error")
     };
-    let extremes =
-        Section { cases: vec![case(Verdict::Held, 1.0), case(Verdict::FailedSilently, 1e9)], ..Section::new("extremes", "Extremes") };
+    let extremes = Section {
+        cases: vec![case(Verdict::Held, 1.0), case(Verdict::FailedSilently, 1e9)],
+        ..Section::new("extremes", "Extremes")
+    };
     Report {
         command: "sarrus report".into(),
         machine: "m".into(),
@@ -86,7 +98,11 @@ fn the_page_is_well_formed_and_loads_nothing() {
     let text = as_xml(&text);
     let read = roxmltree::Document::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     for node in read.descendants().filter(roxmltree::Node::is_element) {
-        assert!(!["script", "img", "link", "iframe", "object"].contains(&node.tag_name().name()), "{}", node.tag_name().name());
+        assert!(
+            !["script", "img", "link", "iframe", "object"].contains(&node.tag_name().name()),
+            "{}",
+            node.tag_name().name()
+        );
         for attribute in node.attributes() {
             let link = ["href", "src"].contains(&attribute.name());
             assert!(!link || !attribute.value().contains("//"), "{}", attribute.value());
@@ -109,14 +125,19 @@ fn every_figure_shows_its_points_or_says_that_there_are_none() {
     let figures: Vec<_> = read.descendants().filter(|node| node.has_tag_name("figure")).collect();
     let marks = |figure: &roxmltree::Node<'_, '_>, class: &str| {
         let part = figure.descendants().find(|node| node.attribute("class") == Some(class));
-        part.map_or(0, |part| part.descendants().filter(|node| node.tag_name().name() == "polygon").count())
+        part.map_or(0, |part| {
+            part.descendants().filter(|node| node.tag_name().name() == "polygon").count()
+        })
     };
     assert_eq!(figures.iter().map(|figure| marks(figure, "wide")).collect::<Vec<_>>(), [3, 2, 0]);
     assert_eq!(figures.iter().map(|figure| marks(figure, "narrow")).collect::<Vec<_>>(), [3, 2, 0]);
     assert!(figures[2].descendants().any(|node| node.attribute("class") == Some("empty")));
     for figure in &figures {
         let text: String = figure.descendants().filter_map(|node| node.text()).collect();
-        assert!(text.contains("sarrus report --section accuracy") && text.contains(" on m"), "{text}");
+        assert!(
+            text.contains("sarrus report --section accuracy") && text.contains(" on m"),
+            "{text}"
+        );
         assert!(text.contains("lambda <script>"), "{text}");
     }
 }
@@ -137,20 +158,31 @@ fn the_data_has_what_scripts_look_for() {
     }
     assert_eq!(report.summary()[0], "worst error 1.0e-12, 2 extreme cases, 1 silent failures");
     let nothing = Report::default();
-    assert_eq!((json(&nothing)["worst_error"].clone(), json(&nothing)["cases"].clone()), (Value::Null, Value::from(0)));
+    assert_eq!(
+        (json(&nothing)["worst_error"].clone(), json(&nothing)["cases"].clone()),
+        (Value::Null, Value::from(0))
+    );
 }
 
 #[test]
 fn every_file_that_the_page_names_is_beside_it_and_nothing_is_left_over() {
     let folder = std::env::temp_dir().join(format!("sarrus-report-files-{}", std::process::id()));
     write::files(&report(), &folder).unwrap();
-    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let read = |name: &str| {
+        std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
     let text = as_xml(&read("report.html"));
     let page = roxmltree::Document::parse(&text).unwrap();
-    let mut named: Vec<&str> = page.descendants().filter_map(|node| node.attribute("href")).filter(|href| !href.starts_with('#')).collect();
+    let mut named: Vec<&str> = page
+        .descendants()
+        .filter_map(|node| node.attribute("href"))
+        .filter(|href| !href.starts_with('#'))
+        .collect();
     named.extend(["report.html", "report.json"]);
-    let mut there: Vec<String> =
-        std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let mut there: Vec<String> = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
     named.sort_unstable();
     there.sort_unstable();
     assert_eq!(named, there);

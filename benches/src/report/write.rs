@@ -26,24 +26,31 @@ pub struct Wish {
     pub out: PathBuf,
 }
 
-/// Runs the wanted sections in their order and writes the page and its data. A section that fails says so on the page.
+/// Runs the wanted sections in their order and writes the page and its data. A section that fails
+/// says so on the page.
 ///
 /// # Errors
 ///
 /// A folder that cannot be written.
 pub fn run(wish: &Wish) -> Outcome<Report> {
-    // nobody wants to hear of a folder that cannot be written after an hour; an earlier report stays until then
+    // nobody wants to hear of a folder that cannot be written after an hour; an earlier report
+    // stays until then
     write(&wish.out, PROBE, "")?;
-    fs::remove_file(wish.out.join(PROBE)).map_err(|error| format!("{}: {error}", wish.out.display()))?;
+    fs::remove_file(wish.out.join(PROBE))
+        .map_err(|error| format!("{}: {error}", wish.out.display()))?;
 
     let progress = Progress::with_lines();
-    let wanted = |name: &str| wish.sections.is_empty() || wish.sections.iter().any(|wanted| wanted == name);
+    let wanted =
+        |name: &str| wish.sections.is_empty() || wish.sections.iter().any(|wanted| wanted == name);
     let chosen: Vec<_> = SECTIONS.iter().filter(|(name, ..)| wanted(name)).collect();
     let whole: f64 = chosen.iter().map(|(_, _, share)| share).sum();
     let (mut sections, mut done) = (Vec::new(), 0.0);
     for (name, fill, share) in chosen {
         progress.part(done / whole, (done + share) / whole);
-        let failed = |error: Box<dyn std::error::Error>| Section { failure: Some(error.to_string()), ..Section::new(name, name) };
+        let failed = |error: Box<dyn std::error::Error>| Section {
+            failure: Some(error.to_string()),
+            ..Section::new(name, name)
+        };
         sections.push(fill(&wish.effort, &progress).unwrap_or_else(failed));
         done += share;
     }
@@ -52,7 +59,11 @@ pub fn run(wish: &Wish) -> Outcome<Report> {
     let report = Report {
         command: command(wish.effort, wish.sections.iter().map(String::as_str)),
         machine: machine(&Cores::choose()?),
-        date: date(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs() / 86_400)),
+        date: date(
+            SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .map_or(0, |since| since.as_secs() / 86_400),
+        ),
         quick: wish.effort.quick,
         sections: with_names(sections),
     };
@@ -68,12 +79,25 @@ pub(super) fn command<'a>(effort: Effort, sections: impl Iterator<Item = &'a str
 
 /// Gives every figure and table a name that is one of a file, and that no other has.
 fn with_names(mut sections: Vec<Section>) -> Vec<Section> {
-    let mut taken: Vec<String> = sections.iter().map(|section| section.name.to_owned()).chain(["places".to_owned()]).collect();
+    let mut taken: Vec<String> = sections
+        .iter()
+        .map(|section| section.name.to_owned())
+        .chain(["places".to_owned()])
+        .collect();
     let mut free = |id: &mut String| {
-        let plain = |letter: char| if letter.is_ascii_alphanumeric() || "-_".contains(letter) { letter.to_ascii_lowercase() } else { '-' };
+        let plain = |letter: char| {
+            if letter.is_ascii_alphanumeric() || "-_".contains(letter) {
+                letter.to_ascii_lowercase()
+            } else {
+                '-'
+            }
+        };
         let name: String = id.chars().map(plain).collect();
         let numbered = (1..).map(|k| if k == 1 { name.clone() } else { format!("{name}-{k}") });
-        *id = numbered.into_iter().find(|name| !name.is_empty() && !taken.contains(name)).unwrap_or_default();
+        *id = numbered
+            .into_iter()
+            .find(|name| !name.is_empty() && !taken.contains(name))
+            .unwrap_or_default();
         taken.push(id.clone());
     };
     for section in &mut sections {
@@ -104,7 +128,9 @@ pub(super) fn files(report: &Report, out: &Path) -> Outcome {
 /// Writes a file under another name first, so that nobody reads half of it.
 fn write(folder: &Path, name: &str, text: &str) -> Outcome {
     let (path, half) = (folder.join(name), folder.join(format!(".{name}.{}", std::process::id())));
-    let written = fs::create_dir_all(folder).and_then(|()| fs::write(&half, text)).and_then(|()| fs::rename(&half, &path));
+    let written = fs::create_dir_all(folder)
+        .and_then(|()| fs::write(&half, text))
+        .and_then(|()| fs::rename(&half, &path));
     written.map_err(|error| {
         // what is left of it, if it got that far
         let _ = fs::remove_file(&half);
@@ -114,7 +140,9 @@ fn write(folder: &Path, name: &str, text: &str) -> Outcome {
 
 /// Year, month and day of a count of days since 1970.
 fn date(days: u64) -> String {
-    let leap = |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    let leap = |year: u64| {
+        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+    };
     let (mut year, mut left) = (1970, days);
     while left >= 365 + u64::from(leap(year)) {
         left -= 365 + u64::from(leap(year));
@@ -137,13 +165,18 @@ mod tests {
 
     #[test]
     fn days_have_dates() {
-        assert_eq!([0, 59, 11_016, 20_513].map(date), ["1970-01-01", "1970-03-01", "2000-02-29", "2026-03-01"]);
+        assert_eq!(
+            [0, 59, 11_016, 20_513].map(date),
+            ["1970-01-01", "1970-03-01", "2000-02-29", "2026-03-01"]
+        );
     }
 
     #[test]
     fn names_of_files_are_plain_and_each_is_taken_once() {
         let mut section = Section::new("accuracy", "");
-        section.figures = ["A b/../c", "a-b----c", "accuracy"].map(|id| Figure { id: id.into(), ..Figure::default() }).into();
+        section.figures = ["A b/../c", "a-b----c", "accuracy"]
+            .map(|id| Figure { id: id.into(), ..Figure::default() })
+            .into();
         section.tables = vec![Table { id: "places".into(), ..Table::default() }];
         let named = with_names(vec![section]);
         let ids: Vec<&str> = named[0].figures.iter().map(|figure| figure.id.as_str()).collect();

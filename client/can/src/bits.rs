@@ -1,17 +1,26 @@
 //! How long a frame can keep a bus busy.
 //!
-//! Source: ISO 11898-1:2015, frame formats and bit stuffing; the bound on stuff bits as in Davis, Burns, Bril and Lukkien, "Controller Area
-//! Network (CAN) schedulability analysis: refuted, revisited and revised", 2007, equation 1: every fourth bit after the first five.
+//! Source: ISO 11898-1:2015, frame formats and bit stuffing; the bound on stuff bits as in Davis,
+//! Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis: refuted,
+//! revisited and revised", 2007, equation 1: every fourth bit after the first five.
 
 use crate::frame::{FrameKind, Id};
 
-/// Bits that always follow the data and its checksum: delimiter, acknowledgement and its delimiter, end of frame, space to the next frame.
+/// Bits that always follow the data and its checksum: delimiter, acknowledgement and its delimiter,
+/// end of frame, space to the next frame.
 const TAIL: usize = 1 + 1 + 1 + 7 + 3;
 
 /// The longest time that a frame and the space behind it take `[s]`, whatever its bytes are.
 ///
-/// `bitrate` and `data_bitrate` in bit/s; the data bytes of an FD frame with its switch go at the second, if there is one.
-pub fn duration(id: Id, kind: FrameKind, len: usize, bitrate: u32, data_bitrate: Option<u32>) -> f64 {
+/// `bitrate` and `data_bitrate` in bit/s; the data bytes of an FD frame with its switch go at the
+/// second, if there is one.
+pub fn duration(
+    id: Id,
+    kind: FrameKind,
+    len: usize,
+    bitrate: u32,
+    data_bitrate: Option<u32>,
+) -> f64 {
     let (slow, fast) = bits(id, kind, len);
     let fast_rate = match kind {
         FrameKind::Fd { bit_rate_switch: true } => data_bitrate.unwrap_or(bitrate),
@@ -40,7 +49,8 @@ fn bits(id: Id, kind: FrameKind, len: usize) -> (usize, usize) {
             };
             // error state and length, then the data
             let rest = 1 + 4 + data;
-            // count of stuff bits and checksum, with stuff bits at fixed places: before the first and after each fourth bit
+            // count of stuff bits and checksum, with stuff bits at fixed places: before the first
+            // and after each fourth bit
             let checksum = 4 + if len <= 16 { 17 } else { 21 };
             let fixed = 1 + checksum / 4;
             let early = stuffed(head);
@@ -74,8 +84,12 @@ mod tests {
         let moteus = micros(LONG, FD, 20) + micros(MOTOR, FD, 24);
         assert_eq!([mit, odrive, cybergear, moteus].map(f64::round), [250.0, 270.0, 320.0, 194.0]);
         // motors on a bus at 70 % and at 90 % of its time
-        let motors = |time: f64, rate: f64| [0.7, 0.9].map(|part| (part * 1e6 / rate / time).floor());
-        assert_eq!([1000.0, 500.0, 250.0].map(|rate| motors(mit, rate)), [[2.0, 3.0], [5.0, 7.0], [11.0, 14.0]]);
+        let motors =
+            |time: f64, rate: f64| [0.7, 0.9].map(|part| (part * 1e6 / rate / time).floor());
+        assert_eq!(
+            [1000.0, 500.0, 250.0].map(|rate| motors(mit, rate)),
+            [[2.0, 3.0], [5.0, 7.0], [11.0, 14.0]]
+        );
         assert_eq!([1000.0, 500.0].map(|rate| motors(odrive, rate)), [[2.0, 3.0], [5.0, 6.0]]);
         assert_eq!([1000.0, 500.0].map(|rate| motors(cybergear, rate)), [[2.0, 2.0], [4.0, 5.0]]);
         assert_eq!([1000.0, 500.0].map(|rate| motors(moteus, rate)), [[3.0, 4.0], [7.0, 9.0]]);
@@ -94,7 +108,10 @@ mod tests {
     #[test]
     fn without_its_switch_an_fd_frame_goes_at_one_rate() {
         let slow = FrameKind::Fd { bit_rate_switch: false };
-        assert!(duration(MOTOR, slow, 64, 1_000_000, Some(5_000_000)) > 2.0 * duration(MOTOR, FD, 64, 1_000_000, Some(5_000_000)));
+        assert!(
+            duration(MOTOR, slow, 64, 1_000_000, Some(5_000_000))
+                > 2.0 * duration(MOTOR, FD, 64, 1_000_000, Some(5_000_000))
+        );
         assert_eq!(duration(MOTOR, slow, 8, 500_000, None), duration(MOTOR, FD, 8, 500_000, None));
     }
 }

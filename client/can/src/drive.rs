@@ -1,14 +1,16 @@
 //! What a protocol is: the bridge's half of the talk with one motor.
 //!
-//! A [`Drive`] knows no bus, no clock and no rule of safety. It is told what its motor is to do, makes the frames that say so, and reads the
-//! motor's answers. Everything on this side of it is the motor's own: radians at the motor's output shaft, N m, and the motor's sign.
+//! A [`Drive`] knows no bus, no clock and no rule of safety. It is told what its motor is to do,
+//! makes the frames that say so, and reads the motor's answers. Everything on this side of it is
+//! the motor's own: radians at the motor's output shaft, N m, and the motor's sign.
 
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 
 /// What a motor is to be told, on the motor's side of gear and sign.
 ///
-/// All numbers are finite: the bridge has rejected others. A drive uses what its mode knows: `Impedance` all of them, the others the one
-/// that they are named after, with those below it as feed-forward where the protocol has room for them.
+/// All numbers are finite: the bridge has rejected others. A drive uses what its mode knows:
+/// `Impedance` all of them, the others the one that they are named after, with those below it as
+/// feed-forward where the protocol has room for them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// Position `[rad]`.
@@ -51,12 +53,14 @@ impl Mode {
 /// What a motor is to do in this cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wish {
-    /// Have no power, and say where it is. Meanwhile the drive sets the motor's watchdog and mode and reads them back.
+    /// Have no power, and say where it is. Meanwhile the drive sets the motor's watchdog and mode
+    /// and reads them back.
     Off,
     /// The same, and forget a latched fault.
     Reset,
-    /// Follow the set-point; the drive takes the steps that lead there, one a cycle where the motor has to answer in between, and never
-    /// gives power before the motor has this set-point or a zero torque.
+    /// Follow the set-point; the drive takes the steps that lead there, one a cycle where the motor
+    /// has to answer in between, and never gives power before the motor has this set-point or a
+    /// zero torque.
     On(Setpoint),
 }
 
@@ -74,7 +78,8 @@ pub enum Power {
     On,
 }
 
-/// What is known of the watchdog in the motor: the time without commands after which it lets go by itself.
+/// What is known of the watchdog in the motor: the time without commands after which it lets go by
+/// itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Watchdog {
     /// Not read back yet.
@@ -93,7 +98,8 @@ pub enum Watchdog {
 pub struct DriveState {
     /// Power.
     pub power: Power,
-    /// The motor's own code of its fault, or one of [`fault`](crate::protocol::fault); 0 without one.
+    /// The motor's own code of its fault, or one of [`fault`](crate::protocol::fault); 0 without
+    /// one.
     pub fault: u32,
     /// The motor's watchdog.
     pub watchdog: Watchdog,
@@ -117,7 +123,8 @@ pub struct Measurement {
 pub enum Receipt {
     /// Nothing: the frame is another's.
     NotMine,
-    /// It has this motor's identifier and is none of its frames (length, checksum, format); nothing was taken from it.
+    /// It has this motor's identifier and is none of its frames (length, checksum, format); nothing
+    /// was taken from it.
     Malformed,
     /// It was read and holds no measurement.
     Noted,
@@ -167,13 +174,16 @@ impl Shared {
 
 /// The bridge's half of the talk with one motor. Nothing here allocates, panics or reads a clock.
 pub trait Drive: Send + core::fmt::Debug {
-    /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor answers with a measurement.
+    /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor
+    /// answers with a measurement.
     fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue);
 
-    /// The frames of a set-point alone, as [`Drive::cycle`] sends them while the motor is on: for tables, loads and tests of the codec.
+    /// The frames of a set-point alone, as [`Drive::cycle`] sends them while the motor is on: for
+    /// tables, loads and tests of the codec.
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue);
 
-    /// Frames that take the motor's power away, without regard to anything that was said before. Sent on every way out.
+    /// Frames that take the motor's power away, without regard to anything that was said before.
+    /// Sent on every way out.
     fn disable(&self, out: &mut FrameQueue);
 
     /// Reads a frame from the bus.
@@ -182,18 +192,20 @@ pub trait Drive: Send + core::fmt::Debug {
     /// What is known of the motor.
     fn state(&self) -> DriveState;
 
-    /// Is told when an operator arms, and before the motor gets power: what the motor must have been told is set and read back anew, since
-    /// a motor whose supply was away has lost it. Nothing where nothing can be set or read.
+    /// Is told when an operator arms, and before the motor gets power: what the motor must have
+    /// been told is set and read back anew, since a motor whose supply was away has lost it.
+    /// Nothing where nothing can be set or read.
     fn prepare(&mut self) {}
 
     /// Forgets what is known of the motor: it may have been off the bus, or without supply.
     fn forget(&mut self);
 
-    /// Identifiers that this drive sends on and its motor answers on; no two motors of a bus may share one.
+    /// Identifiers that this drive sends on and its motor answers on; no two motors of a bus may
+    /// share one.
     fn identifiers(&self) -> Vec<Id>;
 
-    /// Identifiers that several motors of a bus may use, told apart by their data; none of them may be in anyone's
-    /// [`identifiers`](Drive::identifiers).
+    /// Identifiers that several motors of a bus may use, told apart by their data; none of them may
+    /// be in anyone's [`identifiers`](Drive::identifiers).
     fn shared_identifiers(&self) -> Vec<Shared> {
         Vec::new()
     }
@@ -201,12 +213,14 @@ pub trait Drive: Send + core::fmt::Debug {
     /// What the motor sends back in one cycle while it is on.
     fn replies(&self) -> Vec<Reply>;
 
-    /// A frame that all motors of a bus wait for at the end of a cycle (SYNC of CANopen); sent once, whoever wants it.
+    /// A frame that all motors of a bus wait for at the end of a cycle (SYNC of CANopen); sent
+    /// once, whoever wants it.
     fn sync(&self) -> Option<Frame> {
         None
     }
 
-    /// A frame that [`Drive::cycle`] sends now and then besides (heartbeat of CANopen), and the time between two `[ns]`.
+    /// A frame that [`Drive::cycle`] sends now and then besides (heartbeat of CANopen), and the
+    /// time between two `[ns]`.
     fn heartbeat(&self) -> Option<(Frame, u64)> {
         None
     }

@@ -121,7 +121,8 @@ impl Frame {
 }
 
 impl core::fmt::Display for Frame {
-    /// As `candump -L` writes it: `123#0011` for a classic frame, `123##10011` for FD; extended identifiers have eight digits.
+    /// As `candump -L` writes it: `123#0011` for a classic frame, `123##10011` for FD; extended
+    /// identifiers have eight digits.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.id {
             Id::Standard(id) => write!(f, "{id:03X}")?,
@@ -191,8 +192,17 @@ mod tests {
 
     #[test]
     fn frames_are_read_as_they_are_written() {
-        for text in ["123#0011AAFF", "7FF#", "00000123#00", "1FFFFFFF##1000102030405060708090A0B", "001##0FF"] {
-            assert_eq!(Frame::from_text(text).map(|frame| frame.to_string()).as_deref(), Some(text));
+        for text in [
+            "123#0011AAFF",
+            "7FF#",
+            "00000123#00",
+            "1FFFFFFF##1000102030405060708090A0B",
+            "001##0FF",
+        ] {
+            assert_eq!(
+                Frame::from_text(text).map(|frame| frame.to_string()).as_deref(),
+                Some(text)
+            );
         }
         for text in [
             "",

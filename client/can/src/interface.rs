@@ -1,7 +1,8 @@
-//! What the kernel says of a CAN interface: whether it is up, its bit rates, the state of its controller, and its error frames.
+//! What the kernel says of a CAN interface: whether it is up, its bit rates, the state of its
+//! controller, and its error frames.
 //!
-//! One question RTM_GETLINK, which a front sends over a route socket, and the attributes of its answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`,
-//! `linux/can/netlink.h`.
+//! One question RTM_GETLINK, which a front sends over a route socket, and the attributes of its
+//! answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`, `linux/can/netlink.h`.
 
 use thiserror::Error;
 
@@ -29,7 +30,8 @@ const STATE: u16 = 4;
 const DATA_TIMING: u16 = 9;
 /// Where an attribute's kind has flags.
 const FLAGS: u16 = 0xC000;
-/// Bit rates that differ by less than this part of them work together: clocks do not divide into every one exactly.
+/// Bit rates that differ by less than this part of them work together: clocks do not divide into
+/// every one exactly.
 const SAME_RATE: f64 = 0.005;
 
 /// How a controller stands on its bus.
@@ -54,7 +56,8 @@ pub struct Interface {
     pub is_up: bool,
     /// Largest frame: 16 without CAN FD, 72 with it.
     pub mtu: u32,
-    /// Bit rate `[bit/s]`; `None` where there is none (`vcan`), or where the kernel does not know it.
+    /// Bit rate `[bit/s]`; `None` where there is none (`vcan`), or where the kernel does not know
+    /// it.
     pub bitrate: Option<u32>,
     /// Bit rate of the data of FD frames `[bit/s]`.
     pub data_bitrate: Option<u32>,
@@ -87,10 +90,14 @@ pub enum InterfaceError {
     )]
     Off(String),
     /// It carries no CAN FD.
-    #[error("{0}: the interface carries no CAN FD, expected an MTU of 72: `ip link set {0} mtu 72`, or `type can fd on` before it is up")]
+    #[error(
+        "{0}: the interface carries no CAN FD, expected an MTU of 72: `ip link set {0} mtu 72`, or `type can fd on` before it is up"
+    )]
     NoFd(String),
     /// It has another bit rate.
-    #[error("{name} has a {what} of {found} bit/s, expected {expected}: `ip link set {name} down`, then `{set}`")]
+    #[error(
+        "{name} has a {what} of {found} bit/s, expected {expected}: `ip link set {name} down`, then `{set}`"
+    )]
     OtherBitrate {
         /// The interface.
         name: String,
@@ -123,24 +130,41 @@ impl Interface {
         let list = message.get(HEAD + INFO..).filter(|_| kind == NEW_LINK).ok_or(Garbled)?;
         let mtu = find(list, MTU).and_then(|bytes| word(bytes, 0)).ok_or(Garbled)?;
         let data = find(list, LINK_INFO).and_then(|info| find(info, DATA)).unwrap_or_default();
-        // the bit rate is the first number of `can_bittiming`; a rate that nobody has set, or that only the adapter knows, is 0 or −1
-        let rate = |kind: u16| find(data, kind).and_then(|timing| word(timing, 0)).filter(|rate| !matches!(*rate, 0 | u32::MAX));
-        let controller = find(data, STATE).and_then(|state| word(state, 0)).map(|state| match state {
-            0 => Controller::Active,
-            1 => Controller::Warning,
-            2 => Controller::Passive,
-            3 => Controller::Off,
-            _ => Controller::Stopped,
-        });
-        Ok(Interface { is_up: flags & UP != 0, mtu, bitrate: rate(TIMING), data_bitrate: rate(DATA_TIMING), controller })
+        // the bit rate is the first number of `can_bittiming`; a rate that nobody has set, or that
+        // only the adapter knows, is 0 or −1
+        let rate = |kind: u16| {
+            find(data, kind)
+                .and_then(|timing| word(timing, 0))
+                .filter(|rate| !matches!(*rate, 0 | u32::MAX))
+        };
+        let controller =
+            find(data, STATE).and_then(|state| word(state, 0)).map(|state| match state {
+                0 => Controller::Active,
+                1 => Controller::Warning,
+                2 => Controller::Passive,
+                3 => Controller::Off,
+                _ => Controller::Stopped,
+            });
+        Ok(Interface {
+            is_up: flags & UP != 0,
+            mtu,
+            bitrate: rate(TIMING),
+            data_bitrate: rate(DATA_TIMING),
+            controller,
+        })
     }
 
-    /// Whether the interface `name` can be used with these bit rates `[bit/s]`; `None` for the first may be any, for the second a classic bus.
-    /// What is to be told of its controller then.
+    /// Whether the interface `name` can be used with these bit rates `[bit/s]`; `None` for the
+    /// first may be any, for the second a classic bus. What is to be told of its controller then.
     ///
     /// # Errors
     /// What is wrong, with the command that mends it.
-    pub fn check(&self, name: &str, bitrate: Option<u32>, data_bitrate: Option<u32>) -> Result<Option<BusEvent>, InterfaceError> {
+    pub fn check(
+        &self,
+        name: &str,
+        bitrate: Option<u32>,
+        data_bitrate: Option<u32>,
+    ) -> Result<Option<BusEvent>, InterfaceError> {
         let set = set_up(name, bitrate, data_bitrate, self.controller.is_some());
         let name = name.to_owned();
         if !self.is_up || self.controller == Some(Controller::Stopped) {
@@ -152,9 +176,14 @@ impl Interface {
         if data_bitrate.is_some() && self.mtu != FD_MTU {
             return Err(InterfaceError::NoFd(name));
         }
-        for (what, found, expected) in [("bit rate", self.bitrate, bitrate), ("data bit rate", self.data_bitrate, data_bitrate)] {
+        for (what, found, expected) in [
+            ("bit rate", self.bitrate, bitrate),
+            ("data bit rate", self.data_bitrate, data_bitrate),
+        ] {
             match (found, expected) {
-                (Some(found), Some(expected)) if (f64::from(found) / f64::from(expected) - 1.0).abs() > SAME_RATE => {
+                (Some(found), Some(expected))
+                    if (f64::from(found) / f64::from(expected) - 1.0).abs() > SAME_RATE =>
+                {
                     return Err(InterfaceError::OtherBitrate { name, what, found, expected, set });
                 }
                 _ => {}
@@ -172,17 +201,25 @@ impl Interface {
 const FD_MTU: u32 = 72;
 
 /// The command that brings an interface up as the configuration says.
-fn set_up(name: &str, bitrate: Option<u32>, data_bitrate: Option<u32>, has_controller: bool) -> String {
+fn set_up(
+    name: &str,
+    bitrate: Option<u32>,
+    data_bitrate: Option<u32>,
+    has_controller: bool,
+) -> String {
     match (bitrate, data_bitrate) {
         (Some(bitrate), Some(data)) if has_controller => {
             format!("ip link set {name} up type can bitrate {bitrate} dbitrate {data} fd on")
         }
-        (Some(bitrate), None) if has_controller => format!("ip link set {name} up type can bitrate {bitrate}"),
+        (Some(bitrate), None) if has_controller => {
+            format!("ip link set {name} up type can bitrate {bitrate}")
+        }
         _ => format!("ip link set {name} up"),
     }
 }
 
-/// The question for an interface: `nlmsghdr` (length, kind, flags, number, sender), an empty `ifinfomsg`, and the name.
+/// The question for an interface: `nlmsghdr` (length, kind, flags, number, sender), an empty
+/// `ifinfomsg`, and the name.
 pub fn question(name: &str) -> Vec<u8> {
     let attribute = 4 + name.len() + 1;
     let total = HEAD + INFO + attribute.next_multiple_of(4);
@@ -197,7 +234,8 @@ pub fn question(name: &str) -> Vec<u8> {
     bytes
 }
 
-/// The content of the first attribute of a kind. Attributes are length and kind in 16 bits each, content, and what fills four bytes.
+/// The content of the first attribute of a kind. Attributes are length and kind in 16 bits each,
+/// content, and what fills four bytes.
 fn find(mut list: &[u8], wanted: u16) -> Option<&[u8]> {
     loop {
         let (length, kind) = (usize::from(half(list.get(..2)?)?), half(list.get(2..4)?)?);
@@ -209,8 +247,8 @@ fn find(mut list: &[u8], wanted: u16) -> Option<&[u8]> {
     }
 }
 
-/// Events of an error frame, from its class and its data, whose second byte is the controller's state: the gravest state, and every loss
-/// (`linux/can/error.h`).
+/// Events of an error frame, from its class and its data, whose second byte is the controller's
+/// state: the gravest state, and every loss (`linux/can/error.h`).
 pub fn error_events(class: u32, data: &[u8]) -> [Option<BusEvent>; 3] {
     const CONTROLLER: u32 = 0x4;
     const BUS_OFF: u32 = 0x40;
@@ -267,7 +305,10 @@ mod tests {
         400000000200000001000000bc020000edffffff2c00000012000100010000000000000000000000000000000000000000000000090003006e6f6e6500000000";
 
     fn bytes(text: &str) -> Vec<u8> {
-        text.as_bytes().chunks(2).map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap()).collect()
+        text.as_bytes()
+            .chunks(2)
+            .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+            .collect()
     }
 
     fn read(text: &str) -> Interface {
@@ -276,27 +317,44 @@ mod tests {
 
     #[test]
     fn answers_of_a_kernel_are_read() {
-        let vcan = Interface { is_up: true, mtu: 72, bitrate: None, data_bitrate: None, controller: None };
+        let vcan =
+            Interface { is_up: true, mtu: 72, bitrate: None, data_bitrate: None, controller: None };
         assert_eq!(read(VCAN), vcan);
         assert_eq!(read(DOWN), Interface { is_up: false, ..vcan });
-        let slcan = Interface { mtu: 16, bitrate: Some(500_000), controller: Some(Controller::Active), ..vcan };
+        let slcan = Interface {
+            mtu: 16,
+            bitrate: Some(500_000),
+            controller: Some(Controller::Active),
+            ..vcan
+        };
         assert_eq!(read(SLCAN), slcan);
-        assert_eq!(read(OFF), Interface { bitrate: None, controller: Some(Controller::Off), ..slcan });
+        assert_eq!(
+            read(OFF),
+            Interface { bitrate: None, controller: Some(Controller::Off), ..slcan }
+        );
         assert_eq!(Interface::read(&bytes(NONE)), Err(InterfaceError::Refused(19)));
     }
 
     /// An answer with these rates and this state.
     fn answer(up: u32, mtu: u32, timings: [(u16, u32); 2], state: u32) -> Interface {
         let attribute = |kind: u16, content: &[u8]| {
-            let mut bytes = [4 + content.len() as u16, kind].map(u16::to_ne_bytes).as_flattened().to_vec();
+            let mut bytes =
+                [4 + content.len() as u16, kind].map(u16::to_ne_bytes).as_flattened().to_vec();
             bytes.extend(content);
             bytes.resize(bytes.len().next_multiple_of(4), 0);
             bytes
         };
-        let timing = |(kind, rate): (u16, u32)| attribute(kind, [rate.to_ne_bytes().as_slice(), &[0; 28]].concat().as_slice());
+        let timing = |(kind, rate): (u16, u32)| {
+            attribute(kind, [rate.to_ne_bytes().as_slice(), &[0; 28]].concat().as_slice())
+        };
         let data = [timings.map(timing).concat(), attribute(STATE, &state.to_ne_bytes())].concat();
         let info = [attribute(1, b"can\0"), attribute(DATA | 0x8000, &data)].concat();
-        let list = [attribute(NAME, b"can0\0"), attribute(MTU, &mtu.to_ne_bytes()), attribute(LINK_INFO, &info)].concat();
+        let list = [
+            attribute(NAME, b"can0\0"),
+            attribute(MTU, &mtu.to_ne_bytes()),
+            attribute(LINK_INFO, &info),
+        ]
+        .concat();
         let length = (HEAD + INFO + list.len()) as u32;
         let mut bytes = length.to_ne_bytes().to_vec();
         bytes.extend([NEW_LINK, 0, 0, 0, 0, 0].map(u16::to_ne_bytes).as_flattened());
@@ -309,12 +367,18 @@ mod tests {
     fn an_interface_that_is_not_as_configured_is_refused_with_the_command_that_sets_it() {
         let rates = [(TIMING, 1_000_000), (DATA_TIMING, 5_000_000)];
         let fd = answer(UP, 72, rates, 0);
-        assert_eq!((fd.bitrate, fd.data_bitrate, fd.controller), (Some(1_000_000), Some(5_000_000), Some(Controller::Active)));
+        assert_eq!(
+            (fd.bitrate, fd.data_bitrate, fd.controller),
+            (Some(1_000_000), Some(5_000_000), Some(Controller::Active))
+        );
         assert!(fd.check("can0", Some(1_000_000), Some(5_000_000)) == Ok(None));
         assert!(fd.check("can0", None, None).is_ok());
         assert!(
-            answer(UP, 72, [(TIMING, 996_016), (DATA_TIMING, 0)], 1).check("can0", Some(1_000_000), None)
-                == Ok(Some(BusEvent::ErrorWarning)),
+            answer(UP, 72, [(TIMING, 996_016), (DATA_TIMING, 0)], 1).check(
+                "can0",
+                Some(1_000_000),
+                None
+            ) == Ok(Some(BusEvent::ErrorWarning)),
             "as near as a clock comes"
         );
         let told = |interface: Interface, (bitrate, data): (u32, Option<u32>)| {
@@ -326,11 +390,20 @@ mod tests {
         );
         let set = "`ip link set can0 up type can bitrate 1000000 dbitrate 2000000 fd on`";
         assert!(told(fd, (1_000_000, Some(2_000_000))).ends_with(set));
-        assert_eq!(told(answer(0, 72, rates, 4), (1_000_000, Some(2_000_000))), format!("can0 is down: {set}"));
-        assert!(told(answer(UP, 16, rates, 0), (1_000_000, Some(5_000_000))).contains("carries no CAN FD"));
+        assert_eq!(
+            told(answer(0, 72, rates, 4), (1_000_000, Some(2_000_000))),
+            format!("can0 is down: {set}")
+        );
+        assert!(
+            told(answer(UP, 16, rates, 0), (1_000_000, Some(5_000_000)))
+                .contains("carries no CAN FD")
+        );
         assert!(told(answer(UP, 72, rates, 3), (1_000_000, None)).starts_with("can0 is bus-off"));
         assert_eq!(told(read(DOWN), (1_000_000, None)), "can0 is down: `ip link set can0 up`");
-        assert!(read(VCAN).check("vcan0", Some(1_000_000), Some(5_000_000)).is_ok(), "no bit rate to compare");
+        assert!(
+            read(VCAN).check("vcan0", Some(1_000_000), Some(5_000_000)).is_ok(),
+            "no bit rate to compare"
+        );
     }
 
     #[test]

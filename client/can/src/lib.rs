@@ -1,6 +1,8 @@
-//! The CAN bridge of sarrus: what turns actuator commands into motor frames and motor frames into actuator state.
+//! The CAN bridge of sarrus: what turns actuator commands into motor frames and motor frames into
+//! actuator state.
 //!
-//! No I/O, no clock: frames and times are arguments, and frames are results. Nothing allocates after set-up.
+//! No I/O, no clock: frames and times are arguments, and frames are results. Nothing allocates
+//! after set-up.
 #![forbid(unsafe_code)]
 
 pub mod bits;

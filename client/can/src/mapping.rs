@@ -1,8 +1,10 @@
-//! From an actuator to its motor and back: sign, gear, offset and torque constant, in one place for every path.
+//! From an actuator to its motor and back: sign, gear, offset and torque constant, in one place for
+//! every path.
 //!
-//! q = s q_m / N + o, q̇ = s q̇_m / N, and since both sides have the same power τ q̇ = τ_m q̇_m, τ_m = s τ / N. A spring or damper at the
-//! actuator is N² times softer at the motor. The torque constant stands between the torque that a protocol says and the true one,
-//! τ_m = k τ_said, and so between the gains that it says and the true ones.
+//! q = s q_m / N + o, q̇ = s q̇_m / N, and since both sides have the same power τ q̇ = τ_m q̇_m,
+//! τ_m = s τ / N. A spring or damper at the actuator is N² times softer at the motor. The torque
+//! constant stands between the torque that a protocol says and the true one, τ_m = k τ_said, and so
+//! between the gains that it says and the true ones.
 
 use crate::drive::{Measurement, Setpoint};
 
@@ -11,7 +13,8 @@ use crate::drive::{Measurement, Setpoint};
 pub struct Mapping {
     /// s: 1, or −1 where actuator and motor go against each other.
     pub sign: f64,
-    /// N: the motor's turn for that of the actuator `[rad/rad]`, or for its way `[rad/m]`; greater than 0.
+    /// N: the motor's turn for that of the actuator `[rad/rad]`, or for its way `[rad/m]`; greater
+    /// than 0.
     pub gear: f64,
     /// o: where the actuator is when the motor says 0 `[rad, m]`.
     pub offset: f64,
@@ -49,8 +52,12 @@ pub struct ActuatorMeasurement {
 
 impl ActuatorMeasurement {
     /// Nothing is known.
-    pub const NONE: ActuatorMeasurement =
-        ActuatorMeasurement { position: f64::NAN, velocity: f64::NAN, effort: f64::NAN, temperature: f64::NAN };
+    pub const NONE: ActuatorMeasurement = ActuatorMeasurement {
+        position: f64::NAN,
+        velocity: f64::NAN,
+        effort: f64::NAN,
+        temperature: f64::NAN,
+    };
 }
 
 impl Mapping {

@@ -12,7 +12,8 @@ pub struct Key {
     pub name: &'static str,
     /// What may stand there.
     pub kind: KeyKind,
-    /// What stands there when nobody wrote it, as it would be written; empty for nothing at all, and `None` for settings that must be there.
+    /// What stands there when nobody wrote it, as it would be written; empty for nothing at all,
+    /// and `None` for settings that must be there.
     pub default: Option<&'static str>,
     /// One line for people, with the unit.
     pub about: &'static str,
@@ -51,8 +52,9 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Reads the settings `keys` from a mapping, in messages `of`, whose other keys are `others`; every fault is told. `file` gives the content of a file
-    /// that a setting names, or says why it cannot.
+    /// Reads the settings `keys` from a mapping, in messages `of`, whose other keys are `others`;
+    /// every fault is told. `file` gives the content of a file that a setting names, or says why it
+    /// cannot.
     pub fn read(
         node: &Node,
         of: &str,
@@ -61,7 +63,8 @@ impl Settings {
         file: &dyn Fn(&str) -> Result<String, String>,
         findings: &mut Findings,
     ) -> Option<Settings> {
-        let known: Vec<&str> = others.iter().copied().chain(keys.iter().map(|key| key.name)).collect();
+        let known: Vec<&str> =
+            others.iter().copied().chain(keys.iter().map(|key| key.name)).collect();
         let mut good = yaml::keys(node, of, &known, findings);
         if !matches!(node.value, Value::Map(_)) {
             return None;
@@ -78,13 +81,22 @@ impl Settings {
                 (None, Some(default)) => Some(default),
                 (None, None) => {
                     let found = format!("{of} has no {}", quoted(key.name));
-                    findings.error(node.place, found, key.expected(), format!("add `{}`: {}", key.name, key.about));
+                    findings.error(
+                        node.place,
+                        found,
+                        key.expected(),
+                        format!("add `{}`: {}", key.name, key.about),
+                    );
                     good = false;
                     continue;
                 }
             };
             let Some(setting) = written.and_then(|text| key.parse(text)) else {
-                let found = format!("`{}` is {}", key.name, node.get(key.name).map_or_else(String::new, Node::describe));
+                let found = format!(
+                    "`{}` is {}",
+                    key.name,
+                    node.get(key.name).map_or_else(String::new, Node::describe)
+                );
                 findings.error(place, found, key.expected(), format!("correct it: {}", key.about));
                 good = false;
                 continue;
@@ -94,7 +106,12 @@ impl Settings {
                     Ok(content) => Setting::Text(content),
                     Err(reason) => {
                         let found = format!("{} cannot be read: {reason}", quoted(&name));
-                        findings.error(place, found, "a file beside the configuration", "correct the name");
+                        findings.error(
+                            place,
+                            found,
+                            "a file beside the configuration",
+                            "correct the name",
+                        );
                         good = false;
                         continue;
                     }
@@ -153,7 +170,8 @@ impl Key {
             }
             KeyKind::Number(least, most) => {
                 let number: f64 = text.parse().ok()?;
-                (number.is_finite() && least <= number && number <= most).then_some(Setting::Number(number))
+                (number.is_finite() && least <= number && number <= most)
+                    .then_some(Setting::Number(number))
             }
             KeyKind::Word(words) => words.contains(&text).then(|| Setting::Text(text.to_owned())),
             KeyKind::Text | KeyKind::File => Some(Setting::Text(text.to_owned())),

@@ -1,12 +1,16 @@
 //! Frames as text: slcan, what serial CAN adapters and pseudo-terminals speak.
 //!
-//! A line ends with carriage return. Host and adapter use the same lines for frames: `tIIILDD…` standard, `TIIIIIIIILDD…` extended, `r` and
-//! `R` remote; with CAN FD `d`, `D` without and `b`, `B` with bit rate switch, where the length is FD's code in one hexadecimal digit. The
-//! host opens (`O`, `L` listen only) and closes (`C`) the channel, sets bit rates (`S0` to `S8`, `Y2`, `Y5`), and asks for version, serial
-//! number and status (`V`, `N`, `F`). The adapter answers a line that it took with carriage return, perhaps after `z` or `Z`, and one that it
-//! refuses with bell. An adapter that watches its bus says `sXRRRTTT`: state active, warning, passive or bus-off with its error counters.
+//! A line ends with carriage return. Host and adapter use the same lines for frames: `tIIILDD…`
+//! standard, `TIIIIIIIILDD…` extended, `r` and `R` remote; with CAN FD `d`, `D` without and `b`,
+//! `B` with bit rate switch, where the length is FD's code in one hexadecimal digit. The host opens
+//! (`O`, `L` listen only) and closes (`C`) the channel, sets bit rates (`S0` to `S8`, `Y2`, `Y5`),
+//! and asks for version, serial number and status (`V`, `N`, `F`). The adapter answers a line that
+//! it took with carriage return, perhaps after `z` or `Z`, and one that it refuses with bell. An
+//! adapter that watches its bus says `sXRRRTTT`: state active, warning, passive or bus-off with its
+//! error counters.
 //!
-//! Source: LAWICEL, *CANUSB manual* (2007), for the classic lines; the firmware of CANable 2.0 for FD; the driver `slcan` of Linux for `s`.
+//! Source: LAWICEL, *CANUSB manual* (2007), for the classic lines; the firmware of CANable 2.0 for
+//! FD; the driver `slcan` of Linux for `s`.
 
 use crate::bridge::BusEvent;
 use crate::frame::{Frame, FrameKind, Id};
@@ -15,7 +19,8 @@ use crate::frame::{Frame, FrameKind, Id};
 pub const MAX_LINE: usize = 1 + 8 + 1 + 128 + 1;
 
 /// Bit rates `[bit/s]` of the lines `S0` to `S8`.
-pub const BITRATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 750_000, 1_000_000];
+pub const BITRATES: [u32; 9] =
+    [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 750_000, 1_000_000];
 
 /// Data bit rates `[bit/s]` with the number after `Y`.
 pub const DATA_BITRATES: [(u8, u32); 2] = [(2, 2_000_000), (5, 5_000_000)];
@@ -59,7 +64,8 @@ pub enum Line {
     SerialNumber,
     /// Asks for the status.
     Status,
-    /// Another setting of the channel, by its letter (`s` timing registers, `Z` time stamps, `M` and `m` filters, `A`, `P`, `X`, `Q`, `W`).
+    /// Another setting of the channel, by its letter (`s` timing registers, `Z` time stamps, `M`
+    /// and `m` filters, `A`, `P`, `X`, `Q`, `W`).
     Setting(u8),
     /// The adapter took a line.
     Done,
@@ -79,7 +85,8 @@ pub enum Line {
 }
 
 impl Line {
-    /// What a line of an adapter says of its bus; a refusal is a frame that was dropped, and a line that is none one that came and is lost.
+    /// What a line of an adapter says of its bus; a refusal is a frame that was dropped, and a line
+    /// that is none one that came and is lost.
     pub fn event(&self) -> Option<BusEvent> {
         match self {
             Line::State(BusState::Active) => Some(BusEvent::ErrorActive),
@@ -111,10 +118,12 @@ pub fn write(frame: &Frame, line: &mut [u8; MAX_LINE]) -> usize {
         (FrameKind::Fd { bit_rate_switch: true }, true) => b'B',
     };
     let digits = if extended { 8 } else { 3 };
-    let code = LENGTHS.iter().position(|&length| usize::from(length) == frame.data().len()).unwrap_or(0);
+    let code =
+        LENGTHS.iter().position(|&length| usize::from(length) == frame.data().len()).unwrap_or(0);
     let id = (0..digits).rev().map(|place| digit((frame.id.number() >> (4 * place)) as u8 & 0xF));
     let data = frame.data().iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 0xF)]);
-    let bytes = core::iter::once(letter).chain(id).chain([digit(code as u8)]).chain(data).chain([b'\r']);
+    let bytes =
+        core::iter::once(letter).chain(id).chain([digit(code as u8)]).chain(data).chain([b'\r']);
     line.iter_mut().zip(bytes).map(|(place, byte)| *place = byte).count()
 }
 
@@ -140,14 +149,20 @@ pub fn read(line: &[u8]) -> Line {
         (b'V' | b'N' | b'F', _) => Line::Answer(letter),
         (b'S', [code @ b'0'..=b'9']) => Line::Bitrate(code - b'0'),
         (b'Y', [code @ b'0'..=b'9']) => Line::DataBitrate(code - b'0'),
-        (b's', [state, counters @ ..]) if counters.len() == 6 && counters.iter().all(u8::is_ascii_digit) => match state {
-            b'a' => Line::State(BusState::Active),
-            b'w' => Line::State(BusState::Warning),
-            b'p' => Line::State(BusState::Passive),
-            b'b' => Line::State(BusState::Off),
-            _ => Line::Garbled,
-        },
-        (b'e', [_, errors @ ..]) if !errors.is_empty() => Line::Errors { overrun: errors.contains(&b'o') },
+        (b's', [state, counters @ ..])
+            if counters.len() == 6 && counters.iter().all(u8::is_ascii_digit) =>
+        {
+            match state {
+                b'a' => Line::State(BusState::Active),
+                b'w' => Line::State(BusState::Warning),
+                b'p' => Line::State(BusState::Passive),
+                b'b' => Line::State(BusState::Off),
+                _ => Line::Garbled,
+            }
+        }
+        (b'e', [_, errors @ ..]) if !errors.is_empty() => {
+            Line::Errors { overrun: errors.contains(&b'o') }
+        }
         (b's' | b'Z' | b'M' | b'm' | b'A' | b'P' | b'X' | b'Q' | b'W', _) => Line::Setting(letter),
         _ => Line::Garbled,
     }
@@ -186,7 +201,8 @@ fn value(byte: u8) -> Option<u8> {
     (byte as char).to_digit(16).map(|half| half as u8)
 }
 
-/// Cuts bytes as they come into lines. Bytes that make no line within [`MAX_LINE`] and a time stamp are one garbled line.
+/// Cuts bytes as they come into lines. Bytes that make no line within [`MAX_LINE`] and a time stamp
+/// are one garbled line.
 #[derive(Clone, Debug)]
 pub struct Lines {
     line: [u8; MAX_LINE + 4],
@@ -205,7 +221,11 @@ impl Lines {
     pub fn take(&mut self, byte: u8) -> Option<Line> {
         match byte {
             b'\r' => {
-                let line = if self.overlong { Line::Garbled } else { read(self.line.get(..self.used).unwrap_or_default()) };
+                let line = if self.overlong {
+                    Line::Garbled
+                } else {
+                    read(self.line.get(..self.used).unwrap_or_default())
+                };
                 *self = Lines::default();
                 Some(line)
             }
@@ -244,21 +264,30 @@ mod tests {
         assert_eq!(text(&extended), "T010000030\r");
         let fast = Frame::fd(Id::Standard(0x7FF), true, &[0xAB; 12]).unwrap();
         assert_eq!(text(&fast), format!("b7FF9{}\r", "AB".repeat(12)));
-        assert_eq!(text(&Frame::fd(Id::Extended(0x1FFF_FFFF), false, &[1; 64]).unwrap()).len(), MAX_LINE);
+        assert_eq!(
+            text(&Frame::fd(Id::Extended(0x1FFF_FFFF), false, &[1; 64]).unwrap()).len(),
+            MAX_LINE
+        );
     }
 
     #[test]
     fn every_frame_comes_back() {
-        let ids = [Id::Standard(0), Id::Standard(0x7FF), Id::Extended(0), Id::Extended(0x1FFF_FFFF)];
+        let ids =
+            [Id::Standard(0), Id::Standard(0x7FF), Id::Extended(0), Id::Extended(0x1FFF_FFFF)];
         let bytes: Vec<u8> = (0..64u8).map(|byte| byte.wrapping_mul(37)).collect();
         let mut lines = Lines::default();
         for id in ids {
             for length in LENGTHS {
                 let data = &bytes[..usize::from(length)];
-                let frames = [Frame::classic(id, data), Frame::fd(id, false, data), Frame::fd(id, true, data)];
+                let frames = [
+                    Frame::classic(id, data),
+                    Frame::fd(id, false, data),
+                    Frame::fd(id, true, data),
+                ];
                 for frame in frames.into_iter().flatten() {
                     assert_eq!(text(&frame).len(), super::length(id, data.len()));
-                    let back: Vec<Line> = text(&frame).bytes().filter_map(|byte| lines.take(byte)).collect();
+                    let back: Vec<Line> =
+                        text(&frame).bytes().filter_map(|byte| lines.take(byte)).collect();
                     assert_eq!(back, [Line::Frame(frame)]);
                 }
             }
@@ -285,8 +314,17 @@ mod tests {
 
     #[test]
     fn hostile_lines_are_garbled_and_the_next_line_is_read() {
-        let hostile: [&[u8]; 9] =
-            [b"t", b"t8001FF", b"t1002112", b"t100911", b"T2000000000", b"tGGG0", b"t1001\xFF\xFF", b"b100F00", b"t10021122333"];
+        let hostile: [&[u8]; 9] = [
+            b"t",
+            b"t8001FF",
+            b"t1002112",
+            b"t100911",
+            b"T2000000000",
+            b"tGGG0",
+            b"t1001\xFF\xFF",
+            b"b100F00",
+            b"t10021122333",
+        ];
         let mut lines = Lines::default();
         for line in hostile {
             assert_eq!(line.iter().find_map(|&byte| lines.take(byte)), None);

@@ -34,21 +34,44 @@ pub struct Telemetry {
 }
 
 impl Telemetry {
-    /// Nothing measured yet, by the process of this number at the monotonic time `started_ns`; `None` without memory. Allocates; nothing
-    /// after it does.
-    pub fn new(bridge: &Bridge, loads: &[Load], process: u32, started_ns: u64) -> Option<Telemetry> {
+    /// Nothing measured yet, by the process of this number at the monotonic time `started_ns`;
+    /// `None` without memory. Allocates; nothing after it does.
+    pub fn new(
+        bridge: &Bridge,
+        loads: &[Load],
+        process: u32,
+        started_ns: u64,
+    ) -> Option<Telemetry> {
         let configuration = bridge.configuration();
-        let mut fixed = BridgeStatistics { started_ns, process: u64::from(process), ..BridgeStatistics::default() };
+        let mut fixed = BridgeStatistics {
+            started_ns,
+            process: u64::from(process),
+            ..BridgeStatistics::default()
+        };
         fixed.n_buses = configuration.buses.len() as u64;
         fixed.n_u = configuration.actuators.len() as u64;
-        for (into, (bus, load)) in fixed.buses.iter_mut().zip(configuration.buses.iter().zip(loads)) {
-            *into = BusStatistics { name: Label::new(&bus.name), load: load.fraction, ..BusStatistics::default() };
+        for (into, (bus, load)) in fixed.buses.iter_mut().zip(configuration.buses.iter().zip(loads))
+        {
+            *into = BusStatistics {
+                name: Label::new(&bus.name),
+                load: load.fraction,
+                ..BusStatistics::default()
+            };
         }
         for (into, name) in fixed.actuators.iter_mut().zip(&configuration.actuators) {
             *into = Label::new(name);
         }
         let [wake, work, age, reply] = [histogram()?, histogram()?, histogram()?, histogram()?];
-        Some(Telemetry { wake, work, age, reply, replies: 0, sent: [0; MAX_BUSES], told_ns: 0, fixed })
+        Some(Telemetry {
+            wake,
+            work,
+            age,
+            reply,
+            replies: 0,
+            sent: [0; MAX_BUSES],
+            told_ns: 0,
+            fixed,
+        })
     }
 
     /// Takes a cycle that has just ended.
@@ -68,7 +91,8 @@ impl Telemetry {
         }
     }
 
-    /// Everything, when it is time to tell it again: whole histograms are read, which is too much for every cycle.
+    /// Everything, when it is time to tell it again: whole histograms are read, which is too much
+    /// for every cycle.
     pub fn due(&mut self, bridge: &Bridge, now_ns: u64) -> Option<BridgeStatistics> {
         let is_due = now_ns.saturating_sub(self.told_ns) > STATISTICS_NS;
         is_due.then(|| {

@@ -9,14 +9,17 @@ use pyo3::types::PyDict;
 use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
 use sarrus_can::load::{Load, loads};
 use sarrus_can::log::{Line, What, sent};
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS, OperatorRequest, Reason, Standing, flag};
+use sarrus_proto::actuators::{
+    ActuatorCommand, ActuatorState, MAX_ACTUATORS, OperatorRequest, Reason, Standing, flag,
+};
 
 use crate::configuration::PyConfiguration;
 use crate::frames::{PyFrame, list};
 use crate::log::Log;
 use crate::service::operation_of;
 
-/// The rules, of one robot: what its motors are told in each cycle. Times are nanoseconds of the monotonic clock.
+/// The rules, of one robot: what its motors are told in each cycle. Times are nanoseconds of the
+/// monotonic clock.
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {
     bridge: Mutex<Bridge>,
@@ -31,7 +34,11 @@ impl PyBridge {
     fn new(configuration: &PyConfiguration) -> PyResult<PyBridge> {
         let configuration = configuration.take()?;
         let loads = loads(&configuration);
-        Ok(PyBridge { bridge: Mutex::new(Bridge::new(configuration)), log: Mutex::new(None), loads })
+        Ok(PyBridge {
+            bridge: Mutex::new(Bridge::new(configuration)),
+            log: Mutex::new(None),
+            loads,
+        })
     }
 
     /// Takes a frame that came on a bus.
@@ -40,8 +47,9 @@ impl PyBridge {
         self.lock().receive(now_ns, bus, &frame.0);
     }
 
-    /// Takes what happened on a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`, `backlog`,
-    /// `overrun`, the last three with a number of frames.
+    /// Takes what happened on a bus: one of `error_active`, `error_warning`, `error_passive`,
+    /// `bus_off`, `restarted`, `dropped`, `backlog`, `overrun`, the last three with a number of
+    /// frames.
     fn bus_event(&self, now_ns: u64, bus: usize, event: &str, count: u32) -> PyResult<()> {
         let event = self::event(event, count)?;
         self.note(now_ns, || What::Event(bus, event));
@@ -49,8 +57,9 @@ impl PyBridge {
         Ok(())
     }
 
-    /// Takes a command for all actuators; the verdict is `accepted`, `not_finite`, `negative`, `old`, `ahead`, `wrong_model` or `wrong_size`.
-    /// Without a fingerprint it is that of the configuration's model.
+    /// Takes a command for all actuators; the verdict is `accepted`, `not_finite`, `negative`,
+    /// `old`, `ahead`, `wrong_model` or `wrong_size`. Without a fingerprint it is that of the
+    /// configuration's model.
     #[pyo3(signature = (now_ns, sequence, stamp_ns, position, velocity, effort, stiffness, damping, fingerprint = None))]
     fn command(
         &self,
@@ -65,7 +74,12 @@ impl PyBridge {
         fingerprint: Option<u64>,
     ) -> PyResult<&'static str> {
         let fingerprint = fingerprint.unwrap_or_else(|| self.lock().configuration().fingerprint);
-        let command = self::command(sequence, stamp_ns, fingerprint, [&position, &velocity, &effort, &stiffness, &damping])?;
+        let command = self::command(
+            sequence,
+            stamp_ns,
+            fingerprint,
+            [&position, &velocity, &effort, &stiffness, &damping],
+        )?;
         Ok(verdict(self.obey(now_ns, &command)))
     }
 
@@ -83,7 +97,8 @@ impl PyBridge {
         self.lock().cycle(now_ns);
     }
 
-    /// Takes a line of a log; the frames that it makes the bridge send, as `candump -L` writes them. A line that is none is a `ValueError`.
+    /// Takes a line of a log; the frames that it makes the bridge send, as `candump -L` writes
+    /// them. A line that is none is a `ValueError`.
     fn replay(&self, line: &str) -> PyResult<Vec<String>> {
         let mut bridge = self.lock();
         let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;
@@ -91,17 +106,18 @@ impl PyBridge {
         Ok(if line.what == What::Cycle { sent(&bridge, line.t).collect() } else { Vec::new() })
     }
 
-    /// From now on everything that the bridge is given goes into a new log, which `replay` reads; a thread of its own writes it. A file that
-    /// cannot be made is an `OSError`.
+    /// From now on everything that the bridge is given goes into a new log, which `replay` reads; a
+    /// thread of its own writes it. A file that cannot be made is an `OSError`.
     fn begin_log(&self, path: PathBuf) -> PyResult<()> {
         let configuration = self.lock().configuration().without_motors();
-        let log = Log::new(&path, configuration).map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))?;
+        let log = Log::new(&path, configuration)
+            .map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))?;
         *self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(log);
         Ok(())
     }
 
-    /// Ends the log: how many lines were written, and how many were lost since they came faster than they could be. `None` without a log; an
-    /// `OSError` when it could not be written.
+    /// Ends the log: how many lines were written, and how many were lost since they came faster
+    /// than they could be. `None` without a log; an `OSError` when it could not be written.
     fn end_log(&self, py: Python<'_>) -> PyResult<Option<(u64, u64)>> {
         let log = self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
         let ended = log.map(|log| py.detach(|| log.end())).transpose();
@@ -125,7 +141,8 @@ impl PyBridge {
         (standing(bridge.state().standing), reason(bridge.state().reason))
     }
 
-    /// What is known of all actuators after the last cycle, by field; lists in the order of commands.
+    /// What is known of all actuators after the last cycle, by field; lists in the order of
+    /// commands.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = *self.lock().state();
         state_fields(py, &state)
@@ -175,7 +192,8 @@ impl PyBridge {
 impl PyBridge {
     /// Adds to the log, where there is one.
     fn note(&self, t: u64, what: impl FnOnce() -> What) {
-        if let Some(log) = self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).as_mut() {
+        if let Some(log) = self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).as_mut()
+        {
             log.put(Line { t, what: what() });
         }
     }
@@ -201,7 +219,10 @@ impl PyBridge {
 }
 
 /// The fields of a state, by name.
-pub(crate) fn state_fields<'py>(py: Python<'py>, state: &ActuatorState) -> PyResult<Bound<'py, PyDict>> {
+pub(crate) fn state_fields<'py>(
+    py: Python<'py>,
+    state: &ActuatorState,
+) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     let n = usize::try_from(state.n_u).unwrap_or(0).min(MAX_ACTUATORS);
     dict.set_item("sequence", state.sequence)?;
@@ -210,25 +231,60 @@ pub(crate) fn state_fields<'py>(py: Python<'py>, state: &ActuatorState) -> PyRes
     dict.set_item("command", state.command)?;
     dict.set_item("standing", standing(state.standing))?;
     dict.set_item("reason", reason(state.reason))?;
-    dict.set_item("standings", state.standings.iter().take(n).map(|code| standing(*code)).collect::<Vec<_>>())?;
-    dict.set_item("reasons", state.reasons.iter().take(n).map(|code| reason(*code)).collect::<Vec<_>>())?;
-    let flags = |bits: u32| flag::NAMES.iter().enumerate().filter(move |(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| *name);
-    dict.set_item("flags", state.flags.iter().take(n).map(|bits| flags(*bits).collect::<Vec<_>>()).collect::<Vec<_>>())?;
+    dict.set_item(
+        "standings",
+        state.standings.iter().take(n).map(|code| standing(*code)).collect::<Vec<_>>(),
+    )?;
+    dict.set_item(
+        "reasons",
+        state.reasons.iter().take(n).map(|code| reason(*code)).collect::<Vec<_>>(),
+    )?;
+    let flags = |bits: u32| {
+        flag::NAMES
+            .iter()
+            .enumerate()
+            .filter(move |(bit, _)| bits >> bit & 1 == 1)
+            .map(|(_, name)| *name)
+    };
+    dict.set_item(
+        "flags",
+        state.flags.iter().take(n).map(|bits| flags(*bits).collect::<Vec<_>>()).collect::<Vec<_>>(),
+    )?;
     dict.set_item("faults", state.faults.get(..n).unwrap_or_default())?;
     dict.set_item("measured_ns", state.measured_ns.get(..n).unwrap_or_default())?;
-    for (name, numbers) in
-        [("position", &state.position), ("velocity", &state.velocity), ("effort", &state.effort), ("temperature", &state.temperature)]
-    {
+    for (name, numbers) in [
+        ("position", &state.position),
+        ("velocity", &state.velocity),
+        ("effort", &state.effort),
+        ("temperature", &state.temperature),
+    ] {
         dict.set_item(name, numbers.get(..n).unwrap_or_default())?;
     }
     Ok(dict)
 }
 
 /// A command of its parts; numbers of different counts, or too many, are a `ValueError`.
-pub(crate) fn command(sequence: u64, stamp_ns: u64, fingerprint: u64, numbers: [&[f64]; 5]) -> PyResult<ActuatorCommand> {
+pub(crate) fn command(
+    sequence: u64,
+    stamp_ns: u64,
+    fingerprint: u64,
+    numbers: [&[f64]; 5],
+) -> PyResult<ActuatorCommand> {
     let n = numbers[0].len();
-    let mut command = ActuatorCommand { sequence, stamp_ns, fingerprint, n_u: n as u64, ..ActuatorCommand::default() };
-    let into = [&mut command.position, &mut command.velocity, &mut command.effort, &mut command.stiffness, &mut command.damping];
+    let mut command = ActuatorCommand {
+        sequence,
+        stamp_ns,
+        fingerprint,
+        n_u: n as u64,
+        ..ActuatorCommand::default()
+    };
+    let into = [
+        &mut command.position,
+        &mut command.velocity,
+        &mut command.effort,
+        &mut command.stiffness,
+        &mut command.damping,
+    ];
     for (numbers, into) in numbers.into_iter().zip(into) {
         fill(numbers, n, into)?;
     }

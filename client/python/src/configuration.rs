@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can::config::{Configuration, ConfigurationError};
 
-/// One robot's buses and motors, checked. Whoever runs it takes it: it can be given to one bridge or one commissioning only.
+/// One robot's buses and motors, checked. Whoever runs it takes it: it can be given to one bridge
+/// or one commissioning only.
 #[pyclass(name = "Configuration", module = "sarrus.can", frozen)]
 pub(crate) struct PyConfiguration {
     configuration: Mutex<Option<Configuration>>,
@@ -16,12 +17,17 @@ pub(crate) struct PyConfiguration {
 
 #[pymethods]
 impl PyConfiguration {
-    /// Reads the configuration of a file. A file that cannot be opened is an `OSError`, faulty content a `ValueError` with every fault.
+    /// Reads the configuration of a file. A file that cannot be opened is an `OSError`, faulty
+    /// content a `ValueError` with every fault.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<PyConfiguration> {
         match Configuration::load(&path) {
-            Ok(configuration) => Ok(PyConfiguration { configuration: Mutex::new(Some(configuration)) }),
-            Err(ConfigurationError::Faults(report)) => Err(PyValueError::new_err(report.to_string())),
+            Ok(configuration) => {
+                Ok(PyConfiguration { configuration: Mutex::new(Some(configuration)) })
+            }
+            Err(ConfigurationError::Faults(report)) => {
+                Err(PyValueError::new_err(report.to_string()))
+            }
             Err(other) => Err(PyOSError::new_err(other.to_string())),
         }
     }
@@ -85,14 +91,15 @@ impl PyConfiguration {
         })?
     }
 
-    /// The motors: `[{actuator, bus, protocol, identifiers, sign, gear, offset, torque_constant}]`; `bus` is the bus's place, `offset` is
-    /// `None` for a motor that is not calibrated.
+    /// The motors: `[{actuator, bus, protocol, identifiers, sign, gear, offset, torque_constant}]`;
+    /// `bus` is the bus's place, `offset` is `None` for a motor that is not calibrated.
     #[getter]
     fn motors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         self.with(|configuration| {
             let entry = |motor: &sarrus_can::config::MotorConfig| {
                 let entry = PyDict::new(py);
-                let identifiers: Vec<u32> = motor.drive.identifiers().into_iter().map(|id| id.number()).collect();
+                let identifiers: Vec<u32> =
+                    motor.drive.identifiers().into_iter().map(|id| id.number()).collect();
                 entry.set_item("actuator", configuration.actuators.get(motor.actuator))?;
                 entry.set_item("bus", motor.bus)?;
                 entry.set_item("protocol", motor.protocol.name)?;
@@ -125,5 +132,7 @@ impl PyConfiguration {
 }
 
 fn taken() -> PyErr {
-    PyRuntimeError::new_err("this configuration is in use by a bridge or a commissioning; load it again")
+    PyRuntimeError::new_err(
+        "this configuration is in use by a bridge or a commissioning; load it again",
+    )
 }

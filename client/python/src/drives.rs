@@ -1,4 +1,5 @@
-//! The motors of a configuration one by one, for commissioning: no state machine, no commands of a robot.
+//! The motors of a configuration one by one, for commissioning: no state machine, no commands of a
+//! robot.
 
 use std::sync::{Mutex, MutexGuard};
 
@@ -50,7 +51,8 @@ impl PyDrives {
         self.frames(motor, |motor, out| cycle(motor, now_ns, Wish::Reset, out))
     }
 
-    /// Frames of one cycle towards a set-point of the actuator `[SI]`, limited to the motor's own limits.
+    /// Frames of one cycle towards a set-point of the actuator `[SI]`, limited to the motor's own
+    /// limits.
     fn on(&self, motor: usize, now_ns: u64, setpoint: [f64; 5]) -> PyResult<Vec<PyFrame>> {
         if !setpoint.iter().all(|number| number.is_finite()) {
             return Err(PyValueError::new_err("a set-point that is not finite"));
@@ -70,7 +72,8 @@ impl PyDrives {
         })
     }
 
-    /// Frames that make the present position the motor's zero; `None` where the protocol has no such command.
+    /// Frames that make the present position the motor's zero; `None` where the protocol has no
+    /// such command.
     fn set_zero(&self, motor: usize) -> PyResult<Option<Vec<PyFrame>>> {
         let mut out = FrameQueue::new(FRAMES);
         let known = self.motor(motor, |motor| motor.drive.set_zero(&mut out))?;
@@ -79,7 +82,14 @@ impl PyDrives {
 
     /// Parameters that can be read: `[(name, unit)]`.
     fn parameters(&self, motor: usize) -> PyResult<Vec<(&'static str, &'static str)>> {
-        self.motor(motor, |motor| motor.drive.parameters().iter().map(|parameter| (parameter.name, parameter.unit)).collect())
+        self.motor(motor, |motor| {
+            motor
+                .drive
+                .parameters()
+                .iter()
+                .map(|parameter| (parameter.name, parameter.unit))
+                .collect()
+        })
     }
 
     /// Frames that ask for a parameter by its place.
@@ -87,30 +97,48 @@ impl PyDrives {
         self.frames(motor, |motor, out| motor.drive.read_parameter(parameter, out))
     }
 
-    /// Gives a frame of a bus to its motors: `[(motor, what, value)]` of those whose frame it is. `what` is `"malformed"`, `"noted"`,
-    /// `"measured"` with a dict of the actuator's `position`, `velocity`, `effort`, the motor's `motor_position` and `temperature`, or
-    /// `"parameter"` with its place and value.
-    fn receive<'py>(&self, py: Python<'py>, now_ns: u64, bus: usize, frame: &PyFrame) -> PyResult<Vec<(usize, &'static str, Py<PyAny>)>> {
+    /// Gives a frame of a bus to its motors: `[(motor, what, value)]` of those whose frame it is.
+    /// `what` is `"malformed"`, `"noted"`, `"measured"` with a dict of the actuator's `position`,
+    /// `velocity`, `effort`, the motor's `motor_position` and `temperature`, or `"parameter"` with
+    /// its place and value.
+    fn receive<'py>(
+        &self,
+        py: Python<'py>,
+        now_ns: u64,
+        bus: usize,
+        frame: &PyFrame,
+    ) -> PyResult<Vec<(usize, &'static str, Py<PyAny>)>> {
         let mut heard = Vec::new();
         let mut configuration = self.lock();
-        for (place, motor) in configuration.motors.iter_mut().enumerate().filter(|(_, motor)| motor.bus == bus) {
+        for (place, motor) in
+            configuration.motors.iter_mut().enumerate().filter(|(_, motor)| motor.bus == bus)
+        {
             match motor.drive.receive(now_ns, &frame.0) {
                 Receipt::NotMine => {}
                 Receipt::Malformed => heard.push((place, "malformed", py.None())),
                 Receipt::Noted => heard.push((place, "noted", py.None())),
-                Receipt::Measured(measured) => heard.push((place, "measured", values(py, motor, &measured)?.into_any().unbind())),
+                Receipt::Measured(measured) => heard.push((
+                    place,
+                    "measured",
+                    values(py, motor, &measured)?.into_any().unbind(),
+                )),
                 Receipt::Parameter(parameter, value) => {
-                    heard.push((place, "parameter", (parameter, value).into_pyobject(py)?.into_any().unbind()));
+                    heard.push((
+                        place,
+                        "parameter",
+                        (parameter, value).into_pyobject(py)?.into_any().unbind(),
+                    ));
                 }
             }
         }
         Ok(heard)
     }
 
-    /// What is known of a motor: `power` (`unknown`, `off`, `starting`, `on`), `fault` (its own code, 0 without one), `watchdog` (`unknown`,
-    /// `off`, `unreadable`, or milliseconds).
+    /// What is known of a motor: `power` (`unknown`, `off`, `starting`, `on`), `fault` (its own
+    /// code, 0 without one), `watchdog` (`unknown`, `off`, `unreadable`, or milliseconds).
     fn state<'py>(&self, py: Python<'py>, motor: usize) -> PyResult<Bound<'py, PyDict>> {
-        let DriveState { power, fault, watchdog } = self.motor(motor, |motor| motor.drive.state())?;
+        let DriveState { power, fault, watchdog } =
+            self.motor(motor, |motor| motor.drive.state())?;
         let state = PyDict::new(py);
         let power = match power {
             Power::Unknown => "unknown",
@@ -143,10 +171,18 @@ impl PyDrives {
 
     fn motor<T>(&self, motor: usize, f: impl FnOnce(&mut MotorConfig) -> T) -> PyResult<T> {
         let mut configuration = self.lock();
-        configuration.motors.get_mut(motor).map(f).ok_or_else(|| PyIndexError::new_err(format!("there is no motor {motor}")))
+        configuration
+            .motors
+            .get_mut(motor)
+            .map(f)
+            .ok_or_else(|| PyIndexError::new_err(format!("there is no motor {motor}")))
     }
 
-    fn frames(&self, motor: usize, f: impl FnOnce(&mut MotorConfig, &mut FrameQueue)) -> PyResult<Vec<PyFrame>> {
+    fn frames(
+        &self,
+        motor: usize,
+        f: impl FnOnce(&mut MotorConfig, &mut FrameQueue),
+    ) -> PyResult<Vec<PyFrame>> {
         let mut out = FrameQueue::new(FRAMES);
         self.motor(motor, |motor| f(motor, &mut out))?;
         Ok(list(out.frames()))
@@ -159,8 +195,13 @@ fn cycle(motor: &mut MotorConfig, now_ns: u64, wish: Wish, out: &mut FrameQueue)
     out.push_some(motor.drive.sync());
 }
 
-fn values<'py>(py: Python<'py>, motor: &MotorConfig, measured: &Measurement) -> PyResult<Bound<'py, PyDict>> {
-    let ActuatorMeasurement { position, velocity, effort, temperature } = motor.mapping.to_actuator(measured);
+fn values<'py>(
+    py: Python<'py>,
+    motor: &MotorConfig,
+    measured: &Measurement,
+) -> PyResult<Bound<'py, PyDict>> {
+    let ActuatorMeasurement { position, velocity, effort, temperature } =
+        motor.mapping.to_actuator(measured);
     let values = PyDict::new(py);
     values.set_item("position", position)?;
     values.set_item("velocity", velocity)?;

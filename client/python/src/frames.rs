@@ -23,7 +23,13 @@ impl std::fmt::Display for PyFrame {
 impl PyFrame {
     #[new]
     #[pyo3(signature = (id, data = NO_DATA, *, extended = false, fd = false, bit_rate_switch = false))]
-    fn new(id: u32, data: &[u8], extended: bool, fd: bool, bit_rate_switch: bool) -> PyResult<PyFrame> {
+    fn new(
+        id: u32,
+        data: &[u8],
+        extended: bool,
+        fd: bool,
+        bit_rate_switch: bool,
+    ) -> PyResult<PyFrame> {
         frame(id, data, extended, fd, bit_rate_switch).map(PyFrame).ok_or_else(|| {
             PyValueError::new_err(format!(
                 "no frame has the identifier 0x{id:X} (extended: {extended}) and {} bytes (FD: {fd})",
@@ -68,7 +74,13 @@ impl PyFrame {
 }
 
 /// A frame of its parts; `None` for parts that no frame has.
-pub(crate) fn frame(id: u32, data: &[u8], extended: bool, fd: bool, bit_rate_switch: bool) -> Option<Frame> {
+pub(crate) fn frame(
+    id: u32,
+    data: &[u8],
+    extended: bool,
+    fd: bool,
+    bit_rate_switch: bool,
+) -> Option<Frame> {
     let id = if extended { Id::extended(id)? } else { Id::standard(id)? };
     if fd { Frame::fd(id, bit_rate_switch, data) } else { Frame::classic(id, data) }
 }

@@ -11,9 +11,11 @@ pub(crate) fn interface_question<'py>(py: Python<'py>, name: &str) -> Bound<'py,
     PyBytes::new(py, &question(name))
 }
 
-/// Reads the answer and compares it with the bit rates of a bus; the event that tells how its controller stands, if it is not well.
+/// Reads the answer and compares it with the bit rates of a bus; the event that tells how its
+/// controller stands, if it is not well.
 ///
-/// `OSError` where the kernel knows no such interface, `ValueError` where it is not as it should be.
+/// `OSError` where the kernel knows no such interface, `ValueError` where it is not as it should
+/// be.
 #[pyfunction]
 #[pyo3(signature = (answer, name, bitrate, data_bitrate=None))]
 pub(crate) fn check_interface(
@@ -22,10 +24,13 @@ pub(crate) fn check_interface(
     bitrate: Option<u32>,
     data_bitrate: Option<u32>,
 ) -> PyResult<Option<(&'static str, u32)>> {
-    let checked = Interface::read(answer).and_then(|interface| interface.check(name, bitrate, data_bitrate));
+    let checked =
+        Interface::read(answer).and_then(|interface| interface.check(name, bitrate, data_bitrate));
     match checked {
         Ok(event) => Ok(event.map(|event| (event.name(), event.count().unwrap_or(1)))),
-        Err(InterfaceError::Refused(number)) => Err(PyOSError::new_err((number, std::io::Error::from_raw_os_error(number).to_string()))),
+        Err(InterfaceError::Refused(number)) => {
+            Err(PyOSError::new_err((number, std::io::Error::from_raw_os_error(number).to_string())))
+        }
         Err(other) => Err(PyValueError::new_err(other.to_string())),
     }
 }
@@ -33,5 +38,9 @@ pub(crate) fn check_interface(
 /// Events of a SocketCAN error frame, from its class and its data.
 #[pyfunction]
 pub(crate) fn events_of_error_frame(error_class: u32, data: &[u8]) -> Vec<(&'static str, u32)> {
-    error_events(error_class, data).into_iter().flatten().map(|event| (event.name(), event.count().unwrap_or(1))).collect()
+    error_events(error_class, data)
+        .into_iter()
+        .flatten()
+        .map(|event| (event.name(), event.count().unwrap_or(1)))
+        .collect()
 }

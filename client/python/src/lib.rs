@@ -1,4 +1,5 @@
-//! What `sarrus` for Python is made of: the core of the CAN bridge as Python objects. No I/O and no clock here either; both are Python's.
+//! What `sarrus` for Python is made of: the core of the CAN bridge as Python objects. No I/O and no
+//! clock here either; both are Python's.
 use pyo3::prelude::*;
 
 mod bridge;

@@ -24,7 +24,9 @@ impl Log {
     pub(crate) fn new(path: &Path, configuration: Configuration) -> io::Result<Log> {
         let file = File::create(path)?;
         let (lines, waiting) = sync_channel(ROOM);
-        let writer = std::thread::Builder::new().name("log".to_owned()).spawn(move || write(file, &configuration, &waiting))?;
+        let writer = std::thread::Builder::new()
+            .name("log".to_owned())
+            .spawn(move || write(file, &configuration, &waiting))?;
         Ok(Log { lines, writer, lost: 0 })
     }
 
@@ -37,7 +39,8 @@ impl Log {
     pub(crate) fn end(self) -> io::Result<(u64, u64)> {
         let Log { lines, writer, lost } = self;
         drop(lines);
-        let written = writer.join().map_err(|_| io::Error::other("the thread that writes broke down"))??;
+        let written =
+            writer.join().map_err(|_| io::Error::other("the thread that writes broke down"))??;
         Ok((written, lost))
     }
 }

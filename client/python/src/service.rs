@@ -11,7 +11,8 @@ use sarrus_proto::{Domain, ServerName};
 use crate::bridge::{PyBridge, command, state_fields};
 use crate::telemetry::PyTelemetry;
 
-/// A name under which controllers find a bridge. It is free again when this is closed or the process ends.
+/// A name under which controllers find a bridge. It is free again when this is closed or the
+/// process ends.
 #[pyclass(name = "Service", module = "sarrus.can")]
 pub(crate) struct PyService {
     // ports go before their node
@@ -22,7 +23,8 @@ pub(crate) struct PyService {
 
 #[pymethods]
 impl PyService {
-    /// Offers a bridge under a name. A name that is taken, or shared memory that cannot be used, is an `OSError`.
+    /// Offers a bridge under a name. A name that is taken, or shared memory that cannot be used, is
+    /// an `OSError`.
     #[new]
     fn new(name: &str) -> PyResult<PyService> {
         let domain = Domain::of_user().map_err(told)?;
@@ -32,8 +34,8 @@ impl PyService {
         Ok(PyService { end: Some(end), node: Some(node), domain })
     }
 
-    /// Gives the bridge what came since the last time: operations in their order, and the newest command. The verdict on the command is in
-    /// the bridge's counters.
+    /// Gives the bridge what came since the last time: operations in their order, and the newest
+    /// command. The verdict on the command is in the bridge's counters.
     fn take(&self, now_ns: u64, bridge: &PyBridge) {
         let Some(end) = &self.end else { return };
         while let Some(request) = end.operation() {
@@ -49,8 +51,14 @@ impl PyService {
         self.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
     }
 
-    /// Gives counts and times to everybody who watches, when it is time to tell them again; false where that failed.
-    fn publish_statistics(&self, bridge: &PyBridge, telemetry: &mut PyTelemetry, now_ns: u64) -> bool {
+    /// Gives counts and times to everybody who watches, when it is time to tell them again; false
+    /// where that failed.
+    fn publish_statistics(
+        &self,
+        bridge: &PyBridge,
+        telemetry: &mut PyTelemetry,
+        now_ns: u64,
+    ) -> bool {
         let Some(statistics) = telemetry.due(bridge, now_ns) else { return true };
         self.end.as_ref().is_some_and(|end| end.publish_statistics(&statistics))
     }
@@ -64,7 +72,8 @@ impl PyService {
     }
 }
 
-/// A controller of a running bridge, or somebody who only watches and operates it; a bridge has one controller.
+/// A controller of a running bridge, or somebody who only watches and operates it; a bridge has one
+/// controller.
 #[pyclass(name = "Controller", module = "sarrus.can")]
 pub(crate) struct PyController {
     // ports go before their node
@@ -80,7 +89,8 @@ enum End {
 
 #[pymethods]
 impl PyController {
-    /// Opens the services of a bridge; with `watch` it can command nothing. A bridge that does not run or has a controller is an `OSError`.
+    /// Opens the services of a bridge; with `watch` it can command nothing. A bridge that does not
+    /// run or has a controller is an `OSError`.
     #[new]
     #[pyo3(signature = (name = "default", *, watch = false))]
     fn new(name: &str, watch: bool) -> PyResult<PyController> {
@@ -95,8 +105,9 @@ impl PyController {
         Ok(PyController { end: Some(end), node: Some(node), domain })
     }
 
-    /// Sends a command for all actuators; false where it could not be sent. `stamp_ns` is the monotonic time at which it was computed, and
-    /// `fingerprint` that of the model which it was computed with, as the state has it.
+    /// Sends a command for all actuators; false where it could not be sent. `stamp_ns` is the
+    /// monotonic time at which it was computed, and `fingerprint` that of the model which it was
+    /// computed with, as the state has it.
     fn command(
         &self,
         sequence: u64,
@@ -108,10 +119,17 @@ impl PyController {
         stiffness: Vec<f64>,
         damping: Vec<f64>,
     ) -> PyResult<bool> {
-        let command = command(sequence, stamp_ns, fingerprint, [&position, &velocity, &effort, &stiffness, &damping])?;
+        let command = command(
+            sequence,
+            stamp_ns,
+            fingerprint,
+            [&position, &velocity, &effort, &stiffness, &damping],
+        )?;
         match &self.end {
             Some(End::Controller(end)) => Ok(end.send(&command)),
-            _ => Err(PyOSError::new_err("who only watches commands nothing, and nobody does after `close`")),
+            _ => Err(PyOSError::new_err(
+                "who only watches commands nothing, and nobody does after `close`",
+            )),
         }
     }
 
@@ -124,7 +142,10 @@ impl PyController {
 
     /// The newest state of the bridge by field, once; `None` without a new one.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        self.observer().and_then(ObserverEnd::state).map(|state| state_fields(py, &state)).transpose()
+        self.observer()
+            .and_then(ObserverEnd::state)
+            .map(|state| state_fields(py, &state))
+            .transpose()
     }
 
     /// Leaves the shared memory.
@@ -148,7 +169,9 @@ impl PyController {
 /// The operation of a name.
 pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
     let known = Operation::ALL.iter().find(|known| known.name() == name);
-    known.copied().ok_or_else(|| PyValueError::new_err(format!("no operation `{name}`, expected arm, disarm or reset")))
+    known.copied().ok_or_else(|| {
+        PyValueError::new_err(format!("no operation `{name}`, expected arm, disarm or reset"))
+    })
 }
 
 fn told(error: impl std::fmt::Display) -> PyErr {

@@ -19,14 +19,20 @@ impl PySlcanReader {
         PySlcanReader { lines: Lines::default() }
     }
 
-    /// Frames, and events as `(name, count)`, of the lines that end in these bytes; `dropped` is a refusal.
+    /// Frames, and events as `(name, count)`, of the lines that end in these bytes; `dropped` is a
+    /// refusal.
     fn take(&mut self, py: Python<'_>, data: &[u8]) -> PyResult<Vec<Py<PyAny>>> {
         let mut heard = Vec::new();
         for line in data.iter().filter_map(|byte| self.lines.take(*byte)) {
             if let Line::Frame(frame) = line {
                 heard.push(PyFrame(frame).into_pyobject(py)?.into_any().unbind());
             } else if let Some(event) = line.event() {
-                heard.push((event.name(), event.count().unwrap_or(1)).into_pyobject(py)?.into_any().unbind());
+                heard.push(
+                    (event.name(), event.count().unwrap_or(1))
+                        .into_pyobject(py)?
+                        .into_any()
+                        .unbind(),
+                );
             }
         }
         Ok(heard)

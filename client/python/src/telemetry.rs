@@ -8,7 +8,8 @@ use sarrus_proto::watch::BridgeStatistics;
 
 use crate::bridge::PyBridge;
 
-/// Distributions of a bridge's times since its start, in a fixed amount of memory. Times are nanoseconds.
+/// Distributions of a bridge's times since its start, in a fixed amount of memory. Times are
+/// nanoseconds.
 #[pyclass(name = "Telemetry", module = "sarrus.can")]
 pub(crate) struct PyTelemetry {
     telemetry: Telemetry,
@@ -19,22 +20,36 @@ impl PyTelemetry {
     /// Nothing measured yet, by this process since the monotonic time `started_ns`.
     #[new]
     fn new(bridge: &PyBridge, started_ns: u64) -> PyResult<PyTelemetry> {
-        let telemetry = Telemetry::new(&bridge.lock(), &bridge.loads, std::process::id(), started_ns);
-        Ok(PyTelemetry { telemetry: telemetry.ok_or_else(|| PyMemoryError::new_err("no memory for histograms"))? })
+        let telemetry =
+            Telemetry::new(&bridge.lock(), &bridge.loads, std::process::id(), started_ns);
+        Ok(PyTelemetry {
+            telemetry: telemetry
+                .ok_or_else(|| PyMemoryError::new_err("no memory for histograms"))?,
+        })
     }
 
-    /// Takes a cycle that has just ended: from its deadline to its begin, and from there to its last frame.
+    /// Takes a cycle that has just ended: from its deadline to its begin, and from there to its
+    /// last frame.
     fn cycle(&mut self, bridge: &PyBridge, wake_ns: u64, work_ns: u64) {
         self.telemetry.cycle(&bridge.lock(), CycleTimes { wake_ns, work_ns });
     }
 
-    /// The distributions `wake`, `work`, `age` (of the command) and `reply` (of motors): `{count, p50, p99, p999, max}` each.
+    /// The distributions `wake`, `work`, `age` (of the command) and `reply` (of motors): `{count,
+    /// p50, p99, p999, max}` each.
     fn times<'py>(&self, py: Python<'py>, bridge: &PyBridge) -> PyResult<Bound<'py, PyDict>> {
         let told = self.telemetry.statistics(&bridge.lock(), 0);
         let dict = PyDict::new(py);
-        for (name, times) in [("wake", told.wake), ("work", told.work), ("age", told.age), ("reply", told.reply)] {
+        for (name, times) in
+            [("wake", told.wake), ("work", told.work), ("age", told.age), ("reply", told.reply)]
+        {
             let of_one = PyDict::new(py);
-            for (key, value) in [("count", times.count), ("p50", times.p50), ("p99", times.p99), ("p999", times.p999), ("max", times.max)] {
+            for (key, value) in [
+                ("count", times.count),
+                ("p50", times.p50),
+                ("p99", times.p99),
+                ("p999", times.p999),
+                ("max", times.max),
+            ] {
                 of_one.set_item(key, value)?;
             }
             dict.set_item(name, of_one)?;

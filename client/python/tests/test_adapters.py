@@ -13,7 +13,13 @@ import can
 from can.interfaces.slcan import slcanBus
 from sarrus._native import SlcanReader, slcan_line
 from sarrus.can import Address, BusError, Frame, open_bus
-from sarrus.can.adapters import AnyAdapter, SocketcanAdapter, events_of_error_frame, of_message, to_message
+from sarrus.can.adapters import (
+    AnyAdapter,
+    SocketcanAdapter,
+    events_of_error_frame,
+    of_message,
+    to_message,
+)
 
 LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 
@@ -86,7 +92,11 @@ class Lines(unittest.TestCase):
         for length in (150, 1000, 16384, 100_000):
             reader = SlcanReader()
             whole = b"t" * length + b"t1231AA\r" + b"t1231BB\r"
-            heard = [what for begin in range(0, len(whole), 4096) for what in reader.take(whole[begin : begin + 4096])]
+            heard = [
+                what
+                for begin in range(0, len(whole), 4096)
+                for what in reader.take(whole[begin : begin + 4096])
+            ]
             self.assertEqual(heard, [("overrun", 1), Frame(0x123, b"\xbb")])
 
     def test_frames_that_cannot_be_are_refused(self):
@@ -102,7 +112,9 @@ class Lines(unittest.TestCase):
     def test_messages_that_are_no_data_are_none(self):
         self.assertIsNone(of_message(can.Message(is_remote_frame=True)))
         self.assertIsNone(of_message(can.Message(is_error_frame=True)))
-        self.assertIsNone(of_message(can.Message(arbitration_id=1, is_extended_id=False, data=bytes(9))))
+        self.assertIsNone(
+            of_message(can.Message(arbitration_id=1, is_extended_id=False, data=bytes(9)))
+        )
 
     def test_error_frames_tell_the_state_of_the_controller(self):
         state = lambda bits: bytes([0, bits, 0, 0, 0, 0, 0, 0])  # noqa: E731
@@ -122,7 +134,9 @@ class Serial(unittest.TestCase):
         self.addCleanup(self.terminal.close)
 
     def open(self, **other):
-        adapter = open_bus(Address("arm", "slcan", self.terminal.path, **{"bitrate": 1_000_000, **other}))
+        adapter = open_bus(
+            Address("arm", "slcan", self.terminal.path, **{"bitrate": 1_000_000, **other})
+        )
         self.addCleanup(adapter.close)
         return adapter
 
@@ -165,7 +179,8 @@ class Serial(unittest.TestCase):
         dropped = sum(adapter.send(burst) for _ in range(5))
         self.assertLess(time.monotonic() - begin, 5)
         self.assertGreater(dropped, 1000)
-        # after room came, what arrives are whole lines of what was sent, once each, and the line that was begun is ended
+        # after room came, what arrives are whole lines of what was sent, once each, and the line
+        # that was begun is ended
         arrived = b""
         while data := self.terminal.read():
             arrived += data
@@ -185,7 +200,18 @@ class Serial(unittest.TestCase):
         adapter.send([Frame(1)])
         self.terminal.write(b"\at12\rsw000100\rsp000130\rsb000255\rsa000000\re1o\rF00\r")
         names = [name for name, _ in adapter.receive()]
-        self.assertEqual(names, ["dropped", "overrun", "error_warning", "error_passive", "bus_off", "error_active", "overrun"])
+        self.assertEqual(
+            names,
+            [
+                "dropped",
+                "overrun",
+                "error_warning",
+                "error_passive",
+                "bus_off",
+                "error_active",
+                "overrun",
+            ],
+        )
 
     def test_a_port_has_one_owner(self):
         adapter = self.open()
@@ -325,7 +351,12 @@ class Virtual(unittest.TestCase):
         adapter = open_bus(Address("arm", "virtual", "sarrus-full"))
         self.addCleanup(adapter.close)
         for error, dropped in (
-            (can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS), 2),
+            (
+                can.CanOperationError(
+                    "Failed to transmit: No buffer space available", errno.ENOBUFS
+                ),
+                2,
+            ),
             (can.CanTimeoutError(), 2),
             (can.CanOperationError("Transmit buffer full"), 2),
             (can.CanOperationError("No such device", errno.ENODEV), None),
@@ -342,8 +373,14 @@ class Virtual(unittest.TestCase):
                 self.assertEqual(adapter.send([Frame(1), Frame(2)]), dropped)
 
     def test_whatever_an_interface_raises_the_bus_is_gone_and_can_be_closed(self):
-        # socketcand and gs_usb let errors of their sockets through, serial ones those of closed files
-        for error in (can.CanError("gone"), OSError(errno.EPIPE, "Broken pipe"), ConnectionResetError(), ValueError("closed file")):
+        # socketcand and gs_usb let errors of their sockets through, serial ones those of closed
+        # files
+        for error in (
+            can.CanError("gone"),
+            OSError(errno.EPIPE, "Broken pipe"),
+            ConnectionResetError(),
+            ValueError("closed file"),
+        ):
             adapter = open_bus(Address("arm", "virtual", "sarrus-gone"))
             adapter._bus.shutdown()
             adapter._bus = Refusing(error)
@@ -364,7 +401,11 @@ class Virtual(unittest.TestCase):
             adapter.send([Frame(1)])
 
     def test_interfaces_that_are_not_there_are_told(self):
-        for interface, channel in (("nonsense", "x"), ("socketcan", "nocan9"), ("slcan", "/dev/nothing")):
+        for interface, channel in (
+            ("nonsense", "x"),
+            ("socketcan", "nocan9"),
+            ("slcan", "/dev/nothing"),
+        ):
             with self.assertRaises(BusError):
                 open_bus(Address("arm", interface, channel))
 

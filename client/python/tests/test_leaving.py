@@ -69,7 +69,11 @@ def ends(kind, *numbers):
     """Run the script and give its log."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
-        process = subprocess.Popen([sys.executable, "-c", SCRIPT, kind, str(log)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        process = subprocess.Popen(
+            [sys.executable, "-c", SCRIPT, kind, str(log)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         for place, number in enumerate(numbers):
             if place == 0:
                 process.stdout.readline()
@@ -82,11 +86,31 @@ class Ends(unittest.TestCase):
     def test_every_way_out_makes_it_safe_once(self):
         for kind in ("loop", "exception", "exit"):
             with self.subTest(kind=kind):
-                self.assertEqual(ends(kind, *([signal.SIGTERM] if kind == "loop" else [])), "safe\n")
+                self.assertEqual(
+                    ends(kind, *([signal.SIGTERM] if kind == "loop" else [])), "safe\n"
+                )
 
     def test_every_signal_that_would_end_or_stop_it_is_an_orderly_end(self):
-        named = ("INT", "TERM", "HUP", "QUIT", "TSTP", "USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "PWR", "IO")
-        for number in (*(getattr(signal, f"SIG{name}") for name in named), signal.SIGRTMIN, signal.SIGRTMAX):
+        named = (
+            "INT",
+            "TERM",
+            "HUP",
+            "QUIT",
+            "TSTP",
+            "USR1",
+            "USR2",
+            "ALRM",
+            "VTALRM",
+            "PROF",
+            "XCPU",
+            "PWR",
+            "IO",
+        )
+        for number in (
+            *(getattr(signal, f"SIG{name}") for name in named),
+            signal.SIGRTMIN,
+            signal.SIGRTMAX,
+        ):
             with self.subTest(signal=number):
                 self.assertEqual(ends("loop", number), "safe\n")
 
@@ -108,7 +132,11 @@ class Ends(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             log = Path(folder) / "log"
             middle = "import subprocess, sys; p = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE); p.stdout.readline()"
-            subprocess.run([sys.executable, "-c", middle, sys.executable, "-c", SCRIPT, "loop", str(log)], check=True, timeout=20)
+            subprocess.run(
+                [sys.executable, "-c", middle, sys.executable, "-c", SCRIPT, "loop", str(log)],
+                check=True,
+                timeout=20,
+            )
             end = time.monotonic() + 10
             while not log.exists() and time.monotonic() < end:
                 time.sleep(0.02)

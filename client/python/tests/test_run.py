@@ -30,7 +30,11 @@ BUSES = ("one", "two", "three")
 
 def configuration():
     """Three buses with a motor each."""
-    text = "rate_hz: 250\nbuses:\n" + "".join(f"- {{name: {bus}, interface: virtual, channel: {bus}}}\n" for bus in BUSES) + "motors:"
+    text = (
+        "rate_hz: 250\nbuses:\n"
+        + "".join(f"- {{name: {bus}, interface: virtual, channel: {bus}}}\n" for bus in BUSES)
+        + "motors:"
+    )
     text += "".join(MOTOR.format(bus=bus, id=place + 1) for place, bus in enumerate(BUSES))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "robot.yml"
@@ -92,7 +96,9 @@ class Losses(unittest.TestCase):
                     bus.sent.clear()
                 self.front.disable()
                 for bus in self.buses[1:]:
-                    self.assertEqual([frame.data for frame in bus.sent], [DISABLE] * running.LAST_WORDS)
+                    self.assertEqual(
+                        [frame.data for frame in bus.sent], [DISABLE] * running.LAST_WORDS
+                    )
                 self.assertEqual([line.partition(":")[0] for line in self.said], ["one"])
                 self.said.clear()
 
@@ -136,7 +142,10 @@ class Losses(unittest.TestCase):
                 raise BusError("not there" if len(tries) < 3 else "not up")
             return again
 
-        with mock.patch.object(running, "open_bus", opening), mock.patch.object(running, "REOPEN", 0.01):
+        with (
+            mock.patch.object(running, "open_bus", opening),
+            mock.patch.object(running, "REOPEN", 0.01),
+        ):
             self.buses[0].error = BusError("one is gone")
             self.front.send()
             self.assertEqual(self.state(0), "off")
@@ -214,7 +223,9 @@ class Recording(unittest.TestCase):
 
     def test_the_last_words_are_recorded(self):
         self.front().disable()
-        of_bus = [frame.data for bus, frame, received in self.records.kept if bus == 2 and not received]
+        of_bus = [
+            frame.data for bus, frame, received in self.records.kept if bus == 2 and not received
+        ]
         self.assertEqual(of_bus, [DISABLE] * running.LAST_WORDS)
 
     def test_what_came_is_recorded(self):

@@ -1,7 +1,8 @@
 //! The whole chain of control: `follow [SERVER [BRIDGE [SECONDS]]]`.
 //!
-//! Encoders give u; the server gives y for it, and τ_u for what y is to do; the bridge gives τ_u to the motors. Start `sarrus serve` with the
-//! robot and `sarrus-can run` with its configuration first, and arm with `sarrus-can arm` while this runs.
+//! Encoders give u; the server gives y for it, and τ_u for what y is to do; the bridge gives τ_u to
+//! the motors. Start `sarrus serve` with the robot and `sarrus-can run` with its configuration
+//! first, and arm with `sarrus-can arm` while this runs.
 
 use std::f64::consts::PI;
 use std::time::{Duration, Instant};
@@ -24,8 +25,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let mut robot = Robot::connect(&server)?;
     let (n_y, n_u) = (robot.model().independent.len(), robot.model().active.len());
-    let from_encoders = robot.wish(Request::Map).given(&["u", "ud"])?.want(&["y", "yd"])?.prepare()?;
-    let to_efforts = robot.wish(Request::InverseDynamics).given(&["y", "yd", "ydd"])?.want(&["tau_u"])?.prepare()?;
+    let from_encoders =
+        robot.wish(Request::Map).given(&["u", "ud"])?.want(&["y", "yd"])?.prepare()?;
+    let to_efforts = robot
+        .wish(Request::InverseDynamics)
+        .given(&["y", "yd", "ydd"])?
+        .want(&["tau_u"])?
+        .prepare()?;
     let mut controller = Controller::connect(&bridge, robot.model().fingerprint)?;
 
     let (mut encoders, mut state) = (vec![0.0; 2 * n_u], vec![0.0; 2 * n_y]);
@@ -44,7 +50,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         encoders[n_u..].copy_from_slice(&measured.velocity[..n_u]);
         let answer = robot.ask(from_encoders, &encoders, &mut state)?;
         if answer.status != Status::Ok {
-            // motors that have not measured yet, or a pose that cannot be: no command, and the bridge takes the power away
+            // motors that have not measured yet, or a pose that cannot be: no command, and the
+            // bridge takes the power away
             continue;
         }
 
@@ -57,13 +64,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let t = start.map_or(0.0, |start| start.elapsed().as_secs_f64());
         let (size, period) = SWING;
         let w = 2.0 * PI / period;
-        let [position, velocity, acceleration] = [size * (1.0 - (w * t).cos()), size * w * (w * t).sin(), size * w * w * (w * t).cos()];
+        let [position, velocity, acceleration] =
+            [size * (1.0 - (w * t).cos()), size * w * (w * t).sin(), size * w * w * (w * t).cos()];
         for i in 0..n_y {
             let [y, yd] = [state[i], state[n_y + i]];
             let behind = y_start[i] + position - y;
             motion[i] = y;
             motion[n_y + i] = yd;
-            motion[2 * n_y + i] = if is_enabled { acceleration } else { 0.0 } + GAINS.0 * behind + GAINS.1 * (velocity - yd);
+            motion[2 * n_y + i] = if is_enabled { acceleration } else { 0.0 }
+                + GAINS.0 * behind
+                + GAINS.1 * (velocity - yd);
             if t > 2.0 {
                 worst = Some(worst.unwrap_or(0.0).max(behind.abs()));
             }
@@ -79,7 +89,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         controller.send(&mut command);
     }
     match worst {
-        Some(worst) => println!("largest distance from the wanted motion, from two seconds after power on: {worst:.4} rad"),
+        Some(worst) => println!(
+            "largest distance from the wanted motion, from two seconds after power on: {worst:.4} rad"
+        ),
         None => println!("the motors never had power for two seconds"),
     }
     Ok(())

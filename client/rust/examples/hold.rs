@@ -1,8 +1,10 @@
 //! The least controller: `hold [BRIDGE [STIFFNESS [DAMPING [SWING]]]]`.
 //!
-//! Every actuator is to stay where it was at the start, with a stiffness and a damping (N m/rad and N m s/rad, or N/m and N s/m), or to
-//! go SWING (rad or m) away from there and back in four seconds. Start `sarrus-can run` first, and arm with `sarrus-can arm` while this runs. It needs
-//! no server and knows no robot: for a motor on a bench, and never for actuators that share a closed loop.
+//! Every actuator is to stay where it was at the start, with a stiffness and a damping (N m/rad and
+//! N m s/rad, or N/m and N s/m), or to go SWING (rad or m) away from there and back in four
+//! seconds. Start `sarrus-can run` first, and arm with `sarrus-can arm` while this runs. It needs
+//! no server and knows no robot: for a motor on a bench, and never for actuators that share a
+//! closed loop.
 
 use std::f64::consts::PI;
 use std::time::{Duration, Instant};
@@ -25,7 +27,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // where all actuators are, once every motor has told it
     let observer = Observer::connect(&bridge)?;
     let start = loop {
-        match observer.state().filter(|state| state.position.iter().take(state.n_u as usize).all(|position| position.is_finite())) {
+        match observer.state().filter(|state| {
+            state.position.iter().take(state.n_u as usize).all(|position| position.is_finite())
+        }) {
             Some(state) => break state,
             None => std::thread::sleep(Duration::from_millis(10)),
         }

@@ -1,4 +1,5 @@
-//! Round trips of a running server: `round_trip NAME lane|requests [COUNT [PAUSE_US]]`, the pause before each request.
+//! Round trips of a running server: `round_trip NAME lane|requests [COUNT [PAUSE_US]]`, the pause
+//! before each request.
 
 use std::time::{Duration, Instant};
 
@@ -7,20 +8,29 @@ use sarrus_client::{ConnectOptions, Door, Field, FieldSet, Patience, Request, Ro
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let name = arguments.next().unwrap_or_else(|| "default".to_owned());
-    let door = if arguments.next().as_deref() == Some("requests") { Door::Requests } else { Door::Lane };
+    let door =
+        if arguments.next().as_deref() == Some("requests") { Door::Requests } else { Door::Lane };
     let count: usize = arguments.next().map_or(Ok(200_000), |text| text.parse())?;
 
     let pause = Duration::from_micros(arguments.next().map_or(Ok(0), |text| text.parse())?);
     let options = ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
     let mut robot = Robot::connect_with(&name, options)?;
-    println!("{}: {} independent coordinates, {door:?}", robot.model().robot, robot.model().independent.len());
+    println!(
+        "{}: {} independent coordinates, {door:?}",
+        robot.model().robot,
+        robot.model().independent.len()
+    );
     for (given, want) in [
         (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U])),
-        (FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]), FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd])),
+        (
+            FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
+            FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd]),
+        ),
         (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::G, Field::K, Field::GU])),
     ] {
         let plan = robot.prepare(&Wanted::new(Request::Kinematics, given, want))?;
-        let (n_in, n_out) = robot.plan(plan).map_or((0, 0), |plan| (plan.given().len(), plan.want().len()));
+        let (n_in, n_out) =
+            robot.plan(plan).map_or((0, 0), |plan| (plan.given().len(), plan.want().len()));
         let (input, mut output) = (vec![0.1; n_in], vec![0.0; n_out]);
         let mut ask = || robot.ask(plan, &input, &mut output);
         for _ in 0..count / 10 {
@@ -36,8 +46,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             times.push(start.elapsed());
         }
         times.sort_unstable();
-        let at = |quantile: f64| times.get((quantile * count as f64) as usize).copied().unwrap_or(Duration::MAX).as_nanos();
-        println!("{n_in:5} in {n_out:5} out: p50 {:6} ns  p99 {:6} ns  p99.9 {:7} ns", at(0.5), at(0.99), at(0.999));
+        let at = |quantile: f64| {
+            times
+                .get((quantile * count as f64) as usize)
+                .copied()
+                .unwrap_or(Duration::MAX)
+                .as_nanos()
+        };
+        println!(
+            "{n_in:5} in {n_out:5} out: p50 {:6} ns  p99 {:6} ns  p99.9 {:7} ns",
+            at(0.5),
+            at(0.99),
+            at(0.999)
+        );
     }
     std::thread::sleep(Duration::from_millis(100));
     println!("{:?}", robot.statistics());

@@ -13,8 +13,8 @@ use crate::ConnectError;
 
 /// The controller of a bridge; a bridge has one at a time.
 ///
-/// A state older than a few cycles means that the bridge is gone: look at its stamp. Commands must keep coming, each later than T1 of the
-/// configuration is damped, and later than T2 disabled.
+/// A state older than a few cycles means that the bridge is gone: look at its stamp. Commands must
+/// keep coming, each later than T1 of the configuration is damped, and later than T2 disabled.
 #[derive(Debug)]
 pub struct Controller {
     end: ControllerEnd,
@@ -31,7 +31,8 @@ pub struct Observer {
 }
 
 impl Controller {
-    /// Connects to a running bridge, with the fingerprint of the model that commands are computed with (0 where the bridge has none).
+    /// Connects to a running bridge, with the fingerprint of the model that commands are computed
+    /// with (0 where the bridge has none).
     ///
     /// # Errors
     /// No bridge of this name runs, or it has a controller.
@@ -40,7 +41,8 @@ impl Controller {
         Ok(Controller { end, fingerprint, sequence: 0, _place: place })
     }
 
-    /// Sends a command; its sequence, stamp and fingerprint are filled in. False where it could not be sent.
+    /// Sends a command; its sequence, stamp and fingerprint are filled in. False where it could not
+    /// be sent.
     pub fn send(&mut self, command: &mut ActuatorCommand) -> bool {
         self.sequence += 1;
         command.sequence = self.sequence;
@@ -54,8 +56,9 @@ impl Controller {
         self.end.observer().state()
     }
 
-    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it. Stay until one does, and ask
-    /// again: a bridge that does not know of this program yet does not hear it.
+    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may
+    /// show it. Stay until one does, and ask again: a bridge that does not know of this program yet
+    /// does not hear it.
     pub fn operate(&self, operation: Operation) -> u64 {
         operate(self.end.observer(), operation)
     }
@@ -81,8 +84,9 @@ impl Observer {
         self.end.statistics()
     }
 
-    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may show it. Stay until one does, and ask
-    /// again: a bridge that does not know of this program yet does not hear it.
+    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may
+    /// show it. Stay until one does, and ask again: a bridge that does not know of this program yet
+    /// does not hear it.
     pub fn operate(&self, operation: Operation) -> u64 {
         operate(&self.end, operation)
     }
@@ -98,9 +102,11 @@ fn refused(name: &str, error: ServiceError) -> ConnectError {
     match error {
         ServiceError::NoBridge { .. } => ConnectError::NoBridge { name: name.to_owned() },
         ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
-        ServiceError::Full { limit, .. } => {
-            ConnectError::FullHouse { door: "places at the bridge", limit, help: "end the other controller or observers" }
-        }
+        ServiceError::Full { limit, .. } => ConnectError::FullHouse {
+            door: "places at the bridge",
+            limit,
+            help: "end the other controller or observers",
+        },
         other => ConnectError::Service(other),
     }
 }
@@ -120,7 +126,10 @@ struct Place {
 
 impl Place {
     /// A place, and the end of a bridge's services that `open` gives there.
-    fn enter<E>(name: &str, open: fn(&Node<Threadsafe>, &ServerName) -> Result<E, ServiceError>) -> Result<(E, Place), ConnectError> {
+    fn enter<E>(
+        name: &str,
+        open: fn(&Node<Threadsafe>, &ServerName) -> Result<E, ServiceError>,
+    ) -> Result<(E, Place), ConnectError> {
         let of_domain = |error: DomainError| ConnectError::Service(ServiceError::Domain(error));
         let server = ServerName::new(name).map_err(of_domain)?;
         let domain = Domain::of_user().map_err(of_domain)?;

@@ -5,7 +5,10 @@ use std::time::{Duration, Instant};
 use iceoryx2::node::Node;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::Threadsafe;
-use sarrus_proto::message::{Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PAGE, Refusal};
+use sarrus_proto::message::{
+    Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PAGE,
+    Refusal,
+};
 use sarrus_proto::service::{ControlClient, open_control};
 use sarrus_proto::{FieldSet, ModelInfo, PROTOCOL_VERSION, Request, ServerName, Wanted};
 
@@ -23,7 +26,8 @@ pub(crate) struct Control<'a> {
 }
 
 impl<'a> Control<'a> {
-    /// Opens the service and says hello. Fails where the model has another fingerprint than `fingerprint`, if that is given.
+    /// Opens the service and says hello. Fails where the model has another fingerprint than
+    /// `fingerprint`, if that is given.
     pub(crate) fn open(
         node: &'a Node<Threadsafe>,
         name: &'a ServerName,
@@ -31,12 +35,28 @@ impl<'a> Control<'a> {
         deadline: Instant,
     ) -> Result<(Control<'a>, Hello), ConnectError> {
         let timeout = deadline.saturating_duration_since(Instant::now());
-        let port = open_control(node, name).map_err(|error| ConnectError::of_service(name.as_str(), error))?;
-        let mut control = Control { node, name, port, fingerprint: fingerprint.unwrap_or(0), deadline, timeout, instance: 0 };
+        let port = open_control(node, name)
+            .map_err(|error| ConnectError::of_service(name.as_str(), error))?;
+        let mut control = Control {
+            node,
+            name,
+            port,
+            fingerprint: fingerprint.unwrap_or(0),
+            deadline,
+            timeout,
+            instance: 0,
+        };
         let response = control.granted(Call::Hello, [0; 2], None)?;
         control.fingerprint = response.fingerprint;
         control.instance = response.instance;
-        Ok((control, Hello { fingerprint: response.fingerprint, instance: response.instance, info_bytes: response.numbers[0] as usize }))
+        Ok((
+            control,
+            Hello {
+                fingerprint: response.fingerprint,
+                instance: response.instance,
+                info_bytes: response.numbers[0] as usize,
+            },
+        ))
     }
 
     /// The model information.
@@ -54,14 +74,24 @@ impl<'a> Control<'a> {
         let [number, n_in, n_out, _] = response.numbers;
         match Refusal::from_code(response.refusal) {
             // client and server must mean the same numbers
-            None if response.refusal == 0 && [n_in, n_out] == [prepared.given().len() as u64, prepared.want().len() as u64] => {
+            None if response.refusal == 0
+                && [n_in, n_out]
+                    == [prepared.given().len() as u64, prepared.want().len() as u64] =>
+            {
                 Ok(number as u32)
             }
             None => Err(ConnectError::BadAnswer { what: "for a plan" }.into()),
-            Some(Refusal::BadWanted) => Err(Error::NotPlanned { reason: String::from_utf8_lossy(response.text()).into_owned() }),
+            Some(Refusal::BadWanted) => Err(Error::NotPlanned {
+                reason: String::from_utf8_lossy(response.text()).into_owned(),
+            }),
             Some(Refusal::TooLarge) => {
                 let [n_in, n_out, ..] = response.numbers.map(|n| n as usize);
-                Err(Error::TooLarge { n_in, n_out, max_in: MAX_NUMBERS_IN, max_out: MAX_NUMBERS_OUT })
+                Err(Error::TooLarge {
+                    n_in,
+                    n_out,
+                    max_in: MAX_NUMBERS_IN,
+                    max_out: MAX_NUMBERS_OUT,
+                })
             }
             Some(Refusal::TooManyPlans) => Err(Error::TooManyPlans { limit: MAX_PLANS }),
             refusal => Err(ConnectError::of_refusal(refusal, &response, self.fingerprint).into()),
@@ -69,7 +99,10 @@ impl<'a> Control<'a> {
     }
 
     /// A lane of one's own that holds so many numbers each way.
-    pub(crate) fn lane(&self, [n_in, n_out]: [usize; 2]) -> Result<(ClaimedLane, [usize; 2]), ConnectError> {
+    pub(crate) fn lane(
+        &self,
+        [n_in, n_out]: [usize; 2],
+    ) -> Result<(ClaimedLane, [usize; 2]), ConnectError> {
         let response = self.granted(Call::Lane, [n_in as u64, n_out as u64], None)?;
         let (id, class_in, class_out) = response.lane();
         let classes = [class_in, class_out];
@@ -77,19 +110,42 @@ impl<'a> Control<'a> {
         Ok((lane.map_err(|error| ConnectError::of_service(self.name.as_str(), error))?, classes))
     }
 
-    fn granted(&self, call: Call, arguments: [u64; 2], wanted: Option<&Wanted>) -> Result<ControlResponse, ConnectError> {
+    fn granted(
+        &self,
+        call: Call,
+        arguments: [u64; 2],
+        wanted: Option<&Wanted>,
+    ) -> Result<ControlResponse, ConnectError> {
         let response = self.call(call, arguments, wanted)?;
         if response.refusal == 0 {
             return Ok(response);
         }
-        Err(ConnectError::of_refusal(Refusal::from_code(response.refusal), &response, self.fingerprint))
+        Err(ConnectError::of_refusal(
+            Refusal::from_code(response.refusal),
+            &response,
+            self.fingerprint,
+        ))
     }
 
-    fn call(&self, call: Call, arguments: [u64; 2], wanted: Option<&Wanted>) -> Result<ControlResponse, ConnectError> {
+    fn call(
+        &self,
+        call: Call,
+        arguments: [u64; 2],
+        wanted: Option<&Wanted>,
+    ) -> Result<ControlResponse, ConnectError> {
         const NOTHING: Wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
         let wanted = *wanted.unwrap_or(&NOTHING);
-        let request = ControlRequest { version: PROTOCOL_VERSION, call: call as u32, fingerprint: self.fingerprint, arguments, wanted };
-        let silent = || ConnectError::NoAnswer { name: self.name.as_str().to_owned(), timeout: self.timeout };
+        let request = ControlRequest {
+            version: PROTOCOL_VERSION,
+            call: call as u32,
+            fingerprint: self.fingerprint,
+            arguments,
+            wanted,
+        };
+        let silent = || ConnectError::NoAnswer {
+            name: self.name.as_str().to_owned(),
+            timeout: self.timeout,
+        };
         let pending = self.port.send_copy(request).map_err(|_| silent())?;
         if pending.number_of_server_connections() == 0 {
             return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() });
@@ -97,7 +153,9 @@ impl<'a> Control<'a> {
         loop {
             match pending.receive() {
                 Ok(Some(response)) => return Ok(*response.payload()),
-                Ok(None) if Instant::now() < self.deadline => std::thread::sleep(Duration::from_micros(100)),
+                Ok(None) if Instant::now() < self.deadline => {
+                    std::thread::sleep(Duration::from_micros(100))
+                }
                 _ => return Err(silent()),
             }
         }

@@ -3,7 +3,8 @@ use sarrus_dynamics::description::Limits;
 use sarrus_models::Loaded;
 use sarrus_proto::{Closure, JointLimits, ModelInfo};
 
-/// What there is to know about a loaded model: what [`crate::Robot::model`] gives in process, and what a server sends.
+/// What there is to know about a loaded model: what [`crate::Robot::model`] gives in process, and
+/// what a server sends.
 pub fn describe(loaded: &Loaded) -> ModelInfo {
     let model: &Model<f64> = &loaded.compiled.model;
     let closures = model.closures().iter().map(|closure| Closure {

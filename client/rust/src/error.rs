@@ -29,19 +29,25 @@ pub enum ConnectError {
         name: String,
     },
     /// A bridge has this name but says nothing.
-    #[error("the bridge `{name}` tells no state; see whether its process is stopped or has crashed")]
+    #[error(
+        "the bridge `{name}` tells no state; see whether its process is stopped or has crashed"
+    )]
     SilentBridge {
         /// The name.
         name: String,
     },
     /// The server speaks another version of the protocol.
-    #[error("the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and server of one version")]
+    #[error(
+        "the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and server of one version"
+    )]
     WrongVersion {
         /// The server's version; zero where its payloads are so different that it cannot be asked.
         found: u32,
     },
     /// The server holds another model than the one expected.
-    #[error("the server holds the model {found:016x}, expected {expected:016x}; connect anew to use the new model")]
+    #[error(
+        "the server holds the model {found:016x}, expected {expected:016x}; connect anew to use the new model"
+    )]
     WrongModel {
         /// Fingerprint of the server's model.
         found: u64,
@@ -62,7 +68,9 @@ pub enum ConnectError {
     #[error("the server is stopping; connect again when it is back")]
     ShuttingDown,
     /// The server's answer makes no sense.
-    #[error("the server's answer {what} makes no sense to this client; use client and server of one version")]
+    #[error(
+        "the server's answer {what} makes no sense to this client; use client and server of one version"
+    )]
     BadAnswer {
         /// What was asked.
         what: &'static str,
@@ -138,7 +146,9 @@ pub enum Error {
         max_out: usize,
     },
     /// The server's table of plans is full.
-    #[error("the server holds {limit} plans and takes no more; use wanted sets that are registered, or restart it")]
+    #[error(
+        "the server holds {limit} plans and takes no more; use wanted sets that are registered, or restart it"
+    )]
     TooManyPlans {
         /// Size of the table.
         limit: usize,
@@ -156,9 +166,11 @@ impl ConnectError {
         match error {
             ServiceError::Absent { .. } => ConnectError::NoServer { name: name.to_owned() },
             ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
-            ServiceError::Full { limit, .. } => {
-                ConnectError::FullHouse { door: "ports of the server", limit, help: "close other clients of this server" }
-            }
+            ServiceError::Full { limit, .. } => ConnectError::FullHouse {
+                door: "ports of the server",
+                limit,
+                help: "close other clients of this server",
+            },
             other => ConnectError::Service(other),
         }
     }
@@ -167,21 +179,32 @@ impl ConnectError {
     pub(crate) fn may_pass(&self) -> bool {
         matches!(
             self,
-            ConnectError::NoServer { .. } | ConnectError::NoAnswer { .. } | ConnectError::ShuttingDown | ConnectError::Service(_)
+            ConnectError::NoServer { .. }
+                | ConnectError::NoAnswer { .. }
+                | ConnectError::ShuttingDown
+                | ConnectError::Service(_)
         )
     }
 
-    pub(crate) fn of_refusal(refusal: Option<Refusal>, response: &sarrus_proto::message::ControlResponse, expected: u64) -> ConnectError {
+    pub(crate) fn of_refusal(
+        refusal: Option<Refusal>,
+        response: &sarrus_proto::message::ControlResponse,
+        expected: u64,
+    ) -> ConnectError {
         match refusal {
             Some(Refusal::WrongVersion) => ConnectError::WrongVersion { found: response.version },
-            Some(Refusal::WrongModel) => ConnectError::WrongModel { found: response.fingerprint, expected },
+            Some(Refusal::WrongModel) => {
+                ConnectError::WrongModel { found: response.fingerprint, expected }
+            }
             Some(Refusal::NoLane) => ConnectError::FullHouse {
                 door: "lanes of the server",
                 limit: response.numbers[0] as usize,
                 help: "close a client, serve with more --lanes, or connect through Door::Requests",
             },
             Some(Refusal::Stopping) => ConnectError::ShuttingDown,
-            Some(Refusal::Failed) => ConnectError::Failed { reason: String::from_utf8_lossy(response.text()).into_owned() },
+            Some(Refusal::Failed) => ConnectError::Failed {
+                reason: String::from_utf8_lossy(response.text()).into_owned(),
+            },
             _ => ConnectError::BadAnswer { what: "to an attach" },
         }
     }

@@ -16,7 +16,10 @@ pub(crate) struct Local {
 }
 
 impl Local {
-    pub(crate) fn load(source: &Source, options: &Options) -> Result<(Local, ModelInfo), LoadError> {
+    pub(crate) fn load(
+        source: &Source,
+        options: &Options,
+    ) -> Result<(Local, ModelInfo), LoadError> {
         let loaded = load(source, options)?;
         let info = describe(&loaded);
         let model = Arc::new(loaded.compiled.model);
@@ -29,7 +32,12 @@ impl Local {
         Ok(())
     }
 
-    pub(crate) fn ask(&mut self, plan: usize, input: &[f64], output: &mut [f64]) -> Result<Answer, Error> {
+    pub(crate) fn ask(
+        &mut self,
+        plan: usize,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> Result<Answer, Error> {
         let plan = self.plans.get(plan).ok_or(Error::UnknownPlan { index: plan })?;
         Ok(plan.run(&self.model, &mut self.workspace, input, output))
     }

@@ -45,6 +45,11 @@ pub struct ConnectOptions {
 impl Default for ConnectOptions {
     /// A lane, one second, waiting as fits the number of processors, any model.
     fn default() -> ConnectOptions {
-        ConnectOptions { door: Door::Lane, timeout: Duration::from_secs(1), patience: Patience::fitting(), fingerprint: None }
+        ConnectOptions {
+            door: Door::Lane,
+            timeout: Duration::from_secs(1),
+            patience: Patience::fitting(),
+            fingerprint: None,
+        }
     }
 }

@@ -1,4 +1,5 @@
-//! A robot in another process: attached to a run of its server, and attached again when there is a new one.
+//! A robot in another process: attached to a run of its server, and attached again when there is a
+//! new one.
 
 use std::time::{Duration, Instant};
 
@@ -61,10 +62,22 @@ enum Exchange {
 }
 
 impl Remote {
-    pub(crate) fn connect(domain: Domain, name: &str, options: ConnectOptions) -> Result<(Remote, ModelInfo), ConnectError> {
+    pub(crate) fn connect(
+        domain: Domain,
+        name: &str,
+        options: ConnectOptions,
+    ) -> Result<(Remote, ModelInfo), ConnectError> {
         let name = ServerName::new(name)?;
         let node = domain.node::<Threadsafe>()?;
-        let mut remote = Remote { session: None, node: Some(node), domain, name, options, fingerprint: 0, sequence: 0 };
+        let mut remote = Remote {
+            session: None,
+            node: Some(node),
+            domain,
+            name,
+            options,
+            fingerprint: 0,
+            sequence: 0,
+        };
         let deadline = Instant::now() + options.timeout;
         let info = remote.first_session(deadline)?;
         Ok((remote, info))
@@ -89,18 +102,31 @@ impl Remote {
     }
 
     /// Asks and waits. The request goes out again when the server was restarted meanwhile.
-    pub(crate) fn ask(&mut self, prepared: &[Prepared], plan: usize, input: &[f64], output: &mut [f64]) -> Result<Answer, Error> {
+    pub(crate) fn ask(
+        &mut self,
+        prepared: &[Prepared],
+        plan: usize,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> Result<Answer, Error> {
         // the clock is read only where something takes long
         let mut deadline = None;
         loop {
             if self.session.is_none() {
-                let deadline = *deadline.get_or_insert_with(|| Instant::now() + self.options.timeout);
+                let deadline =
+                    *deadline.get_or_insert_with(|| Instant::now() + self.options.timeout);
                 self.attach(prepared, deadline)?;
             }
             let Some(session) = &mut self.session else { continue };
             self.sequence += 1;
-            let number = session.plans.get(plan).copied().ok_or(Error::UnknownPlan { index: plan })?;
-            let head = RequestHead { version: PROTOCOL_VERSION, plan: number, fingerprint: self.fingerprint, sequence: self.sequence };
+            let number =
+                session.plans.get(plan).copied().ok_or(Error::UnknownPlan { index: plan })?;
+            let head = RequestHead {
+                version: PROTOCOL_VERSION,
+                plan: number,
+                fingerprint: self.fingerprint,
+                sequence: self.sequence,
+            };
             match session.exchange(&head, input, output, &self.options, &mut deadline) {
                 Exchange::Answered(head) => {
                     let status = Status::from_code(head.status).unwrap_or(Status::BadRequest);
@@ -110,7 +136,10 @@ impl Remote {
                 Exchange::TimedOut => {
                     // an answer that comes late must meet nobody
                     self.session = None;
-                    return Err(Error::NoAnswer { name: self.name.as_str().to_owned(), timeout: self.options.timeout });
+                    return Err(Error::NoAnswer {
+                        name: self.name.as_str().to_owned(),
+                        timeout: self.options.timeout,
+                    });
                 }
             }
         }
@@ -118,10 +147,20 @@ impl Remote {
 
     /// Attaches for the first time.
     fn first_session(&mut self, deadline: Instant) -> Result<ModelInfo, ConnectError> {
-        let Some(node) = &self.node else { return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() }) };
+        let Some(node) = &self.node else {
+            return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() });
+        };
         let (control, hello) = Control::open(node, &self.name, self.options.fingerprint, deadline)?;
         let info = control.model(&hello)?;
-        let session = Session::open(node, &self.name, &control, &hello, Vec::new(), [0; 2], self.options.door)?;
+        let session = Session::open(
+            node,
+            &self.name,
+            &control,
+            &hello,
+            Vec::new(),
+            [0; 2],
+            self.options.door,
+        )?;
         drop(control);
         self.fingerprint = hello.fingerprint;
         self.session = Some(session);
@@ -130,7 +169,11 @@ impl Remote {
 
     /// Adds the last plan to a session that goes on.
     fn extend(&mut self, prepared: &[Prepared], deadline: Instant) -> Result<(), Error> {
-        let (Some(node), Some(session), Some(last)) = (&self.node, &mut self.session, prepared.last()) else { return Ok(()) };
+        let (Some(node), Some(session), Some(last)) =
+            (&self.node, &mut self.session, prepared.last())
+        else {
+            return Ok(());
+        };
         let (control, hello) = Control::open(node, &self.name, Some(self.fingerprint), deadline)?;
         if hello.instance != session.instance {
             return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() }.into());
@@ -152,7 +195,10 @@ impl Remote {
             if Instant::now() + RETRY >= deadline {
                 return Err(match error {
                     ConnectError::Service(_) => error.into(),
-                    _ => Error::ServerGone { name: self.name.as_str().to_owned(), timeout: self.options.timeout },
+                    _ => Error::ServerGone {
+                        name: self.name.as_str().to_owned(),
+                        timeout: self.options.timeout,
+                    },
                 });
             }
             std::thread::sleep(RETRY);
@@ -168,8 +214,19 @@ impl Remote {
         node.try_cleanup_dead_nodes();
         let attempt = deadline.min(Instant::now() + 10 * RETRY);
         let (control, hello) = Control::open(node, &self.name, Some(self.fingerprint), attempt)?;
-        let plans = prepared.iter().map(|prepared| control.plan(prepared)).collect::<Result<Vec<u32>, Error>>()?;
-        self.session = Some(Session::open(node, &self.name, &control, &hello, plans, needs(prepared), self.options.door)?);
+        let plans = prepared
+            .iter()
+            .map(|prepared| control.plan(prepared))
+            .collect::<Result<Vec<u32>, Error>>()?;
+        self.session = Some(Session::open(
+            node,
+            &self.name,
+            &control,
+            &hello,
+            plans,
+            needs(prepared),
+            self.options.door,
+        )?);
         Ok(())
     }
 }
@@ -205,12 +262,15 @@ impl Session {
                 let (lane, classes) = control.lane(needs)?;
                 End::Lane { lane, classes }
             }
-            Door::Requests => End::Requests { client: open_compute(node, name, hello.instance).map_err(service)? },
+            Door::Requests => {
+                End::Requests { client: open_compute(node, name, hello.instance).map_err(service)? }
+            }
         };
         Ok(Session { instance: hello.instance, plans, status, end })
     }
 
-    /// Gets a larger lane where this one is too small, which goes back first: it may be the server's last.
+    /// Gets a larger lane where this one is too small, which goes back first: it may be the
+    /// server's last.
     fn grow(&mut self, control: &Control<'_>, needs: [usize; 2]) -> Result<(), ConnectError> {
         if let End::Lane { classes, .. } = &self.end
             && (needs[0] > classes[0] || needs[1] > classes[1])
@@ -236,7 +296,9 @@ impl Session {
         match &mut self.end {
             End::None => Exchange::Lost,
             End::Lane { lane, .. } => {
-                let Some(numbers) = lane.outbox.numbers().get_mut(..input.len()) else { return Exchange::Lost };
+                let Some(numbers) = lane.outbox.numbers().get_mut(..input.len()) else {
+                    return Exchange::Lost;
+                };
                 numbers.copy_from_slice(input);
                 lane.outbox.publish(*head);
                 loop {
@@ -247,7 +309,8 @@ impl Session {
                         return Exchange::Answered(answer);
                     }
                     if let Some(waited) = waiter.pause()
-                        && let Some(end) = watch.look(&self.status, waited, options.timeout, deadline)
+                        && let Some(end) =
+                            watch.look(&self.status, waited, options.timeout, deadline)
                     {
                         return end;
                     }
@@ -255,9 +318,14 @@ impl Session {
             }
             End::Requests { client } => {
                 let Some(pending) = send_request(client, head, input) else {
-                    // nobody took it: the server is gone, or busy with a request that this client gave up
+                    // nobody took it: the server is gone, or busy with a request that this client
+                    // gave up
                     output.fill(f64::NAN);
-                    return if watch.is_alive(&self.status) { Exchange::Answered(overloaded) } else { Exchange::Lost };
+                    return if watch.is_alive(&self.status) {
+                        Exchange::Answered(overloaded)
+                    } else {
+                        Exchange::Lost
+                    };
                 };
                 loop {
                     match pending.receive() {
@@ -272,7 +340,8 @@ impl Session {
                         Err(_) => return Exchange::Lost,
                     }
                     if let Some(waited) = waiter.pause()
-                        && let Some(end) = watch.look(&self.status, waited, options.timeout, deadline)
+                        && let Some(end) =
+                            watch.look(&self.status, waited, options.timeout, deadline)
                     {
                         return end;
                     }
@@ -301,8 +370,15 @@ impl Watch {
 
     /// Whether to give the wait up, and why.
     #[cold]
-    fn look(&mut self, status: &StatusReader, waited: Duration, timeout: Duration, deadline: &mut Option<Instant>) -> Option<Exchange> {
-        let deadline = *deadline.get_or_insert_with(|| Instant::now() + timeout.saturating_sub(waited));
+    fn look(
+        &mut self,
+        status: &StatusReader,
+        waited: Duration,
+        timeout: Duration,
+        deadline: &mut Option<Instant>,
+    ) -> Option<Exchange> {
+        let deadline =
+            *deadline.get_or_insert_with(|| Instant::now() + timeout.saturating_sub(waited));
         let now = status.heartbeat();
         match self.last {
             _ if now.stopped != 0 => return Some(Exchange::Lost),

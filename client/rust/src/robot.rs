@@ -37,7 +37,8 @@ impl Prepared {
     }
 }
 
-/// A robot that answers: in another process or in this one, with the same methods and the same bits in the answers.
+/// A robot that answers: in another process or in this one, with the same methods and the same bits
+/// in the answers.
 ///
 /// ```no_run
 /// use sarrus_client::{Request, Robot};
@@ -81,7 +82,8 @@ impl Robot {
     /// Connects to a server on this machine, with a lane of one's own.
     ///
     /// # Errors
-    /// [`ConnectError`], each with what to do; when all lanes are taken, [`crate::Door::Requests`] may still be open.
+    /// [`ConnectError`], each with what to do; when all lanes are taken, [`crate::Door::Requests`]
+    /// may still be open.
     pub fn connect(name: &str) -> Result<Robot, ConnectError> {
         Robot::connect_with(name, ConnectOptions::default())
     }
@@ -98,7 +100,11 @@ impl Robot {
     ///
     /// # Errors
     /// As [`Robot::connect`].
-    pub fn connect_in(domain: Domain, name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
+    pub fn connect_in(
+        domain: Domain,
+        name: &str,
+        options: ConnectOptions,
+    ) -> Result<Robot, ConnectError> {
         let (remote, info) = Remote::connect(domain, name, options)?;
         Ok(Robot::new(Side::Remote(Box::new(remote)), info))
     }
@@ -125,7 +131,8 @@ impl Robot {
         Wish::new(self, request)
     }
 
-    /// Prepares a plan for a wanted set; equal sets share one. A lane that is too small for it is exchanged.
+    /// Prepares a plan for a wanted set; equal sets share one. A lane that is too small for it is
+    /// exchanged.
     ///
     /// # Errors
     /// [`Error`]: the set cannot be planned, moves too many numbers, or the server cannot take it.
@@ -138,7 +145,12 @@ impl Robot {
         let (given, want) = (Layout::of_given(wanted, &sizes), Layout::of_want(wanted, &sizes));
         let (n_in, n_out) = (given.len(), want.len());
         if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
-            return Err(Error::TooLarge { n_in, n_out, max_in: MAX_NUMBERS_IN, max_out: MAX_NUMBERS_OUT });
+            return Err(Error::TooLarge {
+                n_in,
+                n_out,
+                max_in: MAX_NUMBERS_IN,
+                max_out: MAX_NUMBERS_OUT,
+            });
         }
         self.packed.resize(self.packed.len().max(n_in), 0.0);
         self.unpacked.resize(self.unpacked.len().max(n_out), 0.0);
@@ -160,13 +172,20 @@ impl Robot {
         self.prepared.get(plan.0)
     }
 
-    /// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan says. Through a lane and
-    /// in process this never allocates; through the requests door the transport makes one small block.
+    /// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan
+    /// says. Through a lane and in process this never allocates; through the requests door the
+    /// transport makes one small block.
     ///
     /// # Errors
-    /// [`Error::ServerGone`] or [`Error::NoAnswer`] after the time of [`ConnectOptions::timeout`]; [`Error::Connect`] when a
-    /// restarted server holds another model. A request that fails is no error: see [`Answer::status`].
-    pub fn ask(&mut self, plan: PlanId, input: &[f64], output: &mut [f64]) -> Result<Answer, Error> {
+    /// [`Error::ServerGone`] or [`Error::NoAnswer`] after the time of [`ConnectOptions::timeout`];
+    /// [`Error::Connect`] when a restarted server holds another model. A request that fails is no
+    /// error: see [`Answer::status`].
+    pub fn ask(
+        &mut self,
+        plan: PlanId,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> Result<Answer, Error> {
         let prepared = self.prepared.get(plan.0).ok_or(Error::UnknownPlan { index: plan.0 })?;
         if input.len() != prepared.given.len() || output.len() != prepared.want.len() {
             output.fill(f64::NAN);
@@ -186,9 +205,18 @@ impl Robot {
     ///
     /// # Errors
     /// As [`Robot::ask`]; the first call also as [`Robot::prepare`].
-    pub fn inverse_dynamics(&mut self, y: &[f64], yd: &[f64], ydd: &[f64], tau_u: &mut [f64]) -> Result<Answer, Error> {
-        const WANTED: Wanted =
-            Wanted::new(Request::InverseDynamics, FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]), FieldSet::of(&[Field::TauU]));
+    pub fn inverse_dynamics(
+        &mut self,
+        y: &[f64],
+        yd: &[f64],
+        ydd: &[f64],
+        tau_u: &mut [f64],
+    ) -> Result<Answer, Error> {
+        const WANTED: Wanted = Wanted::new(
+            Request::InverseDynamics,
+            FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
+            FieldSet::of(&[Field::TauU]),
+        );
         self.pack_and_ask(&WANTED, &[y, yd, ydd], &mut [tau_u])
     }
 
@@ -196,9 +224,18 @@ impl Robot {
     ///
     /// # Errors
     /// As [`Robot::inverse_dynamics`].
-    pub fn forward_dynamics(&mut self, y: &[f64], yd: &[f64], tau_u: &[f64], ydd: &mut [f64]) -> Result<Answer, Error> {
-        const WANTED: Wanted =
-            Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Field::Y, Field::Yd, Field::TauU]), FieldSet::of(&[Field::Ydd]));
+    pub fn forward_dynamics(
+        &mut self,
+        y: &[f64],
+        yd: &[f64],
+        tau_u: &[f64],
+        ydd: &mut [f64],
+    ) -> Result<Answer, Error> {
+        const WANTED: Wanted = Wanted::new(
+            Request::ForwardDynamics,
+            FieldSet::of(&[Field::Y, Field::Yd, Field::TauU]),
+            FieldSet::of(&[Field::Ydd]),
+        );
         self.pack_and_ask(&WANTED, &[y, yd, tau_u], &mut [ydd])
     }
 
@@ -206,7 +243,15 @@ impl Robot {
     ///
     /// # Errors
     /// As [`Robot::inverse_dynamics`].
-    pub fn state(&mut self, y: &[f64], yd: &[f64], ydd: &[f64], q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) -> Result<Answer, Error> {
+    pub fn state(
+        &mut self,
+        y: &[f64],
+        yd: &[f64],
+        ydd: &[f64],
+        q: &mut [f64],
+        qd: &mut [f64],
+        qdd: &mut [f64],
+    ) -> Result<Answer, Error> {
         const WANTED: Wanted = Wanted::new(
             Request::Kinematics,
             FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
@@ -216,12 +261,27 @@ impl Robot {
     }
 
     /// Asks with fields in arrays of their own, in packing order.
-    fn pack_and_ask(&mut self, wanted: &Wanted, given: &[&[f64]], want: &mut [&mut [f64]]) -> Result<Answer, Error> {
+    fn pack_and_ask(
+        &mut self,
+        wanted: &Wanted,
+        given: &[&[f64]],
+        want: &mut [&mut [f64]],
+    ) -> Result<Answer, Error> {
         let plan = self.prepare(wanted)?;
         let fits = {
             let prepared = &self.prepared[plan.0];
-            let fits_in = prepared.given.slots().iter().map(|slot| slot.range().len()).eq(given.iter().map(|field| field.len()));
-            let fits_out = prepared.want.slots().iter().map(|slot| slot.range().len()).eq(want.iter().map(|field| field.len()));
+            let fits_in = prepared
+                .given
+                .slots()
+                .iter()
+                .map(|slot| slot.range().len())
+                .eq(given.iter().map(|field| field.len()));
+            let fits_out = prepared
+                .want
+                .slots()
+                .iter()
+                .map(|slot| slot.range().len())
+                .eq(want.iter().map(|field| field.len()));
             fits_in && fits_out
         };
         if !fits {
@@ -229,7 +289,8 @@ impl Robot {
             return Ok(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
         }
 
-        let (mut packed, mut unpacked) = (std::mem::take(&mut self.packed), std::mem::take(&mut self.unpacked));
+        let (mut packed, mut unpacked) =
+            (std::mem::take(&mut self.packed), std::mem::take(&mut self.unpacked));
         let mut n_in = 0;
         for field in given {
             packed[n_in..n_in + field.len()].copy_from_slice(field);

@@ -27,7 +27,8 @@ impl Waiter {
         Waiter { patience, polls: 0, start: None, yielding: false, next_look: LIFE }
     }
 
-    /// Pauses between two polls; now and then tells that it is time to look for the server's sign of life.
+    /// Pauses between two polls; now and then tells that it is time to look for the server's sign
+    /// of life.
     #[inline]
     pub(crate) fn pause(&mut self) -> Option<Duration> {
         std::hint::spin_loop();

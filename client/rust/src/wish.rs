@@ -79,7 +79,13 @@ impl<'a> Wish<'a> {
 fn fields(names: &[&str]) -> Result<FieldSet, Error> {
     let unknown = |name: &str| {
         let known: Vec<&str> = Field::ALL.iter().map(|field| field.name()).collect();
-        Error::UnknownName { what: "field", name: name.to_owned(), help: format!("fields are {}", known.join(", ")) }
+        Error::UnknownName {
+            what: "field",
+            name: name.to_owned(),
+            help: format!("fields are {}", known.join(", ")),
+        }
     };
-    names.iter().try_fold(FieldSet::EMPTY, |set, name| Ok(set.with(Field::from_name(name).ok_or_else(|| unknown(name))?)))
+    names.iter().try_fold(FieldSet::EMPTY, |set, name| {
+        Ok(set.with(Field::from_name(name).ok_or_else(|| unknown(name))?))
+    })
 }

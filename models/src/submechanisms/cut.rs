@@ -10,9 +10,11 @@
 //! | `cylindrical` | axis | b c rb rc |
 //! | `universal` | axis on the predecessor, axis2 on the successor | x y z u |
 //!
-//! x, y, z are the axes of the cut frame. b is the one of them that is least along `axis` (the first of several), made perpendicular to it;
-//! c = axis × b. The letter r stands for a turn, axis · log(R_Pᵀ R_S), which is exact wherever the cut leaves the turns about one line or none.
-//! A universal joint leaves two, and its turn about axis × axis2 is none of them only at zero; what it keeps is u, axis · (R_Pᵀ R_S axis2) = 0.
+//! x, y, z are the axes of the cut frame. b is the one of them that is least along `axis` (the
+//! first of several), made perpendicular to it; c = axis × b. The letter r stands for a turn, axis
+//! · log(R_Pᵀ R_S), which is exact wherever the cut leaves the turns about one line or none. A
+//! universal joint leaves two, and its turn about axis × axis2 is none of them only at zero; what
+//! it keeps is u, axis · (R_Pᵀ R_S axis2) = 0.
 
 use sarrus_dynamics::description::Row;
 
@@ -68,7 +70,8 @@ impl CutKind {
         }
     }
 
-    /// The rows in the predecessor's cut frame, and in the successor's where they stand against a direction of it.
+    /// The rows in the predecessor's cut frame, and in the successor's where they stand against a
+    /// direction of it.
     pub(crate) fn rows(self, axis: [f64; 3], axis2: [f64; 3]) -> Vec<Row> {
         let [b, c] = across(axis);
         let frame = [("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])];
@@ -81,18 +84,28 @@ impl CutKind {
             Prismatic => (&plane, &frame),
             Cylindrical => (&plane, &plane),
         };
-        let linear = linear.iter().map(|(name, [x, y, z])| ((*name).to_owned(), [0.0, 0.0, 0.0, *x, *y, *z], None));
-        let angular = angular.iter().map(|(name, [x, y, z])| (format!("r{name}"), [*x, *y, *z, 0.0, 0.0, 0.0], None));
+        let linear = linear
+            .iter()
+            .map(|(name, [x, y, z])| ((*name).to_owned(), [0.0, 0.0, 0.0, *x, *y, *z], None));
+        let angular = angular
+            .iter()
+            .map(|(name, [x, y, z])| (format!("r{name}"), [*x, *y, *z, 0.0, 0.0, 0.0], None));
         // what is perpendicular up to the rounding of a file is so
         let [x, y, z] = unit(axis);
         let along = dot([x, y, z], axis2);
         let against = unit([axis2[0] - along * x, axis2[1] - along * y, axis2[2] - along * z]);
-        let turn = (self == Universal).then(|| ("u".to_owned(), [x, y, z, 0.0, 0.0, 0.0], Some(against)));
-        linear.chain(angular).chain(turn).map(|(name, axis, against)| Row { name, axis, against }).collect()
+        let turn =
+            (self == Universal).then(|| ("u".to_owned(), [x, y, z, 0.0, 0.0, 0.0], Some(against)));
+        linear
+            .chain(angular)
+            .chain(turn)
+            .map(|(name, axis, against)| Row { name, axis, against })
+            .collect()
     }
 }
 
-/// Two directions b and c = axis × b, perpendicular to an axis and of unit length; exact where the axis is one of the frame.
+/// Two directions b and c = axis × b, perpendicular to an axis and of unit length; exact where the
+/// axis is one of the frame.
 fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
     let a = unit(axis);
     let mut k = 0;
@@ -103,7 +116,8 @@ fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
     }
     let b = unit(core::array::from_fn(|i| if i == k { 1.0 - a[k] * a[k] } else { -a[k] * a[i] }));
     // 0.0 turns −0.0 round
-    [b, [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]].map(|v| v.map(|x| x + 0.0))
+    [b, [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]]
+        .map(|v| v.map(|x| x + 0.0))
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {
@@ -118,31 +132,60 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// Checks `cut_joint_type` and its axes; the place of each row that they make.
 pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
-    let axes = ["axis", "axis2"].map(|key| node.get(key).map(|value| (key, value.place, direction(node, key, findings))));
+    let axes = ["axis", "axis2"]
+        .map(|key| node.get(key).map(|value| (key, value.place, direction(node, key, findings))));
     let Some((written, place)) = word(node, "cut_joint_type", findings) else {
-        if let Some((key, place, _)) = axes.into_iter().flatten().next().filter(|_| node.get("cut_joint_type").is_none()) {
+        if let Some((key, place, _)) =
+            axes.into_iter().flatten().next().filter(|_| node.get("cut_joint_type").is_none())
+        {
             let found = format!("`{key}` without a `cut_joint_type`");
-            findings.error(place, found, "both or neither", "add `cut_joint_type`, or write the axis in constraint_axes");
+            findings.error(
+                place,
+                found,
+                "both or neither",
+                "add `cut_joint_type`, or write the axis in constraint_axes",
+            );
         }
         return Vec::new();
     };
     if let Some(other) = node.get("constraint_axes") {
         let help = "remove one of them";
-        findings.error(other.place, "the loop has `constraint_axes` and a `cut_joint_type`", "one of them", help);
+        findings.error(
+            other.place,
+            "the loop has `constraint_axes` and a `cut_joint_type`",
+            "one of them",
+            help,
+        );
     }
     let Some(kind) = CutKind::named(&written) else {
         let names = KINDS.map(|(name, _)| name);
-        let help = findings.did_you_mean(&written, names, "write any other cut by its constraint_axes");
-        findings.error(place, format!("the cut joint type {} is not known", quoted(&written)), names.join(", "), help);
+        let help =
+            findings.did_you_mean(&written, names, "write any other cut by its constraint_axes");
+        findings.error(
+            place,
+            format!("the cut joint type {} is not known", quoted(&written)),
+            names.join(", "),
+            help,
+        );
         return Vec::new();
     };
     for (k, (key, given)) in ["axis", "axis2"].into_iter().zip(&axes).enumerate() {
         match given {
             None if k < kind.n_axes() => {
-                findings.error(place, format!("a {written} cut without `{key}`"), format!("`{key}: [x, y, z]` in the cut frame"), "add it");
+                findings.error(
+                    place,
+                    format!("a {written} cut without `{key}`"),
+                    format!("`{key}: [x, y, z]` in the cut frame"),
+                    "add it",
+                );
             }
             Some((_, place, _)) if k >= kind.n_axes() => {
-                findings.error(*place, format!("a {written} cut with `{key}`"), "none", "remove it");
+                findings.error(
+                    *place,
+                    format!("a {written} cut with `{key}`"),
+                    "none",
+                    "remove it",
+                );
             }
             _ => {}
         }
@@ -172,7 +215,12 @@ fn direction(node: &Node, key: &str, findings: &mut Findings) -> Option<[f64; 3]
         return Some(axis);
     }
     let place = node.get(key).map_or(node.place, |value| value.place);
-    findings.error(place, format!("`{key}` of the loop constraint has a length near {size:e}"), "a direction as [0, 0, 1]", "correct it");
+    findings.error(
+        place,
+        format!("`{key}` of the loop constraint has a length near {size:e}"),
+        "a direction as [0, 0, 1]",
+        "correct it",
+    );
     None
 }
 
@@ -191,7 +239,13 @@ mod tests {
     fn the_directions_across_a_tilted_axis_are_a_right_handed_frame_with_it() {
         let axis = [0.36, 0.48, -0.8];
         let [b, c] = across(axis);
-        for (value, expected) in [(dot(b, axis), 0.0), (dot(c, axis), 0.0), (dot(b, c), 0.0), (dot(b, b), 1.0), (dot(c, c), 1.0)] {
+        for (value, expected) in [
+            (dot(b, axis), 0.0),
+            (dot(c, axis), 0.0),
+            (dot(b, c), 0.0),
+            (dot(b, b), 1.0),
+            (dot(c, c), 1.0),
+        ] {
             assert!((value - expected).abs() < 4e-16, "{value} {expected}");
         }
         assert!(c[2] * (axis[0] * b[1] - axis[1] * b[0]) > 0.0);

@@ -12,11 +12,17 @@ pub(crate) struct Known {
     pub(crate) independent: Option<usize>,
 }
 
-const fn known(name: &'static str, kind: Kind, tree: &'static [usize], independent: Option<usize>) -> Known {
+const fn known(
+    name: &'static str,
+    kind: Kind,
+    tree: &'static [usize],
+    independent: Option<usize>,
+) -> Known {
     Known { name, kind, tree, independent }
 }
 
-/// Every type but the letter runs of serial ones. A universal joint counts two, a spherical one none: it is cut.
+/// Every type but the letter runs of serial ones. A universal joint counts two, a spherical one
+/// none: it is cut.
 pub(crate) const KNOWN: [Known; 15] = [
     known("SERIAL", Kind::Serial, &[], None),
     known("RRPR", Kind::Rrpr, &[3], Some(1)),
@@ -84,7 +90,9 @@ mod tests {
         assert_eq!(sum("3R"), Some((3, 0)));
         assert_eq!(sum("3T+3R"), Some((3, 3)));
         assert_eq!(sum("RPT+2P"), Some((1, 4)));
-        for wrong in ["", "3", "3RR", "R+", "+R", "0R", "r", "2SPU+1U", "99999999999999999999R", "R R"] {
+        for wrong in
+            ["", "3", "3RR", "R+", "+R", "0R", "r", "2SPU+1U", "99999999999999999999R", "R R"]
+        {
             assert_eq!(sum(wrong), None, "{wrong}");
         }
     }

@@ -1,4 +1,5 @@
-//! Submechanism files: a walk over the text with positions, checks against the URDF, and the values by serde.
+//! Submechanism files: a walk over the text with positions, checks against the URDF, and the values
+//! by serde.
 
 pub(crate) mod cut;
 pub(crate) mod kind;
@@ -28,7 +29,12 @@ pub(crate) struct Submechanisms {
 }
 
 /// Checks the entries of a file and, where there is a robot, their names.
-pub(crate) fn check(place: Place, entries: Vec<Entry>, urdf: Option<&Urdf>, findings: &mut Findings) -> Submechanisms {
+pub(crate) fn check(
+    place: Place,
+    entries: Vec<Entry>,
+    urdf: Option<&Urdf>,
+    findings: &mut Findings,
+) -> Submechanisms {
     let mut names: HashSet<&str> = HashSet::new();
     for (name, place) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
         if !names.insert(name) {
@@ -38,21 +44,36 @@ pub(crate) fn check(place: Place, entries: Vec<Entry>, urdf: Option<&Urdf>, find
     }
     let mut owner: HashMap<&str, &Entry> = HashMap::new();
     for entry in &entries {
-        let kind = entry.type_name.as_ref().and_then(|(written, place)| kind_of(written, *place, findings));
+        let kind = entry
+            .type_name
+            .as_ref()
+            .and_then(|(written, place)| kind_of(written, *place, findings));
         Check { urdf, entry, kind, findings }.run(&mut owner);
     }
     let all_read = !entries.is_empty() && entries.iter().all(|entry| entry.tree.is_some());
     for joint in urdf.into_iter().flat_map(|urdf| &urdf.joints).filter(|_| all_read) {
         let moves = joint.kind.is_some_and(|kind| kind != JointKind::Fixed);
         if moves && !joint.name.is_empty() && !owner.contains_key(joint.name.as_str()) {
-            let found = format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
-            findings.error(joint.place, found, "every moving joint in one", "add it to a jointnames_spanningtree or make it fixed");
+            let found =
+                format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
+            findings.error(
+                joint.place,
+                found,
+                "every moving joint in one",
+                "add it to a jointnames_spanningtree or make it fixed",
+            );
         }
     }
-    let rows: usize = entries.iter().flat_map(|entry| &entry.loops).map(|each| each.rows.len()).sum();
+    let rows: usize =
+        entries.iter().flat_map(|entry| &entry.loops).map(|each| each.rows.len()).sum();
     if rows > MOST_ROWS {
         let found = format!("the loops have {rows} constraint_axes");
-        findings.error(place, found, format!("at most {MOST_ROWS}"), "split the robot into robots of their own");
+        findings.error(
+            place,
+            found,
+            format!("at most {MOST_ROWS}"),
+            "split the robot into robots of their own",
+        );
     }
     Submechanisms { place, entries }
 }
@@ -67,7 +88,12 @@ pub(crate) fn values(text: &Text, findings: &mut Findings) -> Option<Vec<EntryVa
                 line: at.line() as u32,
                 column: at.column() as u32,
             });
-            findings.error(place, format!("the values cannot be read: {error}"), "a submechanism file", "mend it at this place");
+            findings.error(
+                place,
+                format!("the values cannot be read: {error}"),
+                "a submechanism file",
+                "mend it at this place",
+            );
             None
         }
     }
@@ -83,9 +109,19 @@ fn kind_of(written: &str, place: Place, findings: &mut Findings) -> Option<Subme
     let kind = kind_named(written).map(|(kind, _)| kind);
     if kind.is_none() {
         let names = KNOWN.iter().map(|known| known.name);
-        let expected = names.clone().collect::<Vec<_>>().join(", ") + ", or joints in letters as 3R or 3T+3R";
-        let help = findings.did_you_mean(written, names, "use NUMERICAL with loop_constraints for any other mechanism");
-        findings.error(place, format!("the submechanism type {} is not known", quoted(written)), expected, help);
+        let expected =
+            names.clone().collect::<Vec<_>>().join(", ") + ", or joints in letters as 3R or 3T+3R";
+        let help = findings.did_you_mean(
+            written,
+            names,
+            "use NUMERICAL with loop_constraints for any other mechanism",
+        );
+        findings.error(
+            place,
+            format!("the submechanism type {} is not known", quoted(written)),
+            expected,
+            help,
+        );
     }
     kind
 }
@@ -113,9 +149,18 @@ impl<'a> Check<'a, '_> {
         for (name, place) in entry.tree.iter().flatten() {
             match owner.get(name.as_str()) {
                 Some(first) if !core::ptr::eq(*first, entry) => {
-                    let other = first.name.as_ref().map(|(name, _)| quoted(name)).unwrap_or_default();
-                    let found = format!("the joint {} is already in the submechanism {other}", quoted(name));
-                    self.findings.error(*place, found, "each joint in one", "remove it from one of them");
+                    let other =
+                        first.name.as_ref().map(|(name, _)| quoted(name)).unwrap_or_default();
+                    let found = format!(
+                        "the joint {} is already in the submechanism {other}",
+                        quoted(name)
+                    );
+                    self.findings.error(
+                        *place,
+                        found,
+                        "each joint in one",
+                        "remove it from one of them",
+                    );
                 }
                 _ => {
                     owner.insert(name, entry);
@@ -126,9 +171,13 @@ impl<'a> Check<'a, '_> {
         let mut cuts: HashSet<[Option<&str>; 3]> = HashSet::new();
         for each in &entry.loops {
             self.loop_names(each);
-            let cut = [&each.cut_joint, &each.predecessor, &each.successor].map(|name| name.as_ref().map(|(name, _)| name.as_str()));
+            let cut = [&each.cut_joint, &each.predecessor, &each.successor]
+                .map(|name| name.as_ref().map(|(name, _)| name.as_str()));
             if !cuts.insert(cut) && cut.iter().all(Option::is_some) {
-                let found = format!("a second loop is cut at {} between the same bodies", quoted(cut[0].unwrap_or_default()));
+                let found = format!(
+                    "a second loop is cut at {} between the same bodies",
+                    quoted(cut[0].unwrap_or_default())
+                );
                 self.findings.error(each.place, found, "one", "join their constraint_axes");
             }
         }
@@ -139,19 +188,34 @@ impl<'a> Check<'a, '_> {
         let mut seen: HashSet<&str> = HashSet::new();
         for (name, place) in names.into_iter().flatten() {
             if !seen.insert(name) {
-                self.findings.error(*place, format!("{} is in `{key}` twice", quoted(name)), "once", "remove one of them");
+                self.findings.error(
+                    *place,
+                    format!("{} is in `{key}` twice", quoted(name)),
+                    "once",
+                    "remove one of them",
+                );
                 continue;
             }
             let Some(urdf) = self.urdf else { continue };
             match urdf.joint_index.get(name) {
                 None => {
-                    let help = self.findings.did_you_mean(name, urdf.joint_names(), "correct the name or add the joint to the URDF");
-                    let found = format!("`{key}` names the joint {}, which does not exist", quoted(name));
+                    let help = self.findings.did_you_mean(
+                        name,
+                        urdf.joint_names(),
+                        "correct the name or add the joint to the URDF",
+                    );
+                    let found =
+                        format!("`{key}` names the joint {}, which does not exist", quoted(name));
                     self.findings.error(*place, found, "a joint of the URDF", help);
                 }
                 Some(joint) if must_move && !urdf.moves(*joint) => {
                     let found = format!("`{key}` names the joint {}, which is fixed", quoted(name));
-                    self.findings.error(*place, found, "joints that move", "remove it from the list");
+                    self.findings.error(
+                        *place,
+                        found,
+                        "joints that move",
+                        "remove it from the list",
+                    );
                 }
                 Some(_) => {}
             }
@@ -161,15 +225,29 @@ impl<'a> Check<'a, '_> {
     /// Each name is in the spanning tree, and there once.
     fn within_tree(&mut self, names: Option<&'a [Named]>, key: &str) {
         let mut seen: HashSet<&str> = HashSet::new();
-        let tree: Option<HashSet<&str>> = self.entry.tree.as_ref().map(|tree| tree.iter().map(|(name, _)| name.as_str()).collect());
+        let tree: Option<HashSet<&str>> = self
+            .entry
+            .tree
+            .as_ref()
+            .map(|tree| tree.iter().map(|(name, _)| name.as_str()).collect());
         for (name, place) in names.into_iter().flatten() {
             if !seen.insert(name) {
-                self.findings.error(*place, format!("{} is in `{key}` twice", quoted(name)), "once", "remove one of them");
+                self.findings.error(
+                    *place,
+                    format!("{} is in `{key}` twice", quoted(name)),
+                    "once",
+                    "remove one of them",
+                );
             } else if let Some(tree) = &tree
                 && !tree.contains(name.as_str())
             {
-                let help = self.findings.did_you_mean(name, tree.iter().copied(), "add it to jointnames_spanningtree or remove it");
-                let found = format!("`{key}` names {}, which is not in the spanning tree", quoted(name));
+                let help = self.findings.did_you_mean(
+                    name,
+                    tree.iter().copied(),
+                    "add it to jointnames_spanningtree or remove it",
+                );
+                let found =
+                    format!("`{key}` names {}, which is not in the spanning tree", quoted(name));
                 self.findings.error(*place, found, "names of jointnames_spanningtree", help);
             }
         }
@@ -197,16 +275,36 @@ impl<'a> Check<'a, '_> {
             let [in_tree, in_independent] = [tree, independent].map(|names| self.freedoms(names));
             if !known.tree.is_empty() && !known.tree.contains(&in_tree) {
                 let found = format!("{written} with {}", counted(in_tree, "spanning-tree joint"));
-                let expected = known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
-                self.findings.error(place, found, expected, "correct jointnames_spanningtree or use NUMERICAL");
+                let expected =
+                    known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
+                self.findings.error(
+                    place,
+                    found,
+                    expected,
+                    "correct jointnames_spanningtree or use NUMERICAL",
+                );
             }
             if let Some(count) = known.independent.filter(|count| *count != in_independent) {
-                let found = format!("{written} with {}", counted(in_independent, "independent joint"));
-                self.findings.error(place, found, count.to_string(), "correct jointnames_independent");
+                let found =
+                    format!("{written} with {}", counted(in_independent, "independent joint"));
+                self.findings.error(
+                    place,
+                    found,
+                    count.to_string(),
+                    "correct jointnames_independent",
+                );
             }
         }
-        if kind == SubmechanismKind::Numerical && self.entry.loops.is_empty() && self.coupled(tree) == 0 {
-            self.findings.error(self.entry.place, "NUMERICAL without `loop_constraints`", "at least one loop", "add loop_constraints");
+        if kind == SubmechanismKind::Numerical
+            && self.entry.loops.is_empty()
+            && self.coupled(tree) == 0
+        {
+            self.findings.error(
+                self.entry.place,
+                "NUMERICAL without `loop_constraints`",
+                "at least one loop",
+                "add loop_constraints",
+            );
         }
         if kind == SubmechanismKind::Transmission && self.entry.loops.is_empty() {
             self.transmission(tree, independent);
@@ -216,27 +314,55 @@ impl<'a> Check<'a, '_> {
         }
     }
 
-    /// Each dependent joint of a transmission says what it depends on, or one of the others says so for it.
+    /// Each dependent joint of a transmission says what it depends on, or one of the others says so
+    /// for it.
     fn transmission(&mut self, tree: &'a [Named], independent: &'a [Named]) {
         let needed = tree.len().saturating_sub(independent.len());
-        let Some((name, place)) = self.entry.type_name.as_ref().filter(|_| self.urdf.is_some() && self.coupled(tree) < needed) else {
+        let Some((name, place)) = self
+            .entry
+            .type_name
+            .as_ref()
+            .filter(|_| self.urdf.is_some() && self.coupled(tree) < needed)
+        else {
             return;
         };
-        let found = format!("{} of {}, of which URDF couples {}", quoted(name), counted(needed, "dependent joint"), self.coupled(tree));
-        let help = "add <mimic> or <transmission> with <depends_on> to it, or to the file of `file_path`";
+        let found = format!(
+            "{} of {}, of which URDF couples {}",
+            quoted(name),
+            counted(needed, "dependent joint"),
+            self.coupled(tree)
+        );
+        let help =
+            "add <mimic> or <transmission> with <depends_on> to it, or to the file of `file_path`";
         self.findings.error(*place, found, "a coupling for each", help);
     }
 
-    /// A serial submechanism has no loop, every joint of it is independent or coupled, and its letters fit.
+    /// A serial submechanism has no loop, every joint of it is independent or coupled, and its
+    /// letters fit.
     fn serial(&mut self, written: &str, place: Place, tree: &'a [Named], independent: &'a [Named]) {
         if let Some(first) = self.entry.loops.first() {
             let found = format!("the serial type {} has loop constraints", quoted(written));
-            self.findings.error(first.place, found, "none", "use NUMERICAL or the type of the mechanism");
+            self.findings.error(
+                first.place,
+                found,
+                "none",
+                "use NUMERICAL or the type of the mechanism",
+            );
         }
         let free = tree.len() - self.coupled(tree).min(tree.len());
         if self.urdf.is_some() && independent.len() != free && independent.len() != tree.len() {
-            let found = format!("the serial type {} with {} of {} joints independent", quoted(written), independent.len(), tree.len());
-            self.findings.error(place, found, "all of them", "list every joint in jointnames_independent");
+            let found = format!(
+                "the serial type {} with {} of {} joints independent",
+                quoted(written),
+                independent.len(),
+                tree.len()
+            );
+            self.findings.error(
+                place,
+                found,
+                "all of them",
+                "list every joint in jointnames_independent",
+            );
         }
         let Some(letters) = letters(written) else { return };
         let Some(urdf) = self.urdf else { return };
@@ -248,20 +374,32 @@ impl<'a> Check<'a, '_> {
                 JointKind::Revolute | JointKind::Continuous => actual.rotations += 1,
                 JointKind::Prismatic => actual.translations += 1,
                 JointKind::Spherical => actual.rotations += 3,
-                JointKind::Floating => actual = Letters { rotations: actual.rotations + 3, translations: actual.translations + 3 },
+                JointKind::Floating => {
+                    actual = Letters {
+                        rotations: actual.rotations + 3,
+                        translations: actual.translations + 3,
+                    }
+                }
                 _ => {}
             }
         }
         if known != tree.len() || actual == letters {
             return;
         }
-        let actual_counts = [counted(actual.rotations, "rotation"), counted(actual.translations, "translation")];
-        let found = format!("the type {} stands over {}", quoted(written), actual_counts.join(" and "));
+        let actual_counts =
+            [counted(actual.rotations, "rotation"), counted(actual.translations, "translation")];
+        let found =
+            format!("the type {} stands over {}", quoted(written), actual_counts.join(" and "));
         let expected = format!("{} and {}", letters.rotations, letters.translations);
         if actual.rotations + actual.translations == letters.rotations + letters.translations {
             self.findings.warning(place, found, expected, "correct the type; it is read as serial");
         } else {
-            self.findings.error(place, found, expected, "correct the type or jointnames_spanningtree");
+            self.findings.error(
+                place,
+                found,
+                expected,
+                "correct the type or jointnames_spanningtree",
+            );
         }
     }
 
@@ -279,27 +417,46 @@ impl<'a> Check<'a, '_> {
     /// How many of these joints follow others.
     fn coupled(&self, names: &[Named]) -> usize {
         let Some(urdf) = self.urdf else { return 0 };
-        names.iter().filter_map(|(name, _)| urdf.joint(name)).filter(|joint| !joint.masters.is_empty()).count()
+        names
+            .iter()
+            .filter_map(|(name, _)| urdf.joint(name))
+            .filter(|joint| !joint.masters.is_empty())
+            .count()
     }
 
     /// The bodies of a loop exist and differ; a cut joint without a frame is told.
     fn loop_names(&mut self, each: &LoopEntry) {
         let Some(urdf) = self.urdf else { return };
-        for (end, key) in [(&each.predecessor, "predecessor_body"), (&each.successor, "successor_body")] {
+        for (end, key) in
+            [(&each.predecessor, "predecessor_body"), (&each.successor, "successor_body")]
+        {
             let Some((name, place)) = end else { continue };
             if !urdf.link_index.contains_key(name) {
                 let help = self.findings.did_you_mean(name, urdf.link_names(), "correct the name");
-                let found = format!("`{key}` names the link {}, which does not exist", quoted(name));
+                let found =
+                    format!("`{key}` names the link {}, which does not exist", quoted(name));
                 self.findings.error(*place, found, "a link of the URDF", help);
             }
         }
-        let (Some((predecessor, _)), Some((successor, place))) = (&each.predecessor, &each.successor) else { return };
+        let (Some((predecessor, _)), Some((successor, place))) =
+            (&each.predecessor, &each.successor)
+        else {
+            return;
+        };
         if predecessor == successor {
             let found = format!("{} is both predecessor and successor", quoted(successor));
             self.findings.error(*place, found, "two bodies", "correct one of them");
         }
-        if let Some((cut, place)) = each.cut_joint.as_ref().filter(|(cut, _)| !each.is_placed && !urdf.joint_index.contains_key(cut)) {
-            let found = format!("the cut joint {} is no joint of the URDF, so the frame of {} is taken", quoted(cut), quoted(predecessor));
+        if let Some((cut, place)) = each
+            .cut_joint
+            .as_ref()
+            .filter(|(cut, _)| !each.is_placed && !urdf.joint_index.contains_key(cut))
+        {
+            let found = format!(
+                "the cut joint {} is no joint of the URDF, so the frame of {} is taken",
+                quoted(cut),
+                quoted(predecessor)
+            );
             let otherwise = "name a joint, or give predecessor_placement and successor_placement";
             let help = self.findings.did_you_mean(cut, urdf.joint_names(), otherwise);
             self.findings.warning(*place, found, "the frame of a joint", help);

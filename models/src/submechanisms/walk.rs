@@ -6,7 +6,8 @@ use super::cut;
 use crate::report::{Findings, Place, quoted};
 use crate::yaml::{Named, Node, Value, keys, list, number, numbers, word, words};
 
-/// A submechanism as it stands in the file; `None` for what is absent or malformed, which has been told.
+/// A submechanism as it stands in the file; `None` for what is absent or malformed, which has been
+/// told.
 pub(crate) struct Entry {
     pub(crate) place: Place,
     pub(crate) name: Option<Named>,
@@ -63,16 +64,38 @@ pub(crate) fn walk(root: &Node, findings: &mut Findings) -> Vec<Entry> {
     }
     if let Some(exoskeletons) = root.get("exoskeletons").filter(|node| !node.items().is_empty()) {
         let help = "couple their joints by <mimic> in the URDF";
-        findings.warning(exoskeletons.place, "`exoskeletons` is not used", "submechanisms only", help);
+        findings.warning(
+            exoskeletons.place,
+            "`exoskeletons` is not used",
+            "submechanisms only",
+            help,
+        );
     }
     let Some(list) = root.get("submechanisms") else {
-        findings.error(root.place, "the file has no `submechanisms`", "a list of at least one", "add it");
+        findings.error(
+            root.place,
+            "the file has no `submechanisms`",
+            "a list of at least one",
+            "add it",
+        );
         return Vec::new();
     };
-    if matches!(list.value, Value::Null) || matches!(&list.value, Value::List(items) if items.is_empty()) {
-        findings.error(list.place, "`submechanisms` is empty", "at least one", "list the joints in submechanisms");
+    if matches!(list.value, Value::Null)
+        || matches!(&list.value, Value::List(items) if items.is_empty())
+    {
+        findings.error(
+            list.place,
+            "`submechanisms` is empty",
+            "at least one",
+            "list the joints in submechanisms",
+        );
     } else if !matches!(list.value, Value::List(_)) {
-        findings.error(list.place, format!("`submechanisms` is {}", list.describe()), "a list", "write each submechanism as a list item");
+        findings.error(
+            list.place,
+            format!("`submechanisms` is {}", list.describe()),
+            "a list",
+            "write each submechanism as a list item",
+        );
     }
     list.items().iter().filter_map(|node| entry(node, findings)).collect()
 }
@@ -84,16 +107,31 @@ fn entry(node: &Node, findings: &mut Findings) -> Option<Entry> {
     let contextual_name = word(node, "contextual_name", findings);
     let other_name = word(node, "name", findings);
     if node.get("contextual_name").is_none() && node.get("name").is_none() {
-        findings.error(node.place, "the submechanism has no `contextual_name`", "a name of its own", "add it");
+        findings.error(
+            node.place,
+            "the submechanism has no `contextual_name`",
+            "a name of its own",
+            "add it",
+        );
     }
     let type_name = word(node, "type", findings);
     if node.get("type").is_none() {
-        findings.error(node.place, "the submechanism has no `type`", "a type as 3R, RRPR or NUMERICAL", "add it");
+        findings.error(
+            node.place,
+            "the submechanism has no `type`",
+            "a type as 3R, RRPR or NUMERICAL",
+            "add it",
+        );
     }
     let file_path = word(node, "file_path", findings);
     for key in ["jointnames_spanningtree", "jointnames_independent", "jointnames_active"] {
         if node.get(key).is_none() {
-            findings.error(node.place, format!("the submechanism has no `{key}`"), "a list of joints, which may be empty", "add it");
+            findings.error(
+                node.place,
+                format!("the submechanism has no `{key}`"),
+                "a list of joints, which may be empty",
+                "add it",
+            );
         }
     }
     Some(Entry {
@@ -105,7 +143,10 @@ fn entry(node: &Node, findings: &mut Findings) -> Option<Entry> {
         tree: words(node, "jointnames_spanningtree", findings),
         independent: words(node, "jointnames_independent", findings),
         active: words(node, "jointnames_active", findings),
-        loops: list(node, "loop_constraints", findings).iter().filter_map(|node| loop_entry(node, findings)).collect(),
+        loops: list(node, "loop_constraints", findings)
+            .iter()
+            .filter_map(|node| loop_entry(node, findings))
+            .collect(),
     })
 }
 
@@ -113,21 +154,34 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
     if !keys(node, "a loop constraint", LOOP, findings) {
         return None;
     }
-    let [cut_joint, predecessor, successor] = ["cut_joint", "predecessor_body", "successor_body"].map(|key| {
-        if node.get(key).is_none() {
-            findings.error(node.place, format!("the loop constraint has no `{key}`"), format!("`{key}: NAME`"), "add it");
-        }
-        word(node, key, findings)
-    });
+    let [cut_joint, predecessor, successor] = ["cut_joint", "predecessor_body", "successor_body"]
+        .map(|key| {
+            if node.get(key).is_none() {
+                findings.error(
+                    node.place,
+                    format!("the loop constraint has no `{key}`"),
+                    format!("`{key}: NAME`"),
+                    "add it",
+                );
+            }
+            word(node, key, findings)
+        });
     baumgarte(node, findings);
-    let placements = ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
+    let placements =
+        ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
     for (key, placement) in placements {
-        let Some(placement) = placement.filter(|placement| keys(placement, key, PLACEMENT, findings)) else { continue };
+        let Some(placement) =
+            placement.filter(|placement| keys(placement, key, PLACEMENT, findings))
+        else {
+            continue;
+        };
         for part in PLACEMENT {
             numbers::<3>(placement, key, part, findings);
         }
     }
-    if let [(given, Some(placement)), (missing, None)] | [(missing, None), (given, Some(placement))] = placements {
+    if let [(given, Some(placement)), (missing, None)]
+    | [(missing, None), (given, Some(placement))] = placements
+    {
         findings.error(
             placement.place,
             format!("the loop has `{given}` but no `{missing}`"),
@@ -137,9 +191,19 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
     }
     let (axes, of_type) = (list(node, "constraint_axes", findings), cut::walk(node, findings));
     let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
-    if no_axes && !matches!(node.get("constraint_axes").map(|axes| &axes.value), Some(Value::Scalar { .. } | Value::Map(_))) {
+    if no_axes
+        && !matches!(
+            node.get("constraint_axes").map(|axes| &axes.value),
+            Some(Value::Scalar { .. } | Value::Map(_))
+        )
+    {
         let help = "list the constrained directions, or give a cut_joint_type";
-        findings.error(node.place, "the loop constraint has no `constraint_axes`", "at least one", help);
+        findings.error(
+            node.place,
+            "the loop constraint has no `constraint_axes`",
+            "at least one",
+            help,
+        );
     }
     if let Some(seventh) = axes.get(6) {
         let found = format!("the loop constraint has {} constraint_axes", axes.len());
@@ -160,18 +224,35 @@ fn row(node: &Node, names: &mut HashSet<String>, findings: &mut Findings) {
     }
     for key in ["name", "axis"] {
         if node.get(key).is_none() {
-            findings.error(node.place, format!("the constraint axis has no `{key}`"), "name and axis", "add it");
+            findings.error(
+                node.place,
+                format!("the constraint axis has no `{key}`"),
+                "name and axis",
+                "add it",
+            );
         }
     }
     if let Some((name, place)) = word(node, "name", findings)
         && !names.insert(name.clone())
     {
-        findings.error(place, format!("a second axis of this loop is named {}", quoted(&name)), "a name of its own", "rename one of them");
+        findings.error(
+            place,
+            format!("a second axis of this loop is named {}", quoted(&name)),
+            "a name of its own",
+            "rename one of them",
+        );
     }
     baumgarte(node, findings);
     let axis = numbers::<6>(node, "a constraint axis", "axis", findings);
-    if let Some(place) = axis.filter(|axis| *axis == [0.0; 6]).and_then(|_| node.get("axis")).map(|node| node.place) {
-        findings.error(place, "the constraint axis is zero", "a direction [wx, wy, wz, vx, vy, vz]", "correct it");
+    if let Some(place) =
+        axis.filter(|axis| *axis == [0.0; 6]).and_then(|_| node.get("axis")).map(|node| node.place)
+    {
+        findings.error(
+            place,
+            "the constraint axis is zero",
+            "a direction [wx, wy, wz, vx, vy, vz]",
+            "correct it",
+        );
     }
 }
 

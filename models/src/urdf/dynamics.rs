@@ -1,4 +1,5 @@
-//! What acts in a joint besides its actuator: `<dynamics>` of a joint, and the rotor that a `<transmission>` states for one.
+//! What acts in a joint besides its actuator: `<dynamics>` of a joint, and the rotor that a
+//! `<transmission>` states for one.
 
 use roxmltree::Node;
 use sarrus_dynamics::description::{JointKind, Terms};
@@ -7,7 +8,14 @@ use super::xml::{Reader, Shape};
 use crate::report::{Place, quoted};
 
 const DYNAMICS: Shape = Shape {
-    attributes: &["damping", "friction", "spring_stiffness", "spring_reference", "rotor_inertia", "gear_ratio"],
+    attributes: &[
+        "damping",
+        "friction",
+        "spring_stiffness",
+        "spring_reference",
+        "rotor_inertia",
+        "gear_ratio",
+    ],
     once: &[],
     many: &[],
     ignored: &[],
@@ -33,14 +41,26 @@ impl Rotor {
 }
 
 /// Reads `<dynamics>` of a joint.
-pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, joint: &str) -> Terms {
+pub(super) fn read<'t>(
+    reader: &mut Reader<'t, '_>,
+    node: Node<'_, 't>,
+    kind: Option<JointKind>,
+    joint: &str,
+) -> Terms {
     reader.children(node, &DYNAMICS);
     reader.unread.push(node.range());
     let mut number = |name: &str| reader.numbers::<1>(node, name).map(|[number]| number);
     let [damping, friction, stiffness, rotor_inertia] =
-        ["damping", "friction", "spring_stiffness", "rotor_inertia"].map(|name| number(name).unwrap_or(0.0));
-    let (rest, ratio) = (number("spring_reference").unwrap_or(0.0), number("gear_ratio").unwrap_or(1.0));
-    for (name, value) in [("damping", damping), ("friction", friction), ("spring_stiffness", stiffness), ("rotor_inertia", rotor_inertia)] {
+        ["damping", "friction", "spring_stiffness", "rotor_inertia"]
+            .map(|name| number(name).unwrap_or(0.0));
+    let (rest, ratio) =
+        (number("spring_reference").unwrap_or(0.0), number("gear_ratio").unwrap_or(1.0));
+    for (name, value) in [
+        ("damping", damping),
+        ("friction", friction),
+        ("spring_stiffness", stiffness),
+        ("rotor_inertia", rotor_inertia),
+    ] {
         if value < 0.0 {
             let found = format!("`{name}` of `dynamics` is {value}");
             reader.findings.error(reader.place(node), found, "zero or more", "correct the value");
@@ -48,7 +68,12 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Op
     }
     if friction > 0.0 {
         let found = format!("the joint {} has dry friction, which is not modelled", quoted(joint));
-        reader.findings.warning(reader.place(node), found, "`damping`", "add it to the forces of the actuators, or remove it");
+        reader.findings.warning(
+            reader.place(node),
+            found,
+            "`damping`",
+            "add it to the forces of the actuators, or remove it",
+        );
     }
     let rotor_inertia = rotor(reader, node, rotor_inertia, ratio);
     let terms = Terms { damping, stiffness, rest, rotor_inertia, gear_ratio: ratio };
@@ -58,20 +83,38 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Op
 /// The rotors that the actuators of a transmission have; most have none, and are not looked at.
 pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Rotor> {
     let child = |node: Node<'_, 't>, name: &str| node.children().any(|child| is_named(child, name));
-    let actuators = node.children().filter(|actuator| actuator.has_tag_name("actuator") && child(*actuator, "rotor_inertia"));
+    let actuators = node
+        .children()
+        .filter(|actuator| actuator.has_tag_name("actuator") && child(*actuator, "rotor_inertia"));
     let actuators: Vec<Node<'_, 't>> = actuators.collect();
-    let joints: Vec<Node<'_, 't>> = node.children().filter(|child| child.has_tag_name("joint")).collect();
+    let joints: Vec<Node<'_, 't>> =
+        node.children().filter(|child| child.has_tag_name("joint")).collect();
     let ([actuator], [joint]) = (&actuators[..], &joints[..]) else {
         if let Some(second) = actuators.first() {
-            let found = format!("the transmission has {} rotors and {} joints", actuators.len(), joints.len());
-            reader.findings.error(reader.place(*second), found, "one of each", "write a transmission for each rotor");
+            let found = format!(
+                "the transmission has {} rotors and {} joints",
+                actuators.len(),
+                joints.len()
+            );
+            reader.findings.error(
+                reader.place(*second),
+                found,
+                "one of each",
+                "write a transmission for each rotor",
+            );
         }
         return Vec::new();
     };
     let mut value = |names: &[&str]| {
-        let found = names.iter().find_map(|name| actuator.children().find(|child| is_named(*child, name)))?;
+        let found = names
+            .iter()
+            .find_map(|name| actuator.children().find(|child| is_named(*child, name)))?;
         let attribute = found.attribute("value").is_some();
-        let number = if attribute { reader.required_number(found, "value") } else { reader.number_of_text(found) };
+        let number = if attribute {
+            reader.required_number(found, "value")
+        } else {
+            reader.number_of_text(found)
+        };
         number.map(|number| (number, reader.place(found)))
     };
     let inertia = value(&["rotor_inertia"]);
@@ -79,25 +122,42 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
     let name = reader.required(*joint, "name");
     let (Some((inertia, place)), Some((joint, _))) = (inertia, name) else { return Vec::new() };
     if inertia < 0.0 {
-        reader.findings.error(place, format!("the rotor inertia is {inertia}"), "zero or more", "correct the value");
+        reader.findings.error(
+            place,
+            format!("the rotor inertia is {inertia}"),
+            "zero or more",
+            "correct the value",
+        );
     }
     let inertia = rotor(reader, *actuator, inertia, ratio);
     Vec::from_iter((inertia > 0.0).then_some(Rotor { joint, place, inertia, ratio }))
 }
 
 /// Whether a joint of this kind can have these terms; tells it if not.
-pub(super) fn accepts(reader: &mut Reader<'_, '_>, place: Place, kind: Option<JointKind>, joint: &str, terms: &Terms) -> bool {
+pub(super) fn accepts(
+    reader: &mut Reader<'_, '_>,
+    place: Place,
+    kind: Option<JointKind>,
+    joint: &str,
+    terms: &Terms,
+) -> bool {
     let is_empty = terms.damping == 0.0 && terms.stiffness == 0.0 && terms.rotor_inertia == 0.0;
     let help = "remove it, or change the type of the joint";
     match kind {
         _ if is_empty => true,
         Some(JointKind::Fixed) => {
-            let found = format!("the fixed joint {} has damping, a spring or a rotor, which is not read", quoted(joint));
+            let found = format!(
+                "the fixed joint {} has damping, a spring or a rotor, which is not read",
+                quoted(joint)
+            );
             reader.findings.warning(place, found, "a joint that moves", help);
             false
         }
         Some(JointKind::Floating | JointKind::Spherical) => {
-            let found = format!("the joint {} of several freedoms has damping, a spring or a rotor", quoted(joint));
+            let found = format!(
+                "the joint {} of several freedoms has damping, a spring or a rotor",
+                quoted(joint)
+            );
             reader.findings.error(place, found, "a joint of one freedom", help);
             false
         }
@@ -105,11 +165,17 @@ pub(super) fn accepts(reader: &mut Reader<'_, '_>, place: Place, kind: Option<Jo
     }
 }
 
-/// The inertia of a rotor whose ratio is good; its sign is that of the motor's coordinate and counts for nothing.
+/// The inertia of a rotor whose ratio is good; its sign is that of the motor's coordinate and
+/// counts for nothing.
 fn rotor<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, inertia: f64, ratio: f64) -> f64 {
     if inertia > 0.0 && ratio == 0.0 {
         let found = "the gear ratio of a rotor is zero";
-        reader.findings.error(reader.place(node), found, "how often it turns while the joint turns once", "correct the value");
+        reader.findings.error(
+            reader.place(node),
+            found,
+            "how often it turns while the joint turns once",
+            "correct the value",
+        );
     }
     inertia
 }

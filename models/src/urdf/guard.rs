@@ -1,9 +1,11 @@
-//! A look over raw XML before any parser sees it: what could exhaust a parser's stack or time is refused here.
+//! A look over raw XML before any parser sees it: what could exhaust a parser's stack or time is
+//! refused here.
 
 use crate::report::{Findings, quoted};
 use crate::text::{DEEPEST, Text};
 
-/// Most attributes of one element, and most namespace declarations of a file: the parser's cost is quadratic in both.
+/// Most attributes of one element, and most namespace declarations of a file: the parser's cost is
+/// quadratic in both.
 const MOST_ATTRIBUTES: usize = 256;
 const MOST_NAMESPACES: usize = 1024;
 
@@ -11,28 +13,54 @@ const MOST_NAMESPACES: usize = 1024;
 pub(super) fn is_harmless(text: &Text, findings: &mut Findings) -> bool {
     let content = text.content.as_str();
     let (mut at, mut depth, mut namespaces) = (0, 0_usize, 0);
-    while let Some(open) = content.get(at..).and_then(|rest| rest.find('<')).map(|found| at + found) {
+    while let Some(open) = content.get(at..).and_then(|rest| rest.find('<')).map(|found| at + found)
+    {
         let rest = content.get(open..).unwrap_or_default();
-        if let Some((start, end)) =
-            [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")].into_iter().find(|(start, _)| rest.starts_with(start))
+        if let Some((start, end)) = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")]
+            .into_iter()
+            .find(|(start, _)| rest.starts_with(start))
         {
-            let Some(close) = rest.get(start.len()..).and_then(|inner| inner.find(end)) else { return true };
+            let Some(close) = rest.get(start.len()..).and_then(|inner| inner.find(end)) else {
+                return true;
+            };
             at = open + start.len() + close + end.len();
         } else if rest.starts_with("<!") {
             let help = "remove it; the five entities of XML itself need none";
-            findings.error(text.place(open), "a document type declaration (DTD)", "a file without one", help);
+            findings.error(
+                text.place(open),
+                "a document type declaration (DTD)",
+                "a file without one",
+                help,
+            );
             return false;
         } else {
             let tag = Tag::scan(rest);
             if tag.attributes > MOST_ATTRIBUTES || namespaces + tag.namespaces > MOST_NAMESPACES {
-                let found = format!("the element {} has too many attributes or namespaces", quoted(tag.name));
-                findings.error(text.place(open), found, format!("at most {MOST_ATTRIBUTES}"), "remove those that no reader knows");
+                let found = format!(
+                    "the element {} has too many attributes or namespaces",
+                    quoted(tag.name)
+                );
+                findings.error(
+                    text.place(open),
+                    found,
+                    format!("at most {MOST_ATTRIBUTES}"),
+                    "remove those that no reader knows",
+                );
                 return false;
             }
             namespaces += tag.namespaces;
-            depth = if tag.closes { depth.saturating_sub(1) } else { depth + usize::from(!tag.is_empty) };
+            depth = if tag.closes {
+                depth.saturating_sub(1)
+            } else {
+                depth + usize::from(!tag.is_empty)
+            };
             if depth > DEEPEST {
-                findings.error(text.place(open), "elements are nested too deep", format!("at most {DEEPEST} levels"), "flatten the file");
+                findings.error(
+                    text.place(open),
+                    "elements are nested too deep",
+                    format!("at most {DEEPEST} levels"),
+                    "flatten the file",
+                );
                 return false;
             }
             at = open + tag.length;
@@ -56,8 +84,10 @@ impl<'a> Tag<'a> {
     /// `rest` begins with `<`; a `>` within quotes does not end the tag.
     fn scan(rest: &'a str) -> Tag<'a> {
         let bytes = rest.as_bytes();
-        let mut tag = Tag { closes: bytes.get(1) == Some(&b'/'), length: bytes.len(), ..Tag::default() };
-        let name_end = rest.find(|c: char| c.is_ascii_whitespace() || c == '>').unwrap_or(rest.len());
+        let mut tag =
+            Tag { closes: bytes.get(1) == Some(&b'/'), length: bytes.len(), ..Tag::default() };
+        let name_end =
+            rest.find(|c: char| c.is_ascii_whitespace() || c == '>').unwrap_or(rest.len());
         tag.name = rest.get(1..name_end).unwrap_or_default().trim_matches('/');
         let mut quote = None;
         for (i, byte) in bytes.iter().copied().enumerate().skip(1) {
@@ -73,7 +103,10 @@ impl<'a> Tag<'a> {
                     tag.length = i + 1;
                     break;
                 }
-                None => tag.namespaces += usize::from(byte == b'x' && bytes.get(i..i + 5) == Some(b"xmlns")),
+                None => {
+                    tag.namespaces +=
+                        usize::from(byte == b'x' && bytes.get(i..i + 5) == Some(b"xmlns"))
+                }
             }
         }
         tag

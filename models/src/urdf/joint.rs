@@ -11,9 +11,17 @@ const JOINT: Shape = Shape {
     attributes: &["name", "type"],
     once: &["origin", "parent", "child", "axis", "limit", "mimic", "dynamics"],
     many: &[],
-    ignored: &["calibration", "safety_controller", "hardwareInterface", "joint_properties", "sensor", "gazebo"],
+    ignored: &[
+        "calibration",
+        "safety_controller",
+        "hardwareInterface",
+        "joint_properties",
+        "sensor",
+        "gazebo",
+    ],
 };
-const ORIGIN: Shape = Shape { attributes: &["xyz", "rpy", "quat_xyzw"], once: &[], many: &[], ignored: &[] };
+const ORIGIN: Shape =
+    Shape { attributes: &["xyz", "rpy", "quat_xyzw"], once: &[], many: &[], ignored: &[] };
 const REFERENCE: Shape = Shape { attributes: &["link"], once: &[], many: &[], ignored: &[] };
 const AXIS: Shape = Shape { attributes: &["xyz"], once: &[], many: &[], ignored: &[] };
 const LIMIT: Shape = Shape {
@@ -22,7 +30,8 @@ const LIMIT: Shape = Shape {
     many: &[],
     ignored: &[],
 };
-const MIMIC: Shape = Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
+const MIMIC: Shape =
+    Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
 
 const TYPES: [(&str, JointKind); 7] = [
     ("revolute", JointKind::Revolute),
@@ -63,7 +72,8 @@ pub(crate) struct Master {
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
     let place = reader.place(node);
     let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
-    let kind = reader.required(node, "type").and_then(|(written, place)| kind_of(reader, &written, place));
+    let kind =
+        reader.required(node, "type").and_then(|(written, place)| kind_of(reader, &written, place));
     if let Some(written) = node.attribute_node("type").filter(|written| written.value() == BALL) {
         reader.replaced.push((written.range_value(), "spherical"));
     }
@@ -78,7 +88,12 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
             reader.required(node, "link")
         }
         None => {
-            reader.findings.error(place, format!("the joint has no `{end}`"), format!("<{end} link=\"…\"/>"), "add it");
+            reader.findings.error(
+                place,
+                format!("the joint has no `{end}`"),
+                format!("<{end} link=\"…\"/>"),
+                "add it",
+            );
             None
         }
     });
@@ -91,14 +106,33 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
         None if matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic)) => {
             let what = if kind == Some(JointKind::Revolute) { "revolute" } else { "prismatic" };
             let found = format!("the {what} joint {} has no limits", quoted(&name));
-            let help = if what == "revolute" { "add them, or make the joint continuous" } else { "add them" };
-            reader.findings.error(place, found, "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>", help);
+            let help = if what == "revolute" {
+                "add them, or make the joint continuous"
+            } else {
+                "add them"
+            };
+            reader.findings.error(
+                place,
+                found,
+                "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>",
+                help,
+            );
         }
         None => {}
     }
-    let terms = find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
+    let terms =
+        find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
-    JointEntry { name, place, kind, parent, child, has_limits: limit_node.is_some(), masters, terms }
+    JointEntry {
+        name,
+        place,
+        kind,
+        parent,
+        child,
+        has_limits: limit_node.is_some(),
+        masters,
+        terms,
+    }
 }
 
 fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<JointKind> {
@@ -106,7 +140,10 @@ fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<J
     let kind = TYPES.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind);
     if kind.is_none() {
         let (found, help) = match written {
-            "planar" => ("the joint type `planar` is not supported".to_owned(), "use two prismatic and one revolute joint".to_owned()),
+            "planar" => (
+                "the joint type `planar` is not supported".to_owned(),
+                "use two prismatic and one revolute joint".to_owned(),
+            ),
             _ => {
                 let help = reader.findings.did_you_mean(written, names, "choose one of them");
                 (format!("the joint type {} is not known", quoted(written)), help)
@@ -129,20 +166,36 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
         return reader.findings.error(place, "`quat_xyzw` in a file of version 1.0", "`rpy`", help);
     }
     if node.has_attribute("rpy") {
-        reader.findings.error(place, "`origin` has both `rpy` and `quat_xyzw`", "one of them", "remove the other");
+        reader.findings.error(
+            place,
+            "`origin` has both `rpy` and `quat_xyzw`",
+            "one of them",
+            "remove the other",
+        );
     }
     let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (length - 1.0).abs() >= 1e-3 {
-        reader.findings.error(place, format!("the quaternion of `origin` has the length {length}"), "1", "normalise it");
+        reader.findings.error(
+            place,
+            format!("the quaternion of `origin` has the length {length}"),
+            "1",
+            "normalise it",
+        );
     }
 }
 
 fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, joint: &str) {
     reader.children(node, &AXIS);
     if node.attribute_node("xyz").is_none() {
-        reader.findings.error(reader.place(node), "`axis` has no `xyz`", "a direction as 0 0 1", "add it");
+        reader.findings.error(
+            reader.place(node),
+            "`axis` has no `xyz`",
+            "a direction as 0 0 1",
+            "add it",
+        );
     }
-    let moves = matches!(kind, Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic));
+    let moves =
+        matches!(kind, Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic));
     if let Some(axis) = reader.numbers::<3>(node, "xyz").filter(|_| moves) {
         let length = axis.iter().fold(0.0_f64, |length, x| length.max(x.abs()));
         // far from unit length its square would leave the range of numbers
@@ -160,21 +213,45 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
 fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>) {
     reader.children(node, &LIMIT);
     let place = reader.place(node);
-    let [lower, upper] = ["lower", "upper"].map(|name| reader.numbers::<1>(node, name).map(|[number]| number));
+    let [lower, upper] =
+        ["lower", "upper"].map(|name| reader.numbers::<1>(node, name).map(|[number]| number));
     for name in ["effort", "velocity", "acceleration", "deceleration", "jerk"] {
         let needed = matches!(name, "effort" | "velocity") && !reader.version.has_optional_limits();
-        let value = if needed { reader.required_number(node, name) } else { reader.numbers::<1>(node, name).map(|[number]| number) };
+        let value = if needed {
+            reader.required_number(node, name)
+        } else {
+            reader.numbers::<1>(node, name).map(|[number]| number)
+        };
         if value.is_some_and(|value| value < 0.0) {
-            reader.findings.error(place, format!("the limit `{name}` is negative"), "zero or more", "correct the value");
+            reader.findings.error(
+                place,
+                format!("the limit `{name}` is negative"),
+                "zero or more",
+                "correct the value",
+            );
         }
     }
     let has_range = matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic));
-    if has_range && !reader.version.has_optional_limits() && !node.has_attribute("lower") && !node.has_attribute("upper") {
-        reader.findings.error(place, "`limit` has neither `lower` nor `upper`", "the range of the joint", "add them");
+    if has_range
+        && !reader.version.has_optional_limits()
+        && !node.has_attribute("lower")
+        && !node.has_attribute("upper")
+    {
+        reader.findings.error(
+            place,
+            "`limit` has neither `lower` nor `upper`",
+            "the range of the joint",
+            "add them",
+        );
     }
     let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));
     if has_range && lower > upper {
-        reader.findings.error(place, format!("the lower limit {lower} is above the upper limit {upper}"), "lower ≤ upper", "swap them");
+        reader.findings.error(
+            place,
+            format!("the lower limit {lower} is above the upper limit {upper}"),
+            "lower ≤ upper",
+            "swap them",
+        );
     }
 }
 
@@ -186,9 +263,11 @@ fn mimic<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Master> 
 /// Reads `joint`, `multiplier` and `offset`, of a mimic or of a transmission.
 pub(super) fn master<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Master> {
     let joint = reader.required(node, "joint");
-    let [multiplier, offset] = [("multiplier", 1.0), ("offset", 0.0)].map(|(name, default)| match node.attribute_node(name) {
-        Some(_) => reader.numbers::<1>(node, name).map(|[number]| number),
-        None => Some(default),
+    let [multiplier, offset] = [("multiplier", 1.0), ("offset", 0.0)].map(|(name, default)| {
+        match node.attribute_node(name) {
+            Some(_) => reader.numbers::<1>(node, name).map(|[number]| number),
+            None => Some(default),
+        }
     });
     let (joint, place) = joint?;
     Some(Master { joint, place, multiplier: multiplier?, offset: offset? })

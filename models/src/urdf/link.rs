@@ -10,11 +10,27 @@ const LINK: Shape = Shape {
     attributes: &["name", "type"],
     once: &["inertial"],
     many: &[],
-    ignored: &["visual", "collision", "contact", "self_collision_checking", "self_collide", "gravity", "sensor", "material", "verbose"],
+    ignored: &[
+        "visual",
+        "collision",
+        "contact",
+        "self_collision_checking",
+        "self_collide",
+        "gravity",
+        "sensor",
+        "material",
+        "verbose",
+    ],
 };
-const INERTIAL: Shape = Shape { attributes: &[], once: &["origin", "mass", "inertia"], many: &[], ignored: &[] };
+const INERTIAL: Shape =
+    Shape { attributes: &[], once: &["origin", "mass", "inertia"], many: &[], ignored: &[] };
 const MASS: Shape = Shape { attributes: &["value"], once: &[], many: &[], ignored: &[] };
-const INERTIA: Shape = Shape { attributes: &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], once: &[], many: &[], ignored: &[] };
+const INERTIA: Shape = Shape {
+    attributes: &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"],
+    once: &[],
+    many: &[],
+    ignored: &[],
+};
 
 /// A link as it stands in the file.
 pub(crate) struct LinkEntry {
@@ -41,7 +57,11 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkE
     for child in reader.children(node, &LINK) {
         inertial = weight(reader, child);
     }
-    LinkEntry { name: name.map(|(name, _)| name).unwrap_or_default(), place: reader.place(node), inertial }
+    LinkEntry {
+        name: name.map(|(name, _)| name).unwrap_or_default(),
+        place: reader.place(node),
+        inertial,
+    }
 }
 
 fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
@@ -57,12 +77,18 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     });
     let inertia = find("inertia").map(|inertia| {
         reader.children(inertia, &INERTIA);
-        let [ixx, ixy, ixz, iyy, iyz, izz] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"].map(|name| reader.required_number(inertia, name));
+        let [ixx, ixy, ixz, iyy, iyz, izz] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]
+            .map(|name| reader.required_number(inertia, name));
         Some([ixx?, ixy?, ixz?, iyy?, iyz?, izz?])
     });
     for (name, absent) in [("mass", mass.is_none()), ("inertia", inertia.is_none())] {
         if absent {
-            reader.findings.error(place, format!("`inertial` has no `{name}`"), format!("<{name} …/>"), "add it or remove the inertial");
+            reader.findings.error(
+                place,
+                format!("`inertial` has no `{name}`"),
+                format!("<{name} …/>"),
+                "add it or remove the inertial",
+            );
         }
     }
     match (mass.flatten(), inertia.flatten()) {
@@ -89,10 +115,20 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
         Weight::Given { place, mass, inertia } => {
             let no_inertia = inertia == [0.0; 6];
             if mass < 0.0 {
-                findings.inertia(place, format!("the mass of link {name} is {mass}"), "zero or more", "correct the value");
+                findings.inertia(
+                    place,
+                    format!("the mass of link {name} is {mass}"),
+                    "zero or more",
+                    "correct the value",
+                );
             } else if mass == 0.0 && !no_inertia {
                 let found = format!("link {name} has inertia but no mass");
-                findings.inertia(place, found, "a mass, or zero inertia too", "correct one of them");
+                findings.inertia(
+                    place,
+                    found,
+                    "a mass, or zero inertia too",
+                    "correct one of them",
+                );
             } else if mass == 0.0 && !is_root {
                 findings.warning(
                     place,
@@ -101,18 +137,36 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
                     "add them if it has any",
                 );
             } else if no_inertia && !is_root {
-                findings.warning(place, format!("link {name} has zero inertia: a point mass"), "an inertia", "add it if it is known");
+                findings.warning(
+                    place,
+                    format!("link {name} has zero inertia: a point mass"),
+                    "an inertia",
+                    "add it if it is known",
+                );
             }
             match inertia::check(&inertia) {
                 Ok(()) => {}
                 Err(InertiaFault::Negative { least }) => {
-                    let found = format!("the inertia of link {name} has the negative principal moment {least:.6e}");
-                    findings.inertia(place, found, "moments of zero or more", "correct the inertia about the centre of mass");
+                    let found = format!(
+                        "the inertia of link {name} has the negative principal moment {least:.6e}"
+                    );
+                    findings.inertia(
+                        place,
+                        found,
+                        "moments of zero or more",
+                        "correct the inertia about the centre of mass",
+                    );
                 }
                 Err(InertiaFault::Triangle { moments: [a, b, c] }) => {
-                    let found =
-                        format!("the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, break the triangle inequality");
-                    findings.inertia(place, found, "none above the sum of the others", "correct the inertia about the centre of mass");
+                    let found = format!(
+                        "the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, break the triangle inequality"
+                    );
+                    findings.inertia(
+                        place,
+                        found,
+                        "none above the sum of the others",
+                        "correct the inertia about the centre of mass",
+                    );
                 }
             }
         }

@@ -27,7 +27,15 @@ const ROBOT: Shape = Shape {
     attributes: &["name", "version"],
     once: &[],
     many: &["link", "joint", "transmission"],
-    ignored: &["material", "gazebo", "ros2_control", "sensor", "loop_joint", "group", "self_collision_checking"],
+    ignored: &[
+        "material",
+        "gazebo",
+        "ros2_control",
+        "sensor",
+        "loop_joint",
+        "group",
+        "self_collision_checking",
+    ],
 };
 
 /// Largest robot: its matrices are dense.
@@ -48,7 +56,8 @@ pub(crate) struct Urdf {
     replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
-/// The version that the robot element states; before 1.1 there are no quaternions, before 1.2 limits are not optional.
+/// The version that the robot element states; before 1.1 there are no quaternions, before 1.2
+/// limits are not optional.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Version(u32, u32);
 
@@ -77,15 +86,25 @@ impl Urdf {
         let place = reader.place(root);
         if !root.has_tag_name("robot") {
             let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
-            reader.findings.error(place, found, "`robot`", "give a URDF file (expand xacro files, convert SDF or MJCF first)");
+            reader.findings.error(
+                place,
+                found,
+                "`robot`",
+                "give a URDF file (expand xacro files, convert SDF or MJCF first)",
+            );
             return None;
         }
         let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();
-        reader.version = Version::parse(root.attribute("version")).filter(|version| version.0 == 1).unwrap_or_else(|| {
-            let found = format!("the version {} of `robot`", quoted(root.attribute("version").unwrap_or_default()));
-            reader.findings.error(place, found, "1.0, 1.1 or 1.2", "correct it");
-            Version(1, 0)
-        });
+        reader.version = Version::parse(root.attribute("version"))
+            .filter(|version| version.0 == 1)
+            .unwrap_or_else(|| {
+                let found = format!(
+                    "the version {} of `robot`",
+                    quoted(root.attribute("version").unwrap_or_default())
+                );
+                reader.findings.error(place, found, "1.0, 1.1 or 1.2", "correct it");
+                Version(1, 0)
+            });
         let mut urdf = Urdf {
             name,
             place,
@@ -113,10 +132,17 @@ impl Urdf {
         urdf.couple(dependences, reader.findings);
         urdf.add_rotors(&rotors, &mut reader);
         let moving = (0..urdf.joints.len()).filter(|joint| urdf.moves(*joint)).count();
-        for (count, most, what) in [(urdf.links.len(), MOST_LINKS, "links"), (moving, MOST_JOINTS, "moving joints")] {
+        for (count, most, what) in
+            [(urdf.links.len(), MOST_LINKS, "links"), (moving, MOST_JOINTS, "moving joints")]
+        {
             if count > most {
                 let help = "split it into robots of their own, or leave out what does not move";
-                reader.findings.error(place, format!("the robot has {count} {what}"), format!("at most {most}"), help);
+                reader.findings.error(
+                    place,
+                    format!("the robot has {count} {what}"),
+                    format!("at most {most}"),
+                    help,
+                );
             }
         }
         let is_root = topology::check(&urdf, reader.findings);
@@ -127,8 +153,14 @@ impl Urdf {
         Some(urdf)
     }
 
-    /// Takes over the couplings of another URDF, that of a submechanism alone, for those of `joints` that have none yet.
-    pub(crate) fn couple_from(&mut self, text: &Text, joints: &HashSet<&str>, findings: &mut Findings) {
+    /// Takes over the couplings of another URDF, that of a submechanism alone, for those of
+    /// `joints` that have none yet.
+    pub(crate) fn couple_from(
+        &mut self,
+        text: &Text,
+        joints: &HashSet<&str>,
+        findings: &mut Findings,
+    ) {
         let Some(document) = xml::parse(text, findings) else { return };
         let mut reader = Reader::new(text, findings, Version(1, 2));
         let mut dependences: Vec<Dependence> = Vec::new();
@@ -140,7 +172,8 @@ impl Urdf {
             }
         }
         let missing = |dependence: &Dependence| {
-            joints.contains(dependence.joint.as_str()) && self.joint(&dependence.joint).is_some_and(|joint| joint.masters.is_empty())
+            joints.contains(dependence.joint.as_str())
+                && self.joint(&dependence.joint).is_some_and(|joint| joint.masters.is_empty())
         };
         dependences.retain(missing);
         self.couple(dependences, findings);
@@ -179,7 +212,8 @@ impl Urdf {
                 self.link_index.insert(link.name.clone(), i);
             }
         }
-        for (i, joint) in self.joints.iter().enumerate().filter(|(_, joint)| !joint.name.is_empty()) {
+        for (i, joint) in self.joints.iter().enumerate().filter(|(_, joint)| !joint.name.is_empty())
+        {
             if self.joint_index.contains_key(&joint.name) {
                 let found = format!("a second joint is named {}", quoted(&joint.name));
                 findings.error(joint.place, found, "a name of its own", "rename one of them");
@@ -195,13 +229,26 @@ impl Urdf {
             let joint = self.joint_index.get(&dependence.joint).copied();
             match joint.and_then(|joint| self.joints.get_mut(joint)) {
                 None => {
-                    let found = format!("the transmission names the joint {}, which does not exist", quoted(&dependence.joint));
-                    let help = findings.did_you_mean(&dependence.joint, self.joint_names(), "correct the name");
+                    let found = format!(
+                        "the transmission names the joint {}, which does not exist",
+                        quoted(&dependence.joint)
+                    );
+                    let help = findings.did_you_mean(
+                        &dependence.joint,
+                        self.joint_names(),
+                        "correct the name",
+                    );
                     findings.error(dependence.place, found, "a joint of this file", help);
                 }
                 Some(joint) if !joint.masters.is_empty() => {
-                    let found = format!("the joint {} is coupled a second time", quoted(&joint.name));
-                    findings.error(dependence.place, found, "one mimic or one transmission", "remove one of them");
+                    let found =
+                        format!("the joint {} is coupled a second time", quoted(&joint.name));
+                    findings.error(
+                        dependence.place,
+                        found,
+                        "one mimic or one transmission",
+                        "remove one of them",
+                    );
                 }
                 Some(joint) => joint.masters = dependence.masters,
             }
@@ -213,15 +260,27 @@ impl Urdf {
         for rotor in rotors {
             let joint = self.joint_index.get(&rotor.joint).copied();
             let Some(joint) = joint.and_then(|joint| self.joints.get_mut(joint)) else {
-                let found = format!("the rotor belongs to the joint {}, which does not exist", quoted(&rotor.joint));
-                let help = reader.findings.did_you_mean(&rotor.joint, self.joint_names(), "correct the name");
+                let found = format!(
+                    "the rotor belongs to the joint {}, which does not exist",
+                    quoted(&rotor.joint)
+                );
+                let help = reader.findings.did_you_mean(
+                    &rotor.joint,
+                    self.joint_names(),
+                    "correct the name",
+                );
                 reader.findings.error(rotor.place, found, "a joint of this file", help);
                 continue;
             };
             let mut terms = joint.terms;
             if !rotor.join(&mut terms) {
                 let found = format!("the joint {} has a second rotor", quoted(&joint.name));
-                reader.findings.error(rotor.place, found, "one", "add both inertias up, each times its ratio squared");
+                reader.findings.error(
+                    rotor.place,
+                    found,
+                    "one",
+                    "add both inertias up, each times its ratio squared",
+                );
             } else if dynamics::accepts(reader, rotor.place, joint.kind, &joint.name, &terms) {
                 joint.terms = terms;
             }
@@ -232,22 +291,41 @@ impl Urdf {
     pub(crate) fn check_couplings(&self, findings: &mut Findings) {
         for joint in &self.joints {
             for master in &joint.masters {
-                let who = format!("the joint {} follows {}", quoted(&joint.name), quoted(&master.joint));
+                let who =
+                    format!("the joint {} follows {}", quoted(&joint.name), quoted(&master.joint));
                 let known = self.joint_index.get(&master.joint);
                 let (found, help) = match known {
                     None => {
-                        let help = findings.did_you_mean(&master.joint, self.joint_names(), "correct the name");
+                        let help = findings.did_you_mean(
+                            &master.joint,
+                            self.joint_names(),
+                            "correct the name",
+                        );
                         (format!("{who}, which does not exist"), help)
                     }
-                    Some(_) if master.joint == joint.name => (format!("{who}, which is itself"), "name another joint".to_owned()),
-                    Some(i) if !self.moves(*i) => (format!("{who}, which is fixed"), "name a joint that moves".to_owned()),
+                    Some(_) if master.joint == joint.name => {
+                        (format!("{who}, which is itself"), "name another joint".to_owned())
+                    }
+                    Some(i) if !self.moves(*i) => {
+                        (format!("{who}, which is fixed"), "name a joint that moves".to_owned())
+                    }
                     Some(_) => continue,
                 };
                 findings.error(master.place, found, "another moving joint of this robot", help);
             }
-            if !joint.masters.is_empty() && matches!(joint.kind, Some(JointKind::Fixed | JointKind::Floating | JointKind::Spherical)) {
+            if !joint.masters.is_empty()
+                && matches!(
+                    joint.kind,
+                    Some(JointKind::Fixed | JointKind::Floating | JointKind::Spherical)
+                )
+            {
                 let found = format!("the joint {} is coupled", quoted(&joint.name));
-                findings.error(joint.place, found, "a coupling of joints with one axis", "remove the mimic or change the type");
+                findings.error(
+                    joint.place,
+                    found,
+                    "a coupling of joints with one axis",
+                    "remove the mimic or change the type",
+                );
             }
         }
     }

@@ -12,16 +12,25 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
     let mut above: Vec<Option<usize>> = vec![None; urdf.links.len()];
     let mut parents: Vec<Option<usize>> = vec![None; urdf.joints.len()];
     for (j, joint) in urdf.joints.iter().enumerate() {
-        let [parent, child] = [(&joint.parent, "parent"), (&joint.child, "child")].map(|(end, what)| {
-            let (name, place) = end.as_ref()?;
-            let index = urdf.link_index.get(name).copied();
-            if index.is_none() {
-                let found = format!("the {what} link {} of joint {} does not exist", quoted(name), quoted(&joint.name));
-                let help = findings.did_you_mean(name, urdf.link_names(), "correct the name or add the link");
-                findings.error(*place, found, "a link of this file", help);
-            }
-            index
-        });
+        let [parent, child] =
+            [(&joint.parent, "parent"), (&joint.child, "child")].map(|(end, what)| {
+                let (name, place) = end.as_ref()?;
+                let index = urdf.link_index.get(name).copied();
+                if index.is_none() {
+                    let found = format!(
+                        "the {what} link {} of joint {} does not exist",
+                        quoted(name),
+                        quoted(&joint.name)
+                    );
+                    let help = findings.did_you_mean(
+                        name,
+                        urdf.link_names(),
+                        "correct the name or add the link",
+                    );
+                    findings.error(*place, found, "a link of this file", help);
+                }
+                index
+            });
         if let Some(slot) = parents.get_mut(j) {
             *slot = parent;
         }
@@ -36,20 +45,34 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
                     quoted(&first.name),
                     quoted(&joint.name)
                 );
-                findings.error(place, found, "one", "cut the loop here and write it as a loop constraint");
+                findings.error(
+                    place,
+                    found,
+                    "one",
+                    "cut the loop here and write it as a loop constraint",
+                );
             }
         }
     }
 
     // roots
-    let roots: Vec<usize> = above.iter().enumerate().filter(|(_, joint)| joint.is_none()).map(|(link, _)| link).collect();
-    let whole = urdf.joints.iter().all(|joint| joint.child.as_ref().is_some_and(|(name, _)| urdf.link_index.contains_key(name)));
+    let roots: Vec<usize> = above
+        .iter()
+        .enumerate()
+        .filter(|(_, joint)| joint.is_none())
+        .map(|(link, _)| link)
+        .collect();
+    let whole = urdf.joints.iter().all(|joint| {
+        joint.child.as_ref().is_some_and(|(name, _)| urdf.link_index.contains_key(name))
+    });
     if let [first, others @ ..] = roots.as_slice()
         && whole
     {
         let first = urdf.links.get(*first).map(|link| quoted(&link.name)).unwrap_or_default();
         // a link of a second name cannot be connected and has been told
-        let named = |i: &&usize| urdf.links.get(**i).is_some_and(|link| urdf.link_index.get(&link.name) == Some(*i));
+        let named = |i: &&usize| {
+            urdf.links.get(**i).is_some_and(|link| urdf.link_index.get(&link.name) == Some(*i))
+        };
         for link in others.iter().filter(named).filter_map(|other| urdf.links.get(*other)) {
             let found = format!("the link {} is a second root beside {first}", quoted(&link.name));
             findings.error(link.place, found, "one root", "connect it by a joint or remove it");
@@ -66,9 +89,18 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
             walk.push(i);
             link = above[i].and_then(|joint| parents.get(joint).copied().flatten());
         }
-        if let Some(joint) = link.filter(|i| state.get(*i) == Some(&1)).and_then(|i| above[i]).and_then(|joint| urdf.joints.get(joint)) {
+        if let Some(joint) = link
+            .filter(|i| state.get(*i) == Some(&1))
+            .and_then(|i| above[i])
+            .and_then(|joint| urdf.joints.get(joint))
+        {
             let found = format!("the joint {} closes a cycle of links", quoted(&joint.name));
-            findings.error(joint.place, found, "a tree", "cut the loop and write it as a loop constraint");
+            findings.error(
+                joint.place,
+                found,
+                "a tree",
+                "cut the loop and write it as a loop constraint",
+            );
         }
         walk.into_iter().for_each(|i| state[i] = 2);
     }

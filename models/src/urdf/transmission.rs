@@ -1,4 +1,5 @@
-//! Linear couplings of several joints: `<transmission>` with `<depends_on>` children, HyRoDyn's extension of URDF.
+//! Linear couplings of several joints: `<transmission>` with `<depends_on>` children, HyRoDyn's
+//! extension of URDF.
 
 use roxmltree::Node;
 
@@ -6,9 +7,12 @@ use super::joint::{Master, master};
 use super::xml::{Reader, Shape};
 use crate::report::Place;
 
-const TRANSMISSION: Shape = Shape { attributes: &["name", "type"], once: &[], many: &["joint"], ignored: &["*"] };
-const JOINT: Shape = Shape { attributes: &["name"], once: &[], many: &["depends_on"], ignored: &["*"] };
-const DEPENDS_ON: Shape = Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
+const TRANSMISSION: Shape =
+    Shape { attributes: &["name", "type"], once: &[], many: &["joint"], ignored: &["*"] };
+const JOINT: Shape =
+    Shape { attributes: &["name"], once: &[], many: &["depends_on"], ignored: &["*"] };
+const DEPENDS_ON: Shape =
+    Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
 
 /// What one joint of a transmission depends on.
 pub(crate) struct Dependence {

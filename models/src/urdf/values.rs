@@ -24,26 +24,52 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, findings: &mut Findings) -> Optio
     let robot = match urdf_rs::read_from_string(&without_unread(text, urdf)) {
         Ok(robot) => robot,
         Err(error) => {
-            findings.error(urdf.place, format!("urdf-rs cannot read the file: {error}"), "a URDF file", "mend what it names");
+            findings.error(
+                urdf.place,
+                format!("urdf-rs cannot read the file: {error}"),
+                "a URDF file",
+                "mend what it names",
+            );
             return None;
         }
     };
-    let same_names = robot.links.iter().map(|link| &link.name).eq(urdf.links.iter().map(|link| &link.name))
-        && robot.joints.iter().map(|joint| &joint.name).eq(urdf.joints.iter().map(|joint| &joint.name));
+    let same_names =
+        robot.links.iter().map(|link| &link.name).eq(urdf.links.iter().map(|link| &link.name))
+            && robot
+                .joints
+                .iter()
+                .map(|joint| &joint.name)
+                .eq(urdf.joints.iter().map(|joint| &joint.name));
     if !same_names {
-        findings.error(urdf.place, "two readers of this file see different names", "plain names", "use letters, digits, _ and / in names");
+        findings.error(
+            urdf.place,
+            "two readers of this file see different names",
+            "plain names",
+            "use letters, digits, _ and / in names",
+        );
         return None;
     }
-    let inertials = robot.links.iter().zip(&urdf.links).map(|(link, entry)| inertial(&link.inertial, entry.inertial)).collect();
+    let inertials = robot
+        .links
+        .iter()
+        .zip(&urdf.links)
+        .map(|(link, entry)| inertial(&link.inertial, entry.inertial))
+        .collect();
     let joints = robot.joints.iter().zip(&urdf.joints).map(|(joint, entry)| {
-        let limits =
-            Limits { lower: joint.limit.lower, upper: joint.limit.upper, velocity: joint.limit.velocity, effort: joint.limit.effort };
+        let limits = Limits {
+            lower: joint.limit.lower,
+            upper: joint.limit.upper,
+            velocity: joint.limit.velocity,
+            effort: joint.limit.effort,
+        };
         JointValues {
             origin: placement(&joint.origin),
             axis: *joint.axis.xyz,
             limits: match entry.kind {
                 Some(JointKind::Revolute | JointKind::Prismatic) => Some(limits),
-                Some(JointKind::Continuous) => Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits }),
+                Some(JointKind::Continuous) => {
+                    Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits })
+                }
                 _ => None,
             }
             .filter(|_| entry.has_limits),
@@ -54,8 +80,11 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, findings: &mut Findings) -> Optio
 
 fn inertial(value: &urdf_rs::Inertial, entry: Weight) -> Option<Inertial> {
     let i = &value.inertia;
-    let inertial =
-        Inertial { origin: placement(&value.origin), mass: value.mass.value, inertia: [i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz] };
+    let inertial = Inertial {
+        origin: placement(&value.origin),
+        mass: value.mass.value,
+        inertia: [i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz],
+    };
     matches!(entry, Weight::Given { .. }).then_some(inertial)
 }
 
@@ -63,10 +92,12 @@ fn placement(pose: &urdf_rs::Pose) -> Placement {
     Placement { xyz: *pose.xyz, rpy: *pose.rpy }
 }
 
-/// The text without what is not ours to read, for a fault in a mesh or a plug-in is no fault of the robot, and in the words of urdf-rs.
+/// The text without what is not ours to read, for a fault in a mesh or a plug-in is no fault of the
+/// robot, and in the words of urdf-rs.
 fn without_unread(text: &Text, urdf: &Urdf) -> String {
     let unread = urdf.unread.iter().map(|range| (range.clone(), ""));
-    let mut changes: Vec<(core::ops::Range<usize>, &str)> = unread.chain(urdf.replaced.iter().cloned()).collect();
+    let mut changes: Vec<(core::ops::Range<usize>, &str)> =
+        unread.chain(urdf.replaced.iter().cloned()).collect();
     changes.sort_by_key(|(range, _)| range.start);
     let mut kept = String::with_capacity(text.content.len());
     let mut at = 0;

@@ -27,7 +27,8 @@ pub(super) fn parse<'t>(text: &'t Text, findings: &mut Findings) -> Option<Docum
     if !guard::is_harmless(text, findings) {
         return None;
     }
-    let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let options =
+        ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     match Document::parse_with_options(&text.content, options) {
         Ok(document) => Some(document),
         Err(error) => {
@@ -35,7 +36,12 @@ pub(super) fn parse<'t>(text: &'t Text, findings: &mut Findings) -> Option<Docum
             let full = error.to_string();
             // the parser repeats the place at the end of its message
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
-            findings.error(place, format!("this is not XML: {what}"), "a well-formed URDF file", "mend the file at this place");
+            findings.error(
+                place,
+                format!("this is not XML: {what}"),
+                "a well-formed URDF file",
+                "mend the file at this place",
+            );
             None
         }
     }
@@ -43,7 +49,9 @@ pub(super) fn parse<'t>(text: &'t Text, findings: &mut Findings) -> Option<Docum
 
 fn place_of(error: &roxmltree::Error, text: &Text) -> Place {
     match error {
-        roxmltree::Error::UnclosedRootNode | roxmltree::Error::UnexpectedEndOfStream => text.place(text.content.len()),
+        roxmltree::Error::UnclosedRootNode | roxmltree::Error::UnexpectedEndOfStream => {
+            text.place(text.content.len())
+        }
         _ => {
             let at = error.pos();
             Place { file: text.file, line: at.row, column: at.col }
@@ -65,7 +73,11 @@ pub(super) struct Reader<'t, 'f> {
 
 impl<'t, 'f> Reader<'t, 'f> {
     /// A reader that has read nothing.
-    pub(super) fn new(text: &'t Text, findings: &'f mut Findings, version: Version) -> Reader<'t, 'f> {
+    pub(super) fn new(
+        text: &'t Text,
+        findings: &'f mut Findings,
+        version: Version,
+    ) -> Reader<'t, 'f> {
         Reader { text, findings, version, unread: Vec::new(), replaced: Vec::new() }
     }
 
@@ -77,15 +89,28 @@ impl<'t, 'f> Reader<'t, 'f> {
         self.text.place(attribute.range_value().start)
     }
 
-    /// The elements of `node` that are read. Warns about unknown elements and attributes, and refuses repeated ones.
+    /// The elements of `node` that are read. Warns about unknown elements and attributes, and
+    /// refuses repeated ones.
     pub(super) fn children<'a>(&mut self, node: Node<'a, 't>, shape: &Shape) -> Vec<Node<'a, 't>> {
         let of = node.tag_name().name().to_owned();
         for attribute in node.attributes() {
             if attribute.namespace().is_none() && !shape.attributes.contains(&attribute.name()) {
-                let found = format!("the attribute {} of `{of}` is not known and not read", quoted(attribute.name()));
+                let found = format!(
+                    "the attribute {} of `{of}` is not known and not read",
+                    quoted(attribute.name())
+                );
                 let expected = shape.attributes.join(", ");
-                let help = self.findings.did_you_mean(attribute.name(), shape.attributes.iter().copied(), "remove it if it is a slip");
-                self.findings.warning(self.text.place(attribute.range().start), found, expected, help);
+                let help = self.findings.did_you_mean(
+                    attribute.name(),
+                    shape.attributes.iter().copied(),
+                    "remove it if it is a slip",
+                );
+                self.findings.warning(
+                    self.text.place(attribute.range().start),
+                    found,
+                    expected,
+                    help,
+                );
             }
         }
         let mut seen: Vec<&str> = Vec::new();
@@ -111,7 +136,8 @@ impl<'t, 'f> Reader<'t, 'f> {
                 let known = shape.once.iter().chain(shape.many).copied();
                 let expected = known.clone().collect::<Vec<_>>().join(", ");
                 let help = self.findings.did_you_mean(name, known, "remove it if it is a slip");
-                let found = format!("the element {} in `{of}` is not known and not read", quoted(name));
+                let found =
+                    format!("the element {} in `{of}` is not known and not read", quoted(name));
                 self.findings.warning(self.place(child), found, expected, help);
             }
         }
@@ -119,30 +145,53 @@ impl<'t, 'f> Reader<'t, 'f> {
     }
 
     /// An attribute that must be there and not be empty.
-    pub(super) fn required(&mut self, node: Node<'_, 't>, attribute: &'static str) -> Option<(String, Place)> {
+    pub(super) fn required(
+        &mut self,
+        node: Node<'_, 't>,
+        attribute: &'static str,
+    ) -> Option<(String, Place)> {
         let of = node.tag_name().name();
         let Some(found) = node.attribute_node(attribute) else {
             let example = format!("{attribute}=\"…\"");
-            self.findings.error(self.place(node), format!("`{of}` has no `{attribute}`"), example, "add it");
+            self.findings.error(
+                self.place(node),
+                format!("`{of}` has no `{attribute}`"),
+                example,
+                "add it",
+            );
             return None;
         };
         let place = self.place_of_value(&found);
         if found.value().trim().is_empty() {
-            self.findings.error(place, format!("`{attribute}` of `{of}` is empty"), "a name", "fill it in");
+            self.findings.error(
+                place,
+                format!("`{attribute}` of `{of}` is empty"),
+                "a name",
+                "fill it in",
+            );
             return None;
         }
         Some((found.value().to_owned(), place))
     }
 
     /// `N` finite numbers; `None` when the attribute is absent or after an error.
-    pub(super) fn numbers<const N: usize>(&mut self, node: Node<'_, 't>, attribute: &str) -> Option<[f64; N]> {
+    pub(super) fn numbers<const N: usize>(
+        &mut self,
+        node: Node<'_, 't>,
+        attribute: &str,
+    ) -> Option<[f64; N]> {
         let found = node.attribute_node(attribute)?;
         let of = node.tag_name().name();
         match number::numbers(found.value()) {
             Ok(numbers) => Some(numbers),
             Err(fault) => {
                 let what = format!("`{attribute}` of `{of}`: {fault}");
-                self.findings.error(self.place_of_value(&found), what, number::expected(N), "correct the value");
+                self.findings.error(
+                    self.place_of_value(&found),
+                    what,
+                    number::expected(N),
+                    "correct the value",
+                );
                 None
             }
         }
@@ -154,17 +203,31 @@ impl<'t, 'f> Reader<'t, 'f> {
             Ok([number]) => Some(number),
             Err(fault) => {
                 let what = format!("`{}`: {fault}", node.tag_name().name());
-                self.findings.error(self.place(node), what, number::expected(1), "correct the value");
+                self.findings.error(
+                    self.place(node),
+                    what,
+                    number::expected(1),
+                    "correct the value",
+                );
                 None
             }
         }
     }
 
     /// As [`Reader::numbers`] of one; its absence is an error too.
-    pub(super) fn required_number(&mut self, node: Node<'_, 't>, attribute: &'static str) -> Option<f64> {
+    pub(super) fn required_number(
+        &mut self,
+        node: Node<'_, 't>,
+        attribute: &'static str,
+    ) -> Option<f64> {
         if node.attribute_node(attribute).is_none() {
             let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
-            self.findings.error(self.place(node), found, format!("{attribute}=\"a number\""), "add it");
+            self.findings.error(
+                self.place(node),
+                found,
+                format!("{attribute}=\"a number\""),
+                "add it",
+            );
             return None;
         }
         self.numbers::<1>(node, attribute).map(|[number]| number)

@@ -1,5 +1,5 @@
-//! YAML files with the place of every value, so that all their faults can be told at once: for submechanism files, and for others that
-//! tell faults in the same way.
+//! YAML files with the place of every value, so that all their faults can be told at once: for
+//! submechanism files, and for others that tell faults in the same way.
 
 mod read;
 mod tree;
@@ -15,8 +15,8 @@ use crate::text::Text;
 /// What most YAML files of a robot are.
 pub(crate) const SUBMECHANISMS: &str = "a submechanism file";
 
-/// Reads a text whose faults go by the name of its file and that is `expected` to be a file of some kind; `None` after a fault that leaves
-/// nothing to look at.
+/// Reads a text whose faults go by the name of its file and that is `expected` to be a file of some
+/// kind; `None` after a fault that leaves nothing to look at.
 pub fn read(name: &str, bytes: Vec<u8>, expected: &str, findings: &mut Findings) -> Option<Node> {
     parse(&Text::new(name, bytes, findings)?, expected, findings)
 }

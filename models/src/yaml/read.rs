@@ -7,24 +7,45 @@ use crate::report::{Findings, Place, quoted};
 /// A name and where it stands.
 pub type Named = (String, Place);
 
-/// Checks the keys of a mapping: none is unknown or there twice. False when the node is no mapping. `of` says in messages what it is.
+/// Checks the keys of a mapping: none is unknown or there twice. False when the node is no mapping.
+/// `of` says in messages what it is.
 pub fn keys(node: &Node, of: &str, known: &[&str], findings: &mut Findings) -> bool {
     let Value::Map(entries) = &node.value else {
         let found = format!("{of} is {}", node.describe());
-        findings.error(node.place, found, format!("a mapping with the keys {}", known.join(", ")), "correct it");
+        findings.error(
+            node.place,
+            found,
+            format!("a mapping with the keys {}", known.join(", ")),
+            "correct it",
+        );
         return false;
     };
     let mut seen: Vec<&str> = Vec::new();
     for (key, _) in entries {
         let Value::Scalar { text, .. } = &key.value else {
-            findings.error(key.place, format!("a key of {of} is {}", key.describe()), known.join(", "), "use a word");
+            findings.error(
+                key.place,
+                format!("a key of {of} is {}", key.describe()),
+                known.join(", "),
+                "use a word",
+            );
             continue;
         };
         if !known.contains(&text.as_str()) {
             let help = findings.did_you_mean(text, known.iter().copied(), "remove it");
-            findings.error(key.place, format!("the key {} of {of} is not known", quoted(text)), known.join(", "), help);
+            findings.error(
+                key.place,
+                format!("the key {} of {of} is not known", quoted(text)),
+                known.join(", "),
+                help,
+            );
         } else if seen.contains(&text.as_str()) {
-            findings.error(key.place, format!("the key {} of {of} is there twice", quoted(text)), "one", "remove one of them");
+            findings.error(
+                key.place,
+                format!("the key {} of {of} is there twice", quoted(text)),
+                "one",
+                "remove one of them",
+            );
         } else {
             seen.push(text);
         }
@@ -42,7 +63,12 @@ fn word_of(value: &Node, key: &str, findings: &mut Findings) -> Option<Named> {
     match &value.value {
         Value::Scalar { text, .. } if !text.trim().is_empty() => Some((text.clone(), value.place)),
         _ => {
-            findings.error(value.place, format!("`{key}` holds {}", value.describe()), "a name", "write a name");
+            findings.error(
+                value.place,
+                format!("`{key}` holds {}", value.describe()),
+                "a name",
+                "write a name",
+            );
             None
         }
     }
@@ -60,20 +86,40 @@ pub fn words(node: &Node, key: &str, findings: &mut Findings) -> Option<Vec<Name
 pub fn list<'a>(node: &'a Node, key: &str, findings: &mut Findings) -> &'a [Node] {
     let Some(value) = node.get(key) else { return &[] };
     if !matches!(value.value, Value::List(_) | Value::Null) {
-        findings.error(value.place, format!("`{key}` is {}", value.describe()), "a list", format!("write `{key}: [...]`"));
+        findings.error(
+            value.place,
+            format!("`{key}` is {}", value.describe()),
+            "a list",
+            format!("write `{key}: [...]`"),
+        );
     }
     value.items()
 }
 
 /// `N` numbers of a key, if the key is there.
-pub fn numbers<const N: usize>(node: &Node, of: &str, key: &str, findings: &mut Findings) -> Option<[f64; N]> {
+pub fn numbers<const N: usize>(
+    node: &Node,
+    of: &str,
+    key: &str,
+    findings: &mut Findings,
+) -> Option<[f64; N]> {
     let value = node.get(key)?;
     let Value::List(items) = &value.value else {
-        findings.error(value.place, format!("`{key}` of {of} is {}", value.describe()), strict::expected(N), "write them as a list");
+        findings.error(
+            value.place,
+            format!("`{key}` of {of} is {}", value.describe()),
+            strict::expected(N),
+            "write them as a list",
+        );
         return None;
     };
     if items.len() != N {
-        findings.error(value.place, format!("`{key}` of {of} holds {} values", items.len()), strict::expected(N), "correct the list");
+        findings.error(
+            value.place,
+            format!("`{key}` of {of} holds {} values", items.len()),
+            strict::expected(N),
+            "correct the list",
+        );
     }
     let mut numbers = [0.0; N];
     let mut good = items.len() == N;
@@ -96,6 +142,11 @@ pub fn number(item: &Node, key: &str, findings: &mut Findings) -> Option<f64> {
         Value::Scalar { .. } => format!("{} is a text in quotes", item.describe()),
         _ => format!("{} is not a number", item.describe()),
     };
-    findings.error(item.place, format!("`{key}`: {fault}"), strict::expected(1), "correct the value");
+    findings.error(
+        item.place,
+        format!("`{key}`: {fault}"),
+        strict::expected(1),
+        "correct the value",
+    );
     None
 }

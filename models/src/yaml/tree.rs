@@ -1,4 +1,5 @@
-//! YAML as a tree with positions, built from the parser's events: no recursion, and repeated keys stay visible.
+//! YAML as a tree with positions, built from the parser's events: no recursion, and repeated keys
+//! stay visible.
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle};
 
@@ -49,7 +50,10 @@ impl Node {
     /// The value of a key of a mapping.
     pub fn get(&self, wanted: &str) -> Option<&Node> {
         let Value::Map(entries) = &self.value else { return None };
-        entries.iter().find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == wanted)).map(|(_, value)| value)
+        entries
+            .iter()
+            .find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == wanted))
+            .map(|(_, value)| value)
     }
 
     /// The items of a list.
@@ -65,9 +69,14 @@ struct Open {
     key: Option<Node>,
 }
 
-/// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error that leaves no tree.
+/// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error
+/// that leaves no tree.
 pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Option<Node> {
-    let place = |mark: &Marker| Place { file: text.file, line: mark.line().max(1) as u32, column: mark.col() as u32 + 1 };
+    let place = |mark: &Marker| Place {
+        file: text.file,
+        line: mark.line().max(1) as u32,
+        column: mark.col() as u32 + 1,
+    };
     let mut open: Vec<Open> = Vec::new();
     let mut root: Option<Node> = None;
     let mut n_nodes = 0;
@@ -81,19 +90,29 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
                     return None;
                 }
                 let found = format!("this is not YAML: {}", error.info());
-                findings.error(place(error.marker()), found, expected, "mend the file at this place");
+                findings.error(
+                    place(error.marker()),
+                    found,
+                    expected,
+                    "mend the file at this place",
+                );
                 return None;
             }
         };
         let here = place(&span.start);
         let (anchor, tag) = match &event {
-            Event::Scalar(_, _, anchor, tag) | Event::SequenceStart(anchor, tag) | Event::MappingStart(anchor, tag) => {
-                (*anchor, tag.is_some())
-            }
+            Event::Scalar(_, _, anchor, tag)
+            | Event::SequenceStart(anchor, tag)
+            | Event::MappingStart(anchor, tag) => (*anchor, tag.is_some()),
             _ => (0, false),
         };
         if anchor != 0 {
-            findings.error(here, "an anchor (`&…`)", "a file without anchors and aliases", "write the value out where it is used");
+            findings.error(
+                here,
+                "an anchor (`&…`)",
+                "a file without anchors and aliases",
+                "write the value out where it is used",
+            );
         }
         if tag {
             findings.error(here, "a tag (`!…`)", "plain values", "remove it");
@@ -101,7 +120,12 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
         let node = match event {
             Event::Scalar(value, style, ..) => Node { place: here, value: scalar(&value, style) },
             Event::Alias(_) => {
-                findings.error(here, "an alias (`*…`)", "a file without anchors and aliases", "write the value out");
+                findings.error(
+                    here,
+                    "an alias (`*…`)",
+                    "a file without anchors and aliases",
+                    "write the value out",
+                );
                 Node { place: here, value: Value::Null }
             }
             Event::SequenceStart(..) | Event::MappingStart(..) => {
@@ -109,7 +133,11 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
                     too_deep(here, findings);
                     return None;
                 }
-                let value = if matches!(event, Event::SequenceStart(..)) { Value::List(Vec::new()) } else { Value::Map(Vec::new()) };
+                let value = if matches!(event, Event::SequenceStart(..)) {
+                    Value::List(Vec::new())
+                } else {
+                    Value::Map(Vec::new())
+                };
                 open.push(Open { node: Node { place: here, value }, key: None });
                 continue;
             }
@@ -142,7 +170,12 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
 }
 
 fn too_deep(place: Place, findings: &mut Findings) {
-    findings.error(place, "lists and mappings are nested too deep", format!("at most {DEEPEST} levels"), "flatten the file");
+    findings.error(
+        place,
+        "lists and mappings are nested too deep",
+        format!("at most {DEEPEST} levels"),
+        "flatten the file",
+    );
 }
 
 impl Open {
@@ -160,5 +193,9 @@ impl Open {
 
 fn scalar(text: &str, style: ScalarStyle) -> Value {
     let plain = style == ScalarStyle::Plain;
-    if plain && matches!(text, "" | "~" | "null" | "Null" | "NULL") { Value::Null } else { Value::Scalar { text: text.to_owned(), plain } }
+    if plain && matches!(text, "" | "~" | "null" | "Null" | "NULL") {
+        Value::Null
+    } else {
+        Value::Scalar { text: text.to_owned(), plain }
+    }
 }

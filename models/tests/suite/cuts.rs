@@ -1,4 +1,5 @@
-//! Cut joints by name: what they become, and what is wrong with them. How they move is in the proof.
+//! Cut joints by name: what they become, and what is wrong with them. How they move is in the
+//! proof.
 
 use super::*;
 
@@ -13,14 +14,25 @@ fn cut(lines: &str) -> String {
 fn a_hinge_of_the_plane_has_the_two_rows_across_its_axis() {
     let read = |yaml: &str| {
         let source = Source::Text { urdf: URDF.into(), submechanisms: Some(yaml.into()) };
-        load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}")).description.submechanisms[0].loops.clone()
+        load(&source, &Options::default())
+            .unwrap_or_else(|error| panic!("{error}"))
+            .description
+            .submechanisms[0]
+            .loops
+            .clone()
     };
-    let (given, named) = (read(YAML), read(&cut("cut_joint_type: planar_revolute\n    axis: [3, 0, 0]")));
+    let (given, named) =
+        (read(YAML), read(&cut("cut_joint_type: planar_revolute\n    axis: [3, 0, 0]")));
     assert_eq!((given.len(), named.len()), (1, 1));
     assert_eq!(named[0].rows.iter().map(|row| row.name.as_str()).collect::<Vec<_>>(), ["b", "c"]);
-    let axes = |of: &sarrus_dynamics::description::Loop| of.rows.iter().map(|row| row.axis).collect::<Vec<_>>();
+    let axes = |of: &sarrus_dynamics::description::Loop| {
+        of.rows.iter().map(|row| row.axis).collect::<Vec<_>>()
+    };
     assert_eq!(axes(&named[0]), axes(&given[0]));
-    assert_eq!((named[0].predecessor, named[0].successor, &named[0].cut), (given[0].predecessor, given[0].successor, &given[0].cut));
+    assert_eq!(
+        (named[0].predecessor, named[0].successor, &named[0].cut),
+        (given[0].predecessor, given[0].successor, &given[0].cut)
+    );
 }
 
 /// What is told about these lines.
@@ -36,9 +48,12 @@ fn an_unknown_cut_joint_is_told_with_the_nearest() {
 
 #[test]
 fn a_type_beside_axes_is_an_error() {
-    let yaml = with(YAML, "    constraint_axes:\n", "    cut_joint_type: spherical\n    constraint_axes:\n");
-    let expected =
-        "submechanisms.yml:16:7: the loop has `constraint_axes` and a `cut_joint_type`, expected one of them, remove one of them";
+    let yaml = with(
+        YAML,
+        "    constraint_axes:\n",
+        "    cut_joint_type: spherical\n    constraint_axes:\n",
+    );
+    let expected = "submechanisms.yml:16:7: the loop has `constraint_axes` and a `cut_joint_type`, expected one of them, remove one of them";
     assert_eq!(told(URDF, &yaml).lines().collect::<Vec<_>>(), [expected]);
 }
 
@@ -62,15 +77,18 @@ fn missing_and_needless_axes_are_errors() {
 #[test]
 fn the_axes_of_a_universal_cut_are_perpendicular() {
     let parallel = "submechanisms.yml:16:12: the two axes of a universal cut have the cosine 1.000e0, expected perpendicular axes, correct one of them, or write the cut as revolute joints in the tree and a spherical cut";
-    assert_eq!(told_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [2, 0, 0]"), [parallel]);
-    let tilted = told_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [0.01, 1, 0]");
+    assert_eq!(
+        told_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [2, 0, 0]"),
+        [parallel]
+    );
+    let tilted =
+        told_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [0.01, 1, 0]");
     assert!(tilted[0].contains("have the cosine 1.000e-2"), "{tilted:?}");
 }
 
 #[test]
 fn axes_without_direction_or_of_the_wrong_count_are_errors() {
-    let zero =
-        "submechanisms.yml:15:11: `axis` of the loop constraint has a length near 0e0, expected a direction as [0, 0, 1], correct it";
+    let zero = "submechanisms.yml:15:11: `axis` of the loop constraint has a length near 0e0, expected a direction as [0, 0, 1], correct it";
     assert_eq!(told_of_cut("cut_joint_type: revolute\n    axis: [0, 0, 0]"), [zero]);
     let two = "submechanisms.yml:15:11: `axis` of the loop constraint holds 2 values, expected 3 finite numbers, correct the list";
     assert_eq!(told_of_cut("cut_joint_type: revolute\n    axis: [0, 1]"), [two]);
@@ -85,15 +103,21 @@ fn a_fault_of_a_named_cut_stands_at_its_type() {
 
 #[test]
 fn the_types_with_closed_forms_of_their_own_count_their_joints() {
-    for (name, trees, independents) in [("FOURBAR", "3", 1), ("SLIDERCRANK", "3", 1), ("DIFFERENTIAL", "3 or 4", 2)] {
+    for (name, trees, independents) in
+        [("FOURBAR", "3", 1), ("SLIDERCRANK", "3", 1), ("DIFFERENTIAL", "3 or 4", 2)]
+    {
         let yaml = with(
             &with(YAML, "NUMERICAL", name),
             "jointnames_spanningtree: [elbow, swing, slide]",
             "jointnames_spanningtree: [elbow, swing]",
         );
         let told = told(URDF, &yaml);
-        assert!(told.contains(&format!("`{name}` with 2 spanning-tree joints, expected {trees}, ")), "{told}");
-        let wrong = told.contains(&format!("`{name}` with 1 independent joint, expected {independents}"));
+        assert!(
+            told.contains(&format!("`{name}` with 2 spanning-tree joints, expected {trees}, ")),
+            "{told}"
+        );
+        let wrong =
+            told.contains(&format!("`{name}` with 1 independent joint, expected {independents}"));
         assert_eq!(wrong, independents != 1, "{told}");
     }
     let slip = told(URDF, &with(YAML, "NUMERICAL", "FOUR_BAR"));

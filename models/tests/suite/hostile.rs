@@ -40,14 +40,17 @@ fn deep_nesting_is_refused_before_a_parser_sees_it() {
     ] {
         assert_eq!(told_of(URDF.as_bytes(), Some(yaml.as_bytes()), false), expected);
     }
-    let levels = format!("<robot name=\"r\"><link name=\"a\">{}{}</link></robot>", "<visual>".repeat(62), "</visual>".repeat(62));
+    let levels = format!(
+        "<robot name=\"r\"><link name=\"a\">{}{}</link></robot>",
+        "<visual>".repeat(62),
+        "</visual>".repeat(62)
+    );
     assert_eq!(told_of(levels.as_bytes(), None, false), "");
 }
 
 #[test]
 fn a_bomb_of_entities_is_refused() {
-    let bomb =
-        "<?xml version=\"1.0\"?>\n<!DOCTYPE lolz [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;\">]>\n<robot name=\"&b;\"/>";
+    let bomb = "<?xml version=\"1.0\"?>\n<!DOCTYPE lolz [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;\">]>\n<robot name=\"&b;\"/>";
     let expected = "robot.urdf:2:1: a document type declaration (DTD), expected a file without one, remove it; the five entities of XML itself need none\n";
     assert_eq!(told_of(bomb.as_bytes(), None, false), expected);
 }
@@ -63,8 +66,7 @@ fn a_bomb_of_aliases_is_refused() {
 #[test]
 fn a_file_too_large_is_refused() {
     let large = vec![b' '; (64 << 20) + 1];
-    let expected =
-        "robot.urdf:1:1: the file is larger than 64 MiB, expected a robot of ordinary size, leave out what a robot does not need\n";
+    let expected = "robot.urdf:1:1: the file is larger than 64 MiB, expected a robot of ordinary size, leave out what a robot does not need\n";
     assert_eq!(told_of(&large, None, false), expected);
 }
 
@@ -74,8 +76,14 @@ fn names_of_a_megabyte_are_shortened_in_messages() {
     let urdf = URDF.replace("\"rod\"", &format!("\"{long}\""));
     let told = told(&urdf, YAML);
     assert_eq!(told.lines().count(), 1);
-    assert!(told.starts_with("submechanisms.yml:13:21: `successor_body` names the link `rod`, which does not exist"));
-    let fine = told_of(urdf.as_bytes(), Some(YAML.replace(": rod", &format!(": {long}")).as_bytes()), false);
+    assert!(told.starts_with(
+        "submechanisms.yml:13:21: `successor_body` names the link `rod`, which does not exist"
+    ));
+    let fine = told_of(
+        urdf.as_bytes(),
+        Some(YAML.replace(": rod", &format!(": {long}")).as_bytes()),
+        false,
+    );
     assert_eq!(fine, "");
     let told = super::told(URDF, &YAML.replace("elbow", &long));
     assert!(told.len() < 2000, "{}", told.len());
@@ -88,7 +96,10 @@ fn control_characters_are_made_visible() {
         expected names of jointnames_spanningtree, add it to jointnames_spanningtree or remove it\n";
     assert_eq!(told, expected);
     assert!(told_of(b"<robot name=\"a\0b\"/>", None, false).starts_with("robot.urdf:1:"));
-    assert!(told_of(URDF.as_bytes(), Some(b"submechanisms: \0"), false).starts_with("submechanisms.yml:1:"));
+    assert!(
+        told_of(URDF.as_bytes(), Some(b"submechanisms: \0"), false)
+            .starts_with("submechanisms.yml:1:")
+    );
 }
 
 #[test]
@@ -107,12 +118,16 @@ fn many_attributes_and_namespaces_are_refused() {
     let expected = "robot.urdf:1:1: the element `robot` has too many attributes or namespaces, expected at most 256, remove those that no reader knows\n";
     assert_eq!(told, expected);
     let many = "<a xmlns:b=\"c\"/>".repeat(2000);
-    assert!(told_of(format!("<robot name=\"r\">{many}</robot>").as_bytes(), None, false).contains("too many attributes or namespaces"));
+    assert!(
+        told_of(format!("<robot name=\"r\">{many}</robot>").as_bytes(), None, false)
+            .contains("too many attributes or namespaces")
+    );
 }
 
 #[test]
 fn a_long_list_costs_no_more_than_its_length() {
-    let axes: String = (0..20_000).map(|i| format!("    - {{name: a{i}, axis: [0, 0, 0, 0, 1, 0]}}\n")).collect();
+    let axes: String =
+        (0..20_000).map(|i| format!("    - {{name: a{i}, axis: [0, 0, 0, 0, 1, 0]}}\n")).collect();
     let told = told(URDF, &with(YAML, "    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n", &axes));
     let expected = "submechanisms.yml:1:1: the loops have 20001 constraint_axes, expected at most 1024, split the robot into robots of their own\n\
         submechanisms.yml:21:7: the loop constraint has 20001 constraint_axes, expected at most six, remove those that the others imply\n";
@@ -122,7 +137,10 @@ fn a_long_list_costs_no_more_than_its_length() {
 #[test]
 fn a_file_cut_anywhere_is_told_or_read() {
     for end in (0..URDF.len()).step_by(3) {
-        assert!(told_of(&URDF.as_bytes()[..end], Some(YAML.as_bytes()), false).contains("robot.urdf:") || end + 1 >= URDF.len());
+        assert!(
+            told_of(&URDF.as_bytes()[..end], Some(YAML.as_bytes()), false).contains("robot.urdf:")
+                || end + 1 >= URDF.len()
+        );
     }
     for end in 0..YAML.len() {
         told_of(URDF.as_bytes(), Some(&YAML.as_bytes()[..end]), false);

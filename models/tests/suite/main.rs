@@ -1,7 +1,8 @@
 //! Robot files, good and bad.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
-/// One test for each kind of fault: a text of the good file, what it becomes, and every line that is told.
+/// One test for each kind of fault: a text of the good file, what it becomes, and every line that
+/// is told.
 macro_rules! faults {
     (@file urdf $from:literal $to:literal) => { told(&with(URDF, $from, $to), YAML) };
     (@file yaml $from:literal $to:literal) => { told(URDF, &with(YAML, $from, $to)) };

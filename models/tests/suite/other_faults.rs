@@ -25,7 +25,10 @@ fn bytes_that_are_not_utf8_are_told_with_their_place() {
     let expected = "robot.urdf:3:15: the byte 0xe9 is not UTF-8, expected UTF-8 text, save the file as UTF-8\n";
     assert_eq!(told_of(&urdf, Some(YAML.as_bytes()), false), expected);
     let told = told_of(URDF.as_bytes(), Some(b"a: \xff\xfe"), false);
-    assert_eq!(told, "submechanisms.yml:1:4: the byte 0xff is not UTF-8, expected UTF-8 text, save the file as UTF-8\n");
+    assert_eq!(
+        told,
+        "submechanisms.yml:1:4: the byte 0xff is not UTF-8, expected UTF-8 text, save the file as UTF-8\n"
+    );
 }
 
 #[test]
@@ -49,17 +52,38 @@ fn an_empty_robot_and_an_empty_list_are_told() {
         submechanisms.yml:1:1: the file is nothing, expected a mapping with the keys submechanisms, exoskeletons, correct it\n";
     assert_eq!(told, expected);
     let told = told_of(URDF.as_bytes(), Some(b"submechanisms: []"), false);
-    assert_eq!(told, "submechanisms.yml:1:16: `submechanisms` is empty, expected at least one, list the joints in submechanisms\n");
+    assert_eq!(
+        told,
+        "submechanisms.yml:1:16: `submechanisms` is empty, expected at least one, list the joints in submechanisms\n"
+    );
     let told = told_of(URDF.as_bytes(), Some(b"submechanisms: {a: b}"), false);
-    assert_eq!(told, "submechanisms.yml:1:16: `submechanisms` is a mapping, expected a list, write each submechanism as a list item\n");
+    assert_eq!(
+        told,
+        "submechanisms.yml:1:16: `submechanisms` is a mapping, expected a list, write each submechanism as a list item\n"
+    );
 }
 
 #[test]
 fn faults_of_both_files_are_told_at_once_in_the_order_of_their_places() {
-    let urdf = with(&with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"x\"/>"), "<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 0 0\"/>");
-    let yaml = with(&with(YAML, "successor_body: rod", "successor_body: rot"), "  type: NUMERICAL", "  typ: NUMERICAL");
-    let places: Vec<String> = told(&urdf, &yaml).lines().map(|line| line.split(' ').next().unwrap().to_owned()).collect();
-    let expected = ["robot.urdf:6:20:", "robot.urdf:39:5:", "submechanisms.yml:2:3:", "submechanisms.yml:3:3:", "submechanisms.yml:13:21:"];
+    let urdf = with(
+        &with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"x\"/>"),
+        "<axis xyz=\"0 1 0\"/>",
+        "<axis xyz=\"0 0 0\"/>",
+    );
+    let yaml = with(
+        &with(YAML, "successor_body: rod", "successor_body: rot"),
+        "  type: NUMERICAL",
+        "  typ: NUMERICAL",
+    );
+    let places: Vec<String> =
+        told(&urdf, &yaml).lines().map(|line| line.split(' ').next().unwrap().to_owned()).collect();
+    let expected = [
+        "robot.urdf:6:20:",
+        "robot.urdf:39:5:",
+        "submechanisms.yml:2:3:",
+        "submechanisms.yml:3:3:",
+        "submechanisms.yml:13:21:",
+    ];
     assert_eq!(places, expected);
 }
 
@@ -68,13 +92,18 @@ fn a_file_that_cannot_be_opened_is_no_fault_of_its_content() {
     let missing = std::env::temp_dir().join("sarrus-models-no-such-file.urdf");
     let source = Source::Files { urdf: missing.clone(), submechanisms: None };
     let Err(error @ LoadError::Open { .. }) = load(&source, &Options::default()) else { panic!() };
-    let expected = format!("cannot open {}: No such file or directory (os error 2); give the path of a readable file", missing.display());
+    let expected = format!(
+        "cannot open {}: No such file or directory (os error 2); give the path of a readable file",
+        missing.display()
+    );
     assert_eq!(error.to_string(), expected);
 }
 
 #[test]
 fn an_unknown_robot_is_told_with_the_nearest() {
-    let Err(error) = load(&Source::Bundled("stewert".into()), &Options::default()) else { panic!() };
+    let Err(error) = load(&Source::Bundled("stewert".into()), &Options::default()) else {
+        panic!()
+    };
     let expected = "there is no bundled robot `stewert`; expected one of lambda, torso, ankle, parallelogram, stewart, wrist, r3_lambda_r, \
         rh5v2_upper_body, rh5v2_full, four_bars_2, five_bar, squeezer, bricard, delta, active_ankle, stewart_floating; did you mean `stewart`?";
     assert_eq!(error.to_string(), expected);
@@ -83,11 +112,16 @@ fn an_unknown_robot_is_told_with_the_nearest() {
 #[test]
 fn a_smurf_file_without_a_robot_is_told() {
     for (name, content, what) in [
-        ("a.smurf", "modelname: a\n", "1:1: the file has no `files`, expected a list of the robot's files, add it\n"),
+        (
+            "a.smurf",
+            "modelname: a\n",
+            "1:1: the file has no `files`, expected a list of the robot's files, add it\n",
+        ),
         ("b.smurf", "files:\n- a.yml\n", "2:3: `files` names no URDF, expected one, add it\n"),
     ] {
         let path = file(name, content.as_bytes());
-        let loaded = load(&Source::Files { urdf: path.clone(), submechanisms: None }, &Options::default());
+        let loaded =
+            load(&Source::Files { urdf: path.clone(), submechanisms: None }, &Options::default());
         let Err(LoadError::Faults(report)) = loaded else { panic!() };
         assert_eq!(report.to_string(), format!("{}:{what}", path.display()));
         remove(&path);
@@ -97,10 +131,13 @@ fn a_smurf_file_without_a_robot_is_told() {
 #[test]
 fn a_smurf_file_takes_the_first_yaml_with_submechanisms() {
     let smurf = file("c.smurf", b"files:\n- robot.urdf\n- limits.yml\n- loops.yml\n");
-    for (name, content) in [("robot.urdf", URDF), ("limits.yml", "limits: {names: []}"), ("loops.yml", YAML)] {
+    for (name, content) in
+        [("robot.urdf", URDF), ("limits.yml", "limits: {names: []}"), ("loops.yml", YAML)]
+    {
         std::fs::write(smurf.with_file_name(name), content).unwrap();
     }
-    let loaded = load(&Source::Files { urdf: smurf.clone(), submechanisms: None }, &Options::default());
+    let loaded =
+        load(&Source::Files { urdf: smurf.clone(), submechanisms: None }, &Options::default());
     assert_eq!(loaded.unwrap().description.submechanisms[0].name, "elbow_joint");
     remove(&smurf);
 }

@@ -16,10 +16,15 @@ fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
 fn every_bundled_robot_reads_without_an_error() {
     assert_eq!(bundled().count(), 16);
     for (name, about) in bundled() {
-        let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+        let loaded = load(&Source::Bundled(name.into()), &Options::default())
+            .unwrap_or_else(|error| panic!("{error}"));
         let told = loaded.report.to_string();
         // an overconstrained mechanism says so
-        let may_be_told = if name == "bricard" { "redundant constraint axes: P5/" } else { "it is closed numerically from its loops" };
+        let may_be_told = if name == "bricard" {
+            "redundant constraint axes: P5/"
+        } else {
+            "it is closed numerically from its loops"
+        };
         assert!(told.lines().all(|line| line.contains(may_be_told)), "{name}\n{told}");
         assert!(!about.is_empty());
     }
@@ -29,7 +34,10 @@ fn every_bundled_robot_reads_without_an_error() {
 fn every_value_of_the_lambda_is_read() {
     let read = good(URDF, Some(YAML)).description;
     assert_eq!(read.name, "lambda");
-    assert_eq!(read.links.iter().map(|link| link.name.as_str()).collect::<Vec<_>>(), ["base", "rocker", "stator", "rod"]);
+    assert_eq!(
+        read.links.iter().map(|link| link.name.as_str()).collect::<Vec<_>>(),
+        ["base", "rocker", "stator", "rod"]
+    );
     assert_eq!(read.links[0].inertial, None);
     let rocker = read.links[1].inertial.unwrap();
     assert_eq!(rocker.origin, Placement { xyz: [0.0, 0.2, 0.0], rpy: [0.0; 3] });
@@ -42,14 +50,23 @@ fn every_value_of_the_lambda_is_read() {
     assert_eq!((elbow.axis, swing.axis), ([1.0, 0.0, 0.0], [2.0, 0.0, 0.0]));
     assert_eq!(swing.origin, Placement { xyz: [0.0, 0.1, 0.0], rpy: [1.1, 0.0, 0.0] });
     let limits = elbow.limits.unwrap();
-    assert_eq!([limits.lower, limits.upper, limits.effort, limits.velocity], [-1.5, 1.4, 100.0, 10.0]);
+    assert_eq!(
+        [limits.lower, limits.upper, limits.effort, limits.velocity],
+        [-1.5, 1.4, 100.0, 10.0]
+    );
     assert_eq!(swing.limits, None);
 
     let [group] = &read.submechanisms[..] else { panic!() };
     assert_eq!((group.name.as_str(), group.type_name.as_str()), ("elbow_joint", "NUMERICAL"));
-    assert_eq!((&group.spanning_tree[..], &group.independent[..], &group.active[..]), (&[0, 1, 2][..], &[0][..], &[2][..]));
+    assert_eq!(
+        (&group.spanning_tree[..], &group.independent[..], &group.active[..]),
+        (&[0, 1, 2][..], &[0][..], &[2][..])
+    );
     let [cut] = &group.loops[..] else { panic!() };
-    assert_eq!((cut.name.as_str(), cut.predecessor, cut.successor, &cut.cut), ("slide", 1, 3, &Cut::AtJoint(2)));
+    assert_eq!(
+        (cut.name.as_str(), cut.predecessor, cut.successor, &cut.cut),
+        ("slide", 1, 3, &Cut::AtJoint(2))
+    );
     assert_eq!(cut.rows[0].name, "y");
     assert_eq!(cut.rows[1].axis, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
     assert_eq!(read.gravity, [0.0, 0.0, -9.81]);
@@ -61,7 +78,10 @@ fn line_ends_of_windows_and_a_byte_order_mark_change_nothing() {
     let there = good(&windows(URDF), Some(&windows(YAML))).description;
     assert_eq!(there, good(URDF, Some(YAML)).description);
     let fault = windows(&with(YAML, "[slide]", "[slid]"));
-    assert!(told(&windows(URDF), &fault).starts_with("submechanisms.yml:9:23: `jointnames_active` names `slid`"));
+    assert!(
+        told(&windows(URDF), &fault)
+            .starts_with("submechanisms.yml:9:23: `jointnames_active` names `slid`")
+    );
 }
 
 #[test]
@@ -71,7 +91,10 @@ fn names_may_hold_slashes_and_the_active_list_may_be_empty() {
     let read = good(&urdf, Some(&yaml)).description;
     assert_eq!(read.joints[2].name, "Connector_Body/slide");
     assert!(read.submechanisms[0].active.is_empty());
-    assert_eq!(good(&urdf, Some(&yaml.replace("jointnames_active: []", "jointnames_active:"))).description, read);
+    assert_eq!(
+        good(&urdf, Some(&yaml.replace("jointnames_active: []", "jointnames_active:"))).description,
+        read
+    );
 }
 
 #[test]
@@ -85,7 +108,10 @@ fn both_spellings_of_the_lambda_are_one_kind() {
 #[test]
 fn numbers_are_read_as_people_write_them() {
     let yaml = with(YAML, "[0, 0, 0, 0, 1, 0]", "[0., -0., .0, 0e0, 1.0e+00, 0]");
-    assert_eq!(good(URDF, Some(&yaml)).description.submechanisms[0].loops[0].rows[0].axis, [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    assert_eq!(
+        good(URDF, Some(&yaml)).description.submechanisms[0].loops[0].rows[0].axis,
+        [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    );
     let urdf = with(URDF, "xyz=\"0 0.1 0\"", "xyz=\" 0. \n\t+1.E-1  -0\"");
     assert_eq!(good(&urdf, Some(YAML)).description.joints[1].origin.xyz, [0.0, 0.1, 0.0]);
 }
@@ -120,13 +146,17 @@ fn placements_by_hand_replace_the_cut_joint() {
     let (y, z) = (0.1 + 0.3 * 1.1_f64.cos(), 0.3 * 1.1_f64.sin());
     let (s, c) = 0.8_f64.sin_cos();
     let (y, z) = (c * y + s * z, c * z - s * y);
-    let placed =
-        format!("cut_joint: pin\n    predecessor_placement: {{xyz: [0, {y}, {z}]}}\n    successor_placement: {{rpy: [0.1, 0, 0]}}");
+    let placed = format!(
+        "cut_joint: pin\n    predecessor_placement: {{xyz: [0, {y}, {z}]}}\n    successor_placement: {{rpy: [0.1, 0, 0]}}"
+    );
     let read = good(URDF, Some(&with(YAML, "cut_joint: slide", &placed)));
     assert_eq!(read.report.to_string(), "");
     let predecessor = Placement { xyz: [0.0, y, z], rpy: [0.0; 3] };
     let successor = Placement { xyz: [0.0; 3], rpy: [0.1, 0.0, 0.0] };
-    assert_eq!(read.description.submechanisms[0].loops[0].cut, Cut::Placed { predecessor, successor });
+    assert_eq!(
+        read.description.submechanisms[0].loops[0].cut,
+        Cut::Placed { predecessor, successor }
+    );
 }
 
 #[test]
@@ -139,17 +169,28 @@ fn a_cut_joint_without_a_frame_takes_the_frame_of_the_predecessor() {
 #[test]
 fn without_submechanisms_every_joint_is_its_own_and_mimics_follow() {
     let extra = r#"<link name="free"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link><joint name="float" type="floating"><parent link="base"/><child link="free"/></joint></robot>"#;
-    let urdf = with(&with(URDF, "</robot>", extra), "<axis xyz=\"2 0 0\"/>", "<axis xyz=\"2 0 0\"/><mimic joint=\"elbow\"/>");
+    let urdf = with(
+        &with(URDF, "</robot>", extra),
+        "<axis xyz=\"2 0 0\"/>",
+        "<axis xyz=\"2 0 0\"/><mimic joint=\"elbow\"/>",
+    );
     let read = good(&urdf, None).description;
     let [group] = &read.submechanisms[..] else { panic!() };
-    assert_eq!((&group.spanning_tree[..], &group.independent[..], &group.active[..]), (&[0, 1, 2, 3][..], &[0, 2, 3][..], &[0, 2][..]));
+    assert_eq!(
+        (&group.spanning_tree[..], &group.independent[..], &group.active[..]),
+        (&[0, 1, 2, 3][..], &[0, 2, 3][..], &[0, 2][..])
+    );
     let group = &good(URDF, None).description.submechanisms[0];
     assert_eq!((group.kind, group.independent.len()), (SubmechanismKind::Serial, 3));
 }
 
 #[test]
 fn a_quaternion_is_read_from_version_one_point_one_on() {
-    let urdf = with(&with(URDF, "rpy=\"1.1 0 0\"", "quat_xyzw=\"1 0 0 0\""), "name=\"lambda\"", "name=\"lambda\" version=\"1.1\"");
+    let urdf = with(
+        &with(URDF, "rpy=\"1.1 0 0\"", "quat_xyzw=\"1 0 0 0\""),
+        "name=\"lambda\"",
+        "name=\"lambda\" version=\"1.1\"",
+    );
     let rpy = good(&urdf, Some(YAML)).description.joints[1].origin.rpy;
     assert!((rpy[0].abs() - core::f64::consts::PI).abs() < 1e-15, "{rpy:?}");
 }
@@ -170,15 +211,20 @@ fn what_other_programs_read_may_be_faulty() {
 fn a_lenient_reader_warns_of_inertias_and_reads_on() {
     let urdf = with(URDF, "izz=\"0.02\"", "izz=\"0.5\"");
     let strict = told_of(urdf.as_bytes(), Some(YAML.as_bytes()), false);
-    let lenient =
-        load(&Source::Text { urdf: urdf.into(), submechanisms: Some(YAML.into()) }, &Options { lenient: true, ..Options::default() });
+    let lenient = load(
+        &Source::Text { urdf: urdf.into(), submechanisms: Some(YAML.into()) },
+        &Options { lenient: true, ..Options::default() },
+    );
     assert_eq!(lenient.unwrap().report.to_string(), strict);
 }
 
 #[test]
 fn a_finding_as_json_has_the_names_that_scripts_see() {
     let Err(LoadError::Faults(report)) = load(
-        &Source::Text { urdf: with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"heavy\"/>").into(), submechanisms: None },
+        &Source::Text {
+            urdf: with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"heavy\"/>").into(),
+            submechanisms: None,
+        },
         &Options::default(),
     ) else {
         panic!()
@@ -193,7 +239,10 @@ fn a_check_report_holds_names_orders_and_closures() {
     let good = CheckReport::new(&load(&text(YAML), &Options::default())).unwrap();
     let json = serde_json::to_string(&good).unwrap();
     let fingerprint = good.fingerprint.unwrap();
-    assert!(fingerprint.len() == 16 && fingerprint.chars().all(|digit| digit.is_ascii_hexdigit()), "{fingerprint}");
+    assert!(
+        fingerprint.len() == 16 && fingerprint.chars().all(|digit| digit.is_ascii_hexdigit()),
+        "{fingerprint}"
+    );
     let (sigma, cond) = (good.closures[0].sigma_min, good.closures[0].cond);
     let expected = format!(
         r#"{{"robot":"lambda","fingerprint":"{fingerprint}","tree":["elbow","swing","slide"],"tree_q":["elbow","swing","slide"],"independent":["elbow"],"active":["slide"],"loops":["slide/y","slide/z"],"closures":[{{"name":"elbow_joint","type":"NUMERICAL","kind":"numerical","rows":2,"rank":2,"misfit":0.0,"redundant":[],"idle":[],"branch":[-1.0],"sigma_min":{sigma:?},"cond_Kd":{cond:?},"singular":""}}],"warnings":[],"errors":[]}}"#
@@ -201,14 +250,18 @@ fn a_check_report_holds_names_orders_and_closures() {
     assert_eq!(json, expected);
 
     let bad = CheckReport::new(&load(&text("a: b"), &Options::default())).unwrap();
-    assert_eq!((bad.robot.as_deref(), bad.fingerprint, bad.errors.len()), (Some("lambda"), None, 2));
+    assert_eq!(
+        (bad.robot.as_deref(), bad.fingerprint, bad.errors.len()),
+        (Some("lambda"), None, 2)
+    );
     let absent = load(&Source::Bundled("nobody".into()), &Options::default());
     assert!(matches!(CheckReport::new(&absent), Err(LoadError::UnknownRobot { .. })));
 }
 
 /// The reference files, if they are there.
 fn reference() -> Option<PathBuf> {
-    let found = std::env::var_os("SARRUS_REFERENCE").map(|reference| Path::new(&reference).join("robots/hyrodyn"));
+    let found = std::env::var_os("SARRUS_REFERENCE")
+        .map(|reference| Path::new(&reference).join("robots/hyrodyn"));
     if found.is_none() {
         println!("not run: SARRUS_REFERENCE is not set");
     }
@@ -217,7 +270,10 @@ fn reference() -> Option<PathBuf> {
 
 fn files(folder: &Path, urdf: &str, yaml: &str, lenient: bool) -> Result<Loaded, LoadError> {
     let submechanisms = (!yaml.is_empty()).then(|| folder.join(yaml));
-    load(&Source::Files { urdf: folder.join(urdf), submechanisms }, &Options { lenient, ..Options::default() })
+    load(
+        &Source::Files { urdf: folder.join(urdf), submechanisms },
+        &Options { lenient, ..Options::default() },
+    )
 }
 
 #[test]
@@ -228,10 +284,22 @@ fn the_files_of_hyrodyn_read_unchanged() {
         ("leg/derived/leg_hip_knee.urdf", "leg/derived/leg_hip_knee_numerical.yml"),
         ("rh5v2/derived/Body.urdf", "rh5v2/submechanisms/body_submechanism.yml"),
         ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced.yml"),
-        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_numerical.yml"),
-        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_hybrid_elbows_numerical.yml"),
-        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/derived/submechanisms_reduced_hybrid_torso_numerical.yml"),
-        ("rh5v2/derived/submechanisms_reduced.urdf", "rh5v2/submechanisms/submechanisms_reduced_numerical.yml"),
+        (
+            "rh5v2/derived/submechanisms_reduced.urdf",
+            "rh5v2/derived/submechanisms_reduced_numerical.yml",
+        ),
+        (
+            "rh5v2/derived/submechanisms_reduced.urdf",
+            "rh5v2/derived/submechanisms_reduced_hybrid_elbows_numerical.yml",
+        ),
+        (
+            "rh5v2/derived/submechanisms_reduced.urdf",
+            "rh5v2/derived/submechanisms_reduced_hybrid_torso_numerical.yml",
+        ),
+        (
+            "rh5v2/derived/submechanisms_reduced.urdf",
+            "rh5v2/submechanisms/submechanisms_reduced_numerical.yml",
+        ),
         ("rh5v2/derived/RH5v2.urdf", ""),
         ("rh5v2/derived/Head.urdf", ""),
         ("rh5v2/derived/ALElbow.urdf", ""),
@@ -248,14 +316,23 @@ fn the_files_of_hyrodyn_read_unchanged() {
 #[test]
 fn the_published_full_robot_loads_and_its_idle_rods_are_named() {
     let Some(folder) = reference() else { return };
-    for yaml in ["rh5v2/derived/submechanisms_full_hybrid.yml", "rh5v2/derived/submechanisms_full_numerical.yml"] {
+    for yaml in [
+        "rh5v2/derived/submechanisms_full_hybrid.yml",
+        "rh5v2/derived/submechanisms_full_numerical.yml",
+    ] {
         // the head's TRANSMISSION, whose couplings stand in the file of its file_path, is no fault
         let loaded = files(&folder, "rh5v2/derived/RH5v2.urdf", yaml, false).unwrap();
         for side in ["AL", "AR"] {
             let idle = ["BL0", "BL2", "BR0", "BR2"].map(|joint| format!("{side}Wrist{joint}"));
-            let named = loaded.compiled.warnings.iter().filter(|warning| idle.iter().all(|joint| warning.found.contains(joint.as_str())));
+            let named =
+                loaded.compiled.warnings.iter().filter(|warning| {
+                    idle.iter().all(|joint| warning.found.contains(joint.as_str()))
+                });
             assert_eq!(named.count(), 1, "{:?}", loaded.compiled.warnings);
-            assert!(loaded.compiled.model.closures().iter().any(|closure| closure.idle == idle), "{side}");
+            assert!(
+                loaded.compiled.model.closures().iter().any(|closure| closure.idle == idle),
+                "{side}"
+            );
         }
     }
 }
@@ -265,13 +342,26 @@ fn a_smurf_file_names_the_files_that_are_read() {
     let Some(folder) = reference() else { return };
     // both ways are the same robot; the loops of its ankle are those of its type
     let smurf = files(&folder, "leg/smurf/leg.smurf", "", true).unwrap().compiled.model;
-    let direct = files(&folder, "leg/urdf/leg.urdf", "leg/urdf/submechanisms.yml", true).unwrap().compiled.model;
+    let direct = files(&folder, "leg/urdf/leg.urdf", "leg/urdf/submechanisms.yml", true)
+        .unwrap()
+        .compiled
+        .model;
     assert_eq!(smurf.fingerprint(), direct.fingerprint());
-    assert!(direct.loop_names().iter().any(|name| name == "LLAnkle_E11/plane"), "{:?}", direct.loop_names());
-    // without leniency the negative inertias of the two foot-side links stand in the URDF that the SMURF names
-    let Err(LoadError::Faults(report)) = files(&folder, "leg/smurf/leg.smurf", "", false) else { panic!() };
-    let ends: Vec<_> =
-        report.errors.iter().map(|Finding { file, line, .. }| (file.ends_with("leg/smurf/../urdf/leg.urdf"), *line)).collect();
+    assert!(
+        direct.loop_names().iter().any(|name| name == "LLAnkle_E11/plane"),
+        "{:?}",
+        direct.loop_names()
+    );
+    // without leniency the negative inertias of the two foot-side links stand in the URDF that the
+    // SMURF names
+    let Err(LoadError::Faults(report)) = files(&folder, "leg/smurf/leg.smurf", "", false) else {
+        panic!()
+    };
+    let ends: Vec<_> = report
+        .errors
+        .iter()
+        .map(|Finding { file, line, .. }| (file.ends_with("leg/smurf/../urdf/leg.urdf"), *line))
+        .collect();
     assert_eq!(ends, [(true, 67), (true, 74)]);
 }
 

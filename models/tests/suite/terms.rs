@@ -31,8 +31,9 @@ fn on_a_ball(kind: &str, inside: &str) -> String {
 
 #[test]
 fn the_names_of_sdf_are_read_from_dynamics() {
-    let (terms, told) =
-        elbow(&with_dynamics("<dynamics damping=\"0.5\" friction=\"0\" spring_stiffness=\"20\" spring_reference=\"-0.25\"/>"));
+    let (terms, told) = elbow(&with_dynamics(
+        "<dynamics damping=\"0.5\" friction=\"0\" spring_stiffness=\"20\" spring_reference=\"-0.25\"/>",
+    ));
     assert_eq!(terms, Terms { damping: 0.5, stiffness: 20.0, rest: -0.25, ..Terms::default() });
     assert_eq!(told, "");
     assert_eq!(elbow(URDF).0, Terms::default());
@@ -51,7 +52,8 @@ fn a_rotor_is_read_from_a_transmission_or_from_dynamics() {
     let expected = Terms { rotor_inertia: 1e-4, gear_ratio: 50.0, ..Terms::default() };
     let drake = "<transmission><actuator name=\"m\"><drake:rotor_inertia value=\"1e-4\"/><drake:gear_ratio value=\"50\"/></actuator>\
         <joint name=\"elbow\"/></transmission>";
-    let declared = with(&with_transmission(drake), "<robot ", "<robot xmlns:drake=\"http://drake.mit.edu\" ");
+    let declared =
+        with(&with_transmission(drake), "<robot ", "<robot xmlns:drake=\"http://drake.mit.edu\" ");
     assert_eq!(elbow(&declared), (expected, String::new()));
     let (terms, told) = elbow(&with_transmission(drake));
     assert_eq!(terms, expected);
@@ -60,7 +62,10 @@ fn a_rotor_is_read_from_a_transmission_or_from_dynamics() {
     let reduction = "<transmission><actuator name=\"m\"><mechanicalReduction>50</mechanicalReduction><rotor_inertia value=\"1e-4\"/></actuator>\
         <joint name=\"elbow\"/></transmission>";
     assert_eq!(elbow(&with_transmission(reduction)), (expected, String::new()));
-    assert_eq!(elbow(&with_dynamics("<dynamics rotor_inertia=\"1e-4\" gear_ratio=\"50\"/>")), (expected, String::new()));
+    assert_eq!(
+        elbow(&with_dynamics("<dynamics rotor_inertia=\"1e-4\" gear_ratio=\"50\"/>")),
+        (expected, String::new())
+    );
 }
 
 #[test]
@@ -93,7 +98,8 @@ fn a_serial_type_counts_three_rotations_for_a_ball_joint() {
 
 #[test]
 fn joints_of_several_freedoms_and_fixed_ones_have_no_terms() {
-    let at = |kind: &str| told_of(on_a_ball(kind, "<dynamics damping=\"1\"/>").as_bytes(), None, false);
+    let at =
+        |kind: &str| told_of(on_a_ball(kind, "<dynamics damping=\"1\"/>").as_bytes(), None, false);
     for (kind, column) in [("floating", 98), ("spherical", 99)] {
         let expected = format!(
             "robot.urdf:42:{column}: the joint `ball` of several freedoms has damping, a spring or a rotor, expected a joint of one freedom, remove it, or change the type of the joint\n"
@@ -101,8 +107,16 @@ fn joints_of_several_freedoms_and_fixed_ones_have_no_terms() {
         assert_eq!(at(kind), expected);
     }
     let fixed = at("fixed");
-    assert!(fixed.contains("the fixed joint `ball` has damping, a spring or a rotor, which is not read"), "{fixed}");
-    let harmless = told_of(on_a_ball("fixed", "<dynamics damping=\"0\" friction=\"0\"/>").as_bytes(), None, false);
+    assert!(
+        fixed
+            .contains("the fixed joint `ball` has damping, a spring or a rotor, which is not read"),
+        "{fixed}"
+    );
+    let harmless = told_of(
+        on_a_ball("fixed", "<dynamics damping=\"0\" friction=\"0\"/>").as_bytes(),
+        None,
+        false,
+    );
     assert_eq!(harmless, "");
 }
 

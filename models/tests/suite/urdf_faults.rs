@@ -1,4 +1,5 @@
-//! Faults of URDF files, each with its whole message. The text before `=>` becomes the text after it.
+//! Faults of URDF files, each with its whole message. The text before `=>` becomes the text after
+//! it.
 
 use super::*;
 

@@ -1,8 +1,9 @@
-//! Symmetric matrices in which row i is zero left of the diagonal except at the ancestors of i, packed, and H = Lᵀ D L without fill-in
-//! (Featherstone 2008, sections 6.4 and 6.5).
+//! Symmetric matrices in which row i is zero left of the diagonal except at the ancestors of i,
+//! packed, and H = Lᵀ D L without fill-in (Featherstone 2008, sections 6.4 and 6.5).
 //!
-//! Row i holds the entries at its ancestors, from the root on, and then its diagonal. The path to an ancestor is the beginning of the path to
-//! i, so that the row of the ancestor has its numbers at the same places: rows are combined without any index.
+//! Row i holds the entries at its ancestors, from the root on, and then its diagonal. The path to
+//! an ancestor is the beginning of the path to i, so that the row of the ancestor has its numbers
+//! at the same places: rows are combined without any index.
 
 use crate::scalar::{Mask, Real};
 
@@ -45,7 +46,8 @@ impl Branches {
     }
 }
 
-/// Factorises H = Lᵀ D L in place: the rows then hold L and 1/D. The mask tells where every D is positive.
+/// Factorises H = Lᵀ D L in place: the rows then hold L and 1/D. The mask tells where every D is
+/// positive.
 #[inline]
 pub(crate) fn factorise_branches<T: Real>(branches: &Branches, H: &mut [T]) -> T::Mask {
     let Branches { parent, depth, start, .. } = branches;
@@ -91,8 +93,8 @@ pub(crate) fn solve_branches<T: Real>(branches: &Branches, L: &[T], x: &mut [T])
     }
 }
 
-/// Factorises a full symmetric matrix H = L D Lᵀ in place (n×n row-major, lower triangle): L below the diagonal, 1/D on it. The mask tells
-/// where every D is positive.
+/// Factorises a full symmetric matrix H = L D Lᵀ in place (n×n row-major, lower triangle): L below
+/// the diagonal, 1/D on it. The mask tells where every D is positive.
 #[inline]
 pub(crate) fn factorise_full<T: Real>(H: &mut [T], n: usize) -> T::Mask {
     let mut positive = T::Mask::splat(true);
@@ -124,8 +126,19 @@ mod tests {
         // 0 carries 1 and 3, 1 carries 2, 4 stands alone
         [usize::MAX, 0, 1, 0, usize::MAX].into_iter().for_each(|parent| branches.push(parent));
         assert_eq!(branches.len, 1 + 2 + 3 + 2 + 1);
-        assert_eq!((branches.entry(2, 0), branches.entry(0, 2), branches.entry(2, 2)), (Some(3), Some(3), Some(5)));
-        assert_eq!((branches.entry(3, 0), branches.entry(3, 1), branches.entry(4, 0), branches.entry(2, 3)), (Some(6), None, None, None));
+        assert_eq!(
+            (branches.entry(2, 0), branches.entry(0, 2), branches.entry(2, 2)),
+            (Some(3), Some(3), Some(5))
+        );
+        assert_eq!(
+            (
+                branches.entry(3, 0),
+                branches.entry(3, 1),
+                branches.entry(4, 0),
+                branches.entry(2, 3)
+            ),
+            (Some(6), None, None, None)
+        );
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use crate::closure::{Scratch, branch, dependents_range};
 use crate::model::{Body, Cluster, Model};
 
-/// The loops of one submechanism at the zero pose; where its loops are tied to those of another, those of both.
+/// The loops of one submechanism at the zero pose; where its loops are tied to those of another,
+/// those of both.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClosureAtZero {
     /// Rows that say nothing new.
@@ -17,8 +18,8 @@ pub struct ClosureAtZero {
 }
 
 impl Model<f64> {
-    /// The loops of each submechanism at the zero pose, in the order of [`Model::closures`]. Scaled as the field `sigma_min` is.
-    /// Allocates.
+    /// The loops of each submechanism at the zero pose, in the order of [`Model::closures`]. Scaled
+    /// as the field `sigma_min` is. Allocates.
     pub fn closures_at_zero(&self) -> Vec<ClosureAtZero> {
         let mut first = 0;
         let mut found = Vec::new();
@@ -34,16 +35,23 @@ impl Model<f64> {
     /// The clusters that hold any of these rows.
     fn closure_of(&self, own: std::ops::Range<usize>) -> ClosureAtZero {
         let mut found = ClosureAtZero { sigma_min: 1.0, cond_Kd: 1.0, ..ClosureAtZero::default() };
-        for &c in self.tied.iter().filter(|c| self.clusters[**c].rows.iter().any(|row| own.contains(row))) {
+        for &c in
+            self.tied.iter().filter(|c| self.clusters[**c].rows.iter().any(|row| own.contains(row)))
+        {
             let cluster = &self.clusters[c];
             let bodies = &self.bodies[cluster.body..cluster.body + cluster.n];
             let zero = &self.zero[cluster.q..cluster.q + cluster.n_q];
-            let unused = (0..cluster.rows.len()).filter(|r| !cluster.used.contains(r)).map(|r| cluster.rows[r]);
-            found.redundant.extend(unused.filter(|row| own.contains(row)).map(|row| self.meta.loops[row].clone()));
+            let unused = (0..cluster.rows.len())
+                .filter(|r| !cluster.used.contains(r))
+                .map(|r| cluster.rows[r]);
+            found.redundant.extend(
+                unused.filter(|row| own.contains(row)).map(|row| self.meta.loops[row].clone()),
+            );
 
             let ((largest, least), branch) = judge(cluster, bodies, zero);
             found.sigma_min = found.sigma_min.min(least);
-            found.cond_Kd = found.cond_Kd.max(if branch == 0.0 { f64::INFINITY } else { largest / least });
+            found.cond_Kd =
+                found.cond_Kd.max(if branch == 0.0 { f64::INFINITY } else { largest / least });
             if self.order.branches.contains(&c) {
                 found.branch.push(branch);
             }
@@ -52,7 +60,8 @@ impl Model<f64> {
     }
 }
 
-/// Largest and least singular value of the scaled K_d of one cluster at a pose, and its branch, 0 where the pose is singular. Allocates.
+/// Largest and least singular value of the scaled K_d of one cluster at a pose, and its branch, 0
+/// where the pose is singular. Allocates.
 pub(crate) fn judge(cluster: &Cluster<f64>, bodies: &[Body<f64>], q: &[f64]) -> ((f64, f64), f64) {
     let mut scratch = Scratch::at(cluster, bodies, q);
     let (largest, least) = dependents_range(cluster, &mut scratch);

@@ -1,6 +1,8 @@
-//! What a person wrote about one robot, as plain data: links, joints, submechanisms and loops, by index.
+//! What a person wrote about one robot, as plain data: links, joints, submechanisms and loops, by
+//! index.
 //!
-//! Whoever reads files fills a [`Description`]; [`crate::Model::compile`] turns it into the arrays that the kernels run on.
+//! Whoever reads files fills a [`Description`]; [`crate::Model::compile`] turns it into the arrays
+//! that the kernels run on.
 
 /// One robot, as written.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,8 +80,8 @@ pub struct Terms {
     pub stiffness: f64,
     /// Position at which the spring exerts nothing.
     pub rest: f64,
-    /// Inertia I of the rotor about its own axis, which turns N times as fast as the joint: N² I is added to the joint's inertia
-    /// `[kg m²]` (of a slider N is in rad/m).
+    /// Inertia I of the rotor about its own axis, which turns N times as fast as the joint: N² I is
+    /// added to the joint's inertia `[kg m²]` (of a slider N is in rad/m).
     pub rotor_inertia: f64,
     /// Gear ratio N.
     pub gear_ratio: f64,
@@ -221,7 +223,8 @@ pub struct Row {
     pub name: String,
     /// `[angular; linear]` {predecessor's cut frame}.
     pub axis: [f64; 6],
-    /// A direction {successor's cut frame} that stays perpendicular to the angular part of `axis`: then the row is the product of the
-    /// two, as in a universal joint, and the linear part does not count.
+    /// A direction {successor's cut frame} that stays perpendicular to the angular part of `axis`:
+    /// then the row is the product of the two, as in a universal joint, and the linear part does
+    /// not count.
     pub against: Option<[f64; 3]>,
 }

@@ -1,6 +1,7 @@
 use core::fmt;
 
-/// Where in a [`crate::description::Description`] something stands; whoever read the files knows the line.
+/// Where in a [`crate::description::Description`] something stands; whoever read the files knows
+/// the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Site {

@@ -1,8 +1,9 @@
 //! Kinematics and dynamics of series-parallel hybrid robots.
 //!
-//! A [`description::Description`] holds what a person wrote; [`Model::compile`] turns it into flat arrays; a [`Plan`] is the list of steps
-//! that a set of wanted outputs needs; [`Plan::run`] answers requests in a [`Workspace`] without allocating. Nothing here knows a clock,
-//! a file or a transport.
+//! A [`description::Description`] holds what a person wrote; [`Model::compile`] turns it into flat
+//! arrays; a [`Plan`] is the list of steps that a set of wanted outputs needs; [`Plan::run`]
+//! answers requests in a [`Workspace`] without allocating. Nothing here knows a clock, a file or a
+//! transport.
 #![forbid(unsafe_code)]
 // the symbols of the equations
 #![allow(non_snake_case)]
@@ -28,5 +29,7 @@ pub use fault::{CompileError, Fault, Site};
 pub use implicit::ImplicitForm;
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Answer, Method, Plan};
-pub use sarrus_proto::{Field, FieldSet, Layout, Request, Sizes, Slot, Status, Wanted, WantedError, Warnings};
+pub use sarrus_proto::{
+    Field, FieldSet, Layout, Request, Sizes, Slot, Status, Wanted, WantedError, Warnings,
+};
 pub use workspace::Workspace;

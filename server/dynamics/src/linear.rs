@@ -1,13 +1,21 @@
-//! Small dense linear algebra on caller-owned slices: row-major, no allocation, generic over the scalar.
+//! Small dense linear algebra on caller-owned slices: row-major, no allocation, generic over the
+//! scalar.
 
 use crate::scalar::{Mask, Real, Scalar};
 
-/// Solves A X = B in place by elimination without exchanges; A is m×m, B m×n, both row-major. B becomes X.
+/// Solves A X = B in place by elimination without exchanges; A is m×m, B m×n, both row-major. B
+/// becomes X.
 ///
-/// The rows must come in an order that was found good at load. Returns the mask of lanes whose every pivot stayed above
-/// `floor` times the largest entry of its row and the determinant of A.
+/// The rows must come in an order that was found good at load. Returns the mask of lanes whose
+/// every pivot stayed above `floor` times the largest entry of its row and the determinant of A.
 #[inline]
-pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, floor: f64) -> (T::Mask, T) {
+pub(crate) fn solve_unpivoted<T: Real>(
+    A: &mut [T],
+    B: &mut [T],
+    m: usize,
+    n: usize,
+    floor: f64,
+) -> (T::Mask, T) {
     let mut good = T::Mask::splat(true);
     let mut det = T::ONE;
     for k in 0..m {
@@ -26,8 +34,9 @@ pub(crate) fn solve_unpivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: us
     (good, det)
 }
 
-/// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the sign of the
-/// determinant, or `None` where a pivot is not above the rounding of the largest entry, or not a number.
+/// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the
+/// sign of the determinant, or `None` where a pivot is not above the rounding of the largest entry,
+/// or not a number.
 pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
     solve_above(A, B, m, n, 8.0).map(|solved| solved.sign)
 }
@@ -41,15 +50,28 @@ pub(crate) struct Solved<T> {
     pub(crate) least: T,
 }
 
-/// The same, but `None` already where the solution of a matrix of like entries would have less than five digits, or half of those that the
-/// scalar has where it has less than ten.
-pub(crate) fn solve_sound<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<Solved<T>> {
+/// The same, but `None` already where the solution of a matrix of like entries would have less than
+/// five digits, or half of those that the scalar has where it has less than ten.
+pub(crate) fn solve_sound<T: Scalar>(
+    A: &mut [T],
+    B: &mut [T],
+    m: usize,
+    n: usize,
+) -> Option<Solved<T>> {
     solve_above(A, B, m, n, f64::min(1e5, 1.0 / T::EPSILON.sqrt()))
 }
 
 /// `roundings`: how many unit roundoffs of the largest entry a pivot must have.
-fn solve_above<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, roundings: f64) -> Option<Solved<T>> {
-    let largest = A[..m * m].iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
+fn solve_above<T: Scalar>(
+    A: &mut [T],
+    B: &mut [T],
+    m: usize,
+    n: usize,
+    roundings: f64,
+) -> Option<Solved<T>> {
+    let largest = A[..m * m]
+        .iter()
+        .fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
     let floor = largest * T::from_f64(roundings * T::EPSILON);
     let (mut sign, mut least) = (T::ONE, largest);
     for k in 0..m {
@@ -68,7 +90,8 @@ fn solve_above<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, rounding
     Some(Solved { sign, least: least / largest })
 }
 
-/// Brings the largest entry of column k, on or below the diagonal, to its place; true where rows changed places.
+/// Brings the largest entry of column k, on or below the diagonal, to its place; true where rows
+/// changed places.
 fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> bool {
     let mut p = k;
     for i in k + 1..m {
@@ -118,8 +141,9 @@ fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize) {
     }
 }
 
-/// Singular value decomposition A = U Σ Vᵀ of the m×n row-major matrix A by one-sided Jacobi rotations (Hestenes 1958): A becomes U Σ, its
-/// column norms are the singular values, in no order. V (n×n) is filled, or left out where it is empty.
+/// Singular value decomposition A = U Σ Vᵀ of the m×n row-major matrix A by one-sided Jacobi
+/// rotations (Hestenes 1958): A becomes U Σ, its column norms are the singular values, in no order.
+/// V (n×n) is filled, or left out where it is empty.
 pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize) {
     const SWEEPS: usize = 30;
     let tiny = T::from_f64(T::EPSILON);
@@ -161,7 +185,15 @@ pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize)
     }
 }
 
-fn turn_columns<T: Scalar>(A: &mut [T], m: usize, n: usize, p: usize, q: usize, cosine: T, sine: T) {
+fn turn_columns<T: Scalar>(
+    A: &mut [T],
+    m: usize,
+    n: usize,
+    p: usize,
+    q: usize,
+    cosine: T,
+    sine: T,
+) {
     for i in 0..m {
         let (x, y) = (A[i * n + p], A[i * n + q]);
         A[i * n + p] = cosine * x - sine * y;
@@ -175,8 +207,8 @@ pub(crate) fn column_square<T: Real>(A: &[T], m: usize, n: usize, j: usize) -> T
     (0..m).fold(T::ZERO, |sum, i| A[i * n + j].mul_add(A[i * n + j], sum))
 }
 
-/// Largest and least singular value of the m×n row-major matrix A; destroys A. When m < n the transpose must be passed. An empty matrix
-/// has (1, 1); numbers that are not finite have none.
+/// Largest and least singular value of the m×n row-major matrix A; destroys A. When m < n the
+/// transpose must be passed. An empty matrix has (1, 1); numbers that are not finite have none.
 pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, T) {
     if n == 0 {
         return (T::ONE, T::ONE);
@@ -198,7 +230,8 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
     (largest, least)
 }
 
-/// Sign of the determinant of an m×m row-major matrix, by elimination with partial pivoting; destroys A. Zero where a pivot is exactly so.
+/// Sign of the determinant of an m×m row-major matrix, by elimination with partial pivoting;
+/// destroys A. Zero where a pivot is exactly so.
 pub(crate) fn determinant_sign<T: Scalar>(A: &mut [T], m: usize) -> T {
     let mut sign = T::ONE;
     for k in 0..m {
@@ -217,9 +250,15 @@ pub(crate) fn determinant_sign<T: Scalar>(A: &mut [T], m: usize) -> T {
     sign
 }
 
-/// Least-squares solution of least norm of A x = b, A m×n row-major, by the normal equations of the smaller side (one step of
-/// refinement); x (n) into `x`. `None` where A has not full rank.
-pub(crate) fn least_norm<T: Scalar>(A: &mut [T], b: &mut [T], x: &mut [T], m: usize, n: usize) -> Option<()> {
+/// Least-squares solution of least norm of A x = b, A m×n row-major, by the normal equations of the
+/// smaller side (one step of refinement); x (n) into `x`. `None` where A has not full rank.
+pub(crate) fn least_norm<T: Scalar>(
+    A: &mut [T],
+    b: &mut [T],
+    x: &mut [T],
+    m: usize,
+    n: usize,
+) -> Option<()> {
     if n == 0 {
         return Some(());
     }
@@ -231,9 +270,14 @@ pub(crate) fn least_norm<T: Scalar>(A: &mut [T], b: &mut [T], x: &mut [T], m: us
     for _ in 0..2 {
         for i in 0..s {
             for j in 0..s {
-                let sum = |of: &dyn Fn(usize) -> (T, T), len: usize| (0..len).fold(T::ZERO, |sum, k| of(k).0.mul_add(of(k).1, sum));
-                normal[i * s + j] =
-                    if wide { sum(&|k| (A[i * n + k], A[j * n + k]), n) } else { sum(&|k| (A[k * n + i], A[k * n + j]), m) };
+                let sum = |of: &dyn Fn(usize) -> (T, T), len: usize| {
+                    (0..len).fold(T::ZERO, |sum, k| of(k).0.mul_add(of(k).1, sum))
+                };
+                normal[i * s + j] = if wide {
+                    sum(&|k| (A[i * n + k], A[j * n + k]), n)
+                } else {
+                    sum(&|k| (A[k * n + i], A[k * n + j]), m)
+                };
             }
         }
         // residual r = b − A x, right-hand side r or Aᵀ r
@@ -243,11 +287,19 @@ pub(crate) fn least_norm<T: Scalar>(A: &mut [T], b: &mut [T], x: &mut [T], m: us
             residual[i] = (0..n).fold(b[i], |r, k| (-A[i * n + k]).mul_add(solution[k], r));
         }
         for i in 0..s {
-            rhs[i] = if wide { residual[i] } else { (0..m).fold(T::ZERO, |sum, k| A[k * n + i].mul_add(residual[k], sum)) };
+            rhs[i] = if wide {
+                residual[i]
+            } else {
+                (0..m).fold(T::ZERO, |sum, k| A[k * n + i].mul_add(residual[k], sum))
+            };
         }
         solve_pivoted(square, rhs, s, 1)?;
         for k in 0..n {
-            solution[k] += if wide { (0..m).fold(T::ZERO, |sum, i| A[i * n + k].mul_add(rhs[i], sum)) } else { rhs[k] };
+            solution[k] += if wide {
+                (0..m).fold(T::ZERO, |sum, i| A[i * n + k].mul_add(rhs[i], sum))
+            } else {
+                rhs[k]
+            };
         }
     }
     solution.iter().all(|x| x.is_finite()).then_some(())

@@ -1,4 +1,5 @@
-//! Products of three-vectors and 3×3 matrices with fused multiply-add; nalgebra's types are the containers.
+//! Products of three-vectors and 3×3 matrices with fused multiply-add; nalgebra's types are the
+//! containers.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -65,7 +66,11 @@ pub(crate) fn dot<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> T {
 /// a × b.
 #[inline(always)]
 pub(crate) fn cross<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(a[1].mul_add(b[2], -(a[2] * b[1])), a[2].mul_add(b[0], -(a[0] * b[2])), a[0].mul_add(b[1], -(a[1] * b[0])))
+    Vector3::new(
+        a[1].mul_add(b[2], -(a[2] * b[1])),
+        a[2].mul_add(b[0], -(a[0] * b[2])),
+        a[0].mul_add(b[1], -(a[1] * b[0])),
+    )
 }
 
 /// c + a × b.
@@ -94,7 +99,8 @@ pub(crate) fn mul<T: Real>(R: &Matrix3<T>, x: &Vector3<T>) -> Vector3<T> {
 /// R x + c.
 #[inline(always)]
 pub(crate) fn mul_add<T: Real>(R: &Matrix3<T>, x: &Vector3<T>, c: &Vector3<T>) -> Vector3<T> {
-    let row = |i: usize| R[(i, 0)].mul_add(x[0], R[(i, 1)].mul_add(x[1], R[(i, 2)].mul_add(x[2], c[i])));
+    let row =
+        |i: usize| R[(i, 0)].mul_add(x[0], R[(i, 1)].mul_add(x[1], R[(i, 2)].mul_add(x[2], c[i])));
     Vector3::new(row(0), row(1), row(2))
 }
 
@@ -145,7 +151,8 @@ pub(crate) fn from_quaternion<T: Real>(x: T, y: T, z: T, w: T) -> Matrix3<T> {
     )
 }
 
-/// Quaternion x, y, z, w of a rotation matrix, w ≥ 0 (Shepperd 1978: the largest of four squares is divided by).
+/// Quaternion x, y, z, w of a rotation matrix, w ≥ 0 (Shepperd 1978: the largest of four squares is
+/// divided by).
 pub(crate) fn to_quaternion<T: Real>(R: &Matrix3<T>) -> [T; 4] {
     let r = |i: usize, j: usize| R[(i, j)];
     // four times the squares of x, y, z, w
@@ -157,7 +164,12 @@ pub(crate) fn to_quaternion<T: Real>(R: &Matrix3<T>) -> [T; 4] {
     ];
     let (a, b, c) = (r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1));
     let (d, e, f) = (r(0, 1) + r(1, 0), r(0, 2) + r(2, 0), r(1, 2) + r(2, 1));
-    let candidates = [[squares[0], d, e, a], [d, squares[1], f, b], [e, f, squares[2], c], [a, b, c, squares[3]]];
+    let candidates = [
+        [squares[0], d, e, a],
+        [d, squares[1], f, b],
+        [e, f, squares[2], c],
+        [a, b, c, squares[3]],
+    ];
     let (mut best, mut q) = (squares[3], candidates[3]);
     for k in 0..3 {
         let larger = best.lt(squares[k]);
@@ -178,7 +190,12 @@ mod tests {
 
     #[test]
     fn quaternion_and_matrix_are_inverse_to_each_other() {
-        for [x, y, z, w] in [[0.5, 0.5, 0.5, 0.5], [0.1, -0.7, 0.7, 0.1], [0.99498743710662, 0.0, 0.0, 0.1], [0.0, 0.0, 0.6, 0.8]] {
+        for [x, y, z, w] in [
+            [0.5, 0.5, 0.5, 0.5],
+            [0.1, -0.7, 0.7, 0.1],
+            [0.99498743710662, 0.0, 0.0, 0.1],
+            [0.0, 0.0, 0.6, 0.8],
+        ] {
             let n = f64::sqrt(x * x + y * y + z * z + w * w);
             let q = [x / n, y / n, z / n, w / n];
             let back = to_quaternion(&from_quaternion(q[0], q[1], q[2], q[3]));

@@ -7,7 +7,8 @@ use crate::scalar::{Real, Scalar};
 use crate::spatial::{Pose, identity, zero};
 use crate::tree::{Embedding, Force};
 
-/// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next one.
+/// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next
+/// one.
 #[derive(Clone, Debug)]
 pub struct Workspace<T> {
     // coordinates, in the order of the bodies
@@ -52,12 +53,15 @@ pub struct Workspace<T> {
     pub(crate) M_y: Vec<T>,
     pub(crate) C_y: Vec<T>,
     pub(crate) factor: Vec<T>,
-    /// Force columns of the cluster that is carried towards the root: `[n; f]` for each of its independents.
+    /// Force columns of the cluster that is carried towards the root: `[n; f]` for each of its
+    /// independents.
     pub(crate) columns: Vec<Force<T>>,
-    /// The same inside one cluster, for each of its bodies (n × n_vy), and its block of the mass matrix (n_vy × n_vy).
+    /// The same inside one cluster, for each of its bodies (n × n_vy), and its block of the mass
+    /// matrix (n_vy × n_vy).
     pub(crate) inside: Vec<Force<T>>,
     pub(crate) block: Vec<T>,
-    /// Matrix, right-hand side and scaling of the tree under its constraints; empty where no plan asks for that method.
+    /// Matrix, right-hand side and scaling of the tree under its constraints; empty where no plan
+    /// asks for that method.
     pub(crate) kkt: Vec<T>,
     pub(crate) kkt_rhs: Vec<T>,
     pub(crate) kkt_scale: Vec<T>,
@@ -85,7 +89,11 @@ pub(crate) struct Needs {
 impl Needs {
     /// What either needs.
     fn and(self, other: Needs) -> Needs {
-        Needs { mass_matrix: self.mass_matrix | other.mass_matrix, dense: self.dense | other.dense, kkt: self.kkt | other.kkt }
+        Needs {
+            mass_matrix: self.mass_matrix | other.mass_matrix,
+            dense: self.dense | other.dense,
+            kkt: self.kkt | other.kkt,
+        }
     }
 }
 
@@ -95,7 +103,8 @@ pub(crate) struct BodyState<T> {
     /// Pose in the parent.
     pub(crate) R: Matrix3<T>,
     pub(crate) p: Vector3<T>,
-    /// Angular velocity, velocity of the origin, angular acceleration, classical acceleration of the origin.
+    /// Angular velocity, velocity of the origin, angular acceleration, classical acceleration of
+    /// the origin.
     pub(crate) w: Vector3<T>,
     pub(crate) v: Vector3<T>,
     pub(crate) alpha: Vector3<T>,
@@ -129,15 +138,23 @@ pub(crate) struct Composite<T> {
 }
 
 impl<T: Scalar> Workspace<T> {
-    /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates; nothing after it does.
+    /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
+    /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
         Workspace::sized(model, Needs { mass_matrix: true, dense: true, kkt: false })
     }
 
-    /// Scratch for these plans on this model and for no others, without the square matrices that none of them needs: that of a robot with a
-    /// thousand joints is then a thousand times as small. Allocates; nothing after it does.
-    pub fn for_plans<'a>(model: &Model<T>, plans: impl IntoIterator<Item = &'a Plan>) -> Workspace<T> {
-        Workspace::sized(model, plans.into_iter().fold(Needs::default(), |needs, plan| needs.and(plan.needs())))
+    /// Scratch for these plans on this model and for no others, without the square matrices that
+    /// none of them needs: that of a robot with a thousand joints is then a thousand times as
+    /// small. Allocates; nothing after it does.
+    pub fn for_plans<'a>(
+        model: &Model<T>,
+        plans: impl IntoIterator<Item = &'a Plan>,
+    ) -> Workspace<T> {
+        Workspace::sized(
+            model,
+            plans.into_iter().fold(Needs::default(), |needs, plan| needs.and(plan.needs())),
+        )
     }
 
     /// True where it is large enough for a plan that needs this.
@@ -149,16 +166,28 @@ impl<T: Scalar> Workspace<T> {
     pub(crate) fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
         let sizes = model.sizes();
         let bodies = model.bodies.len();
-        let at_rest = BodyState { R: identity(), p: zero(), w: zero(), v: zero(), alpha: zero(), a: zero(), n: zero(), f: zero() };
+        let at_rest = BodyState {
+            R: identity(),
+            p: zero(),
+            w: zero(),
+            v: zero(),
+            alpha: zero(),
+            a: zero(),
+            n: zero(),
+            f: zero(),
+        };
         let of = |n: usize| vec![T::ZERO; n];
         let clusters = || model.clusters.iter();
         let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);
         let largest = clusters().map(|c| c.n_q).max().unwrap_or(0);
         let rows = clusters().map(|c| c.rows.len()).max().unwrap_or(0);
         let widest_u = clusters().map(|c| c.active.len()).max().unwrap_or(0);
-        let side = if needs.dense { sizes.n_vy.max(sizes.n_u) } else { widest_u }.max(largest).max(rows) + 6;
+        let side =
+            if needs.dense { sizes.n_vy.max(sizes.n_u) } else { widest_u }.max(largest).max(rows)
+                + 6;
         let packed = if needs.mass_matrix { model.branches.len } else { 0 };
-        let kkt = if needs.kkt { sizes.n_v + clusters().map(|c| c.used.len()).sum::<usize>() } else { 0 };
+        let kkt =
+            if needs.kkt { sizes.n_v + clusters().map(|c| c.used.len()).sum::<usize>() } else { 0 };
         Workspace {
             q: of(sizes.n_q),
             qd: of(sizes.n_v),
@@ -214,7 +243,11 @@ fn free_jacobians<T: Scalar>(model: &Model<T>) -> Vec<T> {
 
 impl<T: Real> Scratch<T> {
     /// Poses and K of one cluster at a pose, outside any workspace. Allocates.
-    pub(crate) fn at(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], q: &[T]) -> Scratch<T> {
+    pub(crate) fn at(
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        q: &[T],
+    ) -> Scratch<T> {
         let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
         local_poses(cluster, bodies, q, &mut vec![(T::ONE, T::ZERO); cluster.n], &mut scratch.pose);
         constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);

@@ -1,7 +1,7 @@
 //! Which of some coordinates are quaternions, and how coordinates move with their velocities.
 //!
-//! A ball joint has q = x y z w and q̇ = ω in the body, a floating one q = [p; x y z w] and q̇ = [ω; v] in the body; every other coordinate is
-//! its own velocity's integral.
+//! A ball joint has q = x y z w and q̇ = ω in the body, a floating one q = [p; x y z w] and q̇ =
+//! [ω; v] in the body; every other coordinate is its own velocity's integral.
 
 use sarrus_dynamics::scalar::{Real, Scalar};
 
@@ -32,9 +32,13 @@ impl Coordinates {
             let joint = rates.get(v).and_then(|name| name.strip_suffix("/rx"));
             let follows = |parts: &[&str]| {
                 joint.is_some_and(|joint| {
-                    let is =
-                        |(name, part): (&String, &&str)| name.strip_prefix(joint).and_then(|rest| rest.strip_prefix('/')) == Some(part);
-                    names.get(q..q + parts.len()).is_some_and(|names| names.iter().zip(parts).all(is))
+                    let is = |(name, part): (&String, &&str)| {
+                        name.strip_prefix(joint).and_then(|rest| rest.strip_prefix('/'))
+                            == Some(part)
+                    };
+                    names
+                        .get(q..q + parts.len())
+                        .is_some_and(|names| names.iter().zip(parts).all(is))
                 })
             };
             let (part, n_q, n_v) = if follows(&FLOATING) {
@@ -87,15 +91,21 @@ impl Coordinates {
         q
     }
 
-    /// dq/dt: R v of a position, ½ q ω of an orientation, with R of the same coordinates at unit length. That of the quaternion is of `raw`
-    /// itself: its direction then turns as it should whatever its length is.
+    /// dq/dt: R v of a position, ½ q ω of an orientation, with R of the same coordinates at unit
+    /// length. That of the quaternion is of `raw` itself: its direction then turns as it should
+    /// whatever its length is.
     pub(crate) fn rate<T: Scalar>(&self, raw: &[T], unit: &[T], v: &[T], rate: &mut [T]) {
         for part in &self.parts {
             match *part {
                 Part::Single { q: i, v: k } => rate[i] = v[k],
-                Part::Ball { q: i, v: k } => quaternion_rate(&raw[i..i + 4], &v[k..k + 3], &mut rate[i..i + 4]),
+                Part::Ball { q: i, v: k } => {
+                    quaternion_rate(&raw[i..i + 4], &v[k..k + 3], &mut rate[i..i + 4])
+                }
                 Part::Floating { q: i, v: k } => {
-                    rate[i..i + 3].copy_from_slice(&turned(&unit[i + 3..i + 7], [v[k + 3], v[k + 4], v[k + 5]]));
+                    rate[i..i + 3].copy_from_slice(&turned(
+                        &unit[i + 3..i + 7],
+                        [v[k + 3], v[k + 4], v[k + 5]],
+                    ));
                     quaternion_rate(&raw[i + 3..i + 7], &v[k..k + 3], &mut rate[i + 3..i + 7]);
                 }
             }
@@ -107,9 +117,12 @@ impl Coordinates {
         for part in &self.parts {
             match *part {
                 Part::Single { q: i, v: k } => q[i] += h * v[k],
-                Part::Ball { q: i, v: k } => turn(&mut q[i..i + 4], [0, 1, 2].map(|j| h * v[k + j])),
+                Part::Ball { q: i, v: k } => {
+                    turn(&mut q[i..i + 4], [0, 1, 2].map(|j| h * v[k + j]))
+                }
                 Part::Floating { q: i, v: k } => {
-                    let (w, step) = ([0, 1, 2].map(|j| h * v[k + j]), [3, 4, 5].map(|j| h * v[k + j]));
+                    let (w, step) =
+                        ([0, 1, 2].map(|j| h * v[k + j]), [3, 4, 5].map(|j| h * v[k + j]));
                     let moved = turned(&q[i + 3..i + 7], screw(w, step));
                     (0..3).for_each(|j| q[i + j] += moved[j]);
                     turn(&mut q[i + 3..i + 7], w);
@@ -118,16 +131,22 @@ impl Coordinates {
         }
     }
 
-    /// The velocity that leads from `from` to `to` in unit time, to first order in their distance; a half turn at most.
+    /// The velocity that leads from `from` to `to` in unit time, to first order in their distance;
+    /// a half turn at most.
     pub(crate) fn difference(&self, from: &[f64], to: &[f64], v: &mut [f64]) {
         for part in &self.parts {
             match *part {
                 Part::Single { q: i, v: k } => v[k] = to[i] - from[i],
-                Part::Ball { q: i, v: k } => v[k..k + 3].copy_from_slice(&between(&from[i..i + 4], &to[i..i + 4])),
+                Part::Ball { q: i, v: k } => {
+                    v[k..k + 3].copy_from_slice(&between(&from[i..i + 4], &to[i..i + 4]))
+                }
                 Part::Floating { q: i, v: k } => {
                     v[k..k + 3].copy_from_slice(&between(&from[i + 3..i + 7], &to[i + 3..i + 7]));
                     let back = [-from[i + 3], -from[i + 4], -from[i + 5], from[i + 6]];
-                    v[k + 3..k + 6].copy_from_slice(&turned(&back, [0, 1, 2].map(|j| to[i + j] - from[i + j])));
+                    v[k + 3..k + 6].copy_from_slice(&turned(
+                        &back,
+                        [0, 1, 2].map(|j| to[i + j] - from[i + j]),
+                    ));
                 }
             }
         }
@@ -159,7 +178,8 @@ fn turn(q: &mut [f64], angle: [f64; 3]) {
     q.iter_mut().for_each(|x| *x /= length);
 }
 
-/// Where a body that turns by θ while it moves by `step`, both in its own axes, comes from its origin: V(θ) step.
+/// Where a body that turns by θ while it moves by `step`, both in its own axes, comes from its
+/// origin: V(θ) step.
 fn screw(angle: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     let square = angle.iter().map(|x| x * x).sum::<f64>();
     // (1 − cos θ)/θ² and (θ − sin θ)/θ³
@@ -179,7 +199,11 @@ fn screw(angle: [f64; 3], step: [f64; 3]) -> [f64; 3] {
 fn between(from: &[f64], to: &[f64]) -> [f64; 3] {
     let [a, b, c, w] = [-from[0], -from[1], -from[2], from[3]];
     let [x, y, z, s] = [to[0], to[1], to[2], to[3]];
-    let axis = [w * x + a * s + b * z - c * y, w * y + b * s + c * x - a * z, w * z + c * s + a * y - b * x];
+    let axis = [
+        w * x + a * s + b * z - c * y,
+        w * y + b * s + c * x - a * z,
+        w * z + c * s + a * y - b * x,
+    ];
     let real = w * s - a * x - b * y - c * z;
     let size = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     let sign = if real < 0.0 { -1.0 } else { 1.0 };

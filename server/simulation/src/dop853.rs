@@ -1,4 +1,5 @@
-//! The explicit method of Dormand and Prince of order eight with its own step, of the crate `differential-equations`.
+//! The explicit method of Dormand and Prince of order eight with its own step, of the crate
+//! `differential-equations`.
 
 use std::cell::RefCell;
 
@@ -12,12 +13,14 @@ use crate::stepper::{Attempt, FREE, Stepper};
 
 type Method = ExplicitRungeKutta<Ordinary, DormandPrince, f64, Vec<f64>, 8, 12, 16>;
 
-/// Rejected steps without an answer, one after the other, before it is said that there is none: each takes the step down to a fifth or less.
+/// Rejected steps without an answer, one after the other, before it is said that there is none:
+/// each takes the step down to a fifth or less.
 const PATIENCE: u32 = 24;
 
 /// Accepted steps between two looks at how stiff the problem is.
 const LOOK: u64 = 100;
-/// Step times the largest eigenvalue from which on stability bounds the step and not the error; its bound is near 6.
+/// Step times the largest eigenvalue from which on stability bounds the step and not the error; its
+/// bound is near 6.
 const STABILITY: f64 = 4.5;
 /// Looks in a row that have to find it so.
 const SURE: u32 = 5;
@@ -49,15 +52,31 @@ impl ODE<f64, Vec<f64>> for Bridge<'_> {
 
 impl Dop853 {
     pub(crate) fn new(rtol: f64, atol: f64, end: f64, first: Option<f64>) -> Dop853 {
-        Dop853 { rtol, atol, end, first: first.unwrap_or(0.0), method: None, failures: 0, found: 0, stiff: false }
+        Dop853 {
+            rtol,
+            atol,
+            end,
+            first: first.unwrap_or(0.0),
+            method: None,
+            failures: 0,
+            found: 0,
+            stiff: false,
+        }
     }
 
     /// A method at its start; the step is chosen by the crate where none is known.
     fn start(&mut self, engine: &mut Engine, t: f64, x: &[f64]) -> Result<Box<Method>, Attempt> {
         let controlled = engine.mechanism.sizes.n_qy + engine.mechanism.sizes.n_vy;
-        let allowed: Vec<f64> = (0..x.len()).map(|i| if i < controlled { self.atol } else { FREE }).collect();
+        let allowed: Vec<f64> =
+            (0..x.len()).map(|i| if i < controlled { self.atol } else { FREE }).collect();
         let step = self.first.min(self.end - t);
-        let mut method = Box::new(ExplicitRungeKutta::dop853().rtol(self.rtol).atol(allowed).max_steps(usize::MAX).h0(step));
+        let mut method = Box::new(
+            ExplicitRungeKutta::dop853()
+                .rtol(self.rtol)
+                .atol(allowed)
+                .max_steps(usize::MAX)
+                .h0(step),
+        );
         match method.init(&Bridge(RefCell::new(engine)), t, self.end, &x.to_vec()) {
             // an evaluation that failed ahead says nothing yet
             Ok(_) => {
@@ -153,7 +172,10 @@ impl Dop853 {
         let mut growth = 0.0;
         for k in 0..POWER {
             let scale = size(&v);
-            let next: Vec<f64> = jacobian.chunks_exact(n).map(|row| row.iter().zip(&v).map(|(a, b)| a * b / scale).sum()).collect();
+            let next: Vec<f64> = jacobian
+                .chunks_exact(n)
+                .map(|row| row.iter().zip(&v).map(|(a, b)| a * b / scale).sum())
+                .collect();
             // the first products still turn towards it
             growth += if k >= POWER / 2 { size(&next).ln() } else { 0.0 };
             v = next;

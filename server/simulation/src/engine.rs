@@ -1,8 +1,11 @@
-//! A robot under way: the right-hand side with the last accepted state, from which closures continue.
+//! A robot under way: the right-hand side with the last accepted state, from which closures
+//! continue.
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Dd, Dual, Scalar};
-use sarrus_dynamics::{Answer, Compiled, Field, FieldSet, Model, Request, Status, Wanted, Warnings, Workspace};
+use sarrus_dynamics::{
+    Answer, Compiled, Field, FieldSet, Model, Request, Status, Wanted, Warnings, Workspace,
+};
 
 use crate::asked::Asked;
 use crate::error::SimulationError;
@@ -13,7 +16,8 @@ use crate::springs::{Effect, Springs};
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
 
-/// Share of the fastest joint's way in a step by which a smooth motion is not off the mean of its velocities.
+/// Share of the fastest joint's way in a step by which a smooth motion is not off the mean of its
+/// velocities.
 const JUMP: f64 = 0.3;
 
 /// What was done.
@@ -21,7 +25,8 @@ const JUMP: f64 = 0.3;
 pub struct Counts {
     /// Accepted steps.
     pub steps: u64,
-    /// Steps that were taken back because the error was too large or Newton's method did not converge.
+    /// Steps that were taken back because the error was too large or Newton's method did not
+    /// converge.
     pub rejected: u64,
     /// Steps that were taken back because the right-hand side had no answer.
     pub failed: u64,
@@ -84,7 +89,8 @@ struct Other<T> {
 impl<T: Scalar> Other<T> {
     fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Other<T>, SimulationError> {
         let zero = |n: usize| vec![T::ZERO; n];
-        let (x, q, qd) = (zero(mechanism.n()), zero(mechanism.sizes.n_q), zero(mechanism.sizes.n_v));
+        let (x, q, qd) =
+            (zero(mechanism.n()), zero(mechanism.sizes.n_q), zero(mechanism.sizes.n_v));
         Ok(Other { rates: Rates::new(model, mechanism)?, rate: x.clone(), x, q, qd })
     }
 
@@ -116,7 +122,15 @@ impl Engine {
         let q = q.map_or_else(|| mechanism.q.zero(), <[f64]>::to_vec);
         let guess = q.clone();
         let G = zero(if mechanism.follows_G() { n_v * n_vy } else { 0 });
-        let anchor = Anchor { t: 0.0, y: mechanism.y.zero(), q, qd: zero(n_v), G, rate: zero(mechanism.n()), springs: rates.effect() };
+        let anchor = Anchor {
+            t: 0.0,
+            y: mechanism.y.zero(),
+            q,
+            qd: zero(n_v),
+            G,
+            rate: zero(mechanism.n()),
+            springs: rates.effect(),
+        };
         Ok(Engine {
             description,
             compiled,
@@ -150,8 +164,10 @@ impl Engine {
         }
         self.extrapolate(t, x);
         if !(self.may_be_precise && self.is_delicate) {
-            let answer = self.rates.evaluate(&self.mechanism, t, x, (&self.guess, &self.anchor.qd), rate);
-            let fine = answer.status == Status::Ok && !(self.may_be_precise && answer.warnings.contains(Warnings::ILL_CONDITIONED));
+            let answer =
+                self.rates.evaluate(&self.mechanism, t, x, (&self.guess, &self.anchor.qd), rate);
+            let fine = answer.status == Status::Ok
+                && !(self.may_be_precise && answer.warnings.contains(Warnings::ILL_CONDITIONED));
             if fine || answer.status == Status::NonFiniteInput {
                 return (self.note(answer.status), false);
             }
@@ -163,7 +179,8 @@ impl Engine {
             }
         }
         // a tangent may lead astray; the accepted pose itself does not
-        let answer = self.rates.evaluate(&self.mechanism, t, x, (&self.anchor.q, &self.anchor.qd), rate);
+        let answer =
+            self.rates.evaluate(&self.mechanism, t, x, (&self.anchor.q, &self.anchor.qd), rate);
         (self.note(answer.status), false)
     }
 
@@ -171,7 +188,9 @@ impl Engine {
         self.counts.precise += 1;
         if self.precise.is_none() {
             // what could be planned over doubles can be over any scalar
-            let Ok(other) = Other::new(self.compiled.exact.clone(), &self.mechanism) else { return Status::BadRequest };
+            let Ok(other) = Other::new(self.compiled.exact.clone(), &self.mechanism) else {
+                return Status::BadRequest;
+            };
             self.precise = Some(Box::new(other));
         }
         let Some(other) = &mut self.precise else { return Status::BadRequest };
@@ -189,7 +208,10 @@ impl Engine {
     }
 
     /// Why an evaluation failed since this was last asked.
-    #[cfg_attr(not(feature = "adaptive"), allow(dead_code, reason = "for the method that evaluates by itself"))]
+    #[cfg_attr(
+        not(feature = "adaptive"),
+        allow(dead_code, reason = "for the method that evaluates by itself")
+    )]
     pub(crate) fn take_failure(&mut self) -> Option<Status> {
         self.failure.take()
     }
@@ -197,7 +219,10 @@ impl Engine {
     /// The first state of all where no closed pose is known: closures start from their own zero.
     pub(crate) fn settle_from_zero(&mut self, x: &mut [f64]) -> Result<Status, SimulationError> {
         let model = &self.compiled.model;
-        let mut asked = Asked::new(model, &Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])))?;
+        let mut asked = Asked::new(
+            model,
+            &Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])),
+        )?;
         asked.give(Field::Y, &x[..self.mechanism.sizes.n_qy]);
         let answer = asked.run(model, &mut Workspace::for_plans(model, [asked.plan()]));
         if answer.status != Status::Ok {
@@ -207,7 +232,8 @@ impl Engine {
         Ok(self.settle(0.0, x))
     }
 
-    /// Accepts a state: quaternions to unit length, ẋ, q and q̇ there; nothing changes where it has no answer.
+    /// Accepts a state: quaternions to unit length, ẋ, q and q̇ there; nothing changes where it has
+    /// no answer.
     pub(crate) fn settle(&mut self, t: f64, x: &mut [f64]) -> Status {
         let n_qy = self.mechanism.sizes.n_qy;
         let mut settled = x.to_vec();
@@ -238,7 +264,11 @@ impl Engine {
         self.counts.jacobians += 1;
         let n = x.len();
         if self.duals.is_none() {
-            let Ok(other) = Other::new(self.compiled.model.convert(Dual::constant), &self.mechanism) else { return Status::BadRequest };
+            let Ok(other) =
+                Other::new(self.compiled.model.convert(Dual::constant), &self.mechanism)
+            else {
+                return Status::BadRequest;
+            };
             self.duals = Some(Box::new(other));
         }
         let Some(other) = &mut self.duals else { return Status::BadRequest };
@@ -255,7 +285,8 @@ impl Engine {
         Status::Ok
     }
 
-    /// The guess: the accepted pose moved along its tangent to the independents of x, or by the time where the robot is too large for that.
+    /// The guess: the accepted pose moved along its tangent to the independents of x, or by the
+    /// time where the robot is too large for that.
     fn extrapolate(&mut self, t: f64, x: &[f64]) {
         let Anchor { t: from, y, q, qd, G, .. } = &self.anchor;
         self.guess.copy_from_slice(q);
@@ -265,18 +296,25 @@ impl Engine {
         let (dy, dq) = (&mut self.way.0, &mut self.way.1);
         if self.mechanism.follows_G() {
             self.mechanism.y.difference(y, &x[..y.len()], dy);
-            dq.iter_mut().zip(G.chunks_exact(dy.len().max(1))).for_each(|(to, row)| *to = row.iter().zip(&*dy).map(|(g, y)| g * y).sum());
+            dq.iter_mut()
+                .zip(G.chunks_exact(dy.len().max(1)))
+                .for_each(|(to, row)| *to = row.iter().zip(&*dy).map(|(g, y)| g * y).sum());
         } else {
             dq.iter_mut().zip(qd).for_each(|(to, v)| *to = (t - from) * v);
         }
         let farthest = dq.iter().fold(0.0, |largest: f64, step| largest.max(step.abs()));
         self.is_far = farthest > REACH;
-        self.mechanism.q.advance(&mut self.guess, dq, if self.is_far { REACH / farthest } else { 1.0 });
+        self.mechanism.q.advance(
+            &mut self.guess,
+            dq,
+            if self.is_far { REACH / farthest } else { 1.0 },
+        );
     }
 }
 
 impl Engine {
-    /// True where the tree did not move as its velocities say: it turned back or took another branch at a singularity that a step has met.
+    /// True where the tree did not move as its velocities say: it turned back or took another
+    /// branch at a singularity that a step has met.
     pub(crate) fn jumped(&self, before: &Anchor) -> bool {
         let Anchor { t, q, qd, .. } = &self.anchor;
         let h = t - before.t;
@@ -284,14 +322,17 @@ impl Engine {
         self.mechanism.q.difference(&before.q, q, &mut moved);
         let fastest = qd.iter().chain(&before.qd).fold(0.0, |largest: f64, v| largest.max(v.abs()));
         let expected = before.qd.iter().zip(qd).map(|(a, b)| 0.5 * h * (a + b));
-        let off = moved.iter().zip(expected).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+        let off =
+            moved.iter().zip(expected).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
         off > JUMP * h * fastest
     }
 }
 
 impl Anchor {
     fn take<T: Scalar>(&mut self, from: &Rates<T>) {
-        for (to, field) in [(&mut self.q, Field::Q), (&mut self.qd, Field::Qd), (&mut self.G, Field::G)] {
+        for (to, field) in
+            [(&mut self.q, Field::Q), (&mut self.qd, Field::Qd), (&mut self.G, Field::G)]
+        {
             to.iter_mut().zip(from.get(field)).for_each(|(to, x)| *to = x.to_f64());
         }
         let Effect { energy, loss } = from.effect();

@@ -53,7 +53,9 @@ pub enum SimulationError {
         found: &'static str,
     },
     /// A gain on a joint of several freedoms.
-    #[error("kp is not zero at {name}, expected gains on joints of one freedom; the joint has several")]
+    #[error(
+        "kp is not zero at {name}, expected gains on joints of one freedom; the joint has several"
+    )]
     GainOnFreeJoint {
         /// The velocity's name.
         name: String,
@@ -95,10 +97,19 @@ impl From<WantedError> for SimulationError {
 
 impl SimulationError {
     /// One finite number for each name.
-    pub(crate) fn check_numbers(what: &str, numbers: &[f64], names: &[String]) -> Result<(), SimulationError> {
+    pub(crate) fn check_numbers(
+        what: &str,
+        numbers: &[f64],
+        names: &[String],
+    ) -> Result<(), SimulationError> {
         if numbers.len() != names.len() {
             let (what, found, expected) = (what.to_owned(), numbers.len(), names.len());
-            return Err(SimulationError::WrongCount { what, found, expected, names: names.join(", ") });
+            return Err(SimulationError::WrongCount {
+                what,
+                found,
+                expected,
+                names: names.join(", "),
+            });
         }
         match numbers.iter().position(|x| !x.is_finite()) {
             Some(index) => Err(SimulationError::NotFinite { what: what.to_owned(), index }),
@@ -107,7 +118,16 @@ impl SimulationError {
     }
 
     /// A number within bounds.
-    pub(crate) fn check_setting(what: &'static str, found: f64, good: bool, expected: &'static str) -> Result<(), SimulationError> {
-        if good && found.is_finite() { Ok(()) } else { Err(SimulationError::Setting { what, found, expected }) }
+    pub(crate) fn check_setting(
+        what: &'static str,
+        found: f64,
+        good: bool,
+        expected: &'static str,
+    ) -> Result<(), SimulationError> {
+        if good && found.is_finite() {
+            Ok(())
+        } else {
+            Err(SimulationError::Setting { what, found, expected })
+        }
     }
 }

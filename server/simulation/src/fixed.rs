@@ -32,7 +32,14 @@ impl Fixed {
     }
 
     /// One step, and if it has no answer two shorter ones; t and x stay at the last good state.
-    fn walk(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], to: f64, splits: u32) -> Status {
+    fn walk(
+        &mut self,
+        engine: &mut Engine,
+        t: &mut f64,
+        x: &mut [f64],
+        to: f64,
+        splits: u32,
+    ) -> Status {
         let status = match self.rule {
             Rule::Euler => self.euler(engine, *t, x, to),
             Rule::RungeKutta => self.runge_kutta(engine, *t, x, to),

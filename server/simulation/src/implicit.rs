@@ -1,7 +1,9 @@
-//! For comparison: all tree coordinates with the loops as constraints, by Runge and Kutta's method with a fixed step.
+//! For comparison: all tree coordinates with the loops as constraints, by Runge and Kutta's method
+//! with a fixed step.
 //!
-//! Baumgarte's stabilisation pulls the loops together while they drift apart; projection closes them after each step. Springs between links
-//! are stretched as at the closed pose with the same independents.
+//! Baumgarte's stabilisation pulls the loops together while they drift apart; projection closes
+//! them after each step. Springs between links are stretched as at the closed pose with the same
+//! independents.
 
 use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Request, Status, Wanted, Workspace};
 
@@ -29,16 +31,24 @@ struct Form<'a> {
 }
 
 /// Simulates by one of the two methods.
-pub(crate) fn run(setup: &Setup<'_>, start: &Start, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Result<Run, SimulationError> {
+pub(crate) fn run(
+    setup: &Setup<'_>,
+    start: &Start,
+    settings: &Settings,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Run, SimulationError> {
     let model = &setup.compiled.model;
     let mut form = Form::new(setup, settings.rate())?;
     let (mut x, correction) = form.start(start)?;
     let mut meter = Meter::new(model, setup.description, &form.mechanism.q)?;
-    let (n_q, n_v, declared) = (form.mechanism.sizes.n_q, form.mechanism.sizes.n_v, setup.declared());
+    let (n_q, n_v, declared) =
+        (form.mechanism.sizes.n_q, form.mechanism.sizes.n_v, setup.declared());
     let mut run = Run::new(correction);
     let mut t = 0.0;
     let mut sample = |form: &mut Form<'_>, run: &mut Run, t: f64, x: &[f64]| {
-        let pick = |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect::<Vec<f64>>();
+        let pick = |from: &[f64], places: &[usize]| {
+            places.iter().map(|place| from[*place]).collect::<Vec<f64>>()
+        };
         let (q, qd) = (&x[..n_q], &x[n_q..n_q + n_v]);
         let (y, yd) = (pick(q, &declared.0), pick(qd, &declared.1));
         // ẋ here says how far the loops have drifted and what the springs hold
@@ -47,16 +57,32 @@ pub(crate) fn run(setup: &Setup<'_>, start: &Start, settings: &Settings, progres
         let mut energy = meter.measure(model, [&y, &yd], [q, qd]).unwrap_or_default();
         energy.potential += form.stretched;
         energy.residual = form.form.position_drift();
-        run.samples.push(Sample { time: t, y, yd, q: q.to_vec(), qd: qd.to_vec(), energy, work: x.get(n_q + n_v).copied().unwrap_or(0.0) });
+        run.samples.push(Sample {
+            time: t,
+            y,
+            yd,
+            q: q.to_vec(),
+            qd: qd.to_vec(),
+            energy,
+            work: x.get(n_q + n_v).copied().unwrap_or(0.0),
+        });
     };
     sample(&mut form, &mut run, t, &x);
     let (end, step) = (settings.duration, settings.step.unwrap_or(settings.duration));
     let mut sampled = 0_u64;
     while t < end {
-        let next_sample = settings.every.map_or(end, |every| ((sampled + 1) as f64 * every).min(end));
+        let next_sample =
+            settings.every.map_or(end, |every| ((sampled + 1) as f64 * every).min(end));
         let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
-        // kinks of forces and samples end a step; the last is a little longer than the others, never a crumb
-        let kinks = form.mechanism.inputs.iter().flat_map(|input| input.kinks()).copied().filter(|kink| *kink > t);
+        // kinks of forces and samples end a step; the last is a little longer than the others,
+        // never a crumb
+        let kinks = form
+            .mechanism
+            .inputs
+            .iter()
+            .flat_map(|input| input.kinks())
+            .copied()
+            .filter(|kink| *kink > t);
         let limit = kinks.fold(next_sample, f64::min);
         let to = if t + 1.000_001 * step >= limit { limit } else { t + step };
         let status = form.step(t, to, &mut x, settings.method);
@@ -90,8 +116,14 @@ impl<'a> Form<'a> {
         let frames = if links.is_empty() {
             None
         } else {
-            let (given, want) = (FieldSet::of(&[Field::Q, Field::Qd]), FieldSet::of(&[Field::FramePose, Field::FrameTwist]));
-            Some(Asked::new(model, &Wanted::new(Request::Kinematics, given, want).with_frames(&links))?)
+            let (given, want) = (
+                FieldSet::of(&[Field::Q, Field::Qd]),
+                FieldSet::of(&[Field::FramePose, Field::FrameTwist]),
+            );
+            Some(Asked::new(
+                model,
+                &Wanted::new(Request::Kinematics, given, want).with_frames(&links),
+            )?)
         };
         Ok(Form {
             form: ImplicitForm::with_wrenches(model, &links),
@@ -110,12 +142,17 @@ impl<'a> Form<'a> {
     fn start(&self, start: &Start) -> Result<(Vec<f64>, [f64; 2]), SimulationError> {
         let checked = start.check(self.model)?;
         let guess: &[Field] = if checked.guess.is_some() { &[Field::QGuess] } else { &[] };
-        let given = guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
-        let mut asked = Asked::new(self.model, &Wanted::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd])))?;
+        let given =
+            guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
+        let mut asked = Asked::new(
+            self.model,
+            &Wanted::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd])),
+        )?;
         asked.give(Field::Y, &checked.y);
         asked.give(Field::Yd, &checked.yd);
         checked.guess.iter().for_each(|guess| asked.give(Field::QGuess, guess));
-        let status = asked.run(self.model, &mut Workspace::for_plans(self.model, [asked.plan()])).status;
+        let status =
+            asked.run(self.model, &mut Workspace::for_plans(self.model, [asked.plan()])).status;
         if status != Status::Ok {
             return Err(SimulationError::Start { status, detail: 0.0 });
         }
@@ -149,7 +186,15 @@ impl<'a> Form<'a> {
         self.mechanism.inputs.iter().for_each(|input| input.add(t, &unit, qd, &mut self.tau_q));
         self.mechanism.q.rate(&x[..n_q], &unit, qd, &mut rate[..n_q]);
         let rates = (self.rate, self.rate);
-        let status = self.form.accelerations(self.model, &unit, qd, &self.tau_q, &self.wrenches, rates, &mut rate[n_q..n_q + n_v]);
+        let status = self.form.accelerations(
+            self.model,
+            &unit,
+            qd,
+            &self.tau_q,
+            &self.wrenches,
+            rates,
+            &mut rate[n_q..n_q + n_v],
+        );
         if let Some(work) = rate.get_mut(n_q + n_v) {
             *work = self.mechanism.power(qd, &self.tau_q, loss);
         }
@@ -158,17 +203,21 @@ impl<'a> Form<'a> {
 
     /// One step; x is that before it where it has no answer.
     fn step(&mut self, t: f64, to: f64, x: &mut Vec<f64>, method: Method) -> Status {
-        let (n_q, n_v, n, h) = (self.mechanism.sizes.n_q, self.mechanism.sizes.n_v, x.len(), to - t);
+        let (n_q, n_v, n, h) =
+            (self.mechanism.sizes.n_q, self.mechanism.sizes.n_v, x.len(), to - t);
         let mut stages = [vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]];
         for (k, part) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
-            let at: Vec<f64> = (0..n).map(|i| x[i] + if k > 0 { part * h * stages[k - 1][i] } else { 0.0 }).collect();
+            let at: Vec<f64> = (0..n)
+                .map(|i| x[i] + if k > 0 { part * h * stages[k - 1][i] } else { 0.0 })
+                .collect();
             let status = self.evaluate(t + part * h, &at, &mut stages[k]);
             if status != Status::Ok {
                 return status;
             }
         }
         let [a, b, c, d] = &stages;
-        let mut next: Vec<f64> = (0..n).map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])).collect();
+        let mut next: Vec<f64> =
+            (0..n).map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])).collect();
         if !next.iter().all(|x| x.is_finite()) {
             return Status::NonFiniteInput;
         }

@@ -1,7 +1,7 @@
 //! What pushes the joints over time: constant forces, a table, or gains towards a target.
 //!
-//! Every input acts on joints of the tree, the independents or the actuators, as they are declared at the start: it stays what it is when the
-//! simulator goes on with other independents.
+//! Every input acts on joints of the tree, the independents or the actuators, as they are declared
+//! at the start: it stays what it is when the simulator goes on with other independents.
 
 use sarrus_dynamics::Model;
 use sarrus_dynamics::scalar::Scalar;
@@ -70,13 +70,18 @@ pub(crate) struct OnTree {
 
 impl OnTree {
     /// Checks the numbers of an input against the model.
-    pub(crate) fn new(input: &Input, model: &Model<f64>, tree: &Coordinates) -> Result<OnTree, SimulationError> {
+    pub(crate) fn new(
+        input: &Input,
+        model: &Model<f64>,
+        tree: &Coordinates,
+    ) -> Result<OnTree, SimulationError> {
         let names = match input.space {
             Space::Independent => model.independent_names(),
             Space::Actuator => model.active_names(),
         };
         let place = |name: &String| model.tree_names().iter().position(|of| of == name);
-        let joints: Vec<_> = names.iter().filter_map(place).map(|v| (v, tree.coordinate(v))).collect();
+        let joints: Vec<_> =
+            names.iter().filter_map(place).map(|v| (v, tree.coordinate(v))).collect();
         let sized = |what: &str, numbers: &[f64]| {
             let what = format!("{what} in {}", input.space.name());
             SimulationError::check_numbers(&what, numbers, names)
@@ -95,11 +100,15 @@ impl OnTree {
                     return Err(SimulationError::Table { row, found: "a time that is no number" });
                 }
                 if let Some(row) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
-                    return Err(SimulationError::Table { row: row + 1, found: "a time that is not after the one before" });
+                    return Err(SimulationError::Table {
+                        row: row + 1,
+                        found: "a time that is not after the one before",
+                    });
                 }
             }
             Source::Gains { stiffness, damping, target } => {
-                for (what, numbers) in [("kp", stiffness), ("kd", damping), ("the target", target)] {
+                for (what, numbers) in [("kp", stiffness), ("kd", damping), ("the target", target)]
+                {
                     sized(what, numbers)?;
                 }
                 let free = |k: &usize| joints[*k].1.is_none() && stiffness[*k] != 0.0;
@@ -119,11 +128,16 @@ impl OnTree {
     /// Adds the forces at a time to τ_q; q and q̇ are looked at for gains only.
     pub(crate) fn add<T: Scalar>(&self, time: f64, q: &[T], qd: &[T], tau_q: &mut [T]) {
         match &self.source {
-            Source::Constant(forces) => self.joints.iter().zip(forces).for_each(|((v, _), force)| tau_q[*v] += T::from_f64(*force)),
+            Source::Constant(forces) => self
+                .joints
+                .iter()
+                .zip(forces)
+                .for_each(|((v, _), force)| tau_q[*v] += T::from_f64(*force)),
             Source::Table { times, forces } => {
                 let (row, next, part) = place(times, time);
                 for (k, (v, _)) in self.joints.iter().enumerate() {
-                    tau_q[*v] += T::from_f64(forces[row][k] + part * (forces[next][k] - forces[row][k]));
+                    tau_q[*v] +=
+                        T::from_f64(forces[row][k] + part * (forces[next][k] - forces[row][k]));
                 }
             }
             Source::Gains { stiffness, damping, target } => {

@@ -1,8 +1,9 @@
-//! The implicit method of Radau (IIA) of order five for stiff problems: three stages, simplified Newton's method with the Jacobian by dual
-//! numbers, error estimate of order three, predictive step (Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8).
+//! The implicit method of Radau (IIA) of order five for stiff problems: three stages, simplified
+//! Newton's method with the Jacobian by dual numbers, error estimate of order three, predictive
+//! step (Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8).
 //!
-//! With Z the stages' distance from x, A⁻¹ = T Λ T⁻¹ and W = (T⁻¹ ⊗ I) Z the steps of Newton's method fall apart into a real and a complex
-//! system (8.7):
+//! With Z the stages' distance from x, A⁻¹ = T Λ T⁻¹ and W = (T⁻¹ ⊗ I) Z the steps of Newton's
+//! method fall apart into a real and a complex system (8.7):
 //!
 //! ```text
 //!   (h⁻¹ Λ ⊗ I − I ⊗ J) ΔW = −h⁻¹ (Λ ⊗ I) W + (T⁻¹ ⊗ I) F((T ⊗ I) W),   Λ = diag(γ, [α −β; β α])
@@ -122,9 +123,14 @@ impl Radau {
         }
         engine.counts.factorisations += 1;
         let J = |i: usize, j: usize| self.jacobian[i * n + j];
-        let real = DMatrix::from_fn(n, n, |i, j| if i == j { GAMMA / step - J(i, j) } else { -J(i, j) });
+        let real =
+            DMatrix::from_fn(n, n, |i, j| if i == j { GAMMA / step - J(i, j) } else { -J(i, j) });
         let complex = DMatrix::from_fn(n, n, |i, j| {
-            let diagonal = if i == j { Complex::new(ALPHA / step, BETA / step) } else { Complex::new(0.0, 0.0) };
+            let diagonal = if i == j {
+                Complex::new(ALPHA / step, BETA / step)
+            } else {
+                Complex::new(0.0, 0.0)
+            };
             diagonal - Complex::new(J(i, j), 0.0)
         });
         self.factors = Some(Factors { step, real: real.lu(), complex: complex.lu() });
@@ -140,7 +146,12 @@ impl Radau {
         // weights of the three stages at each new one
         let weights = C.map(|c| {
             let s = 1.0 + c * step / last;
-            [1, 2, 3].map(|k| (0..4).filter(|j| *j != k).map(|j| (s - nodes[j]) / (nodes[k] - nodes[j])).product::<f64>())
+            [1, 2, 3].map(|k| {
+                (0..4)
+                    .filter(|j| *j != k)
+                    .map(|j| (s - nodes[j]) / (nodes[k] - nodes[j]))
+                    .product::<f64>()
+            })
         });
         for i in 0..n {
             let old = [self.z[0][i], self.z[1][i], self.z[2][i]];
@@ -154,7 +165,14 @@ impl Radau {
     }
 
     /// Newton's method on the stages.
-    fn iterate(&mut self, engine: &mut Engine, t: f64, x: &[f64], step: f64, scale: &[f64]) -> Newton {
+    fn iterate(
+        &mut self,
+        engine: &mut Engine,
+        t: f64,
+        x: &[f64],
+        step: f64,
+        scale: &[f64],
+    ) -> Newton {
         let n = x.len();
         let (mut last, mut ratio, mut theta) = (0.0, 1.0, 0.0);
         let mut factor = 1.0;
@@ -166,7 +184,8 @@ impl Radau {
                     return Newton::NoAnswer(status);
                 }
             }
-            let mixed = |s: usize, i: usize| (0..3).map(|k| T_INVERSE[s][k] * self.f[k][i]).sum::<f64>();
+            let mixed =
+                |s: usize, i: usize| (0..3).map(|k| T_INVERSE[s][k] * self.f[k][i]).sum::<f64>();
             let [u, v, w] = &self.w;
             let mut one = DVector::from_fn(n, |i, _| mixed(0, i) - GAMMA / step * u[i]);
             let mut two = DVector::from_fn(n, |i, _| {
@@ -177,7 +196,9 @@ impl Radau {
             if !factors.real.solve_mut(&mut one) || !factors.complex.solve_mut(&mut two) {
                 return Newton::Slow(0.5);
             }
-            let square = (0..n).map(|i| (one[i] * one[i] + two[i].norm_sqr()) / (scale[i] * scale[i])).sum::<f64>();
+            let square = (0..n)
+                .map(|i| (one[i] * one[i] + two[i].norm_sqr()) / (scale[i] * scale[i]))
+                .sum::<f64>();
             let size = (square / (3 * n) as f64).sqrt();
             // how fast it converges, and whether that will do
             if k > 1 {
@@ -192,7 +213,9 @@ impl Radau {
                 let left = f64::from(NEWTON - k);
                 let expected = factor * size * theta.powf(left) / self.newton;
                 if expected >= 1.0 {
-                    return Newton::Slow(0.8 * expected.clamp(1e-4, 20.0).powf(-1.0 / (4.0 + left)));
+                    return Newton::Slow(
+                        0.8 * expected.clamp(1e-4, 20.0).powf(-1.0 / (4.0 + left)),
+                    );
                 }
             }
             if !size.is_finite() {
@@ -214,10 +237,19 @@ impl Radau {
         Newton::Slow(0.5)
     }
 
-    /// The scaled error of the stages (8.19), filtered again where it is large for no good reason (8.20).
-    fn error(&mut self, engine: &mut Engine, t: f64, x: &[f64], step: f64, scale: &[f64]) -> Option<f64> {
+    /// The scaled error of the stages (8.19), filtered again where it is large for no good reason
+    /// (8.20).
+    fn error(
+        &mut self,
+        engine: &mut Engine,
+        t: f64,
+        x: &[f64],
+        step: f64,
+        scale: &[f64],
+    ) -> Option<f64> {
         let n = x.len();
-        let defect = DVector::from_fn(n, |i, _| (0..3).map(|k| E[k] / step * self.z[k][i]).sum::<f64>());
+        let defect =
+            DVector::from_fn(n, |i, _| (0..3).map(|k| E[k] / step * self.z[k][i]).sum::<f64>());
         let real = &self.factors.as_ref()?.real;
         let mut error = DVector::from_fn(n, |i, _| engine.anchor.rate[i] + defect[i]);
         real.solve_mut(&mut error).then_some(())?;
@@ -259,8 +291,15 @@ impl Stepper for Radau {
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt {
         let n = x.len();
         let controlled = engine.mechanism.sizes.n_qy + engine.mechanism.sizes.n_vy;
-        let scale: Vec<f64> = (0..n).map(|i| if i < controlled { self.atol + self.rtol * x[i].abs() } else { FREE }).collect();
-        self.z.iter_mut().chain(&mut self.w).chain(&mut self.f).chain([&mut self.at]).for_each(|of| of.resize(n, 0.0));
+        let scale: Vec<f64> = (0..n)
+            .map(|i| if i < controlled { self.atol + self.rtol * x[i].abs() } else { FREE })
+            .collect();
+        self.z
+            .iter_mut()
+            .chain(&mut self.w)
+            .chain(&mut self.f)
+            .chain([&mut self.at])
+            .for_each(|of| of.resize(n, 0.0));
         let room = limit - *t;
         let own = self.step.unwrap_or_else(|| self.first_step(engine, x, &scale, room));
         // no crumb is left before the limit
@@ -320,7 +359,8 @@ impl Stepper for Radau {
         (self.fresh, self.good) = (false, theta < KEEP);
         // a step that the limit cut short says nothing against the longer one
         let next = if step < own { own.max(step * growth) } else { step * growth };
-        self.step = Some(if self.good && next >= step && next <= SAME * step { step } else { next });
+        self.step =
+            Some(if self.good && next >= step && next <= SAME * step { step } else { next });
         Attempt::Done
     }
 
@@ -360,7 +400,8 @@ mod tests {
 
     #[test]
     fn the_error_estimate_has_order_three() {
-        // γ₀ h f(x) + Σ eᵢ γ₀ zᵢ vanishes for polynomials up to degree three, with zᵢ = cᵢᵏ for x = tᵏ
+        // γ₀ h f(x) + Σ eᵢ γ₀ zᵢ vanishes for polynomials up to degree three, with zᵢ = cᵢᵏ for x =
+        // tᵏ
         for k in 1..=3 {
             let slope = if k == 1 { 1.0 } else { 0.0 };
             let sum: f64 = slope + (0..3).map(|i| E[i] * C[i].powi(k)).sum::<f64>();

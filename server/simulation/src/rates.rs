@@ -4,13 +4,16 @@
 //!   ẏ from y's own velocity (a quaternion: ½ q ω of the unit quaternion),
 //!   ÿ = FD(y, ẏ, τ_q(t, q, q̇), springs),   work' = τ_q · q̇ − losses
 //! ```
-//! The work of inputs and dampers is integrated beside the state, so that energy less work stays what it was.
+//! The work of inputs and dampers is integrated beside the state, so that energy less work stays
+//! what it was.
 
 use std::f64::consts::TAU;
 
 use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Answer, Field, FieldSet, Model, Request, Sizes, Status, Wanted, Warnings, Workspace};
+use sarrus_dynamics::{
+    Answer, Field, FieldSet, Model, Request, Sizes, Status, Wanted, Warnings, Workspace,
+};
 
 use crate::asked::Asked;
 use crate::coordinates::Coordinates;
@@ -36,12 +39,23 @@ pub(crate) struct Mechanism {
 }
 
 impl Mechanism {
-    pub(crate) fn new<C>(model: &Model<C>, description: &Description, springs: Springs, inputs: Vec<OnTree>) -> Mechanism {
+    pub(crate) fn new<C>(
+        model: &Model<C>,
+        description: &Description,
+        springs: Springs,
+        inputs: Vec<OnTree>,
+    ) -> Mechanism {
         let place = |name: &String| model.tree_names().iter().position(|of| of == name);
         let q = Coordinates::of(model.tree_q_names(), model.tree_names());
-        let turns = description.joints.iter().filter(|joint| matches!(joint.kind, JointKind::Revolute | JointKind::Continuous));
+        let turns = description
+            .joints
+            .iter()
+            .filter(|joint| matches!(joint.kind, JointKind::Revolute | JointKind::Continuous));
         let given = |name: &String| model.independent_names().contains(name);
-        let angles = turns.filter(|joint| !given(&joint.name)).filter_map(|joint| q.coordinate(place(&joint.name)?)).collect();
+        let angles = turns
+            .filter(|joint| !given(&joint.name))
+            .filter_map(|joint| q.coordinate(place(&joint.name)?))
+            .collect();
         let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
         Mechanism {
             sizes: model.sizes(),
@@ -50,11 +64,14 @@ impl Mechanism {
             angles,
             springs,
             inputs,
-            dampers: damped.filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping))).collect(),
+            dampers: damped
+                .filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping)))
+                .collect(),
         }
     }
 
-    /// Counts the turns of dependent angles: those of a pose are taken to the whole turn that is nearest to where they were expected.
+    /// Counts the turns of dependent angles: those of a pose are taken to the whole turn that is
+    /// nearest to where they were expected.
     pub(crate) fn unwind(&self, expected: &[f64], q: &mut [f64]) {
         for &i in &self.angles {
             q[i] += TAU * ((expected[i] - q[i]) / TAU).round();
@@ -69,7 +86,9 @@ impl Mechanism {
     /// What inputs do and dampers take in unit time: τ_q · q̇ − losses.
     pub(crate) fn power<T: Scalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
         let given = qd.iter().zip(tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
-        self.dampers.iter().fold(given - loss, |sum, (v, damping)| sum - T::from_f64(*damping) * qd[*v] * qd[*v])
+        self.dampers
+            .iter()
+            .fold(given - loss, |sum, (v, damping)| sum - T::from_f64(*damping) * qd[*v] * qd[*v])
     }
 
     /// Numbers in x.
@@ -110,18 +129,27 @@ impl<T: Scalar> Rates<T> {
         let given = guess.iter().fold(FieldSet::of(&[Y, Yd]), |set, field| set.with(*field));
         let links = &mechanism.springs.links;
         let pose = if mechanism.feels() {
-            let want = if links.is_empty() { FieldSet::of(&[Q, Qd]) } else { FieldSet::of(&[Q, Qd, FramePose, FrameTwist]) };
-            Some(Asked::new(&model, &Wanted::new(Request::Kinematics, given, want).with_frames(links))?)
+            let want = if links.is_empty() {
+                FieldSet::of(&[Q, Qd])
+            } else {
+                FieldSet::of(&[Q, Qd, FramePose, FrameTwist])
+            };
+            Some(Asked::new(
+                &model,
+                &Wanted::new(Request::Kinematics, given, want).with_frames(links),
+            )?)
         } else {
             None
         };
-        let want = FieldSet::of(if mechanism.follows_G() { &[Ydd, Q, Qd, G] } else { &[Ydd, Q, Qd] });
+        let want =
+            FieldSet::of(if mechanism.follows_G() { &[Ydd, Q, Qd, G] } else { &[Ydd, Q, Qd] });
         let mut wanted = Wanted::new(Request::ForwardDynamics, given.with(TauQ), want);
         if !links.is_empty() {
             wanted = wanted.with_wrenches(links);
         }
         let forward = Asked::new(&model, &wanted)?;
-        let workspace = Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Asked::plan));
+        let workspace =
+            Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Asked::plan));
         let of = |n: usize| vec![T::ZERO; n];
         Ok(Rates {
             workspace,
@@ -136,7 +164,14 @@ impl<T: Scalar> Rates<T> {
     }
 
     /// ẋ at t and x, with a guess of q and q̇; NaN where the status is not ok.
-    pub(crate) fn evaluate(&mut self, mechanism: &Mechanism, t: f64, x: &[T], guess: (&[T], &[T]), rate: &mut [T]) -> Answer {
+    pub(crate) fn evaluate(
+        &mut self,
+        mechanism: &Mechanism,
+        t: f64,
+        x: &[T],
+        guess: (&[T], &[T]),
+        rate: &mut [T],
+    ) -> Answer {
         let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
         let answer = self.accelerate(mechanism, t, x, guess);
         if answer.status != Status::Ok {
@@ -146,13 +181,20 @@ impl<T: Scalar> Rates<T> {
         mechanism.y.rate(&x[..n_qy], &self.y, &x[n_qy..n_qy + n_vy], &mut rate[..n_qy]);
         rate[n_qy..n_qy + n_vy].copy_from_slice(self.forward.get(Field::Ydd));
         if mechanism.works() {
-            rate[n_qy + n_vy] = mechanism.power(self.forward.get(Field::Qd), &self.tau_q, self.effect.loss);
+            rate[n_qy + n_vy] =
+                mechanism.power(self.forward.get(Field::Qd), &self.tau_q, self.effect.loss);
         }
         // an overflow is no motion either
         if rate.iter().all(|x| x.is_finite()) { answer } else { failed(Status::NonFiniteInput) }
     }
 
-    fn accelerate(&mut self, mechanism: &Mechanism, t: f64, x: &[T], (q, qd): (&[T], &[T])) -> Answer {
+    fn accelerate(
+        &mut self,
+        mechanism: &Mechanism,
+        t: f64,
+        x: &[T],
+        (q, qd): (&[T], &[T]),
+    ) -> Answer {
         let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
         // a number that is none would not have a unit quaternion
         if !x.iter().all(|x| x.is_finite()) {
@@ -174,7 +216,10 @@ impl<T: Scalar> Rates<T> {
             self.forward.give(Field::QGuess, pose.get(Field::Q));
         }
         self.tau_q.fill(T::ZERO);
-        let (q, qd) = self.pose.as_ref().map_or((&[] as &[T], &[] as &[T]), |pose| (pose.get(Field::Q), pose.get(Field::Qd)));
+        let (q, qd) = self
+            .pose
+            .as_ref()
+            .map_or((&[] as &[T], &[] as &[T]), |pose| (pose.get(Field::Q), pose.get(Field::Qd)));
         mechanism.inputs.iter().for_each(|input| input.add(t, q, qd, &mut self.tau_q));
         self.pull(mechanism);
         self.forward.give(Field::TauQ, &self.tau_q);

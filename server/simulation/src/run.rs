@@ -55,14 +55,16 @@ pub enum EventKind {
         /// Distance to singularity after.
         after: f64,
     },
-    /// Other independents are better, but the robot cannot be compiled with them or its state not taken over.
+    /// Other independents are better, but the robot cannot be compiled with them or its state not
+    /// taken over.
     NotSwitched {
         /// Which.
         to: Vec<String>,
         /// Why.
         why: String,
     },
-    /// A step was taken back because the right-hand side had no answer on its way; a shorter one had.
+    /// A step was taken back because the right-hand side had no answer on its way; a shorter one
+    /// had.
     Shortened {
         /// Why.
         status: Status,
@@ -120,7 +122,8 @@ pub struct Run {
     pub end: End,
     /// When it ended `[s]`.
     pub time: f64,
-    /// How far the given start had to be moved to close the loops: largest change of a coordinate and of a velocity.
+    /// How far the given start had to be moved to close the loops: largest change of a coordinate
+    /// and of a velocity.
     pub correction: [f64; 2],
     /// Names of the independents at the end.
     pub independents: Vec<String>,
@@ -133,15 +136,28 @@ impl Run {
     pub(crate) fn new(correction: [f64; 2]) -> Run {
         let (samples, events, independents) = (Vec::new(), Vec::new(), Vec::new());
         let (counts, end) = (Counts::default(), End::Finished);
-        Run { samples, events, counts, end, time: 0.0, correction, independents, error_estimate: None }
+        Run {
+            samples,
+            events,
+            counts,
+            end,
+            time: 0.0,
+            correction,
+            independents,
+            error_estimate: None,
+        }
     }
 
-    /// Largest change of energy less work, as a share of the largest kinetic or change of potential energy.
+    /// Largest change of energy less work, as a share of the largest kinetic or change of potential
+    /// energy.
     pub fn drift(&self) -> f64 {
         let Some(first) = self.samples.first() else { return 0.0 };
-        let over = |f: &dyn Fn(&Sample) -> f64| self.samples.iter().map(f).fold(0.0, |a: f64, b| if b.is_nan() { b } else { a.max(b) });
+        let over = |f: &dyn Fn(&Sample) -> f64| {
+            self.samples.iter().map(f).fold(0.0, |a: f64, b| if b.is_nan() { b } else { a.max(b) })
+        };
         let change = over(&|x| (x.balance() - first.balance()).abs());
-        let size = over(&|x| x.energy.kinetic.max((x.energy.potential - first.energy.potential).abs()));
+        let size =
+            over(&|x| x.energy.kinetic.max((x.energy.potential - first.energy.potential).abs()));
         if change == 0.0 { 0.0 } else { change / size }
     }
 

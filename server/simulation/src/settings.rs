@@ -21,15 +21,24 @@ pub enum Method {
     Dop853,
     /// Radau's implicit method of order 5 with its own step, for stiff problems.
     Radau5,
-    /// For comparison: Runge and Kutta's method in all tree coordinates, with Baumgarte's stabilisation of the loops.
+    /// For comparison: Runge and Kutta's method in all tree coordinates, with Baumgarte's
+    /// stabilisation of the loops.
     Baumgarte,
-    /// For comparison: the same without stabilisation, projected onto the closed states after each step.
+    /// For comparison: the same without stabilisation, projected onto the closed states after each
+    /// step.
     Projection,
 }
 
 impl Method {
     /// Every method.
-    pub const ALL: [Method; 6] = [Method::Euler, Method::RungeKutta, Method::Dop853, Method::Radau5, Method::Baumgarte, Method::Projection];
+    pub const ALL: [Method; 6] = [
+        Method::Euler,
+        Method::RungeKutta,
+        Method::Dop853,
+        Method::Radau5,
+        Method::Baumgarte,
+        Method::Projection,
+    ];
 
     /// The name that scripts see.
     pub const fn name(self) -> &'static str {
@@ -73,7 +82,8 @@ pub struct Settings {
     pub every: Option<f64>,
     /// Goes on with other independents near a singularity of those in use.
     pub switching: bool,
-    /// Computes in double-double near singular closures and where the robot is ill-conditioned, which costs some thirty times as much there.
+    /// Computes in double-double near singular closures and where the robot is ill-conditioned,
+    /// which costs some thirty times as much there.
     pub precise: bool,
     /// Estimates the error by a second simulation with other steps.
     pub estimate: bool,
@@ -82,7 +92,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Tolerances of 1e-8, every step a sample, switching, double-double where it is needed, no estimate.
+    /// Tolerances of 1e-8, every step a sample, switching, double-double where it is needed, no
+    /// estimate.
     pub fn new(method: Method, duration: f64) -> Settings {
         let most_steps = MOST as u64;
         Settings {
@@ -112,16 +123,30 @@ impl Settings {
                 "a positive number of seconds, a thousand-millionth of the duration or more",
             )?;
         } else if self.method.is_fixed() {
-            return Err(SimulationError::Setting { what: "the step", found: 0.0, expected: "a step; this method does not find its own" });
+            return Err(SimulationError::Setting {
+                what: "the step",
+                found: 0.0,
+                expected: "a step; this method does not find its own",
+            });
         }
         if let Some(rate) = self.stabilisation {
             check("the rate of stabilisation", rate, rate >= 0.0, "a number that is not negative")?;
         }
         if let Some(every) = self.every {
-            check("the time between samples", every, every > 0.0 && self.duration / every < MOST, "a positive number of seconds")?;
+            check(
+                "the time between samples",
+                every,
+                every > 0.0 && self.duration / every < MOST,
+                "a positive number of seconds",
+            )?;
         }
         if !self.method.is_fixed() {
-            check("the relative tolerance", self.rtol, self.rtol >= 1e-14 && self.rtol < 1.0, "a number from 1e-14 to 1")?;
+            check(
+                "the relative tolerance",
+                self.rtol,
+                self.rtol >= 1e-14 && self.rtol < 1.0,
+                "a number from 1e-14 to 1",
+            )?;
             check("the absolute tolerance", self.atol, self.atol > 0.0, "a positive number")?;
         }
         Ok(())
@@ -132,9 +157,13 @@ impl Settings {
         let step = self.step.unwrap_or(self.duration);
         Ok(match self.method {
             Method::Euler => Box::new(Fixed::new(Rule::Euler, step)),
-            Method::RungeKutta | Method::Baumgarte | Method::Projection => Box::new(Fixed::new(Rule::RungeKutta, step)),
+            Method::RungeKutta | Method::Baumgarte | Method::Projection => {
+                Box::new(Fixed::new(Rule::RungeKutta, step))
+            }
             #[cfg(feature = "adaptive")]
-            Method::Dop853 => Box::new(crate::dop853::Dop853::new(self.rtol, self.atol, self.duration, self.step)),
+            Method::Dop853 => {
+                Box::new(crate::dop853::Dop853::new(self.rtol, self.atol, self.duration, self.step))
+            }
             #[cfg(not(feature = "adaptive"))]
             Method::Dop853 => return Err(SimulationError::NotBuilt(self.method.name())),
             Method::Radau5 => Box::new(Radau::new(self.rtol, self.atol, self.step)),
@@ -144,12 +173,15 @@ impl Settings {
     /// α = β of Baumgarte's stabilisation; projection needs none.
     pub(crate) fn rate(&self) -> f64 {
         match (self.method, self.step) {
-            (Method::Baumgarte, step) => self.stabilisation.unwrap_or(RATE / step.unwrap_or(f64::INFINITY)),
+            (Method::Baumgarte, step) => {
+                self.stabilisation.unwrap_or(RATE / step.unwrap_or(f64::INFINITY))
+            }
             _ => 0.0,
         }
     }
 
-    /// The same with finer steps, and what the difference of both is to be multiplied by for the error of the coarser.
+    /// The same with finer steps, and what the difference of both is to be multiplied by for the
+    /// error of the coarser.
     pub(crate) fn finer(&self) -> (Settings, f64) {
         let once = Settings { estimate: false, ..*self };
         // half of what is really stepped: steps meet samples and the end
@@ -157,11 +189,21 @@ impl Settings {
         let half = self.step.map(|step| 0.5 * step.min(longest));
         match self.method {
             Method::Euler => (Settings { step: half, ..once }, 2.0),
-            Method::RungeKutta | Method::Baumgarte | Method::Projection => (Settings { step: half, ..once }, 16.0 / 15.0),
+            Method::RungeKutta | Method::Baumgarte | Method::Projection => {
+                (Settings { step: half, ..once }, 16.0 / 15.0)
+            }
             // with a first step that leads to other steps
             _ => {
                 let step = self.step.unwrap_or(self.duration / 37.0).min(self.duration / 37.0);
-                (Settings { rtol: (0.01 * self.rtol).max(1e-14), atol: 0.01 * self.atol, step: Some(step), ..once }, 1.0)
+                (
+                    Settings {
+                        rtol: (0.01 * self.rtol).max(1e-14),
+                        atol: 0.01 * self.atol,
+                        step: Some(step),
+                        ..once
+                    },
+                    1.0,
+                )
             }
         }
     }

@@ -28,7 +28,8 @@ const IN_VAIN: u32 = 2;
 /// A robot with what hangs on it.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a> {
-    /// What the robot's files say: masses for the energy, and what is compiled anew with other independents.
+    /// What the robot's files say: masses for the energy, and what is compiled anew with other
+    /// independents.
     pub description: &'a Description,
     /// The same, compiled.
     pub compiled: &'a Compiled,
@@ -44,7 +45,11 @@ impl Setup<'_> {
         let model = &self.compiled.model;
         check_springs(self.springs, model)?;
         let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
-        let inputs = self.inputs.iter().map(|input| OnTree::new(input, model, &tree)).collect::<Result<_, _>>()?;
+        let inputs = self
+            .inputs
+            .iter()
+            .map(|input| OnTree::new(input, model, &tree))
+            .collect::<Result<_, _>>()?;
         Ok((Springs::new(self.springs), inputs))
     }
 
@@ -54,16 +59,25 @@ impl Setup<'_> {
         let place = |names: &[String], of: &[String]| -> Vec<usize> {
             names.iter().filter_map(|name| of.iter().position(|other| other == name)).collect()
         };
-        (place(model.independent_q_names(), model.tree_q_names()), place(model.independent_names(), model.tree_names()))
+        (
+            place(model.independent_q_names(), model.tree_q_names()),
+            place(model.independent_names(), model.tree_names()),
+        )
     }
 }
 
-/// Simulates. `progress` is told the time that has been reached, after each step. Allocates as samples need it.
+/// Simulates. `progress` is told the time that has been reached, after each step. Allocates as
+/// samples need it.
 ///
 /// # Errors
-/// What is wrong with the start, the settings, the inputs or the springs. A state without an answer on the way is no error: the run ends there,
-/// says so, and keeps what there is.
-pub fn simulate(setup: &Setup<'_>, start: &Start, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Result<Run, SimulationError> {
+/// What is wrong with the start, the settings, the inputs or the springs. A state without an answer
+/// on the way is no error: the run ends there, says so, and keeps what there is.
+pub fn simulate(
+    setup: &Setup<'_>,
+    start: &Start,
+    settings: &Settings,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Run, SimulationError> {
     settings.check()?;
     let once = |settings: &Settings, progress: &mut dyn FnMut(f64)| {
         if settings.method.is_implicit_form() {
@@ -75,10 +89,12 @@ pub fn simulate(setup: &Setup<'_>, start: &Start, settings: &Settings, progress:
     let mut run = once(settings, progress)?;
     if settings.estimate {
         let (settings, factor) = settings.finer();
-        let other = once(&Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings }, &mut |_| ())?;
+        let other =
+            once(&Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings }, &mut |_| ())?;
         let gap = |f: fn(&Sample) -> &[f64]| match (run.last(), other.last()) {
             (Some(a), Some(b)) if a.time == b.time => {
-                f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs())) * factor
+                f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()))
+                    * factor
             }
             _ => f64::NAN,
         };
@@ -105,7 +121,11 @@ struct Simulator<'a> {
 }
 
 impl<'a> Simulator<'a> {
-    fn new(setup: &Setup<'_>, start: &Start, settings: &'a Settings) -> Result<Simulator<'a>, SimulationError> {
+    fn new(
+        setup: &Setup<'_>,
+        start: &Start,
+        settings: &'a Settings,
+    ) -> Result<Simulator<'a>, SimulationError> {
         let model = &setup.compiled.model;
         let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
         let start = start.check(model)?;
@@ -116,7 +136,11 @@ impl<'a> Simulator<'a> {
         // without a guess closures start from their own zero
         let mut x = [start.y, start.yd].concat();
         x.resize(engine.mechanism.n(), 0.0);
-        let status = if start.guess.is_some() { engine.settle(0.0, &mut x) } else { engine.settle_from_zero(&mut x)? };
+        let status = if start.guess.is_some() {
+            engine.settle(0.0, &mut x)
+        } else {
+            engine.settle_from_zero(&mut x)?
+        };
         if status != Status::Ok {
             return Err(SimulationError::Start { status, detail: 0.0 });
         }
@@ -149,13 +173,17 @@ impl<'a> Simulator<'a> {
                 break;
             }
             if attempts % STALLED == 0 {
-                if !self.settings.method.is_fixed() && self.t - before < MOVED * end && !self.look(true)? {
+                if !self.settings.method.is_fixed()
+                    && self.t - before < MOVED * end
+                    && !self.look(true)?
+                {
                     self.run.end = End::StepTooShort;
                     break;
                 }
                 before = self.t;
             }
-            let next_sample = self.settings.every.map_or(end, |every| (f64::from(sampled) + 1.0) * every);
+            let next_sample =
+                self.settings.every.map_or(end, |every| (f64::from(sampled) + 1.0) * every);
             // a crumb at the end is no interval of its own
             let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
             // near a singularity a step may turn out to be none
@@ -165,12 +193,18 @@ impl<'a> Simulator<'a> {
             let failed = self.engine.counts.failed;
             match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
                 Attempt::Done => {
-                    if let Some((t, x, anchor)) = kept.filter(|(.., anchor)| self.engine.jumped(anchor)) {
+                    if let Some((t, x, anchor)) =
+                        kept.filter(|(.., anchor)| self.engine.jumped(anchor))
+                    {
                         (self.t, self.x, self.engine.anchor) = (t, x, anchor);
                         self.stepper.restart();
                         in_vain += 1;
                         if in_vain > IN_VAIN || !self.look(true)? {
-                            self.run.end = End::Failed(self.watch.as_ref().map_or(Status::SingularIndependents, Watch::blame));
+                            self.run.end = End::Failed(
+                                self.watch
+                                    .as_ref()
+                                    .map_or(Status::SingularIndependents, Watch::blame),
+                            );
                             break;
                         }
                         continue;
@@ -209,8 +243,12 @@ impl<'a> Simulator<'a> {
         if self.stepper.finds_stiff() {
             self.run.events.push(Event { time: self.t, kind: EventKind::Stiff });
         }
-        if let (false, Some(distance)) = (self.run.end.is_finished(), self.distance().filter(|near| *near < NEAR)) {
-            self.run.events.push(Event { time: self.t, kind: EventKind::NearSingular { distance } });
+        if let (false, Some(distance)) =
+            (self.run.end.is_finished(), self.distance().filter(|near| *near < NEAR))
+        {
+            self.run
+                .events
+                .push(Event { time: self.t, kind: EventKind::NearSingular { distance } });
         }
         self.run.counts = self.engine.counts;
         self.run.time = self.t;
@@ -238,7 +276,8 @@ impl<'a> Simulator<'a> {
         self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x, true))
     }
 
-    /// Looks how near a singularity is; goes on with other independents if those in use are, and says whether it does.
+    /// Looks how near a singularity is; goes on with other independents if those in use are, and
+    /// says whether it does.
     fn look(&mut self, pressed: bool) -> Result<bool, SimulationError> {
         let Some(watch) = &mut self.watch else { return Ok(false) };
         let close = pressed || self.engine.is_delicate && self.settings.precise;
@@ -258,7 +297,8 @@ impl<'a> Simulator<'a> {
                 self.engine.may_be_precise = self.settings.precise;
                 let model = &self.engine.compiled.model;
                 let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
-                (self.meter, self.precise_meter) = (Meter::new(model, &self.engine.description, &tree)?, None);
+                (self.meter, self.precise_meter) =
+                    (Meter::new(model, &self.engine.description, &tree)?, None);
                 self.watch = Watch::new(model)?;
                 self.stepper.restart();
                 Ok(true)
@@ -279,15 +319,20 @@ impl<'a> Simulator<'a> {
         if measured.is_err() {
             if self.precise_meter.is_none() {
                 let tree = &self.engine.mechanism.q;
-                self.precise_meter = Some(Meter::new(&compiled.exact, &self.engine.description, tree)?);
+                self.precise_meter =
+                    Some(Meter::new(&compiled.exact, &self.engine.description, tree)?);
             }
-            measured = self.precise_meter.as_mut().map_or(measured, |meter| meter.measure(&compiled.exact, [y, yd], guess));
+            measured = self
+                .precise_meter
+                .as_mut()
+                .map_or(measured, |meter| meter.measure(&compiled.exact, [y, yd], guess));
         }
         // a state that was settled has an energy, unless it overflows
         let nothing = Energy { kinetic: f64::NAN, potential: f64::NAN, residual: f64::NAN };
         let mut energy = measured.unwrap_or(nothing);
         energy.potential += anchor.springs.energy;
-        let pick = |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
+        let pick =
+            |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
         self.run.samples.push(Sample {
             time: self.t,
             y: pick(&anchor.q, &self.declared.0),
@@ -304,7 +349,8 @@ impl<'a> Simulator<'a> {
 /// Springs end on links and have constants.
 fn check_springs(springs: &[Spring], model: &Model<f64>) -> Result<(), SimulationError> {
     for (k, spring) in springs.iter().enumerate() {
-        let fault = |found: String, expected| Err(SimulationError::Spring { spring: k, found, expected });
+        let fault =
+            |found: String, expected| Err(SimulationError::Spring { spring: k, found, expected });
         for end in [&spring.from, &spring.to] {
             if end.link >= model.link_names().len() {
                 return fault(format!("link number {}", end.link), "a link of the robot");
@@ -313,7 +359,11 @@ fn check_springs(springs: &[Spring], model: &Model<f64>) -> Result<(), Simulatio
                 return fault("a point that is not finite".to_owned(), "three numbers");
             }
         }
-        for (what, constant) in [("stiffness", spring.stiffness), ("damping", spring.damping), ("rest length", spring.rest)] {
+        for (what, constant) in [
+            ("stiffness", spring.stiffness),
+            ("damping", spring.damping),
+            ("rest length", spring.rest),
+        ] {
             if !(constant.is_finite() && constant >= 0.0) {
                 return fault(format!("a {what} of {constant}"), "a number that is not negative");
             }

@@ -1,6 +1,7 @@
 //! Springs and dampers between two points of two links.
 //!
-//! With d the way from the first point to the second, l = |d| and n = d / l, the first point is pulled along n by
+//! With d the way from the first point to the second, l = |d| and n = d / l, the first point is
+//! pulled along n by
 //!
 //! ```text
 //!   f = k (l − l₀) + c l̇,   l̇ = n · (v_b − v_a)
@@ -78,17 +79,28 @@ impl Springs {
         self.springs.iter().any(|spring| spring.damping != 0.0)
     }
 
-    /// Wrenches `[n; f]` on the links at their origins {root axes}, from their poses (7 each) and twists (6 each).
-    pub(crate) fn wrenches<T: Scalar>(&self, poses: &[T], twists: &[T], wrenches: &mut [T]) -> Effect<T> {
+    /// Wrenches `[n; f]` on the links at their origins {root axes}, from their poses (7 each) and
+    /// twists (6 each).
+    pub(crate) fn wrenches<T: Scalar>(
+        &self,
+        poses: &[T],
+        twists: &[T],
+        wrenches: &mut [T],
+    ) -> Effect<T> {
         wrenches.fill(T::ZERO);
         let mut effect = Effect { energy: T::ZERO, loss: T::ZERO };
         for (spring, ends) in self.springs.iter().zip(&self.ends) {
             // both points: arm, place, velocity
             let [a, b] = [(ends[0], spring.from.at), (ends[1], spring.to.at)].map(|(link, at)| {
-                let (pose, twist) = (&poses[7 * link..7 * link + 7], &twists[6 * link..6 * link + 6]);
+                let (pose, twist) =
+                    (&poses[7 * link..7 * link + 7], &twists[6 * link..6 * link + 6]);
                 let arm = turned(&pose[3..], at.map(T::from_f64));
                 let spin = cross([twist[0], twist[1], twist[2]], arm);
-                (arm, [0, 1, 2].map(|k| pose[k] + arm[k]), [0, 1, 2].map(|k| twist[3 + k] + spin[k]))
+                (
+                    arm,
+                    [0, 1, 2].map(|k| pose[k] + arm[k]),
+                    [0, 1, 2].map(|k| twist[3 + k] + spin[k]),
+                )
             });
             let way = [0, 1, 2].map(|k| b.1[k] - a.1[k]);
             let length = dot(way, way).sqrt();

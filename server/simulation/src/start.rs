@@ -23,7 +23,8 @@ pub enum Start {
         /// A closed pose near it (n_q); without it the branch of the zero pose.
         guess: Option<Vec<f64>>,
     },
-    /// From the whole tree. A state whose loops are open is closed at its independents and their velocities.
+    /// From the whole tree. A state whose loops are open is closed at its independents and their
+    /// velocities.
     Tree {
         /// q (n_q).
         q: Vec<f64>,
@@ -48,7 +49,11 @@ impl Start {
         let pose = |what: &str, numbers: &[f64], names: &[String], of: &Coordinates| {
             SimulationError::check_numbers(what, numbers, names)?;
             let by = of.off_unit(numbers);
-            if by < UNIT { Ok(()) } else { Err(SimulationError::NotUnit { what: what.to_owned(), by }) }
+            if by < UNIT {
+                Ok(())
+            } else {
+                Err(SimulationError::NotUnit { what: what.to_owned(), by })
+            }
         };
         match self {
             Start::Independent { y, yd, guess } => {
@@ -57,7 +62,12 @@ impl Start {
                 if let Some(guess) = guess {
                     pose("the guess of q", guess, model.tree_q_names(), &q_of)?;
                 }
-                Ok(Checked { y: y.clone(), yd: yd.clone(), guess: guess.clone(), correction: [0.0; 2] })
+                Ok(Checked {
+                    y: y.clone(),
+                    yd: yd.clone(),
+                    guess: guess.clone(),
+                    correction: [0.0; 2],
+                })
             }
             Start::Tree { q, qd } => {
                 pose("q", q, model.tree_q_names(), &q_of)?;
@@ -69,9 +79,18 @@ impl Start {
 }
 
 /// The closed state with the independents of a given one.
-fn closed(model: &Model<f64>, q: &[f64], qd: &[f64], tree: &Coordinates) -> Result<Checked, SimulationError> {
+fn closed(
+    model: &Model<f64>,
+    q: &[f64],
+    qd: &[f64],
+    tree: &Coordinates,
+) -> Result<Checked, SimulationError> {
     use Field::*;
-    let wanted = Wanted::new(Request::Kinematics, FieldSet::of(&[Q, Qd]), FieldSet::of(&[Y, Yd, Q, Qd, Residual]));
+    let wanted = Wanted::new(
+        Request::Kinematics,
+        FieldSet::of(&[Q, Qd]),
+        FieldSet::of(&[Y, Yd, Q, Qd, Residual]),
+    );
     let mut asked = Asked::new(model, &wanted)?;
     let mut workspace = Workspace::for_plans(model, [asked.plan()]);
     asked.give(Q, q);
@@ -89,5 +108,10 @@ fn closed(model: &Model<f64>, q: &[f64], qd: &[f64], tree: &Coordinates) -> Resu
     let correction = [moved, largest(&turned)];
     // a good state is left alone
     let guess = if moved < CLOSED { q } else { asked.get(Q) };
-    Ok(Checked { y: asked.get(Y).to_vec(), yd: asked.get(Yd).to_vec(), guess: Some(guess.to_vec()), correction })
+    Ok(Checked {
+        y: asked.get(Y).to_vec(),
+        yd: asked.get(Yd).to_vec(),
+        guess: Some(guess.to_vec()),
+        correction,
+    })
 }

@@ -22,7 +22,8 @@ pub(crate) trait Stepper {
     /// One attempt at a step from a settled state, not beyond `limit`.
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt;
 
-    /// The state or the right-hand side has been changed from outside: forgets what it knows of the past.
+    /// The state or the right-hand side has been changed from outside: forgets what it knows of the
+    /// past.
     fn restart(&mut self);
 
     /// True once the method has found the problem stiff, which it is not made for.

@@ -46,11 +46,21 @@ pub(crate) fn table(heads: &[&str], rows: &[Vec<String>]) -> String {
     let mut lines = vec![String::new(); rows.len() + 1];
     for (k, head) in heads.iter().enumerate() {
         let column = || rows.iter().filter_map(|row| row.get(k));
-        let width = column().map(|cell| cell.chars().count()).chain([head.chars().count()]).max().unwrap_or(0);
+        let width = column()
+            .map(|cell| cell.chars().count())
+            .chain([head.chars().count()])
+            .max()
+            .unwrap_or(0);
         let right = column().all(is_number);
-        for (line, cell) in lines.iter_mut().zip([*head].into_iter().chain(column().map(String::as_str))) {
+        for (line, cell) in
+            lines.iter_mut().zip([*head].into_iter().chain(column().map(String::as_str)))
+        {
             let gap = if line.is_empty() { "" } else { "  " };
-            *line += &if right { format!("{gap}{cell:>width$}") } else { format!("{gap}{cell:<width$}") };
+            *line += &if right {
+                format!("{gap}{cell:>width$}")
+            } else {
+                format!("{gap}{cell:<width$}")
+            };
         }
     }
     lines.iter().map(|line| line.trim_end().to_owned() + "\n").collect()
@@ -62,8 +72,12 @@ mod tests {
 
     #[test]
     fn tables_align_words_left_and_numbers_right() {
-        let rows = [vec!["ä".to_owned(), "7".to_owned()], vec!["long".to_owned(), "123".to_owned()]];
+        let rows =
+            [vec!["ä".to_owned(), "7".to_owned()], vec!["long".to_owned(), "123".to_owned()]];
         assert_eq!(table(&["name", "n"], &rows), "name    n\nä       7\nlong  123\n");
-        assert_eq!(table(&["name", "about"], &[vec![String::new(), "x".to_owned()]]), "name  about\n      x\n");
+        assert_eq!(
+            table(&["name", "about"], &[vec![String::new(), "x".to_owned()]]),
+            "name  about\n      x\n"
+        );
     }
 }

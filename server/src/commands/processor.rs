@@ -3,7 +3,8 @@
 /// The first feature of the stated baseline that is missing.
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn check() -> Result<(), &'static str> {
-    // the processor itself is asked: std's macro answers at compile time where the build assumes a feature
+    // the processor itself is asked: std's macro answers at compile time where the build assumes a
+    // feature
     let processor = raw_cpuid::CpuId::new();
     if !processor.get_feature_info().is_some_and(|features| features.has_fma()) {
         return Err("FMA");

@@ -25,13 +25,23 @@ pub(crate) struct Report {
 
 impl Report {
     pub(crate) fn run(self) -> ExitCode {
-        let wish = Wish { effort: Effort { quick: self.quick }, sections: self.sections, out: self.out };
+        let wish =
+            Wish { effort: Effort { quick: self.quick }, sections: self.sections, out: self.out };
         match run(&wish) {
             Ok(report) => {
                 let page = wish.out.join("report.html").display().to_string();
-                let lines = report.summary().into_iter().chain([page]).map(|line| line + "\n").collect::<String>();
+                let lines = report
+                    .summary()
+                    .into_iter()
+                    .chain([page])
+                    .map(|line| line + "\n")
+                    .collect::<String>();
                 let unfinished = report.sections.iter().any(|section| section.failure.is_some());
-                finish("report", &lines, if unfinished { 2 } else { u8::from(report.silent_failures() > 0) })
+                finish(
+                    "report",
+                    &lines,
+                    if unfinished { 2 } else { u8::from(report.silent_failures() > 0) },
+                )
             }
             Err(error) => {
                 eprintln!("sarrus report: {error}");

@@ -38,7 +38,8 @@ struct SourceFlags {
 struct Gravity([f64; 3]);
 
 fn gravity(text: &str) -> Result<Gravity, String> {
-    let numbers: Vec<f64> = text.split(',').map(|part| part.trim().parse().unwrap_or(f64::NAN)).collect();
+    let numbers: Vec<f64> =
+        text.split(',').map(|part| part.trim().parse().unwrap_or(f64::NAN)).collect();
     match numbers.as_slice().try_into() {
         Ok(gravity) if numbers.iter().all(|number| number.is_finite()) => Ok(Gravity(gravity)),
         _ => Err("expected three numbers such as 0,0,-9.81".to_owned()),
@@ -63,7 +64,10 @@ impl RobotFlags {
     fn source(&self) -> Source {
         match (&self.source.robot, &self.source.urdf) {
             (Some(name), _) => Source::Bundled(name.clone()),
-            (None, urdf) => Source::Files { urdf: urdf.clone().unwrap_or_default(), submechanisms: self.submechanisms.clone() },
+            (None, urdf) => Source::Files {
+                urdf: urdf.clone().unwrap_or_default(),
+                submechanisms: self.submechanisms.clone(),
+            },
         }
     }
 
@@ -72,7 +76,8 @@ impl RobotFlags {
     }
 }
 
-/// Says on stderr why a robot cannot be loaded: the report of `check` for faulty files; the exit code that goes with it.
+/// Says on stderr why a robot cannot be loaded: the report of `check` for faulty files; the exit
+/// code that goes with it.
 pub(crate) fn refuse(command: &str, error: &LoadError) -> ExitCode {
     match error {
         LoadError::Faults(report) => {

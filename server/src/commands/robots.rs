@@ -29,7 +29,9 @@ impl Robots {
         let mut lines = Vec::new();
         for (robot, about) in bundled() {
             match load(&Source::Bundled(robot.to_owned()), &Options::default()) {
-                Ok(loaded) => lines.push(Line { robot, about, sizes: loaded.compiled.model.sizes().into() }),
+                Ok(loaded) => {
+                    lines.push(Line { robot, about, sizes: loaded.compiled.model.sizes().into() })
+                }
                 Err(error) => return refuse("robots", &error),
             }
         }

@@ -61,7 +61,8 @@ impl Serve {
         let ready = || {
             // whoever started the server may have closed its end: serving goes on
             let mut out = std::io::stdout().lock();
-            let _ = writeln!(out, "ready {} {:016x}", options.name, info.fingerprint).and_then(|()| out.flush());
+            let _ = writeln!(out, "ready {} {:016x}", options.name, info.fingerprint)
+                .and_then(|()| out.flush());
         };
         match serve(Arc::new(loaded.compiled.model), &info, &options, &stop, ready) {
             Ok(()) => ExitCode::SUCCESS,

@@ -14,7 +14,8 @@ fn a_clean_stop_leaves_nothing() {
     for signal in ["-TERM", "-INT"] {
         let place = Place::new();
         let server = place.serve("tidy", &[]);
-        let mut askers = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("tidy", door).unwrap()));
+        let mut askers = [Door::Lane, Door::Requests]
+            .map(|door| Asker::new(place.connect("tidy", door).unwrap()));
         askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
         drop(askers);
         assert_eq!(server.stop(signal).code(), Some(0));
@@ -26,7 +27,8 @@ fn a_clean_stop_leaves_nothing() {
 fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
     let place = Place::new();
     let server = place.serve("under", &[]);
-    let mut askers = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("under", door).unwrap()));
+    let mut askers =
+        [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("under", door).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
     assert!(server.stop("-TERM").success());
     for asker in &mut askers {
@@ -44,7 +46,8 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
 fn requests_during_a_stop_are_refused_not_lost() {
     let place = Place::new();
     let server = place.serve("closing", &[]);
-    let [mut lane, mut requests] = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("closing", door).unwrap()));
+    let [mut lane, mut requests] = [Door::Lane, Door::Requests]
+        .map(|door| Asker::new(place.connect("closing", door).unwrap()));
     let stop = std::thread::spawn(move || server.stop("-TERM"));
     let mut last = [Status::Ok; 2];
     let start = Instant::now();
@@ -73,7 +76,8 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
         let robot = loop {
             match place.connect("widow", Door::Lane) {
                 Ok(robot) => break robot,
-                Err(ConnectError::FullHouse { .. }) if start.elapsed() < Duration::from_secs(1) => {}
+                Err(ConnectError::FullHouse { .. }) if start.elapsed() < Duration::from_secs(1) => {
+                }
                 Err(error) => panic!("after {:?}: {error}", start.elapsed()),
             }
         };
@@ -83,7 +87,10 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
     }
     // and through the other door
     place.client("widow", Door::Requests).kill();
-    assert_eq!(Asker::new(place.connect("widow", Door::Requests).unwrap()).ask().unwrap().status, Status::Ok);
+    assert_eq!(
+        Asker::new(place.connect("widow", Door::Requests).unwrap()).ask().unwrap().status,
+        Status::Ok
+    );
     assert!(server.stop("-TERM").success());
     assert_eq!(place.leftovers(), NOTHING);
 }

@@ -6,7 +6,9 @@ use iceoryx2::node::Node;
 use sarrus_client::{Door, Status};
 use sarrus_proto::board::{ClaimedLane, class_of};
 use sarrus_proto::lane::{Threadsafe, send_request};
-use sarrus_proto::message::{Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, Refusal, RequestHead, ResponseHead};
+use sarrus_proto::message::{
+    Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, Refusal, RequestHead, ResponseHead,
+};
 use sarrus_proto::service::{ControlClient, open_compute, open_control};
 use sarrus_proto::{FieldSet, PROTOCOL_VERSION, ServerName, Wanted};
 
@@ -24,7 +26,13 @@ fn call(client: &ControlClient, request: ControlRequest) -> ControlResponse {
 }
 
 fn request(call: u32) -> ControlRequest {
-    ControlRequest { version: PROTOCOL_VERSION, call, fingerprint: 0, arguments: [0; 2], wanted: STATE }
+    ControlRequest {
+        version: PROTOCOL_VERSION,
+        call,
+        fingerprint: 0,
+        arguments: [0; 2],
+        wanted: STATE,
+    }
 }
 
 /// Says hello as any client does.
@@ -33,10 +41,17 @@ pub(crate) fn hello(node: &Node<Threadsafe>, name: &ServerName) -> ControlRespon
 }
 
 /// A lane, claimed.
-pub(crate) fn lane(node: &Node<Threadsafe>, name: &ServerName, [n_in, n_out]: [usize; 2]) -> ClaimedLane {
+pub(crate) fn lane(
+    node: &Node<Threadsafe>,
+    name: &ServerName,
+    [n_in, n_out]: [usize; 2],
+) -> ClaimedLane {
     let client = open_control(node, name).unwrap();
     let hello = call(&client, request(Call::Hello as u32));
-    let granted = call(&client, ControlRequest { arguments: [n_in as u64, n_out as u64], ..request(Call::Lane as u32) });
+    let granted = call(
+        &client,
+        ControlRequest { arguments: [n_in as u64, n_out as u64], ..request(Call::Lane as u32) },
+    );
     let (id, class_in, class_out) = granted.lane();
     ClaimedLane::claim(node, name, hello.instance, id, [class_in, class_out]).unwrap()
 }
@@ -45,7 +60,9 @@ pub(crate) fn lane(node: &Node<Threadsafe>, name: &ServerName, [n_in, n_out]: [u
 fn lies(fingerprint: u64, n_in: usize) -> Vec<(RequestHead, Vec<f64>, Status)> {
     let good = RequestHead { version: PROTOCOL_VERSION, plan: 0, fingerprint, sequence: 0 };
     let zero = vec![0.0; n_in];
-    let with = |k: usize, number: f64| (0..n_in).map(|i| if i == k { number } else { 0.0 }).collect::<Vec<f64>>();
+    let with = |k: usize, number: f64| {
+        (0..n_in).map(|i| if i == k { number } else { 0.0 }).collect::<Vec<f64>>()
+    };
     vec![
         (RequestHead { version: 0, ..good }, zero.clone(), Status::BadRequest),
         (RequestHead { version: PROTOCOL_VERSION + 1, ..good }, zero.clone(), Status::BadRequest),
@@ -76,7 +93,10 @@ fn lies_through_the_control_service_are_refused() {
     assert_eq!(refusal(request(0)), Some(Refusal::UnknownCall));
     assert_eq!(refusal(request(u32::MAX)), Some(Refusal::UnknownCall));
     for page in [1000, u64::MAX] {
-        assert_eq!(refusal(ControlRequest { arguments: [page, 0], ..request(Call::Model as u32) }), Some(Refusal::NoSuchPage));
+        assert_eq!(
+            refusal(ControlRequest { arguments: [page, 0], ..request(Call::Model as u32) }),
+            Some(Refusal::NoSuchPage)
+        );
     }
 
     // wanted sets
@@ -85,7 +105,10 @@ fn lies_through_the_control_service_are_refused() {
     assert_eq!(plan(Wanted { want: FieldSet(u64::MAX), ..STATE }), Some(Refusal::BadWanted));
     assert_eq!(plan(Wanted { n_frames: u16::MAX, ..STATE }), Some(Refusal::BadWanted));
     assert_eq!(plan(Wanted { n_wrenches: 17, ..STATE }), Some(Refusal::BadWanted));
-    assert_eq!(plan(Wanted { n_frames: 1, frames: [u16::MAX; 32], ..STATE }), Some(Refusal::BadWanted));
+    assert_eq!(
+        plan(Wanted { n_frames: 1, frames: [u16::MAX; 32], ..STATE }),
+        Some(Refusal::BadWanted)
+    );
     assert_eq!(plan(STATE), None);
 
     // lanes
@@ -110,10 +133,17 @@ fn lies_through_a_lane_get_their_status() {
     let node = place.domain.node::<Threadsafe>().unwrap();
     let client = open_control(&node, &name).unwrap();
     let hello = call(&client, request(Call::Hello as u32));
-    let granted = call(&client, ControlRequest { arguments: [n_in as u64, honest.output.len() as u64], ..request(Call::Lane as u32) });
+    let granted = call(
+        &client,
+        ControlRequest {
+            arguments: [n_in as u64, honest.output.len() as u64],
+            ..request(Call::Lane as u32)
+        },
+    );
     let (id, class_in, class_out) = granted.lane();
     assert_eq!((Some(class_in), Some(class_out)), (class_of(n_in), class_of(honest.output.len())));
-    let mut lane = ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).unwrap();
+    let mut lane =
+        ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).unwrap();
     // a lane is one client's
     assert!(ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).is_err());
 
@@ -128,15 +158,33 @@ fn lies_through_a_lane_get_their_status() {
             }
             assert!(start.elapsed() < Duration::from_secs(2), "no answer to {head:?}");
         };
-        assert_eq!(answer, ResponseHead { status: status as u32, warnings: answer.warnings, sequence: head.sequence }, "{head:?}");
-        assert!(status == Status::Ok || numbers[..honest.output.len()].iter().all(|number| number.is_nan()), "{head:?}");
+        assert_eq!(
+            answer,
+            ResponseHead {
+                status: status as u32,
+                warnings: answer.warnings,
+                sequence: head.sequence
+            },
+            "{head:?}"
+        );
+        assert!(
+            status == Status::Ok
+                || numbers[..honest.output.len()].iter().all(|number| number.is_nan()),
+            "{head:?}"
+        );
     }
 
     // a lane that is too small for another client's plan
     let small = call(&client, ControlRequest { arguments: [1, 1], ..request(Call::Lane as u32) });
     let (id, class_in, class_out) = small.lane();
-    let mut lane = ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).unwrap();
-    lane.outbox.publish(RequestHead { version: PROTOCOL_VERSION, plan: 0, fingerprint: hello.fingerprint, sequence: 1 });
+    let mut lane =
+        ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).unwrap();
+    lane.outbox.publish(RequestHead {
+        version: PROTOCOL_VERSION,
+        plan: 0,
+        fingerprint: hello.fingerprint,
+        sequence: 1,
+    });
     let start = Instant::now();
     let answer = loop {
         if let Some((answer, _)) = lane.inbox.poll() {
@@ -174,12 +222,25 @@ fn lies_through_the_requests_door_get_their_status() {
             }
             assert!(start.elapsed() < Duration::from_secs(2), "no answer to {head:?}");
         };
-        assert_eq!((answer.head.status, answer.head.sequence), (status as u32, head.sequence), "{head:?}");
-        assert!(status == Status::Ok || answer.numbers[..honest.output.len()].iter().all(|number| number.is_nan()), "{head:?}");
+        assert_eq!(
+            (answer.head.status, answer.head.sequence),
+            (status as u32, head.sequence),
+            "{head:?}"
+        );
+        assert!(
+            status == Status::Ok
+                || answer.numbers[..honest.output.len()].iter().all(|number| number.is_nan()),
+            "{head:?}"
+        );
     }
 
     // one request at a time: a second one is not taken, and that is told
-    let head = RequestHead { version: PROTOCOL_VERSION, plan: 0, fingerprint: hello.fingerprint, sequence: 99 };
+    let head = RequestHead {
+        version: PROTOCOL_VERSION,
+        plan: 0,
+        fingerprint: hello.fingerprint,
+        sequence: 99,
+    };
     let first = send_request(&client, &head, &vec![0.0; n_in]).unwrap();
     assert!(send_request(&client, &head, &vec![0.0; n_in]).is_none());
     drop(first);

@@ -1,4 +1,5 @@
-//! What the answering thread does under load: fairly, without the system's allocator and without system calls.
+//! What the answering thread does under load: fairly, without the system's allocator and without
+//! system calls.
 
 use std::fs;
 use std::process::{Command, Stdio};
@@ -24,13 +25,21 @@ fn no_request_reaches_the_systems_allocator() {
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
         let bad = vec![f64::NAN; asker.input.len()];
-        assert_eq!(asker.robot.ask(asker.plan, &bad, &mut asker.output).unwrap().status, Status::NonFiniteInput);
+        assert_eq!(
+            asker.robot.ask(asker.plan, &bad, &mut asker.output).unwrap().status,
+            Status::NonFiniteInput
+        );
         std::thread::sleep(Duration::from_millis(200));
         let statistics = asker.robot.statistics().unwrap();
         assert_eq!(statistics.system_allocations, 0, "{door:?}: {statistics:?}");
-        let served = if door == Door::Lane { statistics.lane_requests } else { statistics.door_requests };
+        let served =
+            if door == Door::Lane { statistics.lane_requests } else { statistics.door_requests };
         assert_eq!(served, 20_001, "{door:?}: {statistics:?}");
-        assert_eq!(statistics.pool_allocations > 0, door == Door::Requests, "{door:?}: {statistics:?}");
+        assert_eq!(
+            statistics.pool_allocations > 0,
+            door == Door::Requests,
+            "{door:?}: {statistics:?}"
+        );
         assert!(statistics.latency_ns[0] > 0 && statistics.answered(Status::NonFiniteInput) > 0);
     }
 }
@@ -41,16 +50,22 @@ fn asking_allocates_nothing_through_a_lane_and_in_process() {
     let _server = place.serve("sparing", &[]);
     // the transport itself makes one small block for each request through the other door
     let local = Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap();
-    let [lane, requests] = [Door::Lane, Door::Requests].map(|door| place.connect("sparing", door).unwrap());
+    let [lane, requests] =
+        [Door::Lane, Door::Requests].map(|door| place.connect("sparing", door).unwrap());
     for (robot, blocks) in [(local, 0), (lane, 0), (requests, 1)] {
         let mut asker = Asker::new(robot);
         asker.ask().unwrap();
         let before = pool::counts();
         let adopted = pool::adopt_thread();
-        let good = (0..1000).filter(|_| asker.ask().is_ok_and(|answer| answer.status == Status::Ok)).count();
+        let good = (0..1000)
+            .filter(|_| asker.ask().is_ok_and(|answer| answer.status == Status::Ok))
+            .count();
         drop(adopted);
         let after = pool::counts();
-        assert_eq!((good, after.pool - before.pool, after.system - before.system), (1000, 1000 * blocks, 0));
+        assert_eq!(
+            (good, after.pool - before.pool, after.system - before.system),
+            (1000, 1000 * blocks, 0)
+        );
     }
 }
 
@@ -61,11 +76,19 @@ fn the_busy_loop_makes_no_system_call() {
     }
     let place = Place::new();
     let server = place.serve("silent", &["--wait", "busy"]);
-    let mut askers = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("silent", door).unwrap()));
+    let mut askers =
+        [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("silent", door).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
 
-    let tasks = fs::read_dir(format!("/proc/{}/task", server.id())).unwrap().flatten().map(|task| task.path());
-    let hot = tasks.filter(|task| fs::read_to_string(task.join("comm")).is_ok_and(|name| name == "sarrus-hot\n")).collect::<Vec<_>>();
+    let tasks = fs::read_dir(format!("/proc/{}/task", server.id()))
+        .unwrap()
+        .flatten()
+        .map(|task| task.path());
+    let hot = tasks
+        .filter(|task| {
+            fs::read_to_string(task.join("comm")).is_ok_and(|name| name == "sarrus-hot\n")
+        })
+        .collect::<Vec<_>>();
     let [hot] = &hot[..] else { panic!("one answering thread, found {hot:?}") };
     let trace = std::env::temp_dir().join(format!("sarrus-strace-{}", std::process::id()));
     let hot = hot.file_name().unwrap().to_str().unwrap();
@@ -86,14 +109,20 @@ fn the_busy_loop_makes_no_system_call() {
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
     }
-    assert!(Command::new("kill").args(["-INT", &strace.id().to_string()]).status().unwrap().success());
+    assert!(
+        Command::new("kill").args(["-INT", &strace.id().to_string()]).status().unwrap().success()
+    );
     strace.wait().unwrap();
     std::thread::sleep(Duration::from_millis(200));
     let after = askers[0].robot.statistics().unwrap();
-    assert!(after.lane_requests >= before.lane_requests + 5_000 && after.door_requests >= before.door_requests + 5_000);
+    assert!(
+        after.lane_requests >= before.lane_requests + 5_000
+            && after.door_requests >= before.door_requests + 5_000
+    );
     let calls = fs::read_to_string(&trace).unwrap();
     fs::remove_file(&trace).unwrap();
-    let (of_hot, of_others): (Vec<&str>, Vec<&str>) = calls.lines().partition(|line| line.split(' ').next() == Some(hot));
+    let (of_hot, of_others): (Vec<&str>, Vec<&str>) =
+        calls.lines().partition(|line| line.split(' ').next() == Some(hot));
     assert!(!of_others.is_empty(), "the trace sees nothing");
     let of_hot: Vec<&&str> = of_hot.iter().filter(|line| !line.contains("detached")).collect();
     assert!(of_hot.is_empty(), "{} system calls, the first: {}", of_hot.len(), of_hot[0]);
@@ -118,7 +147,8 @@ impl Pusher {
                 1
             }
             Pusher::Requests(client, pending) => {
-                let answered = pending.as_ref().is_none_or(|pending| pending.receive().unwrap().is_some());
+                let answered =
+                    pending.as_ref().is_none_or(|pending| pending.receive().unwrap().is_some());
                 if answered {
                     *pending = None;
                     *pending = send_request(client, head, numbers);
@@ -140,7 +170,12 @@ fn no_client_starves_another() {
     // three clients of the requests door and two lanes, all backlogged, driven by one thread
     let node = place.domain.node::<Threadsafe>().unwrap();
     let hello = crate::lies::hello(&node, &name);
-    let head = RequestHead { version: PROTOCOL_VERSION, plan: 0, fingerprint: hello.fingerprint, sequence: 1 };
+    let head = RequestHead {
+        version: PROTOCOL_VERSION,
+        plan: 0,
+        fingerprint: hello.fingerprint,
+        sequence: 1,
+    };
     let mut pushers: Vec<Pusher> = Vec::new();
     for _ in 0..3 {
         pushers.push(Pusher::Requests(open_compute(&node, &name, hello.instance).unwrap(), None));

@@ -1,4 +1,5 @@
-//! The server as its users meet it: as a process, among clients that crash, crowd, lie and vanish. One test at a time.
+//! The server as its users meet it: as a process, among clients that crash, crowd, lie and vanish.
+//! One test at a time.
 // lint: helpers of tests say what they expect, as tests do
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -9,7 +10,10 @@ mod support;
 
 use std::time::{Duration, Instant};
 
-use sarrus_client::{ConnectError, ConnectOptions, Door, Field, FieldSet, Options, Request, Robot, Source, Status, Wanted};
+use sarrus_client::{
+    ConnectError, ConnectOptions, Door, Field, FieldSet, Options, Request, Robot, Source, Status,
+    Wanted,
+};
 
 use support::{Asker, Place, ROBOT, STATE, options};
 
@@ -20,9 +24,14 @@ static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
 /// Not a test of its own: the body of the clients that tests start as other processes.
 #[test]
 fn the_other_process() {
-    let (Ok(name), Ok(door)) = (std::env::var("SARRUS_TEST_SERVER"), std::env::var("SARRUS_TEST_DOOR")) else { return };
+    let (Ok(name), Ok(door)) =
+        (std::env::var("SARRUS_TEST_SERVER"), std::env::var("SARRUS_TEST_DOOR"))
+    else {
+        return;
+    };
     let door = if door == "Lane" { Door::Lane } else { Door::Requests };
-    let robot = sarrus_client::Robot::connect_with(&name, ConnectOptions { door, ..options() }).unwrap();
+    let robot =
+        sarrus_client::Robot::connect_with(&name, ConnectOptions { door, ..options() }).unwrap();
     let mut asker = Asker::new(robot);
     asker.ask().unwrap();
     println!("answered");
@@ -44,12 +53,18 @@ fn ready_is_one_line_with_name_and_fingerprint() {
 fn both_doors_give_the_same_bits_as_in_process() {
     let place = Place::new();
     let _server = place.serve("same", &[]);
-    let [mut lane, mut requests] = [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("same", door).unwrap()));
-    let mut local = Asker::new(Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap());
+    let [mut lane, mut requests] =
+        [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("same", door).unwrap()));
+    let mut local =
+        Asker::new(Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap());
     assert_eq!(lane.robot.model(), local.robot.model());
     for k in 0..200 {
         for asker in [&mut lane, &mut requests, &mut local] {
-            asker.input.iter_mut().enumerate().for_each(|(i, number)| *number = 1e-3 * ((k * 31 + i * 17) % 101) as f64);
+            asker
+                .input
+                .iter_mut()
+                .enumerate()
+                .for_each(|(i, number)| *number = 1e-3 * ((k * 31 + i * 17) % 101) as f64);
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
         assert_eq!(lane.bits(), local.bits());
@@ -63,11 +78,23 @@ fn a_larger_plan_gets_a_larger_lane() {
     // one lane only: the small one must be given up for the large one
     let _server = place.serve("grow", &["--lanes", "1"]);
     let mut robot = place.connect("grow", Door::Lane).unwrap();
-    let small = robot.prepare(&Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U]))).unwrap();
-    let large =
-        robot.prepare(&Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::G, Field::K, Field::Q]))).unwrap();
+    let small = robot
+        .prepare(&Wanted::new(
+            Request::Kinematics,
+            FieldSet::of(&[Field::Y]),
+            FieldSet::of(&[Field::U]),
+        ))
+        .unwrap();
+    let large = robot
+        .prepare(&Wanted::new(
+            Request::Kinematics,
+            FieldSet::of(&[Field::Y]),
+            FieldSet::of(&[Field::G, Field::K, Field::Q]),
+        ))
+        .unwrap();
     for plan in [small, large, small] {
-        let (n_in, n_out) = robot.plan(plan).map(|plan| (plan.given().len(), plan.want().len())).unwrap();
+        let (n_in, n_out) =
+            robot.plan(plan).map(|plan| (plan.given().len(), plan.want().len())).unwrap();
         let mut output = vec![f64::NAN; n_out];
         assert_eq!(robot.ask(plan, &vec![0.0; n_in], &mut output).unwrap().status, Status::Ok);
         assert!(output.iter().all(|number| number.is_finite()));
@@ -81,7 +108,10 @@ fn no_server_is_told_at_once() {
     let start = Instant::now();
     let error = place.connect("nobody", Door::Lane).err().unwrap();
     assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
-    assert_eq!(error.to_string(), "no server named `nobody` runs; start one with `sarrus serve --name nobody`");
+    assert_eq!(
+        error.to_string(),
+        "no server named `nobody` runs; start one with `sarrus serve --name nobody`"
+    );
     assert!(start.elapsed() < Duration::from_secs(1));
     assert!(matches!(place.connect("no/body", Door::Lane), Err(ConnectError::Domain(_))));
     assert_eq!(place.leftovers(), Vec::<std::path::PathBuf>::new());
@@ -94,10 +124,16 @@ fn a_second_server_of_the_name_is_refused() {
     let second = place.command(ROBOT, "twice", &[]).output().unwrap();
     assert_eq!((second.status.code(), second.stdout.len()), (Some(2), 0));
     let words = String::from_utf8(second.stderr).unwrap();
-    assert_eq!(words, "sarrus serve: a server named `twice` is running already; stop it or choose another name with --name\n");
+    assert_eq!(
+        words,
+        "sarrus serve: a server named `twice` is running already; stop it or choose another name with --name\n"
+    );
     // the first one goes on, and others have their own names
     let _other = place.serve("thrice", &[]);
-    assert_eq!(Asker::new(place.connect("twice", Door::Lane).unwrap()).ask().unwrap().status, Status::Ok);
+    assert_eq!(
+        Asker::new(place.connect("twice", Door::Lane).unwrap()).ask().unwrap().status,
+        Status::Ok
+    );
     assert!(server.stop("-TERM").success());
 }
 
@@ -105,7 +141,10 @@ fn a_second_server_of_the_name_is_refused() {
 fn another_model_than_expected_is_refused() {
     let place = Place::new();
     let _server = place.serve("other", &[]);
-    let error = place.connect_with("other", ConnectOptions { fingerprint: Some(42), ..options() }).err().unwrap();
+    let error = place
+        .connect_with("other", ConnectOptions { fingerprint: Some(42), ..options() })
+        .err()
+        .unwrap();
     assert!(matches!(error, ConnectError::WrongModel { expected: 42, .. }), "{error}");
 }
 

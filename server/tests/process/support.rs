@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use sarrus_client::{ConnectError, ConnectOptions, Door, Field, FieldSet, Patience, PlanId, Request, Robot, Wanted};
+use sarrus_client::{
+    ConnectError, ConnectOptions, Door, Field, FieldSet, Patience, PlanId, Request, Robot, Wanted,
+};
 use sarrus_proto::Domain;
 
 /// What every test asks: all of the robot's state.
@@ -34,7 +36,10 @@ impl Place {
     pub(crate) fn new() -> Place {
         let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let number = DOMAINS.fetch_add(1, Relaxed);
-        let domain = Domain::at(&std::env::temp_dir().join(format!("sarrus-test-{}-{number}", std::process::id()))).unwrap();
+        let domain = Domain::at(
+            &std::env::temp_dir().join(format!("sarrus-test-{}-{number}", std::process::id())),
+        )
+        .unwrap();
         Place { domain, _alone: alone }
     }
 
@@ -53,7 +58,9 @@ impl Place {
         walk(self.domain.root().to_owned(), &mut found);
         let prefix = self.domain.prefix();
         let shared = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
-        found.extend(shared.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(&prefix)));
+        found.extend(
+            shared.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(&prefix)),
+        );
         found
     }
 
@@ -73,7 +80,10 @@ impl Place {
 
     pub(crate) fn command(&self, robot: &str, name: &str, flags: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-        command.args(["serve", "--robot", robot, "--name", name]).args(flags).env("SARRUS_ROOT", self.domain.root());
+        command
+            .args(["serve", "--robot", robot, "--name", name])
+            .args(flags)
+            .env("SARRUS_ROOT", self.domain.root());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
         command
     }
@@ -82,18 +92,32 @@ impl Place {
         self.connect_with(name, ConnectOptions { door, ..options() })
     }
 
-    pub(crate) fn connect_with(&self, name: &str, options: ConnectOptions) -> Result<Robot, ConnectError> {
+    pub(crate) fn connect_with(
+        &self,
+        name: &str,
+        options: ConnectOptions,
+    ) -> Result<Robot, ConnectError> {
         Robot::connect_in(self.domain.clone(), name, options)
     }
 
-    /// Another process that connects, prepares and asks until it is killed; returns once it was answered.
+    /// Another process that connects, prepares and asks until it is killed; returns once it was
+    /// answered.
     pub(crate) fn client(&self, name: &str, door: Door) -> Client {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["the_other_process", "--exact", "--nocapture"]).stdout(Stdio::piped()).stderr(Stdio::null());
-        command.env("SARRUS_ROOT", self.domain.root()).env("SARRUS_TEST_SERVER", name).env("SARRUS_TEST_DOOR", format!("{door:?}"));
+        command
+            .args(["the_other_process", "--exact", "--nocapture"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null());
+        command
+            .env("SARRUS_ROOT", self.domain.root())
+            .env("SARRUS_TEST_SERVER", name)
+            .env("SARRUS_TEST_DOOR", format!("{door:?}"));
         let mut child = command.spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        assert!(lines.any(|line| line.is_ok_and(|line| line.contains("answered"))), "the other client was not answered");
+        assert!(
+            lines.any(|line| line.is_ok_and(|line| line.contains("answered"))),
+            "the other client was not answered"
+        );
         Client { child }
     }
 }
@@ -128,7 +152,13 @@ impl Server {
     }
 
     pub(crate) fn stop(mut self, signal: &str) -> ExitStatus {
-        assert!(Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success());
+        assert!(
+            Command::new("kill")
+                .args([signal, &self.child.id().to_string()])
+                .status()
+                .unwrap()
+                .success()
+        );
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(10) {
             if let Some(status) = self.child.try_wait().unwrap() {

@@ -1,4 +1,5 @@
-//! The whole chain: encoders, the server, a controller (the example `follow`), the bridge, and motors that move the robot.
+//! The whole chain: encoders, the server, a controller (the example `follow`), the bridge, and
+//! motors that move the robot.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -26,13 +27,27 @@ fn rehearse(front: Front, stage: &Stage, signal: &str) {
         command.args(arguments);
         stage.at_home(command)
     };
-    let mut motors = Process::start("motors", command("sarrus-can", &["simulate", &stage.configuration, "--pty", "--dynamics", "robot"]));
+    let mut motors = Process::start(
+        "motors",
+        command("sarrus-can", &["simulate", &stage.configuration, "--pty", "--dynamics", "robot"]),
+    );
     BUSES.iter().for_each(|_| assert!(motors.line().starts_with("ready ")));
-    let server = Process::start("server", command("sarrus", &["serve", "--name", "rehearsal", "--robot", "rh5v2_upper_body"]));
+    let server = Process::start(
+        "server",
+        command("sarrus", &["serve", "--name", "rehearsal", "--robot", "rh5v2_upper_body"]),
+    );
     assert!(server.line().starts_with("ready "));
     let _bridge = stage.bridge(front);
-    let _controller = Process::start("controller", command("examples/follow", &["rehearsal", "rehearsal"]));
-    let armed = || command("sarrus-can", &["arm", "rehearsal"]).output().unwrap().status.success().then_some(());
+    let _controller =
+        Process::start("controller", command("examples/follow", &["rehearsal", "rehearsal"]));
+    let armed = || {
+        command("sarrus-can", &["arm", "rehearsal"])
+            .output()
+            .unwrap()
+            .status
+            .success()
+            .then_some(())
+    };
     wait_for("power", armed);
     assert!(powers(&mut motors).iter().all(|power| *power), "{front:?} {signal}");
 
@@ -42,7 +57,9 @@ fn rehearse(front: Front, stage: &Stage, signal: &str) {
         report.iter().all(|motor| motor["power"] == false).then_some(report)
     });
     // the bridge took it, before the motors' own watchdogs did
-    let took = |motor: &Value| motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD");
+    let took = |motor: &Value| {
+        motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD")
+    };
     assert!(report.len() == N_U && report.iter().all(took), "{front:?} {signal}: {report:?}");
     let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
     while Instant::now() < end {

@@ -34,12 +34,25 @@ impl Session {
         let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
         let configuration = load();
         let simulated = |motor: &sarrus_can::config::MotorConfig| {
-            (motor.bus, Simulated::new(motor.protocol.name, &motor.settings, motor.common, physics).unwrap())
+            (
+                motor.bus,
+                Simulated::new(motor.protocol.name, &motor.settings, motor.common, physics)
+                    .unwrap(),
+            )
         };
         let motors = configuration.motors.iter().map(simulated).collect();
         let (log, frames) = (String::new(), String::new());
         let bridge = Bridge::new(load());
-        Session { log, frames, configuration, bridge, motors, now_ns: 1_234_567_891, sequence: 0, seeded: Seeded::new(seed) }
+        Session {
+            log,
+            frames,
+            configuration,
+            bridge,
+            motors,
+            now_ns: 1_234_567_891,
+            sequence: 0,
+            seeded: Seeded::new(seed),
+        }
     }
 
     fn operate(&mut self, operation: Operation) {
@@ -98,11 +111,17 @@ impl Session {
     fn bad_commands(&mut self) {
         let (now_ns, sequence) = (self.now_ns, self.sequence);
         assert_eq!(self.command_with(|command| command.position[3] = f64::NAN), Verdict::NotFinite);
-        assert_eq!(self.command_with(|command| command.effort[0] = f64::INFINITY), Verdict::NotFinite);
+        assert_eq!(
+            self.command_with(|command| command.effort[0] = f64::INFINITY),
+            Verdict::NotFinite
+        );
         assert_eq!(self.command_with(|command| command.stiffness[1] = -1.0), Verdict::Negative);
         assert_eq!(self.command_with(|command| command.sequence = sequence), Verdict::Old);
         assert_eq!(self.command_with(|command| command.stamp_ns -= 1_000_000_000), Verdict::Old);
-        assert_eq!(self.command_with(|command| command.stamp_ns = now_ns + 10_000_000_000), Verdict::Ahead);
+        assert_eq!(
+            self.command_with(|command| command.stamp_ns = now_ns + 10_000_000_000),
+            Verdict::Ahead
+        );
         assert_eq!(self.command_with(|command| command.fingerprint ^= 1), Verdict::WrongModel);
         assert_eq!(self.command_with(|command| command.n_u -= 1), Verdict::WrongSize);
     }
@@ -110,7 +129,15 @@ impl Session {
     /// Frames that no motor sends: cut short, too long for what they say, of others.
     fn bad_frames(&mut self) {
         let before = *self.bridge.bus_counters(0).unwrap().1;
-        for text in ["101#", "101#11", "101#FFFFFFFFFFFFFF", "102##1FFFFFFFFFFFFFFFF", "00000101#0102030405060708", "7AB#00", "1ABCDEF0#"] {
+        for text in [
+            "101#",
+            "101#11",
+            "101#FFFFFFFFFFFFFF",
+            "102##1FFFFFFFFFFFFFFFF",
+            "00000101#0102030405060708",
+            "7AB#00",
+            "1ABCDEF0#",
+        ] {
             let bus = &self.configuration.buses[0].name;
             writeln!(self.log, "{}", json!({"t": self.now_ns, "frame": text, "bus": bus})).unwrap();
             self.bridge.receive(self.now_ns, 0, &Frame::from_text(text).unwrap());
@@ -137,7 +164,12 @@ impl Session {
             of_bus.for_each(|(_, motor)| motor.step(self.now_ns + 1_000_000, &mut out));
             for frame in out.frames() {
                 let heard_ns = self.now_ns + 1_000_000;
-                writeln!(self.log, "{}", json!({"t": heard_ns, "frame": frame.to_string(), "bus": config.name})).unwrap();
+                writeln!(
+                    self.log,
+                    "{}",
+                    json!({"t": heard_ns, "frame": frame.to_string(), "bus": config.name})
+                )
+                .unwrap();
                 self.bridge.receive(heard_ns, bus, frame);
             }
             out.clear();
@@ -160,7 +192,12 @@ impl Session {
         self.operate(Operation::Arm);
         self.cycles(200, true);
         assert!((0..self.configuration.buses.len()).all(|bus| !self.bridge.frames(bus).is_empty()));
-        assert_eq!(self.bridge.state().standing, 2, "the session is not enabled: {:?}", self.bridge.state().reason);
+        assert_eq!(
+            self.bridge.state().standing,
+            2,
+            "the session is not enabled: {:?}",
+            self.bridge.state().reason
+        );
         self.bad_commands();
         self.bad_frames();
         self.cycles(5, true);
@@ -242,11 +279,23 @@ fn a_line_that_is_none_is_told_by_both_fronts_in_the_same_words() {
     ] {
         std::fs::write(&log, format!("{}\n\n{line}\n", r#"{"t": 0, "cycle": true}"#)).unwrap();
         let python = environment().can(&["replay", &stage.configuration, path]).output().unwrap();
-        let rust = Command::new(sarrus_can()).args(["replay", &stage.configuration, path]).output().unwrap();
+        let rust = Command::new(sarrus_can())
+            .args(["replay", &stage.configuration, path])
+            .output()
+            .unwrap();
         let told = |output: &Output| String::from_utf8(output.stderr.clone()).unwrap();
-        assert_eq!((python.status.code(), rust.status.code()), (Some(1), Some(1)), "{line}: {}{}", told(&python), told(&rust));
+        assert_eq!(
+            (python.status.code(), rust.status.code()),
+            (Some(1), Some(1)),
+            "{line}: {}{}",
+            told(&python),
+            told(&rust)
+        );
         let rust = told(&rust);
-        assert!(rust.starts_with(&format!("{path}:3:1: ")) && rust.contains(word), "{line}: {rust}");
+        assert!(
+            rust.starts_with(&format!("{path}:3:1: ")) && rust.contains(word),
+            "{line}: {rust}"
+        );
         assert_eq!(told(&python), format!("sarrus.can: {rust}"), "{line}");
     }
     // lists that are not given are zeros
@@ -260,7 +309,8 @@ fn a_line_that_is_none_is_told_by_both_fronts_in_the_same_words() {
     // what is no text cannot be read
     std::fs::write(&log, b"\xFF\xFE\n").unwrap();
     let python = environment().can(&["replay", &stage.configuration, path]).output().unwrap();
-    let rust = Command::new(sarrus_can()).args(["replay", &stage.configuration, path]).output().unwrap();
+    let rust =
+        Command::new(sarrus_can()).args(["replay", &stage.configuration, path]).output().unwrap();
     assert_eq!((python.status.code(), rust.status.code()), (Some(2), Some(2)));
 }
 
@@ -276,7 +326,13 @@ fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
     assert!(bridge.line().starts_with("ready "));
     let mut controller = stage.controller();
     let mut powered = |wanted: bool| {
-        wait_for("power", || motors.iter_mut().flat_map(Process::report).all(|motor| motor["power"] == wanted).then_some(()));
+        wait_for("power", || {
+            motors
+                .iter_mut()
+                .flat_map(Process::report)
+                .all(|motor| motor["power"] == wanted)
+                .then_some(())
+        });
     };
     controller.tell("arm");
     powered(true);
@@ -293,19 +349,29 @@ fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
     let mut program = Command::new(sarrus_can());
     program.args(["replay", &stage.configuration, log]);
     let replayed = replay(program);
-    assert!(replay(environment().can(&["replay", &stage.configuration, log])) == replayed, "the fronts differ");
+    assert!(
+        replay(environment().can(&["replay", &stage.configuration, log])) == replayed,
+        "the fronts differ"
+    );
     let sent = std::fs::read_to_string(recording).unwrap();
     for (bus, actuators) in BUSES {
         // `(time) bus frame`, and in a recording whether it came or went
         let of_bus = |line: &str| line.split(' ').skip(1).map(str::to_owned).collect::<Vec<_>>();
         let frames = |text: &str, goes: bool| -> Vec<String> {
             let lines = text.lines().map(of_bus).filter(|line| line[0] == bus);
-            lines.filter(|line| line.get(2).is_none_or(|way| (way == "T") == goes)).map(|mut line| line.swap_remove(1)).collect()
+            lines
+                .filter(|line| line.get(2).is_none_or(|way| (way == "T") == goes))
+                .map(|mut line| line.swap_remove(1))
+                .collect()
         };
         let (replayed, sent) = (frames(&replayed, true), frames(&sent, true));
         assert!(replayed.len() > 100 * actuators.len(), "{bus}: {} frames", replayed.len());
         assert_eq!(sent[..replayed.len()], replayed[..], "{bus}");
         // only the last words come after the last cycle
-        assert!(sent.len() > replayed.len() && sent[replayed.len()..].iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")), "{bus}");
+        assert!(
+            sent.len() > replayed.len()
+                && sent[replayed.len()..].iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")),
+            "{bus}"
+        );
     }
 }

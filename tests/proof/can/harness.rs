@@ -102,7 +102,11 @@ impl Stage {
 
     fn with(alone: Option<MutexGuard<'static, ()>>) -> Stage {
         static STAGES: AtomicU32 = AtomicU32::new(0);
-        let folder = std::env::temp_dir().join(format!("sarrus-can-{}-{}", std::process::id(), STAGES.fetch_add(1, Relaxed)));
+        let folder = std::env::temp_dir().join(format!(
+            "sarrus-can-{}-{}",
+            std::process::id(),
+            STAGES.fetch_add(1, Relaxed)
+        ));
         std::fs::create_dir_all(&folder).unwrap();
         let configuration = folder.join("robot.yml");
         std::fs::write(&configuration, upper_body(&folder)).unwrap();
@@ -133,7 +137,13 @@ impl Stage {
     /// The command that runs a bridge.
     pub(super) fn bridge_command(&self, front: Front) -> Command {
         self.at_home(match front {
-            Front::Python => environment().can(&["run", &self.configuration, "--name", "rehearsal", "--no-realtime"]),
+            Front::Python => environment().can(&[
+                "run",
+                &self.configuration,
+                "--name",
+                "rehearsal",
+                "--no-realtime",
+            ]),
             Front::Rust => {
                 let mut command = Command::new(sarrus_can());
                 command.args(["run", &self.configuration, "--name", "rehearsal"]);
@@ -158,8 +168,10 @@ impl Stage {
             serde_json::to_string(&actuators().map(of).collect::<Vec<f64>>()).unwrap()
         };
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/can/controller.py");
-        let arguments = [script.to_str().unwrap(), "rehearsal", &numbers(5000.0, 20.0), &numbers(1400.0, 5.0)];
-        let controller = Process::start("controller", self.at_home(environment().command(&arguments)));
+        let arguments =
+            [script.to_str().unwrap(), "rehearsal", &numbers(5000.0, 20.0), &numbers(1400.0, 5.0)];
+        let controller =
+            Process::start("controller", self.at_home(environment().command(&arguments)));
         assert_eq!(controller.line(), "ready");
         controller
     }
@@ -170,7 +182,9 @@ impl Drop for Stage {
         let prefix = Domain::at(&self.root()).map(|domain| domain.prefix());
         let _ = std::fs::remove_dir_all(&self.folder);
         for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
-            if prefix.as_ref().is_ok_and(|prefix| entry.file_name().to_string_lossy().starts_with(prefix.as_str())) {
+            if prefix.as_ref().is_ok_and(|prefix| {
+                entry.file_name().to_string_lossy().starts_with(prefix.as_str())
+            }) {
                 let _ = std::fs::remove_file(entry.path());
             }
         }
@@ -186,10 +200,17 @@ fn upper_body(folder: &Path) -> String {
     );
     for (bus, _) in BUSES {
         let channel = folder.join(bus);
-        text += &format!("- {{name: {bus}, interface: slcan, channel: {}, bitrate: 1000000}}\n", channel.display());
+        text += &format!(
+            "- {{name: {bus}, interface: slcan, channel: {}, bitrate: 1000000}}\n",
+            channel.display()
+        );
     }
     text += "motors:\n";
-    for (place, (bus, actuator)) in BUSES.iter().flat_map(|(bus, actuators)| actuators.iter().map(move |name| (bus, name))).enumerate() {
+    for (place, (bus, actuator)) in BUSES
+        .iter()
+        .flat_map(|(bus, actuators)| actuators.iter().map(move |name| (bus, name)))
+        .enumerate()
+    {
         let (id, sign, gear) = (place + 1, sign(place), gear(actuator));
         text += &format!(
             "- actuator: {actuator}\n  bus: {bus}\n  drive: {{protocol: mit, variant: damiao, id: {id}, reply_id: {}, position_range: 12.5, \
@@ -239,7 +260,8 @@ impl Process {
         let begin = Instant::now();
         while begin.elapsed() < PATIENCE {
             let line = self.line();
-            let value: Value = serde_json::from_str(&line).unwrap_or_else(|error| panic!("{}: {error}: {line}", self.name));
+            let value: Value = serde_json::from_str(&line)
+                .unwrap_or_else(|error| panic!("{}: {error}: {line}", self.name));
             if wanted(&value) {
                 return value;
             }
@@ -253,7 +275,8 @@ impl Process {
     }
 
     pub(super) fn tell(&mut self, line: &str) {
-        writeln!(self.stdin.as_mut().unwrap(), "{line}").unwrap_or_else(|error| panic!("{}: {error}", self.name));
+        writeln!(self.stdin.as_mut().unwrap(), "{line}")
+            .unwrap_or_else(|error| panic!("{}: {error}", self.name));
     }
 
     /// The motors of a simulated bus, each as it is.
@@ -269,7 +292,9 @@ impl Process {
     }
 
     pub(super) fn signal(&self, signal: &str) {
-        assert!(Command::new("kill").args([signal, &self.id().to_string()]).status().unwrap().success());
+        assert!(
+            Command::new("kill").args([signal, &self.id().to_string()]).status().unwrap().success()
+        );
     }
 
     pub(super) fn end(&mut self) -> ExitStatus {

@@ -1,4 +1,5 @@
-//! The CAN bridge as a whole: processes, peers from PyPI, the Python package, SocketCAN of a real kernel.
+//! The CAN bridge as a whole: processes, peers from PyPI, the Python package, SocketCAN of a real
+//! kernel.
 
 mod chain;
 mod fronts;

@@ -1,5 +1,6 @@
-//! The protocols against programs of others: what `moteus`, `canopen` and `cantools` from PyPI make of the bridge's frames, and the bridge of
-//! theirs. The script `peers/peers.py` answers JSON lines.
+//! The protocols against programs of others: what `moteus`, `canopen` and `cantools` from PyPI make
+//! of the bridge's frames, and the bridge of theirs. The script `peers/peers.py` answers JSON
+//! lines.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
@@ -24,8 +25,14 @@ struct Peers {
 impl Peers {
     fn new() -> Peers {
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/proof/can/peers/peers.py");
-        let mut child = environment().command(&[script]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-        let (questions, answers) = (child.stdin.take().unwrap(), BufReader::new(child.stdout.take().unwrap()));
+        let mut child = environment()
+            .command(&[script])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let (questions, answers) =
+            (child.stdin.take().unwrap(), BufReader::new(child.stdout.take().unwrap()));
         Peers { child, questions, answers }
     }
 
@@ -34,7 +41,8 @@ impl Peers {
         let mut line = String::new();
         self.answers.read_line(&mut line).unwrap();
         // Python writes numbers that are none, JSON has none
-        serde_json::from_str(&line.replace("NaN", "null")).unwrap_or_else(|error| panic!("{question}: {error}: {line}"))
+        serde_json::from_str(&line.replace("NaN", "null"))
+            .unwrap_or_else(|error| panic!("{question}: {error}: {line}"))
     }
 
     fn decode(&mut self, by: &str, frame: &Frame) -> Value {
@@ -61,8 +69,16 @@ fn drive_of(name: &str, text: &str, mode: Mode, file: &str) -> Box<dyn Drive> {
     let protocol = protocol(name).unwrap();
     let mut findings = Findings::new(false);
     let node = yaml::read("drive.yml", text.as_bytes().to_vec(), "a drive", &mut findings).unwrap();
-    let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(file.to_owned()), &mut findings);
-    let common = Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY, period_ns: 2_000_000 };
+    let settings = Settings::read(
+        &node,
+        "the drive",
+        protocol.keys,
+        &[],
+        &|_| Ok(file.to_owned()),
+        &mut findings,
+    );
+    let common =
+        Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY, period_ns: 2_000_000 };
     let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut findings));
     drive.unwrap_or_else(|| panic!("{}", findings.into_report()))
 }
@@ -78,20 +94,26 @@ struct Random(u64);
 
 impl Random {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    /// Within ± the largest position, velocity and torque, and up to the largest stiffness and damping.
+    /// Within ± the largest position, velocity and torque, and up to the largest stiffness and
+    /// damping.
     fn setpoint(&mut self, largest: [f64; 5]) -> Setpoint {
-        let [position, velocity, torque, stiffness, damping] = largest.map(|largest| largest * self.next());
+        let [position, velocity, torque, stiffness, damping] =
+            largest.map(|largest| largest * self.next());
         Setpoint { position, velocity, torque, stiffness: stiffness.abs(), damping: damping.abs() }
     }
 }
 
 fn near(found: &Value, wanted: f64, by: f64, what: &str) {
     let found = found.as_f64().unwrap_or_else(|| panic!("{what}: {found}"));
-    assert!((found - wanted).abs() <= by * (1.0 + 1e-9) + wanted.abs() * 1e-7, "{what}: {found} is not {wanted}");
+    assert!(
+        (found - wanted).abs() <= by * (1.0 + 1e-9) + wanted.abs() * 1e-7,
+        "{what}: {found} is not {wanted}"
+    );
 }
 
 #[test]
@@ -99,7 +121,11 @@ fn cantools_reads_mit_cybergear_and_odrive_commands() {
     let mut peers = Peers::new();
     let mut random = Random(1);
     let ranges = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
-    let mit = drive("mit", &format!("{{variant: mini_cheetah, id: 1, reply_id: 0, {ranges}}}"), Mode::Impedance);
+    let mit = drive(
+        "mit",
+        &format!("{{variant: mini_cheetah, id: 1, reply_id: 0, {ranges}}}"),
+        Mode::Impedance,
+    );
     let cybergear = drive("cybergear", "{id: 1, position_range: 12.5}", Mode::Impedance);
     let odrive = drive("odrive", "{node: 1}", Mode::Position);
     for _ in 0..ROUNDS {
@@ -133,7 +159,8 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
     for _ in 0..ROUNDS {
         let stiffness = 4.0 / tau * random.next().abs();
         let damping = 0.05 / 4.0 * stiffness * random.next().abs();
-        let wanted = Setpoint { stiffness, damping, ..random.setpoint([50.0, 100.0, 300.0, 0.0, 0.0]) };
+        let wanted =
+            Setpoint { stiffness, damping, ..random.setpoint([50.0, 100.0, 300.0, 0.0, 0.0]) };
         let frame = encode(&*moteus, wanted)[0];
         let read = peers.decode("moteus", &frame);
         assert_eq!(read["0"], 10);
@@ -174,7 +201,8 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
 #[test]
 fn canopen_takes_every_request_of_the_set_up() {
     let mut peers = Peers::new();
-    let mut drive = drive("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Position);
+    let mut drive =
+        drive("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Position);
     let mut written = Vec::new();
     for _ in 0..60 {
         let mut queue = FrameQueue::new(8);
@@ -195,12 +223,20 @@ fn canopen_takes_every_request_of_the_set_up() {
                     took["answer"].as_str().unwrap().to_uppercase()
                 }
             };
-            let answer: Vec<u8> = (0..8).map(|i| u8::from_str_radix(&answer[2 * i..2 * i + 2], 16).unwrap()).collect();
+            let answer: Vec<u8> = (0..8)
+                .map(|i| u8::from_str_radix(&answer[2 * i..2 * i + 2], 16).unwrap())
+                .collect();
             drive.receive(0, &Frame::classic(Id::Standard(0x585), &answer).unwrap());
         }
     }
-    assert!(written.contains(&(0x1400, 1, 0x205)) && written.contains(&(0x1600, 2, 0x607A_0020)), "{written:X?}");
-    assert!(written.contains(&(0x6060, 0, 8)) && written.contains(&(0x1016, 1, 0x7F_0032)), "{written:X?}");
+    assert!(
+        written.contains(&(0x1400, 1, 0x205)) && written.contains(&(0x1600, 2, 0x607A_0020)),
+        "{written:X?}"
+    );
+    assert!(
+        written.contains(&(0x6060, 0, 8)) && written.contains(&(0x1016, 1, 0x7F_0032)),
+        "{written:X?}"
+    );
 
     // then the steps of the state machine: the same control words for the states that canopen sees
     let commands = peers.ask(&json!({"ask": "control402"}))["commands"].clone();
@@ -213,10 +249,14 @@ fn canopen_takes_every_request_of_the_set_up() {
     for (word, state, next) in steps {
         assert_eq!(peers.ask(&json!({"ask": "state402", "word": word}))["state"], state);
         let [low, high] = word.to_le_bytes();
-        drive.receive(0, &Frame::classic(Id::Standard(0x185), &[low, high, 0, 0, 0, 0, 0, 0]).unwrap());
+        drive.receive(
+            0,
+            &Frame::classic(Id::Standard(0x185), &[low, high, 0, 0, 0, 0, 0, 0]).unwrap(),
+        );
         let mut queue = FrameQueue::new(8);
         drive.cycle(0, sarrus_can::drive::Wish::On(Setpoint::default()), &mut queue);
-        let sent = queue.frames().iter().find(|frame| frame.id == Id::Standard(0x205)).unwrap().data();
+        let sent =
+            queue.frames().iter().find(|frame| frame.id == Id::Standard(0x205)).unwrap().data();
         assert_eq!(json!(u16::from_le_bytes([sent[0], sent[1]])), commands[next], "{state}");
     }
 }
@@ -235,7 +275,9 @@ BO_ 257 Command: 8 Host
 "#;
 
 fn decode_dbc(peers: &mut Peers, file: &str, frames: &[Frame]) -> Vec<Value> {
-    let ask = |frame: &Frame| peers.ask(&json!({"ask": "dbc", "file": file, "id": 257, "data": hex(frame.data())}))["values"].clone();
+    let ask = |frame: &Frame| {
+        peers.ask(&json!({"ask": "dbc", "file": file, "id": 257, "data": hex(frame.data())}))["values"].clone()
+    };
     let mut read: Vec<Value> = frames.iter().map(ask).collect();
     // power comes last
     read.sort_by_key(|values| values["Mux"].as_u64());
@@ -252,7 +294,10 @@ fn cantools_reads_what_is_sent_by_a_dbc_file() {
     for _ in 0..ROUNDS {
         let wanted = random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0]);
         let read = decode_dbc(&mut peers, DBC, &encode(&*drive, wanted));
-        assert_eq!((&read[0]["Mux"], &read[0]["Enable"], &read[1]["Mux"]), (&json!(1), &json!(1), &json!(2)));
+        assert_eq!(
+            (&read[0]["Mux"], &read[0]["Enable"], &read[1]["Mux"]),
+            (&json!(1), &json!(1), &json!(2))
+        );
         near(&read[0]["Torque"], wanted.torque, 0.005, "torque");
         near(&read[1]["Position"], wanted.position, 0.001, "position");
         near(&read[1]["Velocity"], wanted.velocity, 0.025, "velocity");
@@ -260,6 +305,10 @@ fn cantools_reads_what_is_sent_by_a_dbc_file() {
     // power whatever the switch says: it is in both frames
     let file = DBC.replace("Enable m1", "Enable");
     let drive = drive_of("dbc", text, Mode::Torque, &file);
-    let read = decode_dbc(&mut peers, &file, &encode(&*drive, random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0])));
+    let read = decode_dbc(
+        &mut peers,
+        &file,
+        &encode(&*drive, random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0])),
+    );
     assert_eq!((read.len(), &read[0]["Enable"], &read[1]["Enable"]), (2, &json!(1), &json!(1)));
 }

@@ -14,7 +14,8 @@ fn the_package_loads_and_has_the_protocols_of_the_core() {
     let script = "import sarrus, sarrus.can as can; print(sarrus.__version__); print(*[p['name'] for p in can.protocols()])";
     let output = environment().command(&["-c", script]).output().unwrap();
     assert!(output.status.success(), "{output:?}");
-    let names: Vec<&str> = sarrus_can::protocol::PROTOCOLS.iter().map(|protocol| protocol.name).collect();
+    let names: Vec<&str> =
+        sarrus_can::protocol::PROTOCOLS.iter().map(|protocol| protocol.name).collect();
     let text = format!("{}\n{}\n", env!("CARGO_PKG_VERSION"), names.join(" "));
     assert_eq!(String::from_utf8(output.stdout).unwrap(), text);
 }
@@ -22,10 +23,15 @@ fn the_package_loads_and_has_the_protocols_of_the_core() {
 #[test]
 fn its_own_tests_pass() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../client/python/tests");
-    let output = environment().command(&["-W", "error", "-m", "unittest", "discover", "--start-directory", folder]).output().unwrap();
+    let output = environment()
+        .command(&["-W", "error", "-m", "unittest", "discover", "--start-directory", folder])
+        .output()
+        .unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{told}");
-    let count = told.lines().find_map(|line| line.strip_prefix("Ran ")?.split(' ').next()?.parse::<usize>().ok());
+    let count = told
+        .lines()
+        .find_map(|line| line.strip_prefix("Ran ")?.split(' ').next()?.parse::<usize>().ok());
     assert!(count > Some(15) && !told.contains("skipped"), "{told}");
 }
 
@@ -46,16 +52,42 @@ fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
     let (code, out, err) = can(&["read", "ALElbowAct"]);
     assert_eq!(code, Some(0), "{out}{err}");
     let row = |name: &str| {
-        out.lines().find_map(|line| line.split_whitespace().skip(1).collect::<Vec<_>>().join(" ").strip_prefix(name).map(str::to_owned))
+        out.lines().find_map(|line| {
+            line.split_whitespace()
+                .skip(1)
+                .collect::<Vec<_>>()
+                .join(" ")
+                .strip_prefix(name)
+                .map(str::to_owned)
+        })
     };
-    assert_eq!((row("PMAX ").as_deref(), row("power ").as_deref()), (Some("12.5 rad"), Some("off")), "{out}");
-    assert_eq!((row("Gr ").as_deref(), row("UV_Value ").as_deref()), (Some("10"), Some("15 V")), "{out}");
+    assert_eq!(
+        (row("PMAX ").as_deref(), row("power ").as_deref()),
+        (Some("12.5 rad"), Some("off")),
+        "{out}"
+    );
+    assert_eq!(
+        (row("Gr ").as_deref(), row("UV_Value ").as_deref()),
+        (Some("10"), Some("15 V")),
+        "{out}"
+    );
     let (code, out, err) = can(&["zero", "ALElbowAct", "--at", "0.05"]);
     assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
     let offset: f64 = out.strip_prefix("offset: ").unwrap().trim().parse().unwrap();
     assert!((offset - 0.05).abs() < 1e-4, "{out}");
     // nobody said yes: nothing moves
-    let motion = ["direction", "ALElbowAct", "--distance", "0.01", "--stiffness", "20000", "--damping", "2500", "--seconds", "0.5"];
+    let motion = [
+        "direction",
+        "ALElbowAct",
+        "--distance",
+        "0.01",
+        "--stiffness",
+        "20000",
+        "--damping",
+        "2500",
+        "--seconds",
+        "0.5",
+    ];
     let (code, out, err) = can(&motion);
     assert_eq!(code, Some(1), "{out}{err}");
     assert!(err.contains("not confirmed") && out.contains("emergency stop"), "{out}{err}");
@@ -63,13 +95,22 @@ fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
     let (code, out, err) = can(&[&motion[..], &["--yes"]].concat());
     assert_eq!(code, Some(0), "{out}{err}");
     assert!(out.contains("% of the distance"), "{out}");
-    let events: Vec<_> = motors.said().into_iter().filter(|event| event["event"] == "power").collect();
-    assert_eq!(events.iter().map(|event| event["value"] == true).collect::<Vec<_>>(), [true, false], "{events:?}");
+    let events: Vec<_> =
+        motors.said().into_iter().filter(|event| event["event"] == "power").collect();
+    assert_eq!(
+        events.iter().map(|event| event["value"] == true).collect::<Vec<_>>(),
+        [true, false],
+        "{events:?}"
+    );
     let (code, out, err) = can(&["zero", "ALElbowAct", "--yes"]);
     assert_eq!(code, Some(0), "{out}{err}");
     // flags and files
     assert_eq!(can(&["scan", "Elbow"]).0, Some(2));
-    assert_eq!(can(&["direction", "ALElbowAct", "--distance", "0", "--stiffness", "1", "--damping", "1"]).0, Some(2));
+    assert_eq!(
+        can(&["direction", "ALElbowAct", "--distance", "0", "--stiffness", "1", "--damping", "1"])
+            .0,
+        Some(2)
+    );
     let (code, _, err) = can(&["scan", "BodyYaw"]);
     assert_eq!(code, Some(2), "{err}");
     let missing = environment().can(&["run", "/nothing/robot.yml"]).output().unwrap();
@@ -81,21 +122,36 @@ fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
     let stage = Stage::new();
     let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
     let _bridge = stage.bridge(Front::Python);
-    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../client/python/README.md")).unwrap();
-    let script = readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let readme =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../client/python/README.md"))
+            .unwrap();
+    let script =
+        readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let script = script.replace("Controller()", "Controller(\"rehearsal\")");
-    let _controller = Process::start("controller", stage.at_home(environment().command(&["-c", &script])));
-    let mut all = |wanted: &dyn Fn(&Value) -> bool| motors.iter_mut().flat_map(Process::report).all(|motor| wanted(&motor));
+    let _controller =
+        Process::start("controller", stage.at_home(environment().command(&["-c", &script])));
+    let mut all = |wanted: &dyn Fn(&Value) -> bool| {
+        motors.iter_mut().flat_map(Process::report).all(|motor| wanted(&motor))
+    };
     wait_for("power", || all(&|motor| motor["power"] == true).then_some(()));
     let end = Instant::now() + Duration::from_secs(1);
     while Instant::now() < end {
-        assert!(all(&|motor| motor["power"] == true && motor["actuator_position"].as_f64().is_some_and(|position| position.abs() < 1e-3)));
+        assert!(all(&|motor| motor["power"] == true
+            && motor["actuator_position"].as_f64().is_some_and(|position| position.abs() < 1e-3)));
     }
 }
 
 /// Moves the elbow there and back for this time, without asking.
 fn direction(stage: &Stage, seconds: &str) -> Command {
-    let mut command = environment().can(&["direction", &stage.configuration, "ALElbowAct", "--distance", "0.01", "--stiffness", "20000"]);
+    let mut command = environment().can(&[
+        "direction",
+        &stage.configuration,
+        "ALElbowAct",
+        "--distance",
+        "0.01",
+        "--stiffness",
+        "20000",
+    ]);
     command.args(["--damping", "2500", "--yes", "--seconds", seconds]);
     command
 }
@@ -109,7 +165,9 @@ fn elbow(motors: &mut Process) -> Value {
 fn a_motor_is_not_moved_before_its_own_watchdog_is_known_to_be_on() {
     let stage = Stage::new();
     // its protocol cannot read the watchdog
-    let text = std::fs::read_to_string(&stage.configuration).unwrap().replace("variant: damiao", "variant: mini_cheetah");
+    let text = std::fs::read_to_string(&stage.configuration)
+        .unwrap()
+        .replace("variant: damiao", "variant: mini_cheetah");
     std::fs::write(&stage.configuration, &text).unwrap();
     let motors = stage.motors("left");
     let output = direction(&stage, "0.2").output().unwrap();
@@ -118,7 +176,11 @@ fn a_motor_is_not_moved_before_its_own_watchdog_is_known_to_be_on() {
     assert!(told.contains("ALElbowAct gets no power: watchdog_unknown"), "{told}");
     assert!(motors.said().iter().all(|event| event["event"] != "power"));
     // its owner set it by other means and says so
-    std::fs::write(&stage.configuration, text.replace("  damping: 1\n", "  damping: 1\n  watchdog: believed\n")).unwrap();
+    std::fs::write(
+        &stage.configuration,
+        text.replace("  damping: 1\n", "  damping: 1\n  watchdog: believed\n"),
+    )
+    .unwrap();
     let output = direction(&stage, "0.2").output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     assert!(motors.said().iter().any(|event| event["event"] == "power" && event["value"] == true));
@@ -144,6 +206,7 @@ fn a_motor_that_is_moved_loses_its_power_on_every_way_out() {
     let shell = Process::start("shell", shell);
     wait_for("power", || (elbow(&mut motors)["power"] == true).then_some(()));
     shell.signal("-KILL");
-    let elbow = wait_for("no power", || Some(elbow(&mut motors)).filter(|elbow| elbow["power"] == false));
+    let elbow =
+        wait_for("no power", || Some(elbow(&mut motors)).filter(|elbow| elbow["power"] == false));
     assert_eq!(elbow["tripped"], false, "{elbow}");
 }

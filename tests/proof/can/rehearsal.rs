@@ -1,11 +1,13 @@
-//! The rehearsal: 13 simulated motors on three buses, a bridge and a controller, each a process of its own. What counts is what the motors
-//! say: what they were told last, and when they went safe.
+//! The rehearsal: 13 simulated motors on three buses, a bridge and a controller, each a process of
+//! its own. What counts is what the motors say: what they were told last, and when they went safe.
 
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::harness::{BUSES, FRONTS, Front, N_U, PATIENCE, Process, Stage, TIMES, gear, sign, wait_for};
+use super::harness::{
+    BUSES, FRONTS, Front, N_U, PATIENCE, Process, Stage, TIMES, gear, sign, wait_for,
+};
 
 /// Motors, a bridge and a controller, with power on all motors.
 struct Rehearsal {
@@ -55,7 +57,8 @@ impl Rehearsal {
         self.motors.iter_mut().flat_map(Process::report).collect()
     }
 
-    /// Waits until no motor has power; how long each was without its set-points by its own clock is what `check` sees.
+    /// Waits until no motor has power; how long each was without its set-points by its own clock is
+    /// what `check` sees.
     fn safe(&mut self) -> Vec<Value> {
         wait_for("motors without power", || {
             let report = self.report();
@@ -94,16 +97,23 @@ fn motors_get_power_only_when_armed_and_first_where_they_are() {
         rehearsal.controller.tell("target 0.02");
         rehearsal.controller.tell("arm");
         rehearsal.controller_sees("enabled");
-        // no motor jumps: the way from where it is and the gains grow together, so that a motor that is busy when power comes sees the same share
+        // no motor jumps: the way from where it is and the gains grow together, so that a motor
+        // that is busy when power comes sees the same share
         let mut place = 0;
         for (motors, (bus, actuators)) in rehearsal.motors.iter().zip(BUSES) {
             for actuator in actuators {
-                let is_first = |event: &Value| event["event"] == "first_setpoint" && event["motor"] == *actuator;
+                let is_first = |event: &Value| {
+                    event["event"] == "first_setpoint" && event["motor"] == *actuator
+                };
                 let first = &motors.until(is_first)["value"];
                 let gear = gear(actuator);
                 let way = number(&first["position"]) / (sign(place) * gear * 0.02);
-                let gain = number(&first["stiffness"]) / (if gear > 50.0 { 5000.0 } else { 20.0 } / (gear * gear));
-                assert!((way - gain).abs() < 0.05 && (-0.01..=1.01).contains(&way), "{front:?} {bus} {actuator}: {way} {gain} {first}");
+                let gain = number(&first["stiffness"])
+                    / (if gear > 50.0 { 5000.0 } else { 20.0 } / (gear * gear));
+                assert!(
+                    (way - gain).abs() < 0.05 && (-0.01..=1.01).contains(&way),
+                    "{front:?} {bus} {actuator}: {way} {gain} {first}"
+                );
                 assert!(number(&first["torque"]).abs() <= 20.0 / 4095.0, "{first}");
                 place += 1;
             }
@@ -117,9 +127,10 @@ fn motors_follow_the_commands_of_the_actuators() {
         let mut rehearsal = Rehearsal::armed(front);
         for target in [0.03, -0.02] {
             rehearsal.controller.tell(&format!("target {target}"));
-            // gear, sign and codec say the same on both sides: what motors are told is the command within half a step of the codec,
-            // and another half for the start that was measured
-            let actuators: Vec<&str> = BUSES.iter().flat_map(|(_, actuators)| actuators.iter().copied()).collect();
+            // gear, sign and codec say the same on both sides: what motors are told is the command
+            // within half a step of the codec, and another half for the start that was measured
+            let actuators: Vec<&str> =
+                BUSES.iter().flat_map(|(_, actuators)| actuators.iter().copied()).collect();
             wait_for("motors at the target", || {
                 let report = rehearsal.report();
                 let good = |(place, motor): (usize, &Value)| {
@@ -134,7 +145,10 @@ fn motors_follow_the_commands_of_the_actuators() {
             // and the controller sees what the motors did
             let state = rehearsal.controller.state();
             for place in 0..N_U {
-                assert!((number(&state["position"][place]) - target).abs() < 4e-3, "{front:?} {state}");
+                assert!(
+                    (number(&state["position"][place]) - target).abs() < 4e-3,
+                    "{front:?} {state}"
+                );
             }
         }
     }
@@ -149,18 +163,34 @@ fn commands_that_are_none_bring_damping_then_no_power_and_never_reach_a_motor() 
             // on the way every motor is damped: no stiffness, some damping
             let report = wait_for("damping", || {
                 let report = rehearsal.report();
-                report.iter().any(|motor| motor["power"] == false || number(&motor["setpoint"]["stiffness"]) == 0.0).then_some(report)
+                report
+                    .iter()
+                    .any(|motor| {
+                        motor["power"] == false || number(&motor["setpoint"]["stiffness"]) == 0.0
+                    })
+                    .then_some(report)
             });
             for motor in &report {
                 if motor["power"] == true {
                     let finite = |key: &str| motor["setpoint"][key].is_number();
-                    assert!(["position", "velocity", "torque", "stiffness", "damping"].iter().all(|key| finite(key)), "{order}: {motor}");
-                    assert!(number(&motor["setpoint"]["torque"]).abs() <= 20.0 / 4095.0, "{order}: {motor}");
+                    assert!(
+                        ["position", "velocity", "torque", "stiffness", "damping"]
+                            .iter()
+                            .all(|key| finite(key)),
+                        "{order}: {motor}"
+                    );
+                    assert!(
+                        number(&motor["setpoint"]["torque"]).abs() <= 20.0 / 4095.0,
+                        "{order}: {motor}"
+                    );
                 }
             }
             // the bridge did it, by its frames: no watchdog had to
             let report = rehearsal.safe();
-            assert!(report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)), "{front:?} {order}: {report:?}");
+            assert!(
+                report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
+                "{front:?} {order}: {report:?}"
+            );
             // good commands give no power back
             rehearsal.controller.tell("good");
             rehearsal.stays_safe();
@@ -177,13 +207,19 @@ fn motors_go_safe_when_the_controller_is_stopped_or_killed() {
         let mut rehearsal = Rehearsal::armed(front);
         rehearsal.controller.signal("-STOP");
         let report = rehearsal.safe();
-        assert!(report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)), "{front:?}: {report:?}");
+        assert!(
+            report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
+            "{front:?}: {report:?}"
+        );
         rehearsal.controller.signal("-CONT");
         rehearsal.stays_safe();
         rehearsal.arm();
         rehearsal.controller.signal("-KILL");
         let report = rehearsal.safe();
-        assert!(report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)), "{front:?}: {report:?}");
+        assert!(
+            report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
+            "{front:?}: {report:?}"
+        );
         // another controller may take its place, and an operator may arm again
         rehearsal.controller = rehearsal.stage.controller();
         rehearsal.stays_safe();
@@ -209,7 +245,10 @@ fn motors_go_safe_by_themselves_when_the_bridge_is_stopped_or_killed() {
         });
         rehearsal.bridge.signal("-KILL");
         let report = rehearsal.safe();
-        assert!(report.iter().all(|motor| motor["tripped"] == true && !takes_power(motor)), "{front:?}: {report:?}");
+        assert!(
+            report.iter().all(|motor| motor["tripped"] == true && !takes_power(motor)),
+            "{front:?}: {report:?}"
+        );
     }
 }
 
@@ -221,7 +260,9 @@ fn the_bridge_takes_the_power_on_every_way_out() {
             rehearsal.bridge.signal(signal);
             assert_eq!(rehearsal.bridge.end().code(), Some(0), "{front:?} {signal}");
             let report = rehearsal.report();
-            let taken = |motor: &Value| motor["power"] == false && motor["tripped"] == false && takes_power(motor);
+            let taken = |motor: &Value| {
+                motor["power"] == false && motor["tripped"] == false && takes_power(motor)
+            };
             assert!(report.iter().all(taken), "{front:?} {signal}: {report:?}");
         }
         // the parent's death: a shell that started it is killed
@@ -238,7 +279,10 @@ fn the_bridge_takes_the_power_on_every_way_out() {
         rehearsal.arm();
         rehearsal.bridge.signal("-KILL");
         let report = rehearsal.safe();
-        assert!(report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)), "{front:?}: {report:?}");
+        assert!(
+            report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
+            "{front:?}: {report:?}"
+        );
     }
 }
 
@@ -254,12 +298,21 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
             let state = rehearsal.controller.state();
             let standings = state["standings"].as_array().unwrap();
             let (of_torso, of_arms) = standings.split_at(BUSES[torso].1.len());
-            assert!(of_torso.iter().all(|standing| standing == "fault"), "{front:?} {signal}: {state}");
-            assert!(of_arms.iter().all(|standing| standing == "enabled"), "{front:?} {signal}: {state}");
+            assert!(
+                of_torso.iter().all(|standing| standing == "fault"),
+                "{front:?} {signal}: {state}"
+            );
+            assert!(
+                of_arms.iter().all(|standing| standing == "enabled"),
+                "{front:?} {signal}: {state}"
+            );
             rehearsal.controller.tell("target 0.03");
             for bus in [left, right] {
                 wait_for("arms at the target", || {
-                    let near = |motor: &Value| motor["power"] == true && (number(&motor["actuator_position"]) - 0.03).abs() < 2e-3;
+                    let near = |motor: &Value| {
+                        motor["power"] == true
+                            && (number(&motor["actuator_position"]) - 0.03).abs() < 2e-3
+                    };
                     rehearsal.motors[bus].report().iter().all(near).then_some(())
                 });
             }
@@ -268,10 +321,19 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
                 rehearsal.motors[torso].signal("-CONT");
                 let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
                 wait_for("the torso without power", || {
-                    rehearsal.motors[torso].report().iter().all(|motor| motor["power"] == false).then_some(())
+                    rehearsal.motors[torso]
+                        .report()
+                        .iter()
+                        .all(|motor| motor["power"] == false)
+                        .then_some(())
                 });
                 while Instant::now() < end {
-                    assert!(rehearsal.motors[torso].report().iter().all(|motor| motor["power"] == false));
+                    assert!(
+                        rehearsal.motors[torso]
+                            .report()
+                            .iter()
+                            .all(|motor| motor["power"] == false)
+                    );
                 }
             }
         }
@@ -281,20 +343,33 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
 #[test]
 fn a_fault_and_a_silent_motor_stop_their_mechanism_and_wait_for_a_reset() {
     for front in FRONTS {
-        for (break_it, mend_it) in [("fault ALElbowAct 0xA", "fault ALElbowAct 0"), ("silence ALElbowAct on", "silence ALElbowAct off")] {
+        for (break_it, mend_it) in [
+            ("fault ALElbowAct 0xA", "fault ALElbowAct 0"),
+            ("silence ALElbowAct on", "silence ALElbowAct off"),
+        ] {
             let mut rehearsal = Rehearsal::armed(front);
             rehearsal.motors[1].tell(break_it);
             rehearsal.controller_sees("fault");
             let state = rehearsal.controller.state();
             for (place, standing) in state["standings"].as_array().unwrap().iter().enumerate() {
-                assert_eq!(*standing, if place == 6 { "fault" } else { "enabled" }, "{front:?} {break_it} {place}: {state}");
+                assert_eq!(
+                    *standing,
+                    if place == 6 { "fault" } else { "enabled" },
+                    "{front:?} {break_it} {place}: {state}"
+                );
             }
             rehearsal.motors[1].tell(mend_it);
             rehearsal.controller.tell("arm");
             std::thread::sleep(Duration::from_millis(200));
-            assert_eq!(rehearsal.controller.state()["standings"][6], "fault", "{front:?}: an arming does not reset");
+            assert_eq!(
+                rehearsal.controller.state()["standings"][6],
+                "fault",
+                "{front:?}: an arming does not reset"
+            );
             rehearsal.controller.tell("reset");
-            wait_for("the reset", || (rehearsal.controller.state()["standings"][6] == "disabled").then_some(()));
+            wait_for("the reset", || {
+                (rehearsal.controller.state()["standings"][6] == "disabled").then_some(())
+            });
             rehearsal.arm();
         }
     }

@@ -1,4 +1,5 @@
-//! The rules with every protocol that has a simulated motor, in this process: nothing allocates, and power is the same on both sides.
+//! The rules with every protocol that has a simulated motor, in this process: nothing allocates,
+//! and power is the same on both sides.
 
 use sarrus_can::bridge::{Bridge, Verdict};
 use sarrus_can::config::{Configuration, Surroundings};
@@ -46,8 +47,9 @@ fn configuration() -> Configuration {
     }
     text += "motors:\n";
     for (name, keys) in ONE_OF_EACH {
-        text +=
-            &format!("- actuator: {name}\n  bus: {name}\n  drive: {{protocol: {name}, {keys}}}\n  sign: -1\n  gear: 2\n  offset: 0.1\n");
+        text += &format!(
+            "- actuator: {name}\n  bus: {name}\n  drive: {{protocol: {name}, {keys}}}\n  sign: -1\n  gear: 2\n  offset: 0.1\n"
+        );
         text += "  limits: {effort: 2, velocity: 5}\n  damping: 0.1\n  watchdog_ms: 100\n";
         if name == "dbc" {
             text += "  watchdog: believed\n";
@@ -63,8 +65,13 @@ fn configuration() -> Configuration {
 fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
     let config = configuration();
     let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
-    let mut motors: Vec<Simulated> =
-        config.motors.iter().map(|motor| Simulated::new(motor.protocol.name, &motor.settings, motor.common, physics).unwrap()).collect();
+    let mut motors: Vec<Simulated> = config
+        .motors
+        .iter()
+        .map(|motor| {
+            Simulated::new(motor.protocol.name, &motor.settings, motor.common, physics).unwrap()
+        })
+        .collect();
     let n_u = motors.len();
     let mut bridge = Bridge::new(config);
     let mut out = FrameQueue::new(64);
@@ -127,16 +134,31 @@ fn power_and_stiffness_are_the_same_on_both_sides_of_the_mapping() {
             damping: seeded.within(0.0, 1e3),
         };
         let motor = mapping.to_motor(&at);
-        let near = |a: f64, b: f64, size: f64| assert!((a - b).abs() <= 1e-12 * size, "{a} {b} {mapping:?}");
+        let near = |a: f64, b: f64, size: f64| {
+            assert!((a - b).abs() <= 1e-12 * size, "{a} {b} {mapping:?}")
+        };
         // the true torque is the constant times what the protocol says
         let power = motor.torque * mapping.torque_constant * motor.velocity;
         near(power, at.effort * at.velocity, at.effort.abs() * at.velocity.abs());
         // a spring stores the same energy on both sides, a damper takes the same power
         let (way, turn) = (0.3, 0.3 * mapping.gear);
-        near(motor.stiffness * mapping.torque_constant * turn * turn, at.stiffness * way * way, at.stiffness);
-        near(motor.damping * mapping.torque_constant * turn * turn, at.damping * way * way, at.damping);
+        near(
+            motor.stiffness * mapping.torque_constant * turn * turn,
+            at.stiffness * way * way,
+            at.stiffness,
+        );
+        near(
+            motor.damping * mapping.torque_constant * turn * turn,
+            at.damping * way * way,
+            at.damping,
+        );
         // there and back
-        let measured = Measurement { position: motor.position, velocity: motor.velocity, torque: motor.torque, temperature: 20.0 };
+        let measured = Measurement {
+            position: motor.position,
+            velocity: motor.velocity,
+            torque: motor.torque,
+            temperature: 20.0,
+        };
         let back = mapping.to_actuator(&measured);
         near(back.position, at.position, 10.0);
         near(back.velocity, at.velocity, 10.0);

@@ -42,38 +42,80 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
         let bridge = stage.bridge(front);
         let mut controller = stage.controller();
         controller.tell("nan 7");
-        let first = until(&stage, "commands with NaN", |seen| count(&seen["commands"]["not_finite"]) > 0);
+        let first =
+            until(&stage, "commands with NaN", |seen| count(&seen["commands"]["not_finite"]) > 0);
         controller.tell("good");
         // the controller sends for each state that it sees, about as often as there are cycles
         let accepted = count(&first["commands"]["accepted"]) + 50;
-        let seen = until(&stage, "accepted commands", |seen| count(&seen["commands"]["accepted"]) > accepted);
+        let seen = until(&stage, "accepted commands", |seen| {
+            count(&seen["commands"]["accepted"]) > accepted
+        });
         assert_eq!(seen["process"], bridge.id(), "{front:?}");
         let cycles = count(&seen["cycles"]);
-        assert!(cycles >= count(&first["cycles"]) + 50 && count(&seen["stamp_ns"]) > count(&first["stamp_ns"]), "{front:?} {seen}");
+        assert!(
+            cycles >= count(&first["cycles"]) + 50
+                && count(&seen["stamp_ns"]) > count(&first["stamp_ns"]),
+            "{front:?} {seen}"
+        );
 
         let times = &seen["times_ns"];
         for (name, least) in [("wake", cycles), ("work", cycles), ("age", 50), ("reply", 50)] {
-            let [n, p50, p99, p999, max] = ["count", "p50", "p99", "p999", "max"].map(|key| count(&times[name][key]));
+            let [n, p50, p99, p999, max] =
+                ["count", "p50", "p99", "p999", "max"].map(|key| count(&times[name][key]));
             assert!((least..=cycles).contains(&n), "{front:?} {name}: {n} of {cycles}");
-            assert!(0 < p50 && p50 <= p99 && p99 <= p999 && p999 <= max, "{front:?} {name}: {times}");
+            assert!(
+                0 < p50 && p50 <= p99 && p99 <= p999 && p999 <= max,
+                "{front:?} {name}: {times}"
+            );
         }
 
         let buses = seen["buses"].as_array().unwrap();
         assert_eq!(buses.len(), BUSES.len());
         for (bus, (name, actuators)) in buses.iter().zip(BUSES) {
-            assert_eq!((&bus["name"], &bus["state"]), (&name.into(), &"active".into()), "{front:?}");
+            assert_eq!(
+                (&bus["name"], &bus["state"]),
+                (&name.into(), &"active".into()),
+                "{front:?}"
+            );
             // each motor has a frame in each cycle, and answers what it hears
-            let [sent, received, dropped] = ["sent", "received", "dropped"].map(|key| count(&bus[key]));
+            let [sent, received, dropped] =
+                ["sent", "received", "dropped"].map(|key| count(&bus[key]));
             let all = cycles * actuators.len() as u64;
-            assert!(sent + dropped >= all && received > 50 && received <= sent, "{front:?} {cycles} cycles: {bus}");
-            assert!(["unknown", "malformed", "off"].iter().all(|key| bus[*key] == 0), "{front:?}: {bus}");
+            assert!(
+                sent + dropped >= all && received > 50 && received <= sent,
+                "{front:?} {cycles} cycles: {bus}"
+            );
+            assert!(
+                ["unknown", "malformed", "off"].iter().all(|key| bus[*key] == 0),
+                "{front:?}: {bus}"
+            );
             assert!((0.01..0.9).contains(&bus["load"].as_f64().unwrap()), "{front:?}: {bus}");
         }
-        let names: Vec<&str> = seen["actuators"].as_array().unwrap().iter().map(|actuator| actuator["name"].as_str().unwrap()).collect();
-        assert_eq!((names.len(), names), (N_U, BUSES.iter().flat_map(|(_, actuators)| *actuators).copied().collect()), "{front:?}");
+        let names: Vec<&str> = seen["actuators"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|actuator| actuator["name"].as_str().unwrap())
+            .collect();
+        assert_eq!(
+            (names.len(), names),
+            (N_U, BUSES.iter().flat_map(|(_, actuators)| *actuators).copied().collect()),
+            "{front:?}"
+        );
 
         let text = look(&stage, "text");
-        for word in ["disabled", " cycles", "wake", "work", "command age", "reply", "torso", "left", "right", "ARWristRoll"] {
+        for word in [
+            "disabled",
+            " cycles",
+            "wake",
+            "work",
+            "command age",
+            "reply",
+            "torso",
+            "left",
+            "right",
+            "ARWristRoll",
+        ] {
             assert!(text.contains(word), "{front:?}: no `{word}` in\n{text}");
         }
 
@@ -82,7 +124,8 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
         let off = until(&stage, "a bus that is off", |seen| seen["buses"][0]["state"] == "off");
         until(&stage, "frames that were dropped and not sent", |seen| {
             let [bus, before] = [seen, &off].map(|seen| &seen["buses"][0]);
-            count(&bus["dropped"]) > count(&before["dropped"]) + 450 && count(&bus["sent"]) < count(&before["sent"]) + 150
+            count(&bus["dropped"]) > count(&before["dropped"]) + 450
+                && count(&bus["sent"]) < count(&before["sent"]) + 150
         });
     }
 }
@@ -95,8 +138,16 @@ fn a_dry_run_has_sent_nothing() {
     command.arg("--dry-run");
     let bridge = Process::start("bridge", command);
     assert!(bridge.line().starts_with("ready rehearsal "));
-    let seen = until(&stage, "frames that were not sent", |seen| count(&seen["buses"][0]["dropped"]) > 0);
-    assert!(seen["buses"].as_array().unwrap().iter().all(|bus| bus["sent"] == 0 && bus["received"] == 0), "{seen}");
+    let seen =
+        until(&stage, "frames that were not sent", |seen| count(&seen["buses"][0]["dropped"]) > 0);
+    assert!(
+        seen["buses"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|bus| bus["sent"] == 0 && bus["received"] == 0),
+        "{seen}"
+    );
 }
 
 #[test]
@@ -117,6 +168,9 @@ fn a_bridge_without_statistics_is_not_waited_for_for_ever() {
         }
         let output = looking.join().unwrap();
         assert_eq!(output.status.code(), Some(2), "{output:?}");
-        assert!(String::from_utf8_lossy(&output.stderr).starts_with("sarrus-can top: "), "{output:?}");
+        assert!(
+            String::from_utf8_lossy(&output.stderr).starts_with("sarrus-can top: "),
+            "{output:?}"
+        );
     });
 }

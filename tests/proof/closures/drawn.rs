@@ -11,10 +11,16 @@ use sarrus_tests::seed::Seeded;
 use super::{X, Y_AXIS, Z, agrees, compile};
 use Field::*;
 
-/// Points of a crank-rocker: crank pivot, crank pin, coupler pin, rocker pivot, out of the plane by up to `lift` where that does not matter.
+/// Points of a crank-rocker: crank pivot, crank pin, coupler pin, rocker pivot, out of the plane by
+/// up to `lift` where that does not matter.
 fn crank_rocker(seeded: &mut Seeded, straight: bool) -> [Vector; 4] {
     if straight {
-        return [[0.0; 3], [0.25, 0.5, 0.0], [1.25, 1.0 + 0.125 * seeded.sign(), 0.0], [1.0, 0.0, 0.0]];
+        return [
+            [0.0; 3],
+            [0.25, 0.5, 0.0],
+            [1.25, 1.0 + 0.125 * seeded.sign(), 0.0],
+            [1.0, 0.0, 0.0],
+        ];
     }
     let angle = seeded.sign() * seeded.within(0.8, 2.2);
     let lengths = [seeded.within(0.3, 0.5), seeded.within(0.8, 1.0), seeded.within(0.7, 0.9)];
@@ -27,10 +33,19 @@ fn crank_rocker(seeded: &mut Seeded, straight: bool) -> [Vector; 4] {
     [[0.0; 3], a, b, o]
 }
 
-/// A ring of four joints: three of the tree in three shapes, the last cut; any of the three independent.
-fn ring(seed: u64, kind: Kind, straight: bool, points: [Vector; 4], slider: Option<(usize, Vector)>) -> Draft {
+/// A ring of four joints: three of the tree in three shapes, the last cut; any of the three
+/// independent.
+fn ring(
+    seed: u64,
+    kind: Kind,
+    straight: bool,
+    points: [Vector; 4],
+    slider: Option<(usize, Vector)>,
+) -> Draft {
     let mut draft = Draft::new(seed, kind, straight);
-    let lifts: Vec<Vector> = (0..4).map(|_| if straight { [0.0; 3] } else { [0.0, 0.0, draft.seeded.within(-0.3, 0.3)] }).collect();
+    let lifts: Vec<Vector> = (0..4)
+        .map(|_| if straight { [0.0; 3] } else { [0.0, 0.0, draft.seeded.within(-0.3, 0.3)] })
+        .collect();
     let at = |k: usize| add(points[k], 1.0, lifts[k]);
     let joint = |draft: &mut Draft, k: usize, link: usize| match slider {
         Some((place, along)) if place == k => draft.slide(link, at(k), along),
@@ -54,9 +69,13 @@ fn ring(seed: u64, kind: Kind, straight: bool, points: [Vector; 4], slider: Opti
         // a slider is no pin: another seed
         return ring(seed + 1000, kind, straight, points, slider);
     }
-    let (predecessor, successor) = if draft.seeded.chance(0.5) { (link, other) } else { (other, link) };
-    let (angular, linear): (&[Vector], &[Vector]) =
-        if draft.seeded.chance(0.7) { (&[], &[X, Y_AXIS]) } else { (&[], &[Y_AXIS, [1.0, 1.0, 0.0]]) };
+    let (predecessor, successor) =
+        if draft.seeded.chance(0.5) { (link, other) } else { (other, link) };
+    let (angular, linear): (&[Vector], &[Vector]) = if draft.seeded.chance(0.7) {
+        (&[], &[X, Y_AXIS])
+    } else {
+        (&[], &[Y_AXIS, [1.0, 1.0, 0.0]])
+    };
     draft.cut(predecessor, successor, points[on_first], angular, linear);
     let independent = draft.seeded.below(3);
     let slides = draft.description.joints[joints[independent]].kind == JointKind::Prismatic;
@@ -79,12 +98,25 @@ fn four_bars_of_any_lengths_close_from_any_of_their_joints() {
 fn slider_cranks_close_from_crank_coupler_and_slider() {
     agrees(|seed, straight| {
         let mut seeded = Seeded::new(seed + 78);
-        let crank =
-            if straight { [0.25, 0.5, 0.0] } else { add([0.0, 0.5 * seeded.sign(), 0.0], 0.2, [seeded.within(-1.0, 1.0), 0.0, 0.0]) };
-        let wrist = if straight { [1.25, -0.125, 0.0] } else { [seeded.within(0.8, 1.2) * seeded.sign(), seeded.within(-0.2, 0.2), 0.0] };
+        let crank = if straight {
+            [0.25, 0.5, 0.0]
+        } else {
+            add([0.0, 0.5 * seeded.sign(), 0.0], 0.2, [seeded.within(-1.0, 1.0), 0.0, 0.0])
+        };
+        let wrist = if straight {
+            [1.25, -0.125, 0.0]
+        } else {
+            [seeded.within(0.8, 1.2) * seeded.sign(), seeded.within(-0.2, 0.2), 0.0]
+        };
         let along = if straight { X } else { unit([1.0, seeded.within(-0.2, 0.2), 0.0]) };
         // crank pivot, crank pin, wrist, slider
-        ring(seed, Kind::SliderCrank, straight, [[0.0; 3], crank, wrist, [0.75, 0.0, 0.0]], Some((3, along)))
+        ring(
+            seed,
+            Kind::SliderCrank,
+            straight,
+            [[0.0; 3], crank, wrist, [0.75, 0.0, 0.0]],
+            Some((3, along)),
+        )
     });
 }
 
@@ -92,12 +124,26 @@ fn slider_cranks_close_from_crank_coupler_and_slider() {
 fn lambdas_close_whichever_joint_is_independent() {
     agrees(|seed, straight| {
         let mut seeded = Seeded::new(seed + 79);
-        let pin = if straight { [0.25, 0.5, 0.0] } else { [seeded.within(-0.3, 0.3), seeded.within(0.4, 0.6) * seeded.sign(), 0.0] };
+        let pin = if straight {
+            [0.25, 0.5, 0.0]
+        } else {
+            [seeded.within(-0.3, 0.3), seeded.within(0.4, 0.6) * seeded.sign(), 0.0]
+        };
         let stator = [1.0, 0.0, 0.0];
         let span = unit(add(pin, -1.0, stator));
-        let along = if straight { [-0.75, 0.625, 0.0] } else { unit(add(span, seeded.within(-0.2, 0.2), [-span[1], span[0], 0.0])) };
+        let along = if straight {
+            [-0.75, 0.625, 0.0]
+        } else {
+            unit(add(span, seeded.within(-0.2, 0.2), [-span[1], span[0], 0.0]))
+        };
         // rocker, pin, slider, stator
-        ring(seed, Kind::Rrpr, straight, [[0.0; 3], pin, [0.625, 0.25, 0.0], stator], Some((2, along)))
+        ring(
+            seed,
+            Kind::Rrpr,
+            straight,
+            [[0.0; 3], pin, [0.625, 0.25, 0.0], stator],
+            Some((2, along)),
+        )
     });
 }
 
@@ -105,7 +151,9 @@ fn lambdas_close_whichever_joint_is_independent() {
 fn ankle(seed: u64, straight: bool, arms: bool) -> Draft {
     let mut draft = Draft::new(seed, Kind::Sprr2U1, straight);
     let seeded = &mut draft.seeded;
-    let tilt = |seeded: &mut Seeded, v: Vector| if straight { v } else { unit(add(v, 0.3, seeded.direction())) };
+    let tilt = |seeded: &mut Seeded, v: Vector| {
+        if straight { v } else { unit(add(v, 0.3, seeded.direction())) }
+    };
     let (first, second) = (tilt(seeded, X), tilt(seeded, Y_AXIS));
     let offset = if straight || seeded.chance(0.5) { [0.0; 3] } else { seeded.vector(0.05) };
     let (roll, roll_link) = draft.turn(0, [0.0; 3], first);
@@ -116,7 +164,13 @@ fn ankle(seed: u64, straight: bool, arms: bool) -> Draft {
     let mut active = Vec::new();
     for side in [1.0, -1.0] {
         if side > 0.0 || !mirrored {
-            shape = std::array::from_fn(|_| if straight { 0.25 * draft.seeded.below(4) as f64 } else { draft.seeded.within(-1.0, 1.0) });
+            shape = std::array::from_fn(|_| {
+                if straight {
+                    0.25 * draft.seeded.below(4) as f64
+                } else {
+                    draft.seeded.within(-1.0, 1.0)
+                }
+            });
         }
         let mirror = |v: Vector| [v[0], side * v[1], v[2]];
         let far = |x: f64, k: usize| x + 0.125 * shape[k];
@@ -140,17 +194,26 @@ fn ankle(seed: u64, straight: bool, arms: bool) -> Draft {
         let gap = if arms { 0.0 } else { 0.125 * side };
         let (along, y) = match (straight, arms) {
             (true, _) => ([0.25, 0.0, 1.0], y),
-            (false, true) if draft.seeded.chance(0.5) => (unit(add(leg, 0.2, draft.seeded.direction())), y),
+            (false, true) if draft.seeded.chance(0.5) => {
+                (unit(add(leg, 0.2, draft.seeded.direction())), y)
+            }
             _ => (unit(add(leg, 0.2 * shape[1], cross(leg, y))), y),
         };
         let on_second = add(base, gap, common);
         let (_, first_link) = draft.turn(0, add(base, 0.125 * shape[2], x), x);
         let (_, second_link) = draft.turn(first_link, add(on_second, 0.125 * shape[3], y), y);
-        let (slider, rod) = draft.slide(second_link, add(pin, 0.25, if straight { Z } else { leg }), along);
+        let (slider, rod) =
+            draft.slide(second_link, add(pin, 0.25, if straight { Z } else { leg }), along);
         active.push(slider);
         if arms {
             let (_, arm_link) = draft.turn(foot, add(pivot, 0.125 * shape[6], n), n);
-            feet.push((arm_link, base, if straight { cross(n, arm) } else { unit(cross(n, radial)) }, pin, rod));
+            feet.push((
+                arm_link,
+                base,
+                if straight { cross(n, arm) } else { unit(cross(n, radial)) },
+                pin,
+                rod,
+            ));
         } else if draft.seeded.chance(0.5) {
             draft.cut(foot, rod, pin, &[], &[X, Y_AXIS, Z]);
         } else {
@@ -185,7 +248,10 @@ fn an_ankle_with_arms_defines_its_loops_by_its_type() {
         part.spanning_tree = vec![0, 1, 5, 9, 2, 3, 4, 6, 7, 8];
         let form = compile(&draft.description);
         let sizes = form.model.sizes();
-        assert_eq!((sizes.n_c, sizes.n_vy, form.model.closures()[0].kind), (8, 2, ClosureKind::Analytic));
+        assert_eq!(
+            (sizes.n_c, sizes.n_vy, form.model.closures()[0].kind),
+            (8, 2, ClosureKind::Analytic)
+        );
         let mut robot = Robot::new(form.model.clone());
         let mut seeded = Seeded::new(seed);
         let y = [seeded.within(-0.1, 0.1), seeded.within(-0.1, 0.1)];

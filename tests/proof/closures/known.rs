@@ -1,4 +1,5 @@
-//! Mechanisms whose answers are known: parallelograms, couplings, the lambda's table, poses that cannot be reached or determine nothing.
+//! Mechanisms whose answers are known: parallelograms, couplings, the lambda's table, poses that
+//! cannot be reached or determine nothing.
 
 use sarrus_dynamics::description::{Coupling, Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{ClosureKind, Compiled, Field, Model, Request, Status};
@@ -15,16 +16,34 @@ fn parallelograms(seed: u64, straight: bool, off: f64) -> Draft {
     let mut draft = Draft::new(seed, Kind::ParallelogramChain, straight);
     let (mut base, mut at, mut independent) = (0, [0.0; 3], Vec::new());
     for k in 0..2 {
-        let side = if straight { [0.25, 1.0, 0.0] } else { [draft.seeded.within(-0.3, 0.3), draft.seeded.within(0.6, 1.0), 0.0] };
-        let rail = if straight { [0.5, 0.0, 0.0] } else { [draft.seeded.within(0.3, 0.6), draft.seeded.within(-0.1, 0.1), 0.0] };
+        let side = if straight {
+            [0.25, 1.0, 0.0]
+        } else {
+            [draft.seeded.within(-0.3, 0.3), draft.seeded.within(0.6, 1.0), 0.0]
+        };
+        let rail = if straight {
+            [0.5, 0.0, 0.0]
+        } else {
+            [draft.seeded.within(0.3, 0.6), draft.seeded.within(-0.1, 0.1), 0.0]
+        };
         let spoilt = if k == 0 { off } else { 0.0 };
         let (crank, crank_link) = draft.turn(base, at, Z);
         let (_, coupler) = draft.turn(crank_link, add(at, 1.0, side), Z);
         let (follower, follower_link) = draft.turn(base, add(at, 1.0 + spoilt, rail), Z);
         let pin = add(add(at, 1.0, side), 1.0, rail);
-        let (p, s) = if draft.seeded.chance(0.5) { (coupler, follower_link) } else { (follower_link, coupler) };
+        let (p, s) = if draft.seeded.chance(0.5) {
+            (coupler, follower_link)
+        } else {
+            (follower_link, coupler)
+        };
         let five = !straight && draft.seeded.chance(0.3);
-        draft.cut(p, s, pin, if five { &[X, Y_AXIS] } else { &[] }, if five { &[X, Y_AXIS, Z] } else { &[X, Y_AXIS] });
+        draft.cut(
+            p,
+            s,
+            pin,
+            if five { &[X, Y_AXIS] } else { &[] },
+            if five { &[X, Y_AXIS, Z] } else { &[X, Y_AXIS] },
+        );
         independent.push((if draft.seeded.chance(0.5) { crank } else { follower }, 0.4));
         (base, at) = (coupler, add(at, 1.0, side));
     }
@@ -40,9 +59,14 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
         let (form, newton) = (compile(&draft.description), numerical(&draft.description));
         assert_eq!(form.model.closures()[0].kind, ClosureKind::Analytic);
         let (y, yd) = ([0.4, -0.3], [1.0, -2.0]);
-        let (mine, truth) = (answers(&form.model, &y, &yd).unwrap(), answers(&newton.model, &y, &yd).unwrap());
+        let (mine, truth) =
+            (answers(&form.model, &y, &yd).unwrap(), answers(&newton.model, &y, &yd).unwrap());
         assert!(mine.0.get(GBias).iter().all(|x| *x == 0.0));
-        assert!(mine.0.get(G).iter().all(|x| x.abs() < 1e-15 || (x.abs() - 1.0).abs() < 1e-15), "{:?}", mine.0.get(G));
+        assert!(
+            mine.0.get(G).iter().all(|x| x.abs() < 1e-15 || (x.abs() - 1.0).abs() < 1e-15),
+            "{:?}",
+            mine.0.get(G)
+        );
         // a cut of five rows has redundant ones, whose forces are a choice
         for field in [Q, G, GBias, K] {
             let error = error_by_size(mine.0.get(field), truth.0.get(field), 1.0);
@@ -52,21 +76,35 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
         let polished = compile(&parallelograms(seed, seed % 4 == 0, 1e-5).description);
         assert_eq!(polished.model.closures()[0].kind, ClosureKind::Analytic);
         let state = answers(&polished.model, &y, &yd).unwrap();
-        assert!(state.0.get(Residual)[0] < 1e-12 && largest(state.0.get(GBias)) > 0.0, "{:?}", state.0.get(Residual));
+        assert!(
+            state.0.get(Residual)[0] < 1e-12 && largest(state.0.get(GBias)) > 0.0,
+            "{:?}",
+            state.0.get(Residual)
+        );
         let spoilt = compile(&parallelograms(seed, seed % 4 == 0, 0.2).description);
         assert_eq!(spoilt.model.closures()[0].kind, ClosureKind::Numerical);
-        assert!(spoilt.warnings.iter().any(|x| x.to_string().contains("no parallelogram")), "{:?}", spoilt.warnings);
+        assert!(
+            spoilt.warnings.iter().any(|x| x.to_string().contains("no parallelogram")),
+            "{:?}",
+            spoilt.warnings
+        );
     }
 }
 
 /// Joints in a row with couplings (joint, masters and multipliers, offset).
-fn geared(joints: usize, couplings: &[(usize, &[(usize, f64)], f64)], independent: &[usize], active: &[usize]) -> Description {
+fn geared(
+    joints: usize,
+    couplings: &[(usize, &[(usize, f64)], f64)],
+    independent: &[usize],
+    active: &[usize],
+) -> Description {
     let mut draft = Draft::new(5, Kind::Differential, true);
     (0..joints).for_each(|k| {
         draft.turn(0, [k as f64, 0.0, 0.0], Z);
     });
     for (j, terms, offset) in couplings {
-        draft.description.joints[*j].coupling = Some(Coupling { terms: terms.to_vec(), offset: *offset });
+        draft.description.joints[*j].coupling =
+            Some(Coupling { terms: terms.to_vec(), offset: *offset });
     }
     let part = &mut draft.description.submechanisms[0];
     (part.independent, part.active) = (independent.to_vec(), active.to_vec());
@@ -85,9 +123,20 @@ fn couplings_hold_in_any_order_and_all_at_once() {
         assert!(error_by_size(back.get(Y), &y, 1.0) < 1e-15);
         (x.get(Q).to_vec(), x.get(G).to_vec())
     };
-    // a head: left = roll + pitch, right = roll − pitch; and the same differential written from its wheels, where no row has one unknown
-    let head = geared(4, &[(2, &[(0, 1.0), (1, 1.0)], 0.0), (3, &[(0, 1.0), (1, -1.0)], 0.0)], &[0, 1], &[2, 3]);
-    let wheels = geared(4, &[(0, &[(2, 0.5), (3, 0.5)], 0.0), (1, &[(2, 0.5), (3, -0.5)], 0.0)], &[0, 1], &[2, 3]);
+    // a head: left = roll + pitch, right = roll − pitch; and the same differential written from its
+    // wheels, where no row has one unknown
+    let head = geared(
+        4,
+        &[(2, &[(0, 1.0), (1, 1.0)], 0.0), (3, &[(0, 1.0), (1, -1.0)], 0.0)],
+        &[0, 1],
+        &[2, 3],
+    );
+    let wheels = geared(
+        4,
+        &[(0, &[(2, 0.5), (3, 0.5)], 0.0), (1, &[(2, 0.5), (3, -0.5)], 0.0)],
+        &[0, 1],
+        &[2, 3],
+    );
     for description in [&head, &wheels] {
         let (q, jacobian) = ask(description, [0.5, 0.125]);
         assert_eq!(q, [0.5, 0.125, 0.625, 0.375]);
@@ -107,13 +156,21 @@ fn couplings_that_determine_nothing_or_contradict_each_other_are_faults() {
     // two joints that follow each other stand anywhere
     let idle = geared(3, &[(1, &[(2, 1.0)], 0.0), (2, &[(1, 1.0)], 0.0)], &[0], &[0]);
     assert!(Model::compile(&idle).is_err());
-    let contradicting = geared(3, &[(1, &[(0, 1.0)], 0.0), (2, &[(1, 1.0)], 0.0), (0, &[(2, 1.0)], 0.1)], &[0], &[0]);
+    let contradicting = geared(
+        3,
+        &[(1, &[(0, 1.0)], 0.0), (2, &[(1, 1.0)], 0.0), (0, &[(2, 1.0)], 0.1)],
+        &[0],
+        &[0],
+    );
     let error = Model::compile(&contradicting).unwrap_err();
-    assert!(error.errors.iter().any(|x| x.to_string().contains("correct the offsets of the couplings")), "{error:?}");
+    assert!(
+        error.errors.iter().any(|x| x.to_string().contains("correct the offsets of the couplings")),
+        "{error:?}"
+    );
 }
 
-/// A lambda in the plane x, y whose slider turns about the pin on the arm and is cut at the base; the arm stands at a right angle to the
-/// base line at zero.
+/// A lambda in the plane x, y whose slider turns about the pin on the arm and is cut at the base;
+/// the arm stands at a right angle to the base line at zero.
 fn table_lambda(arm: f64, base: f64, out_of_plane: f64) -> Compiled {
     let mut draft = Draft::new(1, Kind::Rrpr, true);
     let (pin, pivot) = ([0.0, arm, 0.0], [base, 0.0, out_of_plane]);
@@ -165,7 +222,8 @@ fn the_lambda_has_the_lengths_and_rates_of_its_closed_form() {
     let mut robot = Robot::new(table_lambda(arm, base, 0.0).model);
     let length0 = arm.hypot(base);
     let q20 = TABLE[1][1];
-    // both sides of the slider's length at the URDF's zero of RH5's elbow, where another program turns the sign
+    // both sides of the slider's length at the URDF's zero of RH5's elbow, where another program
+    // turns the sign
     for [y, q2, q3, G2, G3, g2, g3] in TABLE {
         // at zero the arm stands at a right angle to the base line
         let at = y - std::f64::consts::FRAC_PI_2;
@@ -173,7 +231,10 @@ fn the_lambda_has_the_lengths_and_rates_of_its_closed_form() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "y {y}: {a} instead of {b}");
         // a coordinate of a turning dependent lies in (−π, π]
         let turned = q2 - q20;
-        near(x.get(Q)[1], if turned < -std::f64::consts::PI { turned + std::f64::consts::TAU } else { turned });
+        near(
+            x.get(Q)[1],
+            if turned < -std::f64::consts::PI { turned + std::f64::consts::TAU } else { turned },
+        );
         near(x.get(Q)[2], q3 - length0);
         near(x.get(G)[1], G2);
         near(x.get(G)[2], G3);
@@ -202,7 +263,13 @@ fn a_slider_keeps_its_sign_through_every_length() {
 fn a_pin_out_of_the_plane_changes_no_length() {
     let [flat, lifted] = [0.0, 0.0015].map(|out| table_lambda(0.11402, 0.36497, out).model);
     for y in [-1.0, 0.3, 1.2] {
-        let q = |model: &Model<f64>| Robot::new(model.clone()).ask(Request::Kinematics, &[(Y, &[y])], &[Q]).ok().get(Q).to_vec();
+        let q = |model: &Model<f64>| {
+            Robot::new(model.clone())
+                .ask(Request::Kinematics, &[(Y, &[y])], &[Q])
+                .ok()
+                .get(Q)
+                .to_vec()
+        };
         // the distance in space, which another program takes, would be wrong by 4.5e-6 m
         assert!(error_by_size(&q(&lifted), &q(&flat), 1.0) < 1e-15);
     }
@@ -222,12 +289,21 @@ fn four_bar(points: [Vector; 4]) -> Draft {
 #[test]
 fn what_a_plane_loop_cannot_reach_or_determine_is_told() {
     let status = |compiled: &Compiled, y: f64| {
-        let x = Robot::new(compiled.model.clone()).ask(Request::Kinematics, &[(Y, &[y]), (Yd, &[1.0])], &[Q, G, GBias]);
-        assert_eq!(x.answer.status == Status::Ok, x.get(Q).iter().chain(x.get(G)).all(|x| x.is_finite()));
+        let x = Robot::new(compiled.model.clone()).ask(
+            Request::Kinematics,
+            &[(Y, &[y]), (Yd, &[1.0])],
+            &[Q, G, GBias],
+        );
+        assert_eq!(
+            x.answer.status == Status::Ok,
+            x.get(Q).iter().chain(x.get(G)).all(|x| x.is_finite())
+        );
         x.answer.status
     };
     // a crank of 2 on a base of 1 with short links: 3 is farther than they reach
-    let bar = compile(&four_bar([[0.0; 3], [1.5, 1.0, 0.0], [1.75, 0.0, 0.0], [1.0, 0.0, 0.0]]).description);
+    let bar = compile(
+        &four_bar([[0.0; 3], [1.5, 1.0, 0.0], [1.75, 0.0, 0.0], [1.0, 0.0, 0.0]]).description,
+    );
     assert_eq!(status(&bar, 0.0), Status::Ok);
     assert_eq!(status(&bar, 2.0), Status::Unreachable);
     // a slider moves J1 onto the line of both links, exactly: 0.6 + 0.8 in quarter steps
@@ -241,7 +317,8 @@ fn what_a_plane_loop_cannot_reach_or_determine_is_told() {
     let toggle = compile(&draft.description);
     assert_eq!(status(&toggle, 0.25), Status::Ok);
     assert_eq!(status(&toggle, -2.0), Status::Unreachable);
-    // both links along each other: the first joint meets the second's, and the links may turn freely
+    // both links along each other: the first joint meets the second's, and the links may turn
+    // freely
     assert_eq!(status(&toggle, 1.0), Status::SingularClosure);
     // a slider-crank whose rod stands across its line: the slider does not follow
     let mut draft = Draft::new(4, Kind::SliderCrank, true);

@@ -1,4 +1,5 @@
-//! Each closed form against Newton's method on the same mechanism, in both scalars, on geometries anyhow.
+//! Each closed form against Newton's method on the same mechanism, in both scalars, on geometries
+//! anyhow.
 
 mod drawn;
 mod known;
@@ -42,18 +43,31 @@ fn answers<T: Scalar>(model: &Model<T>, y: &[f64], yd: &[f64]) -> Option<(Fields
     (state.answer.status == Status::Ok).then(|| (state, forces.ok()))
 }
 
-/// Largest share of what is allowed: 64 ε cond × size, the square of cond at the acceleration level, and what the misfit leaves.
-fn share<T: Scalar>(mine: &(Fields<T>, Fields<T>), truth: &(Fields<T>, Fields<T>), misfit: f64, length: f64) -> f64 {
+/// Largest share of what is allowed: 64 ε cond × size, the square of cond at the acceleration
+/// level, and what the misfit leaves.
+fn share<T: Scalar>(
+    mine: &(Fields<T>, Fields<T>),
+    truth: &(Fields<T>, Fields<T>),
+    misfit: f64,
+    length: f64,
+) -> f64 {
     let cond = truth.0.get(CondKd)[0].to_f64();
     let (velocity, K_size) = (largest(truth.0.get(Qd)), largest(truth.0.get(K)));
     let square = velocity * velocity;
     let force = largest(truth.1.get(TauQ));
     let allowed = 64.0 * T::EPSILON + 100.0 * misfit;
     let mut worst: f64 = 0.0;
-    for (field, least, power) in
-        [(Q, 1.0, 1), (Qd, velocity, 1), (G, 1.0, 1), (K, 1.0, 1), (GBias, square, 2), (KBias, K_size * square, 1), (Qdd, square, 2)]
-    {
-        let share = error_by_size(mine.0.get(field), truth.0.get(field), least) / (allowed * cond.powi(power));
+    for (field, least, power) in [
+        (Q, 1.0, 1),
+        (Qd, velocity, 1),
+        (G, 1.0, 1),
+        (K, 1.0, 1),
+        (GBias, square, 2),
+        (KBias, K_size * square, 1),
+        (Qdd, square, 2),
+    ] {
+        let share = error_by_size(mine.0.get(field), truth.0.get(field), least)
+            / (allowed * cond.powi(power));
         if share > 1.0 {
             println!("{field:?}: {share:.1e} of {allowed:.1e}, cond {cond:.1e}");
         }
@@ -61,16 +75,20 @@ fn share<T: Scalar>(mine: &(Fields<T>, Fields<T>), truth: &(Fields<T>, Fields<T>
     }
     // moments make forces over the mechanism's length
     for (field, least) in [(TauQ, force), (TauY, force), (Lambda, force / length.min(1.0))] {
-        let share = error_by_size(mine.1.get(field), truth.1.get(field), least) / (allowed * cond * cond);
+        let share =
+            error_by_size(mine.1.get(field), truth.1.get(field), least) / (allowed * cond * cond);
         if share > 1.0 {
-            println!("{field:?}: {share:.1e} of {allowed:.1e}, cond {cond:.1e}, forces of {force:.1e}");
+            println!(
+                "{field:?}: {share:.1e} of {allowed:.1e}, cond {cond:.1e}, forces of {force:.1e}"
+            );
         }
         worst = worst.max(share);
     }
     worst
 }
 
-/// A closed form on many drafts against Newton's method, double and double-double, and double against double-double.
+/// A closed form on many drafts against Newton's method, double and double-double, and double
+/// against double-double.
 fn agrees(draft: impl Fn(u64, bool) -> Draft) {
     let (mut worst, mut count) = ([0.0f64; 3], 0);
     for seed in 0..40 {
@@ -80,23 +98,33 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
         let (form, newton) = (compile(description), numerical(description));
         let info = &form.model.closures()[0];
         assert!(form.warnings.is_empty(), "seed {seed}: {:?}", form.warnings);
-        assert_eq!((info.kind, newton.model.closures()[0].kind), (ClosureKind::Analytic, ClosureKind::Numerical), "seed {seed}");
+        assert_eq!(
+            (info.kind, newton.model.closures()[0].kind),
+            (ClosureKind::Analytic, ClosureKind::Numerical),
+            "seed {seed}"
+        );
         assert!(info.misfit < 1e-13, "seed {seed}: misfit {}", info.misfit);
         if straight {
             assert!(info.misfit < 1e-30, "seed {seed}: misfit {} of exact numbers", info.misfit);
         }
         let mut seeded = Seeded::new(seed + 500);
         for _ in 0..4 {
-            let y: Vec<f64> = draft.reach.iter().map(|reach| reach * seeded.within(-1.0, 1.0)).collect();
-            let yd: Vec<f64> = draft.reach.iter().map(|reach| 3.0 * reach * seeded.within(-1.0, 1.0)).collect();
+            let y: Vec<f64> =
+                draft.reach.iter().map(|reach| reach * seeded.within(-1.0, 1.0)).collect();
+            let yd: Vec<f64> =
+                draft.reach.iter().map(|reach| 3.0 * reach * seeded.within(-1.0, 1.0)).collect();
             // what one cannot reach, the other cannot
-            let (mine, newtons) = match (answers(&form.model, &y, &yd), answers(&newton.model, &y, &yd)) {
-                (Some(mine), Some(newtons)) => (mine, newtons),
-                (mine, newtons) => {
-                    assert!(mine.is_none() && newtons.is_none(), "seed {seed} at {y:?}: only one of both closes");
-                    continue;
-                }
-            };
+            let (mine, newtons) =
+                match (answers(&form.model, &y, &yd), answers(&newton.model, &y, &yd)) {
+                    (Some(mine), Some(newtons)) => (mine, newtons),
+                    (mine, newtons) => {
+                        assert!(
+                            mine.is_none() && newtons.is_none(),
+                            "seed {seed} at {y:?}: only one of both closes"
+                        );
+                        continue;
+                    }
+                };
             let exact = answers::<Dd>(&form.exact, &y, &yd).unwrap();
             let newtons_exact = answers::<Dd>(&newton.exact, &y, &yd).unwrap();
             let rounded = (mine.0.map(Dd::from), mine.1.map(Dd::from));
@@ -104,8 +132,15 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
             let double = |a: &(Fields<Dd>, Fields<Dd>), b: &(Fields<Dd>, Fields<Dd>)| {
                 share(a, b, 64.0 / 100.0 * <f64 as Real>::EPSILON + info.misfit, draft.scale)
             };
-            let shares = [double(&rounded, &newtons), double(&rounded, &exact), share(&exact, &newtons_exact, info.misfit, draft.scale)];
-            assert!(shares.iter().all(|x| *x <= 1.0), "seed {seed} at {y:?}: {shares:?} of what is allowed");
+            let shares = [
+                double(&rounded, &newtons),
+                double(&rounded, &exact),
+                share(&exact, &newtons_exact, info.misfit, draft.scale),
+            ];
+            assert!(
+                shares.iter().all(|x| *x <= 1.0),
+                "seed {seed} at {y:?}: {shares:?} of what is allowed"
+            );
             (0..3).for_each(|k| worst[k] = worst[k].max(shares[k]));
             count += 1;
         }

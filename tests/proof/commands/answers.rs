@@ -20,7 +20,8 @@ fn one(request: &str, robot: &str, line: &str) -> Value {
 fn shape(value: &Value) -> (usize, usize) {
     let rows = value.as_array().unwrap();
     let columns = rows.first().map_or(0, |row| row.as_array().unwrap().len());
-    assert!(rows.iter().all(|row| row.as_array().unwrap().len() == columns && row.as_array().unwrap().iter().all(Value::is_number)));
+    assert!(rows.iter().all(|row| row.as_array().unwrap().len() == columns
+        && row.as_array().unwrap().iter().all(Value::is_number)));
     (rows.len(), columns)
 }
 
@@ -38,8 +39,23 @@ fn fields_come_in_the_order_in_which_they_are_wanted() {
     let line = r#"{"want":["lambda","M_y","q","residual","frames","tau_u","y","iterations"],"frames":["BodyPitch_Link"],"y":[0.1,0.2]}"#;
     let frames = run(&["check", "--robot", "torso", "--format", "json"], b"");
     assert_eq!(frames.code, Some(0));
-    let answer = ask("inverse-dynamics", "torso", &[&line.replace("BodyPitch_Link", &torso_link())]);
-    assert_eq!(keys(&answer.json()[0]), ["status", "warnings", "lambda", "M_y", "q", "residual", "frames", "tau_u", "y", "iterations"]);
+    let answer =
+        ask("inverse-dynamics", "torso", &[&line.replace("BodyPitch_Link", &torso_link())]);
+    assert_eq!(
+        keys(&answer.json()[0]),
+        [
+            "status",
+            "warnings",
+            "lambda",
+            "M_y",
+            "q",
+            "residual",
+            "frames",
+            "tau_u",
+            "y",
+            "iterations"
+        ]
+    );
 }
 
 /// Some moving link of the torso.
@@ -55,10 +71,22 @@ fn every_field_has_its_shape() {
         "tau_q","tau_y","tau_u","tau_unactuated","residual","iterations","cond_Kd","cond_Gu","cond_My","sigma_min","nearest_y"]}"#;
     let answer = one("inverse-dynamics", "torso", &line.replace('\n', ""));
     assert_eq!(answer["status"], "ok");
-    for (name, n) in [("q", 8), ("qd", 8), ("y", 2), ("u", 2), ("g_bias", 8), ("g_u", 2), ("k_bias", 6), ("lambda", 6), ("C_y", 2)] {
+    for (name, n) in [
+        ("q", 8),
+        ("qd", 8),
+        ("y", 2),
+        ("u", 2),
+        ("g_bias", 8),
+        ("g_u", 2),
+        ("k_bias", 6),
+        ("lambda", 6),
+        ("C_y", 2),
+    ] {
         assert_eq!(answer[name].as_array().unwrap().len(), n, "{name}");
     }
-    for (name, n) in [("tau_q", 8), ("tau_y", 2), ("tau_u", 2), ("tau_unactuated", 2), ("nearest_y", 2)] {
+    for (name, n) in
+        [("tau_q", 8), ("tau_y", 2), ("tau_u", 2), ("tau_unactuated", 2), ("nearest_y", 2)]
+    {
         assert_eq!(answer[name].as_array().unwrap().len(), n, "{name}");
     }
     for (name, rows, columns) in [("G", 8, 2), ("G_u", 2, 2), ("K", 6, 8), ("M_y", 2, 2)] {
@@ -69,12 +97,16 @@ fn every_field_has_its_shape() {
     }
     assert!(answer["iterations"].is_u64(), "a count is a whole number");
     // a matrix of one number is still a list of rows
-    assert_eq!(shape(&one("inverse-dynamics", "lambda", r#"{"y":[0],"want":["M_y"]}"#)["M_y"]), (1, 1));
+    assert_eq!(
+        shape(&one("inverse-dynamics", "lambda", r#"{"y":[0],"want":["M_y"]}"#)["M_y"]),
+        (1, 1)
+    );
     // no loop, no rows
     let folder = Folder::new("shape");
     let urdf = folder.file("a.urdf", FLOATING);
     let line = r#"{"y":[0,0,0,0,0,0,1,0.5],"want":["K","lambda","G_u"]}"#;
-    let answer = run(&["ask", "inverse-dynamics", "--urdf", &urdf], line.as_bytes()).json().remove(0);
+    let answer =
+        run(&["ask", "inverse-dynamics", "--urdf", &urdf], line.as_bytes()).json().remove(0);
     assert_eq!((&answer["K"], &answer["lambda"]), (&json!([]), &json!([])));
     assert_eq!(shape(&answer["G_u"]), (1, 7));
 }
@@ -88,7 +120,10 @@ fn frames_come_by_link_in_the_order_asked_without_being_wanted() {
     for link in ["ElbowAct_Link", "Elbow_Link", "base_link"] {
         let frame = &answer["frames"][link];
         assert_eq!(keys(frame), ["p", "quat", "twist", "acc"]);
-        assert_eq!(["p", "quat", "twist", "acc"].map(|part| frame[part].as_array().unwrap().len()), [3, 4, 6, 6]);
+        assert_eq!(
+            ["p", "quat", "twist", "acc"].map(|part| frame[part].as_array().unwrap().len()),
+            [3, 4, 6, 6]
+        );
         let quat = numbers(&frame["quat"]);
         assert!((quat.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-14);
     }
@@ -104,11 +139,17 @@ fn jacobians_come_by_link_and_give_the_twist() {
     let answer = one("kinematics", "lambda", line);
     let link = &answer["jacobians"]["ElbowAct_Link"];
     assert_eq!(keys(link), ["tree", "independent", "actuator"]);
-    assert_eq!([shape(&link["tree"]), shape(&link["independent"]), shape(&link["actuator"])], [(6, 3), (6, 1), (6, 1)]);
+    assert_eq!(
+        [shape(&link["tree"]), shape(&link["independent"]), shape(&link["actuator"])],
+        [(6, 3), (6, 1), (6, 1)]
+    );
     let twist = numbers(&answer["frames"]["ElbowAct_Link"]["twist"]);
-    for (part, rates) in [("tree", &answer["qd"]), ("independent", &json!([2.0])), ("actuator", &answer["ud"])] {
+    for (part, rates) in
+        [("tree", &answer["qd"]), ("independent", &json!([2.0])), ("actuator", &answer["ud"])]
+    {
         for (row, expected) in link[part].as_array().unwrap().iter().zip(&twist) {
-            let found: f64 = numbers(row).iter().zip(numbers(rates)).map(|(j, rate)| j * rate).sum();
+            let found: f64 =
+                numbers(row).iter().zip(numbers(rates)).map(|(j, rate)| j * rate).sum();
             assert!((found - expected).abs() < 1e-13, "{part}: {found} {expected}");
         }
     }
@@ -119,8 +160,14 @@ fn actuators_that_do_not_tell_the_motion_leave_everything_else() {
     let folder = Folder::new("actuators");
     let urdf = folder.file("a.urdf", FLOATING);
     let ask = |request: &str, line: &str| run(&["ask", request, "--urdf", &urdf], line.as_bytes());
-    let answer = ask("kinematics", r#"{"y":[0,0,0,0,0,0,1,0.5],"frames":["arm"],"want":["jacobians"]}"#).json().remove(0);
-    assert_eq!((&answer["status"], &answer["jacobians"]["arm"]["actuator"]), (&json!("ok"), &Value::Null));
+    let answer =
+        ask("kinematics", r#"{"y":[0,0,0,0,0,0,1,0.5],"frames":["arm"],"want":["jacobians"]}"#)
+            .json()
+            .remove(0);
+    assert_eq!(
+        (&answer["status"], &answer["jacobians"]["arm"]["actuator"]),
+        (&json!("ok"), &Value::Null)
+    );
     assert_eq!(shape(&answer["jacobians"]["arm"]["tree"]), (6, 7));
     let answer = ask("map", r#"{"u":[0.5],"want":["y","iterations"]}"#);
     assert_eq!((answer.code, answer.statuses()), (Some(0), vec!["singular_actuation".to_owned()]));
@@ -137,7 +184,10 @@ fn failed_states_say_why_and_have_null_for_their_numbers() {
     let answer = ask("kinematics", "wrist", &lines);
     assert_eq!((answer.code, answer.err.as_str()), (Some(0), ""));
     assert_eq!(answer.statuses(), ["unreachable", "ok"]);
-    assert_eq!(answer.out.lines().next(), Some(r#"{"status":"unreachable","warnings":[],"q":null,"G":null,"u":null}"#));
+    assert_eq!(
+        answer.out.lines().next(),
+        Some(r#"{"status":"unreachable","warnings":[],"q":null,"G":null,"u":null}"#)
+    );
 }
 
 #[test]
@@ -148,23 +198,49 @@ fn limits_are_a_warning_that_changes_nothing_else() {
 
 #[test]
 fn numbers_survive_the_journey_bit_by_bit() {
-    let cases = [0.1 + 0.2, 5e-324, -0.0, 1.0 / 3.0, 1.797_693_134_862_315_7e-300, f64::MIN_POSITIVE, 12_345.678_901_234_567];
+    let cases = [
+        0.1 + 0.2,
+        5e-324,
+        -0.0,
+        1.0 / 3.0,
+        1.797_693_134_862_315_7e-300,
+        f64::MIN_POSITIVE,
+        12_345.678_901_234_567,
+    ];
     for number in cases {
-        let answer = one("kinematics", "lambda", &format!("{{\"y\":[0],\"yd\":[{number:?}],\"want\":[\"yd\"]}}"));
+        let answer = one(
+            "kinematics",
+            "lambda",
+            &format!("{{\"y\":[0],\"yd\":[{number:?}],\"want\":[\"yd\"]}}"),
+        );
         assert_eq!(answer["yd"][0].as_f64().unwrap().to_bits(), number.to_bits(), "{number:?}");
     }
     // more digits than a double holds are read to the nearest one
-    let answer = one("kinematics", "lambda", r#"{"y":[0.1000000000000000055511151231257827021181583404541015625000001],"want":["y"]}"#);
+    let answer = one(
+        "kinematics",
+        "lambda",
+        r#"{"y":[0.1000000000000000055511151231257827021181583404541015625000001],"want":["y"]}"#,
+    );
     assert_eq!(answer["y"][0].as_f64(), Some(0.1));
     let answer = ask("kinematics", "lambda", &[r#"{"y":[0.1],"want":["y"]}"#]);
-    assert_eq!(answer.out, "{\"status\":\"ok\",\"warnings\":[],\"y\":[0.1]}\n", "the shortest digits");
+    assert_eq!(
+        answer.out, "{\"status\":\"ok\",\"warnings\":[],\"y\":[0.1]}\n",
+        "the shortest digits"
+    );
 }
 
 #[test]
 fn wrenches_act_and_their_order_does_not_matter() {
     let [a, b] = [r#""Elbow_Link":[0.1,0.2,0.3,4,5,6]"#, r#""ElbowAct_Link":[1,0,0,0,7,0]"#];
-    let lines = [format!("{{\"y\":[0.3],\"wrenches\":{{{a},{b}}}}}"), format!("{{\"y\":[0.3],\"wrenches\":{{{b},{a}}}}}")];
-    let answer = ask("inverse-dynamics", "lambda", &[&lines[0], &lines[1], r#"{"y":[0.3]}"#, r#"{"y":[0.3],"wrenches":{}}"#]);
+    let lines = [
+        format!("{{\"y\":[0.3],\"wrenches\":{{{a},{b}}}}}"),
+        format!("{{\"y\":[0.3],\"wrenches\":{{{b},{a}}}}}"),
+    ];
+    let answer = ask(
+        "inverse-dynamics",
+        "lambda",
+        &[&lines[0], &lines[1], r#"{"y":[0.3]}"#, r#"{"y":[0.3],"wrenches":{}}"#],
+    );
     let lines: Vec<&str> = answer.out.lines().collect();
     assert_eq!((lines[0], lines[2]), (lines[1], lines[3]));
     assert_ne!(lines[0], lines[2]);
@@ -172,8 +248,12 @@ fn wrenches_act_and_their_order_does_not_matter() {
 
 #[test]
 fn gravity_is_an_option_of_the_model() {
-    let ask =
-        |gravity: &str| run(&["ask", "inverse-dynamics", "--robot", "lambda", "--gravity", gravity], b"{\"y\":[0.3],\"want\":[\"tau_y\"]}");
+    let ask = |gravity: &str| {
+        run(
+            &["ask", "inverse-dynamics", "--robot", "lambda", "--gravity", gravity],
+            b"{\"y\":[0.3],\"want\":[\"tau_y\"]}",
+        )
+    };
     let of = |gravity: &str| numbers(&ask(gravity).json()[0]["tau_y"])[0];
     assert_eq!(of("0,0,0"), 0.0);
     assert!((of("0,0,-9.81") + of("0,0,9.81")).abs() < 1e-12 && of("0,0,9.81") != 0.0);

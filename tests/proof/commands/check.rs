@@ -16,16 +16,33 @@ fn a_valid_robot_is_one_object_with_every_order() {
     for name in ROBOTS {
         let (code, report) = report(&["--robot", name]);
         let keys: Vec<&str> = report.as_object().unwrap().keys().map(String::as_str).collect();
-        let expected = ["robot", "fingerprint", "tree", "tree_q", "independent", "active", "loops", "closures", "warnings", "errors"];
+        let expected = [
+            "robot",
+            "fingerprint",
+            "tree",
+            "tree_q",
+            "independent",
+            "active",
+            "loops",
+            "closures",
+            "warnings",
+            "errors",
+        ];
         assert_eq!((code, keys), (Some(0), expected.to_vec()));
         let file = vectors(name);
-        assert_eq!([&report["tree"], &report["independent"], &report["active"]], [&file["tree"], &file["ind"], &file["act"]]);
+        assert_eq!(
+            [&report["tree"], &report["independent"], &report["active"]],
+            [&file["tree"], &file["ind"], &file["act"]]
+        );
         assert_eq!(report["fingerprint"].as_str().unwrap().len(), 16);
         assert_eq!((&report["errors"], &report["robot"]), (&json!([]), &json!(name)));
         for closure in report["closures"].as_array().unwrap() {
             let keys: Vec<&str> = closure.as_object().unwrap().keys().map(String::as_str).collect();
             assert_eq!(keys[..6], ["name", "type", "kind", "rows", "rank", "misfit"]);
-            assert_eq!(keys[6..], ["redundant", "idle", "branch", "sigma_min", "cond_Kd", "singular"]);
+            assert_eq!(
+                keys[6..],
+                ["redundant", "idle", "branch", "sigma_min", "cond_Kd", "singular"]
+            );
         }
     }
 }
@@ -35,7 +52,10 @@ fn a_quaternion_joint_has_one_name_more_among_the_positions() {
     let folder = Folder::new("quaternion");
     let (code, report) = report(&["--urdf", &folder.file("a.urdf", FLOATING)]);
     assert_eq!(code, Some(0));
-    assert_eq!(report["tree"], json!(["float/rx", "float/ry", "float/rz", "float/tx", "float/ty", "float/tz", "turn"]));
+    assert_eq!(
+        report["tree"],
+        json!(["float/rx", "float/ry", "float/rz", "float/tx", "float/ty", "float/tz", "turn"])
+    );
     assert_eq!(report["tree_q"].as_array().unwrap().len(), 8);
 }
 
@@ -44,7 +64,9 @@ fn every_fault_of_the_files_is_told_at_once_and_ends_with_1() {
     let folder = Folder::new("faults");
     let urdf = folder.file(
         "bad.urdf",
-        FLOATING.replacen("mass value=\"1\"", "mass value=\"-1\"", 1).replace("<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 x 0\"/>"),
+        FLOATING
+            .replacen("mass value=\"1\"", "mass value=\"-1\"", 1)
+            .replace("<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 x 0\"/>"),
     );
     let (code, report) = report(&["--urdf", &urdf]);
     assert_eq!((code, report["errors"].as_array().unwrap().len()), (Some(1), 2), "{report}");
@@ -57,27 +79,47 @@ fn every_fault_of_the_files_is_told_at_once_and_ends_with_1() {
     let text = run(&["check", "--urdf", &urdf], b"");
     assert_eq!((text.code, text.err.as_str(), text.out.lines().count()), (Some(1), "", 2));
     for (line, error) in text.out.lines().zip(errors) {
-        assert!(line.starts_with(&format!("{urdf}:{}:{}: ", error["line"], error["column"])), "{line}");
+        assert!(
+            line.starts_with(&format!("{urdf}:{}:{}: ", error["line"], error["column"])),
+            "{line}"
+        );
     }
     // the same report stands in the way of everybody else, on stderr
     for command in [&["ask", "kinematics", "--urdf", &urdf][..], &["serve", "--urdf", &urdf]] {
         let refused = run(command, b"{\"y\":[0]}");
-        assert_eq!((refused.code, refused.out.as_str(), refused.err.as_str()), (Some(1), "", text.out.as_str()), "{command:?}");
+        assert_eq!(
+            (refused.code, refused.out.as_str(), refused.err.as_str()),
+            (Some(1), "", text.out.as_str()),
+            "{command:?}"
+        );
     }
 }
 
 #[test]
 fn content_that_is_no_text_is_a_fault_and_a_missing_file_is_not() {
     let folder = Folder::new("content");
-    for (name, bytes) in [("a.urdf", &b"\xff\xfe"[..]), ("b.urdf", b""), ("c.urdf", b"not xml"), ("d.urdf", b"<robot>")] {
+    for (name, bytes) in [
+        ("a.urdf", &b"\xff\xfe"[..]),
+        ("b.urdf", b""),
+        ("c.urdf", b"not xml"),
+        ("d.urdf", b"<robot>"),
+    ] {
         let (code, report) = report(&["--urdf", &folder.file(name, bytes)]);
-        assert_eq!((code, report["errors"].as_array().unwrap().is_empty()), (Some(1), false), "{name}");
+        assert_eq!(
+            (code, report["errors"].as_array().unwrap().is_empty()),
+            (Some(1), false),
+            "{name}"
+        );
         assert_eq!(report["fingerprint"], Value::Null);
     }
     let good = folder.file("good.urdf", FLOATING);
     let (code, _) = report(&["--urdf", &good, "--submechanisms", &folder.file("bad.yml", "a: [")]);
     assert_eq!(code, Some(1));
-    for arguments in [&["--urdf", "/no/such.urdf"][..], &["--urdf", &good, "--submechanisms", "/no/such.yml"], &["--robot", "none"]] {
+    for arguments in [
+        &["--urdf", "/no/such.urdf"][..],
+        &["--urdf", &good, "--submechanisms", "/no/such.yml"],
+        &["--robot", "none"],
+    ] {
         let run = run(&[&["check", "--format", "json"], arguments].concat(), b"");
         assert_eq!((run.code, run.out.as_str()), (Some(2), ""));
         assert!(run.err.starts_with("sarrus check: "), "{}", run.err);
@@ -91,19 +133,33 @@ fn warnings_leave_a_robot_valid() {
     let urdf = folder.file("a.urdf", FLOATING.replacen("ixx=\"1\"", "ixx=\"5\"", 1));
     assert_eq!(report(&["--urdf", &urdf]).0, Some(1));
     let (code, lenient) = report(&["--urdf", &urdf, "--lenient"]);
-    assert_eq!((code, lenient["warnings"].as_array().unwrap().is_empty()), (Some(0), false), "{lenient}");
+    assert_eq!(
+        (code, lenient["warnings"].as_array().unwrap().is_empty()),
+        (Some(0), false),
+        "{lenient}"
+    );
     let text = run(&["check", "--urdf", &urdf, "--lenient"], b"");
     assert_eq!(text.code, Some(0));
-    assert!(text.out.contains("valid, ") && text.out.contains(&format!("{urdf}:3:")) && text.out.contains(": warning: "), "{}", text.out);
+    assert!(
+        text.out.contains("valid, ")
+            && text.out.contains(&format!("{urdf}:3:"))
+            && text.out.contains(": warning: "),
+        "{}",
+        text.out
+    );
 }
 
 #[test]
 fn a_valid_robot_in_words_names_closures_and_sizes() {
     let text = run(&["check", "--robot", "rh5v2_upper_body"], b"");
     assert_eq!((text.code, text.err.as_str()), (Some(0), ""));
-    for words in
-        ["tree           23  BodyPitch", "independent    13", "loop rows      10", "ALElbow       RRPR     analytic", "valid, no warnings"]
-    {
+    for words in [
+        "tree           23  BodyPitch",
+        "independent    13",
+        "loop rows      10",
+        "ALElbow       RRPR     analytic",
+        "valid, no warnings",
+    ] {
         assert!(text.out.contains(words), "{words}\n{}", text.out);
     }
 }
@@ -114,9 +170,13 @@ fn robots_lists_the_bundled_ones() {
     assert_eq!((text.code, text.err.as_str()), (Some(0), ""));
     let list = run(&["robots", "--format", "json"], b"").json().remove(0);
     for (robot, line) in list.as_array().unwrap().iter().zip(text.out.lines().skip(1)) {
-        assert!(line.starts_with(robot["robot"].as_str().unwrap()) && line.ends_with(robot["about"].as_str().unwrap()));
+        assert!(
+            line.starts_with(robot["robot"].as_str().unwrap())
+                && line.ends_with(robot["about"].as_str().unwrap())
+        );
     }
-    let names: Vec<&str> = list.as_array().unwrap().iter().map(|robot| robot["robot"].as_str().unwrap()).collect();
+    let names: Vec<&str> =
+        list.as_array().unwrap().iter().map(|robot| robot["robot"].as_str().unwrap()).collect();
     let mut expected: Vec<&str> = sarrus_models::bundled().map(|(name, _)| name).collect();
     expected.sort_unstable();
     assert_eq!(
@@ -127,16 +187,30 @@ fn robots_lists_the_bundled_ones() {
         },
         expected
     );
-    let upper = list.as_array().unwrap().iter().find(|robot| robot["robot"] == "rh5v2_upper_body").unwrap();
-    assert_eq!(upper["sizes"], json!({"n_q": 23, "n_v": 23, "n_qy": 13, "n_vy": 13, "n_u": 13, "n_c": 10, "n_branches": 3}));
+    let upper =
+        list.as_array().unwrap().iter().find(|robot| robot["robot"] == "rh5v2_upper_body").unwrap();
+    assert_eq!(
+        upper["sizes"],
+        json!({"n_q": 23, "n_v": 23, "n_qy": 13, "n_vy": 13, "n_u": 13, "n_c": 10, "n_branches": 3})
+    );
 }
 
 #[test]
 fn help_and_version_are_results() {
-    for arguments in [&["--help"][..], &["--version"], &["check", "--help"], &["ask", "--help"], &["serve", "--help"], &["demo", "--help"]]
-    {
+    for arguments in [
+        &["--help"][..],
+        &["--version"],
+        &["check", "--help"],
+        &["ask", "--help"],
+        &["serve", "--help"],
+        &["demo", "--help"],
+    ] {
         let run = run(arguments, b"");
-        assert_eq!((run.code, run.err.as_str(), run.out.is_empty()), (Some(0), "", false), "{arguments:?}");
+        assert_eq!(
+            (run.code, run.err.as_str(), run.out.is_empty()),
+            (Some(0), "", false),
+            "{arguments:?}"
+        );
     }
     assert_eq!(run(&["--version"], b"").out, format!("sarrus {}\n", env!("CARGO_PKG_VERSION")));
 }

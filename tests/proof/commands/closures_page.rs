@@ -1,6 +1,7 @@
 //! The page of closures in the documentation says what `sarrus check` prints.
 //!
-//! After a change: `SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof closures_page`.
+//! After a change: `SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof
+//! closures_page`.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -27,7 +28,11 @@ How the loops of each bundled robot are closed. The tables are what `sarrus chec
 fn printed(robot: &str) -> String {
     let run = run(&["check", "--robot", robot], b"");
     assert_eq!(run.code, Some(0), "{robot} {run:?}");
-    let lines = run.out.lines().skip_while(|line| !line.starts_with("submechanism ")).take_while(|line| !line.is_empty());
+    let lines = run
+        .out
+        .lines()
+        .skip_while(|line| !line.starts_with("submechanism "))
+        .take_while(|line| !line.is_empty());
     lines.fold(String::new(), |text, line| text + line + "\n")
 }
 
@@ -48,8 +53,19 @@ fn types() -> String {
             }
             let (branches, singular) = (["none", "±"][count("branch").min(1)], word("singular"));
             let singular = if singular.is_empty() { "no general rule" } else { &singular };
-            let numbers = format!("{} | {} | {} | {}", of["rows"], of["rank"], count("redundant"), count("idle"));
-            writeln!(text, "| {} | `{robot}` | {} | {numbers} | {branches} | {singular} |", kind.0, kind.1).unwrap();
+            let numbers = format!(
+                "{} | {} | {} | {}",
+                of["rows"],
+                of["rank"],
+                count("redundant"),
+                count("idle")
+            );
+            writeln!(
+                text,
+                "| {} | `{robot}` | {} | {numbers} | {branches} | {singular} |",
+                kind.0, kind.1
+            )
+            .unwrap();
             known.push(kind);
         }
     }
@@ -72,5 +88,8 @@ fn closures_page_is_what_check_prints() {
         std::fs::write(&path, &page).unwrap();
     }
     let written = std::fs::read_to_string(&path).unwrap();
-    assert!(written == page, "the page is stale: SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof closures_page");
+    assert!(
+        written == page,
+        "the page is stale: SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof closures_page"
+    );
 }

@@ -10,7 +10,11 @@ use super::{Run, ask, run, sarrus, subset};
 /// The column of the one bad line.
 fn refused(request: &str, robot: &str, line: &[u8]) -> (u64, String) {
     let answer = run(&["ask", request, "--robot", robot], line);
-    assert_eq!((answer.code, answer.statuses()), (Some(1), vec!["bad_request".to_owned()]), "{answer:?}");
+    assert_eq!(
+        (answer.code, answer.statuses()),
+        (Some(1), vec!["bad_request".to_owned()]),
+        "{answer:?}"
+    );
     let answer = answer.json().remove(0);
     let keys: Vec<&str> = answer.as_object().unwrap().keys().map(String::as_str).collect();
     assert_eq!(keys, ["status", "warnings", "column", "error"]);
@@ -45,18 +49,34 @@ fn every_kind_of_bad_line_has_its_column_and_its_reason() {
         (r#"{}"#, 1, "nothing says where the robot is"),
         (r#"{"y":[0.1],"u":[0]}"#, 12, "`y` and `u` exclude each other; give one"),
         (r#"{"y":[0.1],"tau_u":[0]}"#, 12, "`tau_u` is no input of this request"),
-        (r#"{"y":[0.1],"wrenches":{"Elbow_Link":[0,0,0,0,0,0]}}"#, 12, "`wrenches` is no input of this request"),
+        (
+            r#"{"y":[0.1],"wrenches":{"Elbow_Link":[0,0,0,0,0,0]}}"#,
+            12,
+            "`wrenches` is no input of this request",
+        ),
         (r#"{"y":[0.1],"want":"q"}"#, 19, "text, expected want as a list of names"),
         (r#"{"y":[0.1],"want":[1]}"#, 20, "a number, expected want as a list of names"),
-        (r#"{"y":[0.1],"want":["q","Q"]}"#, 24, "`Q` cannot be wanted, expected some of y, yd, ydd, q,"),
+        (
+            r#"{"y":[0.1],"want":["q","Q"]}"#,
+            24,
+            "`Q` cannot be wanted, expected some of y, yd, ydd, q,",
+        ),
         (r#"{"y":[0.1],"want":["frame_pose"]}"#, 20, "`frame_pose` cannot be wanted"),
         (r#"{"y":[0.1],"want":["q","q"]}"#, 24, "`q` stands here twice"),
         (r#"{"y":[0.1],"want":["q","tau_u"]}"#, 24, "`tau_u` is no output of this request"),
         (r#"{"y":[0.1],"want":["q_guess"]}"#, 20, "`q_guess` is no output of this request"),
-        (r#"{"y":[0.1],"want":["frames"]}"#, 20, "`frames` is wanted of no link, expected \"frames\": [\"link\"] beside it"),
+        (
+            r#"{"y":[0.1],"want":["frames"]}"#,
+            20,
+            "`frames` is wanted of no link, expected \"frames\": [\"link\"] beside it",
+        ),
         (r#"{"y":[0.1],"want":["jacobians"]}"#, 20, "`jacobians` is wanted of no link"),
         (r#"{"y":[0.1],"frames":["hand"]}"#, 22, "`hand` is none of the 4 links of lambda"),
-        (r#"{"y":[0.1],"frames":["Elbow_Link","Elbow_Link"]}"#, 35, "`Elbow_Link` stands here twice"),
+        (
+            r#"{"y":[0.1],"frames":["Elbow_Link","Elbow_Link"]}"#,
+            35,
+            "`Elbow_Link` stands here twice",
+        ),
         (r#"{"y":[0.1],"frames":"Elbow_Link"}"#, 21, "text, expected frames as a list of links"),
     ];
     for (line, column, words) in cases {
@@ -68,9 +88,15 @@ fn every_kind_of_bad_line_has_its_column_and_its_reason() {
 
 #[test]
 fn columns_count_characters_and_bytes_that_are_no_text_are_told() {
-    assert_eq!(refused("kinematics", "lambda", "{\"y\":[0.1],\"frames\":[\"äöü\",1]}".as_bytes()).0, 28);
+    assert_eq!(
+        refused("kinematics", "lambda", "{\"y\":[0.1],\"frames\":[\"äöü\",1]}".as_bytes()).0,
+        28
+    );
     assert_eq!(refused("kinematics", "lambda", "  {\"ä\":1}".as_bytes()).0, 4);
-    assert_eq!(refused("kinematics", "lambda", b"{\"y\":[0.1],\"\xff\":1}"), (13, "a byte that is no UTF-8".to_owned()));
+    assert_eq!(
+        refused("kinematics", "lambda", b"{\"y\":[0.1],\"\xff\":1}"),
+        (13, "a byte that is no UTF-8".to_owned())
+    );
     assert_eq!(refused("kinematics", "lambda", br#"{"\ud800":1}"#).0, 2);
 }
 
@@ -86,8 +112,14 @@ fn wrenches_and_forces_are_checked_like_everything_else() {
         assert_eq!(refused("inverse-dynamics", "lambda", line.as_bytes()).0, column, "{line}");
     }
     let (column, error) = refused("forward-dynamics", "lambda", br#"{"y":[0.1]}"#);
-    assert_eq!((column, error.as_str()), (1, "nothing says the forces: give tau_u, tau_y or tau_q"));
-    assert_eq!(refused("forward-dynamics", "lambda", br#"{"y":[0.1],"ydd":[0],"tau_u":[1]}"#).0, 12);
+    assert_eq!(
+        (column, error.as_str()),
+        (1, "nothing says the forces: give tau_u, tau_y or tau_q")
+    );
+    assert_eq!(
+        refused("forward-dynamics", "lambda", br#"{"y":[0.1],"ydd":[0],"tau_u":[1]}"#).0,
+        12
+    );
 }
 
 #[test]
@@ -101,13 +133,18 @@ fn a_wrong_count_and_an_infinite_number_are_failed_states() {
     ];
     let answer = ask("kinematics", "lambda", &lines);
     assert_eq!(answer.code, Some(0), "a failed state is an answer");
-    assert_eq!(answer.statuses(), ["wrong_size", "wrong_size", "non_finite_input", "wrong_size", "wrong_size"]);
+    assert_eq!(
+        answer.statuses(),
+        ["wrong_size", "wrong_size", "non_finite_input", "wrong_size", "wrong_size"]
+    );
     let first = r#"{"status":"wrong_size","warnings":[],"q":null,"residual":null,"column":6,"error":"y has 2 numbers, expected 1"}"#;
     assert_eq!(answer.out.lines().next(), Some(first));
-    let columns: Vec<u64> = answer.json().iter().map(|answer| answer["column"].as_u64().unwrap()).collect();
+    let columns: Vec<u64> =
+        answer.json().iter().map(|answer| answer["column"].as_u64().unwrap()).collect();
     assert_eq!(columns, [6, 6, 7, 32, 46]);
     assert_eq!(answer.json()[4]["frames"], Value::Null);
-    let wrench = ask("inverse-dynamics", "lambda", &[r#"{"y":[0.1],"wrenches":{"Elbow_Link":[1,2]}}"#]);
+    let wrench =
+        ask("inverse-dynamics", "lambda", &[r#"{"y":[0.1],"wrenches":{"Elbow_Link":[1,2]}}"#]);
     assert_eq!(wrench.json()[0]["error"], "the wrench on `Elbow_Link` has 2 numbers, expected 6");
 }
 
@@ -124,7 +161,10 @@ fn lines_are_answered_one_for_one_and_blank_ones_skipped() {
 #[test]
 fn every_answer_comes_before_the_next_question() {
     let mut command = Command::new(sarrus());
-    command.args(["ask", "kinematics", "--robot", "lambda"]).stdin(Stdio::piped()).stdout(Stdio::piped());
+    command
+        .args(["ask", "kinematics", "--robot", "lambda"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
     let mut stdin = child.stdin.take().unwrap();
@@ -139,7 +179,11 @@ fn every_answer_comes_before_the_next_question() {
 #[test]
 fn a_reader_that_leaves_ends_the_command_in_silence() {
     let mut command = Command::new(sarrus());
-    command.args(["ask", "kinematics", "--robot", "lambda"]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+        .args(["ask", "kinematics", "--robot", "lambda"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     drop(child.stdout.take());
     let mut stdin = child.stdin.take().unwrap();
@@ -160,7 +204,10 @@ fn long_and_deep_lines_are_lines_like_others() {
     let text = [long, deep, open, digits, keys, wants, "{\"y\":[0.1]}".to_owned()].join("\n");
     let answer = run(&["ask", "kinematics", "--robot", "lambda"], text.as_bytes());
     assert_eq!(answer.code, Some(1));
-    assert_eq!(answer.statuses(), ["wrong_size", "bad_request", "bad_request", "ok", "bad_request", "bad_request", "ok"]);
+    assert_eq!(
+        answer.statuses(),
+        ["wrong_size", "bad_request", "bad_request", "ok", "bad_request", "bad_request", "ok"]
+    );
     assert_eq!(answer.json()[0]["error"], "y has 3000001 numbers, expected 1");
     assert!(answer.out.len() < 5000, "no answer repeats a long line");
 }
@@ -195,5 +242,7 @@ fn flags_that_make_no_sense_end_with_2_and_say_why() {
         assert_eq!((code, out.as_str()), (Some(2), ""), "{arguments:?}");
         assert!(!err.is_empty(), "{arguments:?}");
     }
-    assert!(run(&["ask", "kinematics", "--robot", "lamda"], b"").err.contains("did you mean `lambda`?"));
+    assert!(
+        run(&["ask", "kinematics", "--robot", "lamda"], b"").err.contains("did you mean `lambda`?")
+    );
 }

@@ -27,7 +27,9 @@ fn sarrus() -> &'static Path {
         let path = folder.join("sarrus");
         if !path.exists() {
             let mut build = Command::new(env!("CARGO"));
-            build.args(["build", "--locked", "-p", "sarrus-server", "--target-dir"]).arg(folder.parent().unwrap());
+            build
+                .args(["build", "--locked", "-p", "sarrus-server", "--target-dir"])
+                .arg(folder.parent().unwrap());
             if folder.ends_with("release") {
                 build.arg("--release");
             }
@@ -48,7 +50,12 @@ struct Run {
 impl Run {
     /// Runs a command to its end.
     fn of(command: &mut Command, input: &[u8]) -> Run {
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
         let (mut stdin, input) = (child.stdin.take().unwrap(), input.to_owned());
         // a command that ends early closes its end
         let writer = std::thread::spawn(move || drop(stdin.write_all(&input)));
@@ -60,7 +67,13 @@ impl Run {
 
     /// The lines of stdout as JSON.
     fn json(&self) -> Vec<Value> {
-        self.out.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}\n{self:?}"))).collect()
+        self.out
+            .lines()
+            .map(|line| {
+                serde_json::from_str(line)
+                    .unwrap_or_else(|error| panic!("{error}: {line}\n{self:?}"))
+            })
+            .collect()
     }
 
     /// The statuses of the answers.
@@ -82,7 +95,12 @@ fn ask(request: &str, robot: &str, lines: &[&str]) -> Run {
 /// A line of kinematics that wants the k-th of 2048 sets of fields.
 fn subset(k: usize) -> String {
     let names = ["y", "yd", "ydd", "q", "qd", "qdd", "u", "ud", "udd", "G", "K"];
-    let want: Vec<&str> = names.into_iter().enumerate().filter(|(bit, _)| k >> bit & 1 == 1).map(|(_, name)| name).collect();
+    let want: Vec<&str> = names
+        .into_iter()
+        .enumerate()
+        .filter(|(bit, _)| k >> bit & 1 == 1)
+        .map(|(_, name)| name)
+        .collect();
     serde_json::json!({"y": [0.1], "want": want}).to_string()
 }
 
@@ -91,7 +109,9 @@ struct Folder(PathBuf);
 
 impl Folder {
     fn new(name: &str) -> Folder {
-        let folder = Folder(std::env::temp_dir().join(format!("sarrus-commands-{}-{name}", std::process::id())));
+        let folder = Folder(
+            std::env::temp_dir().join(format!("sarrus-commands-{}-{name}", std::process::id())),
+        );
         std::fs::create_dir_all(&folder.0).unwrap();
         folder
     }

@@ -25,27 +25,39 @@ impl Place {
         static ALONE: Mutex<()> = Mutex::new(());
         static PLACES: AtomicU32 = AtomicU32::new(0);
         let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let root = std::env::temp_dir().join(format!("sarrus-ask-{}-{}", std::process::id(), PLACES.fetch_add(1, Relaxed)));
+        let root = std::env::temp_dir().join(format!(
+            "sarrus-ask-{}-{}",
+            std::process::id(),
+            PLACES.fetch_add(1, Relaxed)
+        ));
         let prefix = Domain::at(&root).unwrap().prefix();
         Place { root, prefix, _alone: alone }
     }
 
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(sarrus());
-        command.args(arguments).env("SARRUS_ROOT", &self.root).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+            .args(arguments)
+            .env("SARRUS_ROOT", &self.root)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
         command
     }
 
     fn serve(&self, robot: &str, name: &str) -> Process {
-        let mut server = Process::start(&mut self.command(&["serve", "--robot", robot, "--name", name]));
+        let mut server =
+            Process::start(&mut self.command(&["serve", "--robot", robot, "--name", name]));
         let ready = server.line();
         assert!(ready.starts_with(&format!("ready {name} ")), "{ready}");
         server
     }
 
     fn leftovers(&self) -> Vec<PathBuf> {
-        let shared = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|entry| entry.path());
-        let ours = shared.filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(&self.prefix));
+        let shared =
+            std::fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|entry| entry.path());
+        let ours = shared
+            .filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(&self.prefix));
         ours.chain(self.root.exists().then(|| self.root.clone())).collect()
     }
 }
@@ -53,7 +65,11 @@ impl Place {
 impl Drop for Place {
     fn drop(&mut self) {
         for path in self.leftovers() {
-            let _ = if path.is_dir() { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
+            let _ = if path.is_dir() {
+                std::fs::remove_dir_all(&path)
+            } else {
+                std::fs::remove_file(&path)
+            };
         }
     }
 }
@@ -82,7 +98,13 @@ impl Process {
     }
 
     fn signal(&self, signal: &str) {
-        assert!(Command::new("kill").args([signal, &self.child.id().to_string()]).status().unwrap().success());
+        assert!(
+            Command::new("kill")
+                .args([signal, &self.child.id().to_string()])
+                .status()
+                .unwrap()
+                .success()
+        );
     }
 
     fn end(&mut self) -> ExitStatus {
@@ -117,11 +139,18 @@ fn through_a_server_the_text_is_the_same() {
     for robot in ["torso", "wrist", "rh5v2_upper_body"] {
         let server = place.serve(robot, "same");
         let file = vectors(robot);
-        let frames = format!("{{\"y\":{},\"frames\":[{:?}],\"want\":[\"jacobians\",\"G_u\"]}}\n", file["cases"][0]["y"], link(robot));
+        let frames = format!(
+            "{{\"y\":{},\"frames\":[{:?}],\"want\":[\"jacobians\",\"G_u\"]}}\n",
+            file["cases"][0]["y"],
+            link(robot)
+        );
         for request in ["kinematics", "inverse-dynamics", "forward-dynamics", "map"] {
             let text = lines(&file, request) + odd + &frames;
             let here = run(&["ask", request, "--robot", robot], text.as_bytes());
-            let there = Run::of(&mut place.command(&["ask", request, "--connect", "same"]), text.as_bytes());
+            let there = Run::of(
+                &mut place.command(&["ask", request, "--connect", "same"]),
+                text.as_bytes(),
+            );
             assert_eq!(here.code, there.code);
             assert_eq!(here.out, there.out, "{robot} {request}");
             assert_eq!((here.err.as_str(), there.err.as_str()), ("", ""));
@@ -140,9 +169,13 @@ fn link(robot: &str) -> &'static str {
 #[test]
 fn without_a_server_there_is_nothing_to_ask() {
     let place = Place::new();
-    let refused = Run::of(&mut place.command(&["ask", "kinematics", "--connect", "nobody"]), b"{\"y\":[0]}");
+    let refused =
+        Run::of(&mut place.command(&["ask", "kinematics", "--connect", "nobody"]), b"{\"y\":[0]}");
     assert_eq!((refused.code, refused.out.as_str()), (Some(2), ""));
-    assert_eq!(refused.err, "sarrus ask: no server named `nobody` runs; start one with `sarrus serve --name nobody`\n");
+    assert_eq!(
+        refused.err,
+        "sarrus ask: no server named `nobody` runs; start one with `sarrus serve --name nobody`\n"
+    );
     let refused = Run::of(&mut place.command(&["ask", "kinematics", "--connect", "no/body"]), b"");
     assert_eq!((refused.code, refused.out.as_str()), (Some(2), ""));
     assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
@@ -152,13 +185,16 @@ fn without_a_server_there_is_nothing_to_ask() {
 fn lines_that_a_server_leaves_are_told_and_a_new_one_takes_over() {
     let place = Place::new();
     let server = place.serve("lambda", "gone");
-    let mut asking = Process::start(&mut place.command(&["ask", "kinematics", "--connect", "gone"]));
+    let mut asking =
+        Process::start(&mut place.command(&["ask", "kinematics", "--connect", "gone"]));
     let line = r#"{"y":[0.1],"want":["y"]}"#;
     let good = r#"{"status":"ok","warnings":[],"y":[0.1]}"#;
     assert_eq!(asking.ask(line), good);
     server.stop();
     for _ in 0..3 {
-        assert!(asking.ask(line).starts_with(r#"{"status":"shutting_down","warnings":[],"y":null,"error":"the server `gone` is gone"#));
+        assert!(asking.ask(line).starts_with(
+            r#"{"status":"shutting_down","warnings":[],"y":null,"error":"the server `gone` is gone"#
+        ));
     }
     let until = |asking: &mut Process, start: &str| {
         let begin = Instant::now();
@@ -182,7 +218,8 @@ fn a_server_that_takes_no_more_plans_is_told() {
     let place = Place::new();
     let server = place.serve("lambda", "plans");
     let text: String = (0..1026).chain([7]).map(|k| subset(k) + "\n").collect();
-    let answer = Run::of(&mut place.command(&["ask", "kinematics", "--connect", "plans"]), text.as_bytes());
+    let answer =
+        Run::of(&mut place.command(&["ask", "kinematics", "--connect", "plans"]), text.as_bytes());
     assert_eq!((answer.code, answer.err.as_str()), (Some(0), ""));
     let statuses = answer.statuses();
     assert!(statuses[..1024].iter().all(|status| status == "ok"));
@@ -193,11 +230,18 @@ fn a_server_that_takes_no_more_plans_is_told() {
 #[test]
 fn more_askers_than_lanes_are_answered_through_the_requests_door() {
     let place = Place::new();
-    let mut server = Process::start(&mut place.command(&["serve", "--robot", "lambda", "--name", "full", "--lanes", "1"]));
+    let mut server = Process::start(
+        &mut place.command(&["serve", "--robot", "lambda", "--name", "full", "--lanes", "1"]),
+    );
     server.line();
-    let mut askers: Vec<Process> = (0..3).map(|_| Process::start(&mut place.command(&["ask", "map", "--connect", "full"]))).collect();
+    let mut askers: Vec<Process> = (0..3)
+        .map(|_| Process::start(&mut place.command(&["ask", "map", "--connect", "full"])))
+        .collect();
     for asker in &mut askers {
-        assert_eq!(asker.ask(r#"{"y":[0.1],"want":["y"]}"#), r#"{"status":"ok","warnings":[],"y":[0.1]}"#);
+        assert_eq!(
+            asker.ask(r#"{"y":[0.1],"want":["y"]}"#),
+            r#"{"status":"ok","warnings":[],"y":[0.1]}"#
+        );
     }
     for asker in &mut askers {
         assert!(asker.end().success());
@@ -211,11 +255,21 @@ fn the_demo_is_good_and_leaves_nothing_behind() {
     let demo = Run::of(&mut place.command(&["demo", "--format", "json"]), b"");
     assert_eq!((demo.code, demo.err.as_str()), (Some(0), ""), "{demo:?}");
     let report = demo.json().remove(0);
-    assert_eq!((report["robot"].as_str(), report["good"].as_bool()), (Some("rh5v2_upper_body"), Some(true)));
+    assert_eq!(
+        (report["robot"].as_str(), report["good"].as_bool()),
+        (Some("rh5v2_upper_body"), Some(true))
+    );
     assert!(report["worst_error"].as_f64().unwrap() < 1e-12);
-    let ways: Vec<&str> = report["ways"].as_array().unwrap().iter().map(|way| way["way"].as_str().unwrap()).collect();
+    let ways: Vec<&str> =
+        report["ways"].as_array().unwrap().iter().map(|way| way["way"].as_str().unwrap()).collect();
     assert_eq!(ways[..2], ["lane", "requests door"]);
-    assert!(report["ways"].as_array().unwrap().iter().all(|way| way["requests"].as_u64().unwrap() >= 5001 && way["failed"] == 0));
+    assert!(
+        report["ways"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|way| way["requests"].as_u64().unwrap() >= 5001 && way["failed"] == 0)
+    );
     assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
 }
 
@@ -227,12 +281,19 @@ fn an_interrupted_demo_leaves_nothing_behind() {
         // its server is there, or will be in a moment
         let start = Instant::now();
         while !processes().iter().any(|line| line.contains(&format!("demo-{}", demo.child.id()))) {
-            assert!(start.elapsed() < Duration::from_secs(30) && demo.child.try_wait().unwrap().is_none(), "no server comes");
+            assert!(
+                start.elapsed() < Duration::from_secs(30)
+                    && demo.child.try_wait().unwrap().is_none(),
+                "no server comes"
+            );
             std::thread::sleep(Duration::from_millis(5));
         }
         demo.signal(signal);
         assert_eq!(demo.end().code(), Some(130), "{signal}");
-        assert!(!processes().iter().any(|line| line.contains(&format!("demo-{}", demo.child.id()))), "{signal}");
+        assert!(
+            !processes().iter().any(|line| line.contains(&format!("demo-{}", demo.child.id()))),
+            "{signal}"
+        );
         assert_eq!(place.leftovers(), Vec::<PathBuf>::new(), "{signal}");
     }
 }

@@ -11,28 +11,60 @@ fn folder(name: &str) -> std::path::PathBuf {
 }
 
 fn simulate(name: &str, arguments: &[&str]) -> Run {
-    Run::of(Command::new(sarrus()).arg("simulate").args(arguments).arg("--out").arg(folder(name)), b"")
+    Run::of(
+        Command::new(sarrus()).arg("simulate").args(arguments).arg("--out").arg(folder(name)),
+        b"",
+    )
 }
 
 #[test]
 fn the_squeezer_arrives_from_the_command_line() {
     let spring = ["--spring", "ground:0.014,0.072,0", "K3:0.02,-0.018,0", "4530,0,0.07785"];
-    let rest =
-        ["--robot", "squeezer", "--method", "radau5", "--duration", "0.03", "--rtol", "1e-11", "--atol", "1e-11", "--tau-u", "0.033"];
-    let run = simulate("squeezer", &[&rest[..], &spring, &["--every", "0.01", "--format", "json"]].concat());
+    let rest = [
+        "--robot",
+        "squeezer",
+        "--method",
+        "radau5",
+        "--duration",
+        "0.03",
+        "--rtol",
+        "1e-11",
+        "--atol",
+        "1e-11",
+        "--tau-u",
+        "0.033",
+    ];
+    let run = simulate(
+        "squeezer",
+        &[&rest[..], &spring, &["--every", "0.01", "--format", "json"]].concat(),
+    );
     assert_eq!(run.code, Some(0), "{}", run.err);
     let answer: Value = serde_json::from_str(&run.out).unwrap();
-    assert_eq!((answer["status"].as_str(), answer["method"].as_str()), (Some("finished"), Some("radau5")));
+    assert_eq!(
+        (answer["status"].as_str(), answer["method"].as_str()),
+        (Some("finished"), Some("radau5"))
+    );
     assert!((answer["yd"]["beta"].as_f64().unwrap() - 1139.920302151208).abs() < 1e-5, "{answer}");
-    assert!(answer["drift"].as_f64().unwrap() < 1e-8 && answer["residual"].as_f64().unwrap() < 1e-12, "{answer}");
+    assert!(
+        answer["drift"].as_f64().unwrap() < 1e-8 && answer["residual"].as_f64().unwrap() < 1e-12,
+        "{answer}"
+    );
     // four rows under a head, and a page that needs nothing else
     let table = std::fs::read_to_string(folder("squeezer").join("motion.csv")).unwrap();
     let lines: Vec<&str> = table.lines().collect();
-    assert!(lines[0].starts_with("time,y.beta,yd.beta,q.beta,") && lines[0].ends_with(",kinetic,potential,work,residual"), "{}", lines[0]);
+    assert!(
+        lines[0].starts_with("time,y.beta,yd.beta,q.beta,")
+            && lines[0].ends_with(",kinetic,potential,work,residual"),
+        "{}",
+        lines[0]
+    );
     assert_eq!(lines.len(), 5);
     assert!(lines[4].starts_with("0.03,15.87248508"), "{}", lines[4]);
     let page = std::fs::read_to_string(folder("squeezer").join("motion.html")).unwrap();
-    assert!(page.contains("<svg") && !page.contains("<script") && !page.contains("http://www.example"), "a page without pictures");
+    assert!(
+        page.contains("<svg") && !page.contains("<script") && !page.contains("http://www.example"),
+        "a page without pictures"
+    );
     std::fs::remove_dir_all(folder("squeezer")).unwrap();
 }
 
@@ -45,11 +77,26 @@ fn forces_come_from_a_file() {
         std::fs::write(&path, text).unwrap();
         simulate(
             "file",
-            &["--robot", "five_bar", "--duration", "0.1", "--method", "rk4", "--step", "1e-3", "--format", "json", "--input", given],
+            &[
+                "--robot",
+                "five_bar",
+                "--duration",
+                "0.1",
+                "--method",
+                "rk4",
+                "--step",
+                "1e-3",
+                "--format",
+                "json",
+                "--input",
+                given,
+            ],
         )
     };
     // the order of columns is free, and a joint without one feels nothing
-    let [a, b] = ["time,right_motor,left_motor\n0,0,1\n0.1,0,2\n", "time,left_motor\n0,1\n\n0.1,2\n"].map(ask);
+    let [a, b] =
+        ["time,right_motor,left_motor\n0,0,1\n0.1,0,2\n", "time,left_motor\n0,1\n\n0.1,2\n"]
+            .map(ask);
     assert_eq!((a.code, b.code), (Some(0), Some(0)), "{} {}", a.err, b.err);
     assert_eq!(a.out, b.out);
     for (text, words) in [
@@ -69,7 +116,11 @@ fn forces_come_from_a_file() {
     std::fs::remove_dir_all(folder("file")).unwrap();
     let missing = simulate("file", &["--robot", "five_bar", "--input", given]);
     assert_eq!(missing.code, Some(2));
-    assert!(missing.err.contains("cannot read") && missing.err.contains("forces.csv"), "{}", missing.err);
+    assert!(
+        missing.err.contains("cannot read") && missing.err.contains("forces.csv"),
+        "{}",
+        missing.err
+    );
 }
 
 #[test]
@@ -88,7 +139,11 @@ fn exit_codes_say_whether_it_ran_ended_early_or_was_refused() {
         (&["--kp", "1,2"], 2, "kp in y"),
         (&["--spring", "hand", "base_link", "1,0,0"], 2, "there is no link `hand`"),
         (&["--spring", "base_link:0,0", "Elbow_Link", "1,0,0"], 2, "expected x,y,z"),
-        (&["--spring", "base_link", "Elbow_Link", "1,0"], 2, "expected stiffness, damping and rest length"),
+        (
+            &["--spring", "base_link", "Elbow_Link", "1,0"],
+            2,
+            "expected stiffness, damping and rest length",
+        ),
         (&["--spring", "base_link", "Elbow_Link", "-1,0,0"], 2, "stiffness of -1"),
         (&["--method", "euler", "--step", "1", "--duration", "1e4", "--kp", "1e9"], 1, ""),
     ] {
@@ -126,7 +181,10 @@ fn a_stop_half_way_is_told_with_its_status_and_leaves_the_rows_up_to_there() {
     assert_eq!(run.code, Some(1), "{}", run.out);
     let answer: Value = serde_json::from_str(&run.out).unwrap();
     assert_ne!(answer["status"], "finished");
-    assert!(answer["time"].as_f64().unwrap() < 5.0 && answer["steps"].as_u64().unwrap() > 10, "{answer}");
+    assert!(
+        answer["time"].as_f64().unwrap() < 5.0 && answer["steps"].as_u64().unwrap() > 10,
+        "{answer}"
+    );
     let rows = std::fs::read_to_string(folder("early").join("motion.csv")).unwrap().lines().count();
     assert!(rows > 3, "{rows} rows");
     std::fs::remove_dir_all(folder("early")).unwrap();

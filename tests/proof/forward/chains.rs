@@ -5,15 +5,21 @@ use super::*;
 #[test]
 fn the_methods_agree_on_chains_of_loops() {
     for n in [1, 2, 3, 10, 40] {
-        let Compiled { model, exact, .. } = Model::compile(&lambdas(n)).unwrap_or_else(|error| panic!("{error}"));
+        let Compiled { model, exact, .. } =
+            Model::compile(&lambdas(n)).unwrap_or_else(|error| panic!("{error}"));
         fn check<T: Scalar>(model: &Model<T>, allowed: f64) {
             let n = model.sizes().n_vy;
             let mut seeded = Seeded::new(n as u64);
-            let mut random = |size: f64| -> Vec<T> { seeded.numbers(n, size).into_iter().map(T::from_f64).collect() };
+            let mut random = |size: f64| -> Vec<T> {
+                seeded.numbers(n, size).into_iter().map(T::from_f64).collect()
+            };
             let (y, yd, tau) = (random(0.2), random(1.0), random(10.0));
-            let inverse = Robot::new(model.clone()).ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd)], &[MY, CY]).ok();
+            let inverse = Robot::new(model.clone())
+                .ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd)], &[MY, CY])
+                .ok();
             for method in Method::ALL {
-                let (status, x) = forward(model, method, &[(Y, &y), (Yd, &yd), (TauY, &tau)], &[Ydd]);
+                let (status, x) =
+                    forward(model, method, &[(Y, &y), (Yd, &yd), (TauY, &tau)], &[Ydd]);
                 assert_eq!(status, Status::Ok);
                 let error = backward_error(inverse.get(MY), inverse.get(CY), &tau, &x[0]);
                 assert!(error <= allowed, "{n} lambdas, {}: {error:.2e}", method.name());
@@ -30,13 +36,17 @@ fn a_chain_of_a_thousand_loops_is_solved_and_gives_its_forces_back() {
     let n = 1000;
     let mut seeded = Seeded::new(5);
     let (y, yd, tau) = (seeded.numbers(n, 0.02), seeded.numbers(n, 0.1), seeded.numbers(n, 10.0));
-    let (status, x) = forward(&model, Method::Recursion, &[(Y, &y), (Yd, &yd), (TauY, &tau)], &[Ydd]);
+    let (status, x) =
+        forward(&model, Method::Recursion, &[(Y, &y), (Yd, &yd), (TauY, &tau)], &[Ydd]);
     assert_eq!(status, Status::Ok);
-    let inverse = Robot::new(model).ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd), (Ydd, &x[0])], &[TauY, MY, CY]).ok();
+    let inverse = Robot::new(model)
+        .ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd), (Ydd, &x[0])], &[TauY, MY, CY])
+        .ok();
     let error = backward_error(inverse.get(MY), inverse.get(CY), &tau, &x[0]);
     // what inverse dynamics gives back, by the same size
     let M = inverse.get(MY);
-    let size = M.chunks_exact(n).map(|row| row.iter().map(|x| x.abs()).sum()).fold(0.0, f64::max) * largest(&x[0]);
+    let size = M.chunks_exact(n).map(|row| row.iter().map(|x| x.abs()).sum()).fold(0.0, f64::max)
+        * largest(&x[0]);
     let back = largest(&minus(inverse.get(TauY), &tau)) / size;
     println!("backward error {error:.2e}, forces given back {back:.2e}");
     assert!(error <= 1e-12 && back <= 1e-12, "{error:.2e} {back:.2e}");
@@ -48,12 +58,24 @@ fn the_methods_agree_on_spherical_joints() {
     let mut robot = lambdas(2);
     for k in 0..2 {
         let (link, j) = (robot.links.len(), robot.joints.len());
-        let inertial = Inertial { origin: at([0.1, 0.2, -0.1], [0.3, 0.2, 0.1]), mass: 1.5, inertia: [0.02, 0.001, 0.0, 0.03, 0.0, 0.04] };
+        let inertial = Inertial {
+            origin: at([0.1, 0.2, -0.1], [0.3, 0.2, 0.1]),
+            mass: 1.5,
+            inertia: [0.02, 0.001, 0.0, 0.03, 0.0, 0.04],
+        };
         robot.links.push(Link { name: format!("ball{k}"), inertial: Some(inertial) });
         // on the slider of the first lambda, then on itself
         let parent = if k == 0 { 3 } else { link - 1 };
         let origin = at([0.1, 0.0, 0.2], [0.1, 0.5, 0.0]);
-        robot.joints.push(joint(format!("ball{k}"), JointKind::Spherical, parent, link, origin, [0.0, 0.0, 1.0], Terms::default()));
+        robot.joints.push(joint(
+            format!("ball{k}"),
+            JointKind::Spherical,
+            parent,
+            link,
+            origin,
+            [0.0, 0.0, 1.0],
+            Terms::default(),
+        ));
         robot.submechanisms.push(Submechanism {
             name: format!("ball{k}"),
             kind: SubmechanismKind::Serial,
@@ -64,15 +86,21 @@ fn the_methods_agree_on_spherical_joints() {
             loops: vec![],
         });
     }
-    let Compiled { model, exact, .. } = Model::compile(&robot).unwrap_or_else(|error| panic!("{error}"));
+    let Compiled { model, exact, .. } =
+        Model::compile(&robot).unwrap_or_else(|error| panic!("{error}"));
     fn check<T: Scalar>(model: &Model<T>, allowed: f64) {
         let half = T::from_f64(0.5);
-        let y = [T::from_f64(0.1), T::from_f64(-0.1), half, half, half, half, half, -half, half, -half];
+        let y =
+            [T::from_f64(0.1), T::from_f64(-0.1), half, half, half, half, half, -half, half, -half];
         let n = model.sizes().n_vy;
         let mut seeded = Seeded::new(9);
-        let mut random = |size: f64| -> Vec<T> { seeded.numbers(n, size).into_iter().map(T::from_f64).collect() };
+        let mut random = |size: f64| -> Vec<T> {
+            seeded.numbers(n, size).into_iter().map(T::from_f64).collect()
+        };
         let (yd, tau) = (random(1.0), random(5.0));
-        let inverse = Robot::new(model.clone()).ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd)], &[MY, CY]).ok();
+        let inverse = Robot::new(model.clone())
+            .ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd)], &[MY, CY])
+            .ok();
         for method in Method::ALL {
             let (status, x) = forward(model, method, &[(Y, &y), (Yd, &yd), (TauY, &tau)], &[Ydd]);
             assert_eq!(status, Status::Ok);

@@ -1,13 +1,17 @@
-//! Forward dynamics three ways: they agree with each other, with inverse dynamics and with what others computed.
+//! Forward dynamics three ways: they agree with each other, with inverse dynamics and with what
+//! others computed.
 
 mod chains;
 mod terms;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism, SubmechanismKind, Terms,
+    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind, Terms,
 };
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Compiled, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{
+    Compiled, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Workspace,
+};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{assert_close, largest};
 use sarrus_tests::reference::{ROBOTS, cases, numbers, vectors};
@@ -21,33 +25,64 @@ use Field::*;
 const STATES: u64 = 2;
 
 /// What one method answers; the fields one after the other.
-fn forward<T: Scalar>(model: &Model<T>, method: Method, given: &[(Field, &[T])], want: &[Field]) -> (Status, Vec<Vec<T>>) {
+fn forward<T: Scalar>(
+    model: &Model<T>,
+    method: Method,
+    given: &[(Field, &[T])],
+    want: &[Field],
+) -> (Status, Vec<Vec<T>>) {
     let fields: Vec<Field> = given.iter().map(|x| x.0).collect();
     let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&fields), FieldSet::of(want));
     let plan = Plan::with_method(model, &wanted, method).unwrap();
     assert_eq!(plan.method(), method);
     let mut workspace = Workspace::for_plans(model, [&plan]);
     let mut input = vec![T::ZERO; plan.given().len()];
-    given.iter().for_each(|(field, numbers)| input[plan.given().slot(*field).unwrap().range()].copy_from_slice(numbers));
+    given.iter().for_each(|(field, numbers)| {
+        input[plan.given().slot(*field).unwrap().range()].copy_from_slice(numbers)
+    });
     let mut output = vec![T::ZERO; plan.want().len()];
     let status = plan.run(model, &mut workspace, &input, &mut output).status;
-    (status, want.iter().map(|field| output[plan.want().slot(*field).unwrap().range()].to_vec()).collect())
+    (
+        status,
+        want.iter()
+            .map(|field| output[plan.want().slot(*field).unwrap().range()].to_vec())
+            .collect(),
+    )
 }
 
 /// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖).
 fn backward_error<T: Scalar>(M: &[T], C: &[T], tau: &[T], ydd: &[T]) -> f64 {
     let residual = largest(&minus(&plus(&product(M, ydd), C), tau));
-    let norm = M.chunks_exact(ydd.len().max(1)).map(|row| row.iter().map(|x| x.to_f64().abs()).sum()).fold(0.0, f64::max);
+    let norm = M
+        .chunks_exact(ydd.len().max(1))
+        .map(|row| row.iter().map(|x| x.to_f64().abs()).sum())
+        .fold(0.0, f64::max);
     let size = norm * largest(ydd) + largest(C) + largest(tau);
     if residual == 0.0 { 0.0 } else { residual / size }
 }
 
-fn methods_agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, scalar: &str, allowed: f64, ledger: &mut Ledger) {
+fn methods_agree<T: Scalar>(
+    case: &Case,
+    model: &Model<T>,
+    state: &State<T>,
+    scalar: &str,
+    allowed: f64,
+    ledger: &mut Ledger,
+) {
     let motion: [(Field, &[T]); 3] = [(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)];
-    let inverse = Robot::new(model.clone()).ask(Request::InverseDynamics, &motion, &[TauY, TauQ, MY, CY, CondMy, CondKd, Lambda]).ok();
-    let (M, C, cond) = (inverse.get(MY), inverse.get(CY), inverse.get(CondMy)[0].to_f64() * inverse.get(CondKd)[0].to_f64());
+    let inverse = Robot::new(model.clone())
+        .ask(Request::InverseDynamics, &motion, &[TauY, TauQ, MY, CY, CondMy, CondKd, Lambda])
+        .ok();
+    let (M, C, cond) = (
+        inverse.get(MY),
+        inverse.get(CY),
+        inverse.get(CondMy)[0].to_f64() * inverse.get(CondKd)[0].to_f64(),
+    );
     // forces that cancel along the loops leave their rounding
-    let cond = cond * (1.0 + largest(inverse.get(TauQ)) / (largest(M) * largest(&state.ydd)).max(f64::MIN_POSITIVE));
+    let cond = cond
+        * (1.0
+            + largest(inverse.get(TauQ))
+                / (largest(M) * largest(&state.ydd)).max(f64::MIN_POSITIVE));
     let loops = case.contradiction() * inverse.get(CondKd)[0].to_f64();
     let forces = Seeded::new(case.seed).numbers(M.len().isqrt(), largest(inverse.get(TauY)));
     let forces: Vec<T> = forces.into_iter().map(T::from_f64).collect();
@@ -57,11 +92,24 @@ fn methods_agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, sca
         // oracle and closed forms differ by how far loops contradict each other
         let allowed = if method == Method::Kkt { allowed + loops } else { allowed };
         for (what, tau) in [("of the motion", inverse.get(TauY)), ("at random", &forces)] {
-            let (status, x) = forward(model, method, &[motion[0], motion[1], (TauY, tau)], &[Ydd, Lambda]);
+            let (status, x) =
+                forward(model, method, &[motion[0], motion[1], (TauY, tau)], &[Ydd, Lambda]);
             assert_eq!(status, Status::Ok, "{name}");
-            ledger.note(&format!("{name}, forces {what}, in {scalar}"), case, backward_error(M, C, tau, &x[0]), allowed);
+            ledger.note(
+                &format!("{name}, forces {what}, in {scalar}"),
+                case,
+                backward_error(M, C, tau, &x[0]),
+                allowed,
+            );
             if what == "of the motion" {
-                ledger.compare(&format!("{name} gives ÿ back in {scalar}"), case, &x[0], &state.ydd, 0.0, allowed * cond);
+                ledger.compare(
+                    &format!("{name} gives ÿ back in {scalar}"),
+                    case,
+                    &x[0],
+                    &state.ydd,
+                    0.0,
+                    allowed * cond,
+                );
             } else {
                 lambdas.push(x[1].clone());
             }
@@ -69,7 +117,14 @@ fn methods_agree<T: Scalar>(case: &Case, model: &Model<T>, state: &State<T>, sca
     }
     let size = largest(inverse.get(Lambda));
     for lambda in &lambdas[1..] {
-        ledger.compare(&format!("λ of all methods in {scalar}"), case, lambda, &lambdas[0], size, (allowed + loops) * cond * 1e2);
+        ledger.compare(
+            &format!("λ of all methods in {scalar}"),
+            case,
+            lambda,
+            &lambdas[0],
+            size,
+            (allowed + loops) * cond * 1e2,
+        );
     }
 }
 
@@ -89,12 +144,24 @@ fn every_method_agrees_with_an_independent_engine() {
     for name in ROBOTS {
         let model = Case::bundled(name).compiled.model;
         for (k, case) in cases(&vectors(name)).iter().enumerate() {
-            let (y, yd, tau) = (numbers(&case["y"]), numbers(&case["yd"]), numbers(&case["tau_fd"]));
+            let (y, yd, tau) =
+                (numbers(&case["y"]), numbers(&case["yd"]), numbers(&case["tau_fd"]));
             for method in Method::ALL {
-                let (status, x) = forward(&model, method, &[(Y, &y), (Yd, &yd), (TauU, &tau)], &[Ydd, Qdd, Lambda]);
+                let (status, x) = forward(
+                    &model,
+                    method,
+                    &[(Y, &y), (Yd, &yd), (TauU, &tau)],
+                    &[Ydd, Qdd, Lambda],
+                );
                 assert_eq!(status, Status::Ok);
                 for (x, key) in x.iter().zip(["ydd_fd", "qdd_fd", "lambda_fd"]) {
-                    assert_close(&format!("{name} state {k}, {}: {key}", method.name()), x, &numbers(&case[key]), 0.0, 1e-12);
+                    assert_close(
+                        &format!("{name} state {k}, {}: {key}", method.name()),
+                        x,
+                        &numbers(&case[key]),
+                        0.0,
+                        1e-12,
+                    );
                 }
             }
         }
@@ -107,8 +174,12 @@ fn the_model_chooses_one_of_the_fast_methods() {
     for case in robots() {
         let model = &case.compiled.model;
         let chosen = model.forward_method();
-        let costs = [Method::Recursion, Method::Projection].map(|method| model.predicted_cost(method).unwrap());
-        assert_eq!(chosen, if costs[0] < costs[1] { Method::Recursion } else { Method::Projection });
+        let costs = [Method::Recursion, Method::Projection]
+            .map(|method| model.predicted_cost(method).unwrap());
+        assert_eq!(
+            chosen,
+            if costs[0] < costs[1] { Method::Recursion } else { Method::Projection }
+        );
         assert_eq!(model.predicted_cost(Method::Kkt), None);
         seen.push(chosen);
     }
@@ -122,7 +193,11 @@ fn no_method_allocates() {
         let model = &case.compiled.model;
         let state = case.state::<f64>(0);
         for method in Method::ALL {
-            let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd, Qdd, Lambda, CY]));
+            let wanted = Wanted::new(
+                Request::ForwardDynamics,
+                FieldSet::of(&[Y, Yd, TauY]),
+                FieldSet::of(&[Ydd, Qdd, Lambda, CY]),
+            );
             let plan = Plan::with_method(model, &wanted, method).unwrap();
             let mut workspace = Workspace::for_plans(model, [&plan]);
             let mut input = vec![0.0; plan.given().len()];
@@ -140,13 +215,23 @@ fn no_method_allocates() {
 #[test]
 fn a_workspace_without_room_is_refused() {
     let model = Case::bundled("lambda").compiled.model;
-    let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, TauY]), FieldSet::of(&[Ydd]));
-    let [recursion, projection, kkt] = Method::ALL.map(|method| Plan::with_method(&model, &wanted, method).unwrap());
-    let status = |workspace: &mut Workspace<f64>, plan: &Plan| plan.run(&model, workspace, &[0.1, 0.0], &mut [0.0]).status;
+    let wanted =
+        Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, TauY]), FieldSet::of(&[Ydd]));
+    let [recursion, projection, kkt] =
+        Method::ALL.map(|method| Plan::with_method(&model, &wanted, method).unwrap());
+    let status = |workspace: &mut Workspace<f64>, plan: &Plan| {
+        plan.run(&model, workspace, &[0.1, 0.0], &mut [0.0]).status
+    };
     let mut small = Workspace::for_plans(&model, [&recursion]);
-    assert_eq!([&recursion, &projection, &kkt].map(|plan| status(&mut small, plan)), [Status::Ok, Status::WrongSize, Status::WrongSize]);
+    assert_eq!(
+        [&recursion, &projection, &kkt].map(|plan| status(&mut small, plan)),
+        [Status::Ok, Status::WrongSize, Status::WrongSize]
+    );
     let mut usual = Workspace::new(&model);
-    assert_eq!([&recursion, &projection, &kkt].map(|plan| status(&mut usual, plan)), [Status::Ok, Status::Ok, Status::WrongSize]);
+    assert_eq!(
+        [&recursion, &projection, &kkt].map(|plan| status(&mut usual, plan)),
+        [Status::Ok, Status::Ok, Status::WrongSize]
+    );
     let mut all = Workspace::for_plans(&model, [&projection, &kkt]);
     assert_eq!([&recursion, &projection, &kkt].map(|plan| status(&mut all, plan)), [Status::Ok; 3]);
 }
@@ -155,7 +240,15 @@ fn at(xyz: [f64; 3], rpy: [f64; 3]) -> Placement {
     Placement { xyz, rpy }
 }
 
-fn joint(name: String, kind: JointKind, parent: usize, child: usize, origin: Placement, axis: [f64; 3], terms: Terms) -> Joint {
+fn joint(
+    name: String,
+    kind: JointKind,
+    parent: usize,
+    child: usize,
+    origin: Placement,
+    axis: [f64; 3],
+    terms: Terms,
+) -> Joint {
     Joint { name, kind, parent, child, origin, axis, limits: None, coupling: None, terms }
 }
 
@@ -176,7 +269,11 @@ fn lambdas(n: usize) -> Description {
     for k in 0..n {
         let (link, first) = (robot.links.len(), robot.joints.len());
         for (name, y, mass) in [("rocker", 0.1, 1.2), ("stator", 0.1, 0.5), ("slider", -0.1, 0.4)] {
-            let inertial = Inertial { origin: at([0.0, y, 0.01], [0.0; 3]), mass, inertia: [0.004, 0.0, 0.0, 0.002, 0.0, 0.005] };
+            let inertial = Inertial {
+                origin: at([0.0, y, 0.01], [0.0; 3]),
+                mass,
+                inertia: [0.004, 0.0, 0.0, 0.002, 0.0, 0.005],
+            };
             robot.links.push(Link { name: format!("{name}{k}"), inertial: Some(inertial) });
         }
         let (sine, cosine) = f64::sin_cos(0.3);
@@ -184,9 +281,33 @@ fn lambdas(n: usize) -> Description {
         let stator = [from[0] - 0.114 * sine, from[1] + 0.114 * cosine, from[2]];
         let (x, none) = ([1.0, 0.0, 0.0], Terms::default());
         let (turn, slide) = (JointKind::Revolute, JointKind::Prismatic);
-        robot.joints.push(joint(format!("rocker{k}"), turn, on, link, at(from, [0.8, 0.0, 0.3]), x, none));
-        robot.joints.push(joint(format!("stator{k}"), turn, on, link + 1, at(stator, [1.08, 0.0, 0.3]), x, none));
-        robot.joints.push(joint(format!("slider{k}"), slide, link + 1, link + 2, at([0.0, 0.3, 0.0], [0.0; 3]), [0.0, 1.0, 0.0], none));
+        robot.joints.push(joint(
+            format!("rocker{k}"),
+            turn,
+            on,
+            link,
+            at(from, [0.8, 0.0, 0.3]),
+            x,
+            none,
+        ));
+        robot.joints.push(joint(
+            format!("stator{k}"),
+            turn,
+            on,
+            link + 1,
+            at(stator, [1.08, 0.0, 0.3]),
+            x,
+            none,
+        ));
+        robot.joints.push(joint(
+            format!("slider{k}"),
+            slide,
+            link + 1,
+            link + 2,
+            at([0.0, 0.3, 0.0], [0.0; 3]),
+            [0.0, 1.0, 0.0],
+            none,
+        ));
         let row = |name: &str, axis: usize| Row {
             name: name.into(),
             axis: std::array::from_fn(|i| f64::from(u8::from(i == axis))),

@@ -5,12 +5,22 @@ use sarrus_tests::seed::Seeded;
 
 use super::*;
 
-/// A body on six joints, with a seventh above them for the weld, and one cut of this kind between it and the base.
+/// A body on six joints, with a seventh above them for the weld, and one cut of this kind between
+/// it and the base.
 fn cut_body(cut: &str, independent: &str) -> Source {
     const BODY: &str = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>";
-    let joints = [("s", "0.6 0 0.8"), ("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"), ("rx", "1 0 0"), ("ry", "0 1 0"), ("rz", "0 0 1")];
+    let joints = [
+        ("s", "0.6 0 0.8"),
+        ("x", "1 0 0"),
+        ("y", "0 1 0"),
+        ("z", "0 0 1"),
+        ("rx", "1 0 0"),
+        ("ry", "0 1 0"),
+        ("rz", "0 0 1"),
+    ];
     let skipped = usize::from(!cut.contains("weld"));
-    let (mut urdf, mut parent, mut names) = ("<robot name=\"r\"><link name=\"base\"/>\n".to_owned(), "base".to_owned(), Vec::new());
+    let (mut urdf, mut parent, mut names) =
+        ("<robot name=\"r\"><link name=\"base\"/>\n".to_owned(), "base".to_owned(), Vec::new());
     for (name, axis) in &joints[skipped..] {
         let child = if *name == "rz" { "body".to_owned() } else { format!("{name}_link") };
         let kind = if name.len() == 1 && *name != "s" { "prismatic" } else { "revolute" };
@@ -49,7 +59,8 @@ fn cut_frame(x: [f64; 3], inverse: bool) -> [f64; 3] {
 fn a_cut_by_name_leaves_exactly_the_motions_of_its_joint_at_finite_angles() {
     let one = format!("\n    axis: {AXIS:?}");
     let two = format!("{one}\n    axis2: {AXIS2:?}");
-    // what stays where it was: the origin in all directions or across the axis, all turns or the axis, the two axes of a universal joint
+    // what stays where it was: the origin in all directions or across the axis, all turns or the
+    // axis, the two axes of a universal joint
     for (kind, axes, independent, point, line, turn, axis, cross) in [
         ("spherical", "", "rx, ry, rz", true, true, false, false, false),
         ("planar_revolute", &one, "z, rx, ry, rz", false, true, false, false, false),
@@ -59,7 +70,8 @@ fn a_cut_by_name_leaves_exactly_the_motions_of_its_joint_at_finite_angles() {
         ("universal", &two, "rx, ry", true, true, false, false, true),
         ("weld", "", "s", true, true, true, true, false),
     ] {
-        let mut robot = Robot::new(compiled(&cut_body(&format!("{kind}{axes}"), independent)).model);
+        let mut robot =
+            Robot::new(compiled(&cut_body(&format!("{kind}{axes}"), independent)).model);
         for k in 0..20 {
             let y = Seeded::new(k).numbers(robot.model.sizes().n_vy, 0.7);
             let body = pose(&mut robot, "body", &y);
@@ -70,7 +82,8 @@ fn a_cut_by_name_leaves_exactly_the_motions_of_its_joint_at_finite_angles() {
                 cut_frame(std::array::from_fn(|i| there[i] - [0.3, -0.2, 0.4][i]), true)
             };
             let origin = moved([0.0; 3]);
-            let turned = |x: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| moved(x)[i] - origin[i]) };
+            let turned =
+                |x: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| moved(x)[i] - origin[i]) };
             let along: f64 = (0..3).map(|i| AXIS[i] * origin[i]).sum();
             let what = |which: &str| format!("{kind} at {y:?}: {which}");
             if point {

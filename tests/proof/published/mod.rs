@@ -1,4 +1,5 @@
-//! Mechanisms with published numbers or with a closed form that is written here by itself: closures at 1e-14 by size, accelerations at 1e-11.
+//! Mechanisms with published numbers or with a closed form that is written here by itself: closures
+//! at 1e-14 by size, accelerations at 1e-11.
 
 #![allow(clippy::excessive_precision, reason = "published numbers stand as they were published")]
 
@@ -29,7 +30,8 @@ fn link(robot: &Robot<f64>, name: &str) -> u16 {
 
 /// Position of the origin of a link, and its orientation x, y, z, w, at y.
 fn pose(robot: &mut Robot<f64>, name: &str, y: &[f64]) -> [f64; 7] {
-    let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose])).with_frames(&[link(robot, name)]);
+    let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose]))
+        .with_frames(&[link(robot, name)]);
     let answer = robot.ask_for(wanted, &[(Y, y)]).ok();
     std::array::from_fn(|i| answer.get(FramePose)[i])
 }
@@ -57,7 +59,12 @@ struct Motion {
 
 impl Motion {
     /// One step of Runge and Kutta's method; `force` gives ÿ from y, ẏ and a guess of q.
-    fn step(&mut self, robot: &mut Robot<f64>, step: f64, force: impl Fn(&mut Robot<f64>, f64, f64, &[f64]) -> f64) {
+    fn step(
+        &mut self,
+        robot: &mut Robot<f64>,
+        step: f64,
+        force: impl Fn(&mut Robot<f64>, f64, f64, &[f64]) -> f64,
+    ) {
         let mut rate = |y: f64, yd: f64| (yd, force(robot, y, yd, &self.q));
         let (y, yd) = (self.y, self.yd);
         let a = rate(y, yd);

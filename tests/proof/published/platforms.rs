@@ -14,7 +14,8 @@ fn the_delta_stands_where_three_spheres_meet() {
     for k in 0..20 {
         let y = Seeded::new(k).numbers(3, 0.5);
         let state = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q]).ok();
-        // the elbows, moved inwards by the platform's radius, are the centres of spheres of the rods' length
+        // the elbows, moved inwards by the platform's radius, are the centres of spheres of the
+        // rods' length
         let centre = |leg: usize| {
             let (s, c) = (leg as f64 * std::f64::consts::TAU / 3.0).sin_cos();
             let out = 0.15 + 0.2 * y[leg].cos() - 0.05;
@@ -22,7 +23,13 @@ fn the_delta_stands_where_three_spheres_meet() {
         };
         let p = lower_meeting([centre(0), centre(1), centre(2)], 0.5);
         let ours = ["x", "y", "z"].map(|axis| state.get(Q)[index(&format!("platform_{axis}"))]);
-        assert_close(&format!("platform at {y:?}"), &[ours[0], ours[1], ours[2] - 0.4], &p, 1.0, 1e-14);
+        assert_close(
+            &format!("platform at {y:?}"),
+            &[ours[0], ours[1], ours[2] - 0.4],
+            &p,
+            1.0,
+            1e-14,
+        );
         let turns = ["rx", "ry", "rz"].map(|axis| state.get(Q)[index(&format!("platform_{axis}"))]);
         assert_close(&format!("orientation at {y:?}"), &turns, &[0.0; 3], 1.0, 1e-14);
     }
@@ -70,20 +77,34 @@ fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
     let (urdf, submechanisms) = bundled_text("stewart").unwrap();
     // the bodies between the six joints weigh nothing, as those that are not there
     let weight = "<mass value=\"0.001\"/><inertia ixx=\"1e-06\" ixy=\"0\" ixz=\"0\" iyy=\"1e-06\" iyz=\"0\" izz=\"1e-06\"/>";
-    let nothing = "<mass value=\"0\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>";
+    let nothing =
+        "<mass value=\"0\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>";
     assert_eq!(urdf.matches(weight).count(), 5);
-    let source = Source::Text { urdf: urdf.replace(weight, nothing).into(), submechanisms: Some(submechanisms.into()) };
-    let (mut six, mut one) = (Robot::new(compiled(&source).model), Robot::new(bundled("stewart_floating").model));
+    let source = Source::Text {
+        urdf: urdf.replace(weight, nothing).into(),
+        submechanisms: Some(submechanisms.into()),
+    };
+    let (mut six, mut one) =
+        (Robot::new(compiled(&source).model), Robot::new(bundled("stewart_floating").model));
     let sizes = one.model.sizes();
-    assert_eq!((sizes.n_q, sizes.n_v, sizes.n_qy, sizes.n_vy, sizes.n_u, sizes.n_c), (25, 24, 7, 6, 6, 18));
+    assert_eq!(
+        (sizes.n_q, sizes.n_v, sizes.n_qy, sizes.n_vy, sizes.n_u, sizes.n_c),
+        (25, 24, 7, 6, 6, 18)
+    );
     let platform = [link(&six, "HipRotZ_Link")];
     for k in 0..20 {
         let mut seeded = Seeded::new(k);
-        let y: Vec<f64> = (0..6).map(|i| seeded.within(-1.0, 1.0) * if i < 3 { 0.05 } else { 0.2 }).collect();
+        let y: Vec<f64> =
+            (0..6).map(|i| seeded.within(-1.0, 1.0) * if i < 3 { 0.05 } else { 0.2 }).collect();
         let (yd, ydd) = (seeded.numbers(6, 1.0), seeded.numbers(6, 5.0));
         let motion: [(Field, &[f64]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
         let wanted = FieldSet::of(&[U, Ud, Udd, FramePose, FrameTwist, FrameAcc]);
-        let state = six.ask_for(Wanted::new(Request::Kinematics, FieldSet::EMPTY, wanted).with_frames(&platform), &motion).ok();
+        let state = six
+            .ask_for(
+                Wanted::new(Request::Kinematics, FieldSet::EMPTY, wanted).with_frames(&platform),
+                &motion,
+            )
+            .ok();
         let forces = six.ask(Request::InverseDynamics, &motion, &[TauU]).ok();
 
         // pose, twist and acceleration of the platform, in its own axes
@@ -91,7 +112,8 @@ fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
         let back = [0.0, 0.0, 0.0, -pose[3], -pose[4], -pose[5], pose[6]];
         let body = |x: &[f64]| point_of(&back, [x[0], x[1], x[2]]);
         let (twist, acc) = (state.get(FrameTwist), state.get(FrameAcc));
-        let (w, v, alpha, a) = (body(&twist[..3]), body(&twist[3..]), body(&acc[..3]), body(&acc[3..]));
+        let (w, v, alpha, a) =
+            (body(&twist[..3]), body(&twist[3..]), body(&acc[..3]), body(&acc[3..]));
         let wv = cross(w, v);
         let at = [pose[0], pose[1], pose[2] - 0.45, pose[3], pose[4], pose[5], pose[6]];
         let rate = [w, v].concat();
@@ -99,7 +121,13 @@ fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
         let motion: [(Field, &[f64]); 3] = [(Y, &at), (Yd, &rate), (Ydd, &second)];
         let floating = one.ask(Request::Kinematics, &motion, &[U, Ud, Udd]).ok();
         for (field, name) in [(U, "u"), (Ud, "u̇"), (Udd, "ü")] {
-            assert_close(&format!("{name} of {k}"), floating.get(field), state.get(field), 1.0, 1e-13);
+            assert_close(
+                &format!("{name} of {k}"),
+                floating.get(field),
+                state.get(field),
+                1.0,
+                1e-13,
+            );
         }
         let same = one.ask(Request::InverseDynamics, &motion, &[TauU]).ok();
         assert_close(&format!("τ_u of {k}"), same.get(TauU), forces.get(TauU), 0.0, 1e-12);

@@ -22,7 +22,8 @@ fn squeezer_gaps(q: &[f64]) -> [f64; 6] {
     let [beta, theta, gamma, phi, delta, omega, epsilon] = a;
     let [xa, ya, xb, yb] = [-0.06934, -0.00227, -0.03635, 0.03273];
     let [d, e, rr, ss, u, zf, zt] = [0.028, 0.02, 0.007, 0.035, 0.04, 0.02, 0.04];
-    let pin = [rr * beta.cos() - d * (beta + theta).cos(), rr * beta.sin() - d * (beta + theta).sin()];
+    let pin =
+        [rr * beta.cos() - d * (beta + theta).cos(), rr * beta.sin() - d * (beta + theta).sin()];
     [
         pin[0] - ss * gamma.sin() - xb,
         pin[1] + ss * gamma.cos() - yb,
@@ -53,10 +54,18 @@ fn the_squeezer_closes_and_starts_as_published() {
         let y = 0.6 * Seeded::new(k).numbers(1, 1.0)[0];
         let at = robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q]).ok();
         // the mechanism is a few centimetres large
-        assert_close(&format!("loops at β − β0 = {y}"), &squeezer_gaps(at.get(Q)), &[0.0; 6], 0.04, 1e-14);
+        assert_close(
+            &format!("loops at β − β0 = {y}"),
+            &squeezer_gaps(at.get(Q)),
+            &[0.0; 6],
+            0.04,
+            1e-14,
+        );
     }
-    let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Qdd])).with_wrenches(&[link(&robot, "K3")]);
-    let given: [(Field, &[f64]); 4] = [(Y, &[0.0]), (Yd, &[0.0]), (TauU, &[0.033]), (Wrenches, &squeezer_spring(&[0.0; 7]))];
+    let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Qdd]))
+        .with_wrenches(&[link(&robot, "K3")]);
+    let given: [(Field, &[f64]); 4] =
+        [(Y, &[0.0]), (Yd, &[0.0]), (TauU, &[0.033]), (Wrenches, &squeezer_spring(&[0.0; 7]))];
     let start = robot.ask_for(wanted, &given).ok();
     // the loops' own rounding, 1e-17 m, is 1e-15 of the smallest crank
     let published = [14222.4439199541387, -10666.8329399655854, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -71,8 +80,16 @@ fn the_squeezer_arrives_as_published() {
     for _ in 0..3000 {
         motion.step(&mut robot, 0.03 / 3000.0, |robot, y, yd, guess| {
             let q = closed(robot, y, guess);
-            let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Ydd])).with_wrenches(&on);
-            let given: [(Field, &[f64]); 5] = [(Y, &[y]), (Yd, &[yd]), (TauU, &[0.033]), (QGuess, &q), (Wrenches, &squeezer_spring(&q))];
+            let wanted =
+                Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Ydd]))
+                    .with_wrenches(&on);
+            let given: [(Field, &[f64]); 5] = [
+                (Y, &[y]),
+                (Yd, &[yd]),
+                (TauU, &[0.033]),
+                (QGuess, &q),
+                (Wrenches, &squeezer_spring(&q)),
+            ];
             robot.ask_for(wanted, &given).ok().get(Ydd)[0]
         });
     }

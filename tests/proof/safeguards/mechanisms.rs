@@ -1,7 +1,9 @@
-//! Mechanisms in code: every frame parallel to the root's at zero, so that a joint is a point, a kind and an axis.
+//! Mechanisms in code: every frame parallel to the root's at zero, so that a joint is a point, a
+//! kind and an axis.
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism, SubmechanismKind,
+    Cut, Description, Inertial, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind,
 };
 use sarrus_dynamics::{CompileError, Compiled, Model};
 use sarrus_tests::seed::Seeded;
@@ -13,7 +15,10 @@ pub(super) use JointKind::{Prismatic as Slide, Revolute as Turn};
 
 /// Rows along and about the axes of the root: `xyz` linear, `abc` angular.
 pub(super) fn rows(which: &str) -> Vec<[f64; 6]> {
-    which.chars().map(|c| std::array::from_fn(|k| if "abcxyz".find(c) == Some(k) { 1.0 } else { 0.0 })).collect()
+    which
+        .chars()
+        .map(|c| std::array::from_fn(|k| if "abcxyz".find(c) == Some(k) { 1.0 } else { 0.0 }))
+        .collect()
 }
 
 /// A mechanism under way; link 0 is the base, link k + 1 is moved by joint k.
@@ -44,12 +49,24 @@ impl Mechanism {
     }
 
     /// A joint at a point of the root; returns the link that it moves.
-    pub(super) fn joint(&mut self, parent: usize, kind: JointKind, at: [f64; 3], axis: [f64; 3]) -> usize {
+    pub(super) fn joint(
+        &mut self,
+        parent: usize,
+        kind: JointKind,
+        at: [f64; 3],
+        axis: [f64; 3],
+    ) -> usize {
         let child = self.at.len();
-        let origin = Placement { xyz: std::array::from_fn(|k| at[k] - self.at[parent][k]), rpy: [0.0; 3] };
-        let inertial =
-            Inertial { origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.2, 0.01, 0.02, 0.3, 0.0, 0.25] };
-        self.description.links.push(Link { name: format!("link{child}"), inertial: Some(inertial) });
+        let origin =
+            Placement { xyz: std::array::from_fn(|k| at[k] - self.at[parent][k]), rpy: [0.0; 3] };
+        let inertial = Inertial {
+            origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.0; 3] },
+            mass: 1.0,
+            inertia: [0.2, 0.01, 0.02, 0.3, 0.0, 0.25],
+        };
+        self.description
+            .links
+            .push(Link { name: format!("link{child}"), inertial: Some(inertial) });
         self.description.joints.push(Joint {
             name: format!("j{}", child - 1),
             kind,
@@ -67,23 +84,41 @@ impl Mechanism {
     }
 
     /// A cut at a point of the root, rows in its axes.
-    pub(super) fn cut(&mut self, predecessor: usize, successor: usize, at: [f64; 3], rows: &[[f64; 6]]) {
-        let on = |link: usize| Placement { xyz: std::array::from_fn(|k| at[k] - self.at[link][k]), rpy: [0.0; 3] };
+    pub(super) fn cut(
+        &mut self,
+        predecessor: usize,
+        successor: usize,
+        at: [f64; 3],
+        rows: &[[f64; 6]],
+    ) {
+        let on = |link: usize| Placement {
+            xyz: std::array::from_fn(|k| at[k] - self.at[link][k]),
+            rpy: [0.0; 3],
+        };
         let cut = Cut::Placed { predecessor: on(predecessor), successor: on(successor) };
         let loops = &mut self.description.submechanisms[0].loops;
         let name = format!("cut{}", loops.len());
-        let rows = rows.iter().enumerate().map(|(k, axis)| Row { name: format!("{k}"), axis: *axis, against: None }).collect();
+        let rows = rows
+            .iter()
+            .enumerate()
+            .map(|(k, axis)| Row { name: format!("{k}"), axis: *axis, against: None })
+            .collect();
         loops.push(Loop { name, predecessor, successor, cut, rows });
     }
 
-    pub(super) fn compile(mut self, independent: &[usize], active: &[usize]) -> Result<Compiled, CompileError> {
+    pub(super) fn compile(
+        mut self,
+        independent: &[usize],
+        active: &[usize],
+    ) -> Result<Compiled, CompileError> {
         self.description.submechanisms[0].independent = independent.to_vec();
         self.description.submechanisms[0].active = active.to_vec();
         Model::compile(&self.description)
     }
 }
 
-/// A four-bar A B C D in the plane x y; cut at C with the rows named, or as a chain of four joints that is welded to the base.
+/// A four-bar A B C D in the plane x y; cut at C with the rows named, or as a chain of four joints
+/// that is welded to the base.
 pub(super) fn four_bar([a, b, c, d]: [[f64; 2]; 4], which: &str) -> Compiled {
     let at = |p: [f64; 2]| [p[0], p[1], 0.0];
     let mut of = Mechanism::new();
@@ -105,7 +140,14 @@ pub(super) const LOOSE: [[f64; 2]; 4] = [[0.0, 0.0], [0.2, 0.9], [1.4, 1.0], [2.
 
 /// Bricard's linkage of a cube, cut by a weld or, `open`, at its last revolute.
 pub(super) fn bricard(open: bool) -> Compiled {
-    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, -1.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]];
+    let points = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, -1.0, 0.0],
+        [1.0, -1.0, 1.0],
+        [0.0, -1.0, 1.0],
+        [0.0, 0.0, 1.0],
+    ];
     let mut of = Mechanism::new();
     let mut link = 0;
     let count = if open { 5 } else { 6 };
@@ -132,20 +174,32 @@ pub(super) fn door(spin: bool) -> Compiled {
     of.compile(&[0], &[if spin { 4 } else { 3 }]).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A rocker of 0.9 at the origin, a stator at (1, 0) whose slider passes 0.3 beside its pivot, scaled.
+/// A rocker of 0.9 at the origin, a stator at (1, 0) whose slider passes 0.3 beside its pivot,
+/// scaled.
 pub(super) fn lambda(scale: f64) -> Compiled {
     let (arm, aside) = (0.9, 0.3);
     let heading = f64::atan2(arm, -1.0) - f64::asin(aside / f64::hypot(1.0, arm));
     let mut of = Mechanism::new();
     let rocker = of.joint(0, Turn, [0.0; 3], Z);
     let stator = of.joint(0, Turn, [scale, 0.0, 0.0], Z);
-    let slider = of.joint(stator, Slide, [0.8 * scale, 0.1 * scale, 0.0], [heading.cos(), heading.sin(), 0.0]);
+    let slider = of.joint(
+        stator,
+        Slide,
+        [0.8 * scale, 0.1 * scale, 0.0],
+        [heading.cos(), heading.sin(), 0.0],
+    );
     of.cut(rocker, slider, [0.0, arm * scale, 0.0], &rows("xy"));
     of.compile(&[0], &[2]).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A chain of turning joints somewhere in space, closed by a cut of these rows in skew axes, of one freedom.
-pub(super) fn loop_in_space(seeded: &mut Seeded, joints: usize, which: &str, scale: f64) -> Result<Compiled, CompileError> {
+/// A chain of turning joints somewhere in space, closed by a cut of these rows in skew axes, of one
+/// freedom.
+pub(super) fn loop_in_space(
+    seeded: &mut Seeded,
+    joints: usize,
+    which: &str,
+    scale: f64,
+) -> Result<Compiled, CompileError> {
     let mut of = Mechanism::new();
     let split = seeded.below(joints - 1) + 1;
     let mut ends = [0, 0];
@@ -164,7 +218,9 @@ pub(super) fn loop_in_space(seeded: &mut Seeded, joints: usize, which: &str, sca
     }
     let R = seeded.pose(0.0).R;
     let turned = rows(which).into_iter().map(|row| {
-        let turn = |v: &[f64]| -> [f64; 3] { std::array::from_fn(|i| (0..3).map(|j| R[i][j] * v[j]).sum()) };
+        let turn = |v: &[f64]| -> [f64; 3] {
+            std::array::from_fn(|i| (0..3).map(|j| R[i][j] * v[j]).sum())
+        };
         let (a, l) = (turn(&row[..3]), turn(&row[3..]));
         [a[0], a[1], a[2], l[0], l[1], l[2]]
     });

@@ -1,4 +1,5 @@
-//! Numerical closures never fail silently: ranks, idle freedoms, reactions, singular poses and targets out of reach.
+//! Numerical closures never fail silently: ranks, idle freedoms, reactions, singular poses and
+//! targets out of reach.
 
 mod mechanisms;
 
@@ -15,7 +16,8 @@ use sarrus_tests::small::{matrix_product, product, transposed};
 
 use Field::*;
 use mechanisms::{
-    LOOSE, Mechanism, Slide, Turn, X as X_AXIS, Y as Y_AXIS, Z as Z_AXIS, bricard, door, four_bar, lambda, loop_in_space, rows,
+    LOOSE, Mechanism, Slide, Turn, X as X_AXIS, Y as Y_AXIS, Z as Z_AXIS, bricard, door, four_bar,
+    lambda, loop_in_space, rows,
 };
 
 fn robot(compiled: &Compiled) -> Robot<f64> {
@@ -42,13 +44,23 @@ fn a_planar_four_bar_closes_alike_with_two_three_and_six_rows() {
     for k in 0..20 {
         let y = 0.03 * f64::from(k) - 0.3;
         let [a, b, c] = [0, 1, 2].map(|i| {
-            let x = robots[i].ask(Request::InverseDynamics, &[(Y, &[y]), (Yd, &[0.7]), (Ydd, &[0.2])], &[Q, Qd, Qdd, TauY, MY, Branch]);
+            let x = robots[i].ask(
+                Request::InverseDynamics,
+                &[(Y, &[y]), (Yd, &[0.7]), (Ydd, &[0.2])],
+                &[Q, Qd, Qdd, TauY, MY, Branch],
+            );
             x.ok()
         });
         // both ends of the chain turn as the crank and the coupler do
         for field in [Q, Qd, Qdd] {
-            assert!(error_by_size(&b.get(field)[..3], &a.get(field)[..3], 1.0) < 1e-13, "{field:?}");
-            assert!(error_by_size(&c.get(field)[..2], &a.get(field)[..2], 1.0) < 1e-13, "{field:?}");
+            assert!(
+                error_by_size(&b.get(field)[..3], &a.get(field)[..3], 1.0) < 1e-13,
+                "{field:?}"
+            );
+            assert!(
+                error_by_size(&c.get(field)[..2], &a.get(field)[..2], 1.0) < 1e-13,
+                "{field:?}"
+            );
         }
         assert!(error_by_size(b.get(TauY), a.get(TauY), 1.0) < 1e-12);
         assert_eq!(b.get(Branch), a.get(Branch));
@@ -66,13 +78,18 @@ fn bricards_linkage_moves_with_its_redundant_row_whole_or_cut() {
         for k in 0..30 {
             let y = 0.034 * f64::from(k) - 0.5;
             let x = at(&mut robot, &[y], &[Residual, K, G]).ok();
-            assert!(x.get(Residual)[0] < 1e-13, "all rows hold, also the one that is left out: {:?}", x.get(Residual));
+            assert!(
+                x.get(Residual)[0] < 1e-13,
+                "all rows hold, also the one that is left out: {:?}",
+                x.get(Residual)
+            );
             assert!(largest(&product(x.get(K), x.get(G))) < 1e-12, "K G = 0");
         }
     }
 }
 
-/// The scaled K_d, its left null space (columns) and the row units, from what is asked; every joint but the first depends.
+/// The scaled K_d, its left null space (columns) and the row units, from what is asked; every joint
+/// but the first depends.
 fn scaled_rows(compiled: &Compiled, rows_K: &[f64], units: &[f64]) -> (Mat<f64>, Mat<f64>) {
     let (n, rows) = (compiled.model.sizes().n_v, units.len());
     let K_d = Mat::from_fn(rows, n - 1, |r, a| rows_K[r * n + a + 1] * units[r]);
@@ -90,12 +107,18 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
     for (compiled, angular) in [(planar, 0), (whole, 3), (bricard(false), 3), (bricard(true), 2)] {
         let (n, rows) = (compiled.model.sizes().n_v, compiled.model.sizes().n_c);
         let length = compiled.model.closures()[0].length;
-        let units: Vec<f64> = (0..rows).map(|r| if r < rows - angular { 1.0 / length } else { 1.0 }).collect();
+        let units: Vec<f64> =
+            (0..rows).map(|r| if r < rows - angular { 1.0 / length } else { 1.0 }).collect();
         let mut robot = robot(&compiled);
         for k in 0..10 {
             let (y, yd, ydd) = ([0.05 * f64::from(k) - 0.31], [0.8], [-0.4]);
-            let x =
-                robot.ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd), (Ydd, &ydd)], &[K, Lambda, LambdaDeterminate, TauQ, TauU]).ok();
+            let x = robot
+                .ask(
+                    Request::InverseDynamics,
+                    &[(Y, &y), (Yd, &yd), (Ydd, &ydd)],
+                    &[K, Lambda, LambdaDeterminate, TauQ, TauU],
+                )
+                .ok();
             let (lambda, told) = (x.get(Lambda), x.get(LambdaDeterminate));
             // the loops supply what the actuator does not
             let mut rest = x.get(TauQ).to_vec();
@@ -107,15 +130,30 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
             let scaled: Vec<f64> = lambda.iter().zip(&units).map(|(x, unit)| x / unit).collect();
             for a in 0..null.ncols() {
                 let along: f64 = (0..rows).map(|r| null[(r, a)] * scaled[r]).sum();
-                assert!(along.abs() < 1e-11 * largest(&scaled), "{along} along a null vector of {scaled:?}");
-                // and a null vector changes exactly the reactions that are not told to be determinate
-                let unseen: f64 = (0..n - 1).map(|j| (0..rows).map(|r| K_d[(r, j)] * null[(r, a)]).sum::<f64>().abs()).sum();
+                assert!(
+                    along.abs() < 1e-11 * largest(&scaled),
+                    "{along} along a null vector of {scaled:?}"
+                );
+                // and a null vector changes exactly the reactions that are not told to be
+                // determinate
+                let unseen: f64 = (0..n - 1)
+                    .map(|j| (0..rows).map(|r| K_d[(r, j)] * null[(r, a)]).sum::<f64>().abs())
+                    .sum();
                 assert!(unseen < 1e-10);
             }
             for r in 0..rows {
                 let share = (0..null.ncols()).map(|a| null[(r, a)].powi(2)).sum::<f64>().sqrt();
-                assert_eq!(told[r] == 1.0, share < 1e-6, "row {r} shares {share:.1e}, told {}", told[r]);
-                counts = if told[r] == 1.0 { (counts.0 + 1, counts.1) } else { (counts.0, counts.1 + 1) };
+                assert_eq!(
+                    told[r] == 1.0,
+                    share < 1e-6,
+                    "row {r} shares {share:.1e}, told {}",
+                    told[r]
+                );
+                counts = if told[r] == 1.0 {
+                    (counts.0 + 1, counts.1)
+                } else {
+                    (counts.0, counts.1 + 1)
+                };
             }
         }
     }
@@ -128,19 +166,36 @@ fn a_rod_that_may_spin_is_locked_by_name_and_changes_nothing_else() {
     let (spinning, plain) = (door(true), door(false));
     assert!(warned(&spinning).contains("idle joints"), "{}", warned(&spinning));
     assert_eq!(spinning.model.closures()[0].idle.len(), 1);
-    let locked = spinning.model.tree_names().iter().position(|name| *name == spinning.model.closures()[0].idle[0]).unwrap();
+    let locked = spinning
+        .model
+        .tree_names()
+        .iter()
+        .position(|name| *name == spinning.model.closures()[0].idle[0])
+        .unwrap();
     assert!((1..=3).contains(&locked), "one of the three turns of the ball");
     assert_eq!(warned(&plain), "");
     let (mut a, mut b) = (robot(&spinning), robot(&plain));
     for k in 0..20 {
         let y = [0.05 * f64::from(k) - 0.5];
         let [x, z] = [&mut a, &mut b].map(|robot| {
-            robot.ask(Request::Kinematics, &[(Y, &y), (Yd, &[0.9]), (Ydd, &[0.3])], &[Q, Qd, Qdd, U, Ud, Udd, G, Residual]).ok()
+            robot
+                .ask(
+                    Request::Kinematics,
+                    &[(Y, &y), (Yd, &[0.9]), (Ydd, &[0.3])],
+                    &[Q, Qd, Qdd, U, Ud, Udd, G, Residual],
+                )
+                .ok()
         });
         for field in [U, Ud, Udd] {
-            assert!(error_by_size(x.get(field), z.get(field), 1.0) < 1e-12, "{field:?}: the slider knows nothing of the spin");
+            assert!(
+                error_by_size(x.get(field), z.get(field), 1.0) < 1e-12,
+                "{field:?}: the slider knows nothing of the spin"
+            );
         }
-        assert_eq!((x.get(Q)[locked], x.get(Qd)[locked], x.get(Qdd)[locked], x.get(G)[locked]), (0.0, 0.0, 0.0, 0.0));
+        assert_eq!(
+            (x.get(Q)[locked], x.get(Qd)[locked], x.get(Qdd)[locked], x.get(G)[locked]),
+            (0.0, 0.0, 0.0, 0.0)
+        );
     }
     // it keeps the guess
     let mut guess = at(&mut a, &[0.1], &[Q]).ok().get(Q).to_vec();
@@ -185,7 +240,9 @@ fn a_freedom_that_does_something_is_an_error_of_mobility() {
         of.cut(door, rod, head, &rows("xyz"));
         of.compile(&[0], &[])
     };
-    for (what, found) in [("a five-bar", flat), ("a spherical five-bar", round), ("a loose sleeve", sleeve)] {
+    for (what, found) in
+        [("a five-bar", flat), ("a spherical five-bar", round), ("a loose sleeve", sleeve)]
+    {
         let error = found.err().unwrap_or_else(|| panic!("{what} was taken"));
         assert!(format!("{error:?}").contains("mobility 2"), "{what}: {error:?}");
     }
@@ -194,18 +251,37 @@ fn a_freedom_that_does_something_is_an_error_of_mobility() {
 #[test]
 fn every_kind_of_cut_is_found_independent_at_every_scale() {
     let mut seeded = Seeded::new(71);
-    for (which, joints) in [("xyz", 4), ("xyzc", 5), ("xyzbc", 6), ("yzabc", 6), ("yzbc", 5), ("xyzabc", 7), ("abc", 4), ("x", 2)] {
+    for (which, joints) in [
+        ("xyz", 4),
+        ("xyzc", 5),
+        ("xyzbc", 6),
+        ("yzabc", 6),
+        ("yzbc", 5),
+        ("xyzabc", 7),
+        ("abc", 4),
+        ("x", 2),
+    ] {
         for scale in [1e-3, 1.0, 1e3] {
             for _ in 0..4 {
-                let compiled = loop_in_space(&mut seeded, joints, which, scale).unwrap_or_else(|error| panic!("{which} {scale}: {error}"));
+                let compiled = loop_in_space(&mut seeded, joints, which, scale)
+                    .unwrap_or_else(|error| panic!("{which} {scale}: {error}"));
                 let info = &compiled.model.closures()[0];
-                assert_eq!((info.rank, info.rows, warned(&compiled).as_str()), (which.len(), which.len(), ""), "{which} {scale}");
+                assert_eq!(
+                    (info.rank, info.rows, warned(&compiled).as_str()),
+                    (which.len(), which.len(), ""),
+                    "{which} {scale}"
+                );
                 let mut robot = robot(&compiled);
                 let y = vec![0.02; compiled.model.sizes().n_qy];
                 let x = at(&mut robot, &y, &[Residual, K, G, SigmaMin, Branch]);
                 if x.answer.status == Status::Ok {
                     assert!(x.get(Residual)[0] < 1e-13);
-                    let open = largest(&matrix_product(x.get(K), x.get(G), compiled.model.sizes().n_v, y.len()));
+                    let open = largest(&matrix_product(
+                        x.get(K),
+                        x.get(G),
+                        compiled.model.sizes().n_v,
+                        y.len(),
+                    ));
                     assert!(
                         open < 1e-10 * largest(x.get(K)) * largest(x.get(G)).max(1.0),
                         "{which} {scale}: {open:.1e} {:?}",
@@ -222,7 +298,9 @@ fn toggle() -> (f64, f64) {
     let far = |a: [f64; 2], b: [f64; 2]| f64::hypot(b[0] - a[0], b[1] - a[1]);
     let [a, b, c, d] = LOOSE;
     let (crank, coupler, rocker, ground) = (far(a, b), far(b, c), far(c, d), far(d, a));
-    let angle = |reach: f64| f64::acos((crank * crank + ground * ground - reach * reach) / (2.0 * crank * ground));
+    let angle = |reach: f64| {
+        f64::acos((crank * crank + ground * ground - reach * reach) / (2.0 * crank * ground))
+    };
     let (heading, base) = (f64::atan2(b[1], b[0]), f64::atan2(d[1], d[0]));
     (base + angle(coupler + rocker) - heading, base + angle((coupler - rocker).abs()) - heading)
 }
@@ -235,7 +313,11 @@ fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
         counts[x.answer.status as usize] += 1;
         assert_ne!(x.answer.status, Status::Ok, "{name} {beyond:.1e} beyond");
         let told = x.get(NearestY)[0];
-        assert!((told - reach).abs() < 1e-9, "{name} {beyond:.1e} beyond: nearest {told}, truly {reach}, off by {:.1e}", told - reach);
+        assert!(
+            (told - reach).abs() < 1e-9,
+            "{name} {beyond:.1e} beyond: nearest {told}, truly {reach}, off by {:.1e}",
+            told - reach
+        );
         assert!(x.get(SigmaMin)[0] < 1e-2, "{name}: {:?}", x.get(SigmaMin));
         // the crank is no good independent there, some dependent is
         assert_eq!(x.get(GoodIndependents)[0], 0.0, "{name} {beyond:.1e} beyond");
@@ -249,11 +331,16 @@ fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
     let mut lambdas = [1e-3, 1.0, 1e3].map(|scale| robot(&lambda(scale)));
     let mut unnamed = 0;
     for beyond in [0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7] {
-        let mut seen = vec![check(&mut bar, out, beyond, "four-bar"), check(&mut whole, out, beyond, "four-bar of six rows")];
+        let mut seen = vec![
+            check(&mut bar, out, beyond, "four-bar"),
+            check(&mut whole, out, beyond, "four-bar of six rows"),
+        ];
         seen.extend(lambdas.iter_mut().map(|lambda| check(lambda, meet, -beyond, "lambda")));
         unnamed += seen.iter().filter(|status| **status != Status::Unreachable).count();
     }
-    for (status, count) in Status::ALL.iter().map(|status| (status, counts[*status as usize])).filter(|x| x.1 > 0) {
+    for (status, count) in
+        Status::ALL.iter().map(|status| (status, counts[*status as usize])).filter(|x| x.1 > 0)
+    {
         println!("{status}: {count}");
     }
     assert_eq!(unnamed, 0, "beyond the reach is unreachable");
@@ -266,15 +353,27 @@ fn at_a_toggle_the_independents_are_singular_and_a_good_one_is_named() {
     for beyond in [0.0, 1e-13, -1e-13] {
         let x = at(&mut bar, &[out + beyond], &[Q, Qd, G, SigmaMin, GoodIndependents]);
         println!("{beyond:.0e}: {}", x.answer.status);
-        assert!([Status::SingularIndependents, Status::Unreachable].contains(&x.answer.status), "{}", x.answer.status);
+        assert!(
+            [Status::SingularIndependents, Status::Unreachable].contains(&x.answer.status),
+            "{}",
+            x.answer.status
+        );
         assert_eq!(x.get(GoodIndependents)[0], 0.0);
         assert!(x.get(SigmaMin)[0] < 1e-4, "{:?}", x.get(SigmaMin));
     }
     // a rhombus folded flat loses rank of K itself
     let flat = four_bar([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], "xy");
-    let x = at(&mut robot(&flat), &[std::f64::consts::FRAC_PI_2], &[Q, Qd, G, SigmaMin, GoodIndependents]);
+    let x = at(
+        &mut robot(&flat),
+        &[std::f64::consts::FRAC_PI_2],
+        &[Q, Qd, G, SigmaMin, GoodIndependents],
+    );
     assert_eq!(x.answer.status, Status::SingularClosure);
-    assert!(x.get(GoodIndependents)[..3].iter().all(|x| x.is_nan()), "no set is good: {:?}", x.get(GoodIndependents));
+    assert!(
+        x.get(GoodIndependents)[..3].iter().all(|x| x.is_nan()),
+        "no set is good: {:?}",
+        x.get(GoodIndependents)
+    );
 }
 
 #[test]
@@ -303,7 +402,11 @@ fn a_platform_that_its_legs_cannot_hold_names_the_motion_that_none_controls() {
         let (mut low, mut high) = (0.03 * f64::from(k - 1), 0.03 * f64::from(k));
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            if det(&matrix(&mut robot, &pose(middle))) * first < 0.0 { high = middle } else { low = middle }
+            if det(&matrix(&mut robot, &pose(middle))) * first < 0.0 {
+                high = middle
+            } else {
+                low = middle
+            }
         }
         let y = pose(low);
         let x = robot.ask(Request::InverseDynamics, &[(Y, &y)], &[TauU, Uncontrolled, SigmaMin]);
@@ -359,7 +462,8 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
                 silent += 1;
             }
         }
-        let told = Status::ALL.iter().map(|status| (status, counts[*status as usize])).filter(|x| x.1 > 0);
+        let told =
+            Status::ALL.iter().map(|status| (status, counts[*status as usize])).filter(|x| x.1 > 0);
         println!(
             "{name}, answered up to {closest:.1e} from its reach: {}",
             told.map(|(status, count)| format!("{count} {status}")).collect::<Vec<_>>().join(", ")
@@ -373,10 +477,16 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
 fn nothing_allocates_whatever_fails() {
     let want = [Q, Residual, SigmaMin, NearestY, GoodIndependents, Uncontrolled, Branch];
     let mut seen = Vec::new();
-    for compiled in [four_bar(LOOSE, "xyz"), four_bar(LOOSE, "xyzabc"), bricard(false), door(true), lambda(1.0)] {
+    for compiled in
+        [four_bar(LOOSE, "xyz"), four_bar(LOOSE, "xyzabc"), bricard(false), door(true), lambda(1.0)]
+    {
         let model = &compiled.model;
         let state = Wanted::new(Request::Kinematics, FieldSet::of(&[Y]), FieldSet::of(&want));
-        let forces = Wanted::new(Request::InverseDynamics, FieldSet::of(&[Y]), FieldSet::of(&[Lambda, LambdaDeterminate, Uncontrolled]));
+        let forces = Wanted::new(
+            Request::InverseDynamics,
+            FieldSet::of(&[Y]),
+            FieldSet::of(&[Lambda, LambdaDeterminate, Uncontrolled]),
+        );
         let mut workspace = Workspace::new(model);
         for wanted in [state, forces] {
             let plan = Plan::new(model, &wanted).unwrap();

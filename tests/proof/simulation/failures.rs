@@ -18,11 +18,20 @@ fn every_fault_of_start_settings_inputs_and_springs_is_named() {
         let text = error.to_string();
         assert!(words.iter().all(|word| text.contains(word)), "{text:?} does not say {words:?}");
     };
-    says(refused(&robot, &from(&[0.1, 0.2], &[0.0]), &good), &["y:", "found 2", "expected 1", "Elbow"]);
+    says(
+        refused(&robot, &from(&[0.1, 0.2], &[0.0]), &good),
+        &["y:", "found 2", "expected 1", "Elbow"],
+    );
     says(refused(&robot, &from(&[0.1], &[]), &good), &["yd:", "found 0", "expected 1"]);
     says(refused(&robot, &from(&[f64::NAN], &[0.0]), &good), &["y:", "number 1 is not finite"]);
-    says(refused(&robot, &from(&[0.1], &[f64::INFINITY]), &good), &["yd:", "number 1 is not finite"]);
-    says(refused(&robot, &Start::Tree { q: vec![0.0; 2], qd: vec![0.0; 3] }, &good), &["q:", "found 2", "expected 3"]);
+    says(
+        refused(&robot, &from(&[0.1], &[f64::INFINITY]), &good),
+        &["yd:", "number 1 is not finite"],
+    );
+    says(
+        refused(&robot, &Start::Tree { q: vec![0.0; 2], qd: vec![0.0; 3] }, &good),
+        &["q:", "found 2", "expected 3"],
+    );
     for (settings, words) in [
         (Settings { step: Some(-1e-3), ..good }, ["the step is -0.001", "positive"]),
         (Settings { step: Some(0.0), ..good }, ["the step is 0", "positive"]),
@@ -32,8 +41,14 @@ fn every_fault_of_start_settings_inputs_and_springs_is_named() {
         (Settings { duration: -1.0, ..good }, ["the duration is -1", "positive"]),
         (Settings { duration: f64::INFINITY, ..good }, ["the duration is inf", "positive"]),
         (Settings { every: Some(0.0), ..good }, ["between samples is 0", "positive"]),
-        (Settings { rtol: 0.0, ..adaptive(Method::Dop853, 1e-6, 0.1) }, ["relative tolerance is 0", "1e-14"]),
-        (Settings { atol: -1.0, ..adaptive(Method::Radau5, 1e-6, 0.1) }, ["absolute tolerance is -1", "positive"]),
+        (
+            Settings { rtol: 0.0, ..adaptive(Method::Dop853, 1e-6, 0.1) },
+            ["relative tolerance is 0", "1e-14"],
+        ),
+        (
+            Settings { atol: -1.0, ..adaptive(Method::Radau5, 1e-6, 0.1) },
+            ["absolute tolerance is -1", "positive"],
+        ),
     ] {
         says(refused(&robot, &start, &settings), &words);
     }
@@ -41,18 +56,32 @@ fn every_fault_of_start_settings_inputs_and_springs_is_named() {
     for (space, source, words) in [
         (Space::Actuator, Source::Constant(vec![]), ["found 0", "ElbowAct"]),
         (Space::Independent, Source::Constant(vec![f64::NAN]), ["in y", "not finite"]),
-        (Space::Actuator, Source::Table { times: vec![0.0, 0.0], forces: vec![vec![1.0]; 2] }, ["row 2", "not after the one before"]),
-        (Space::Actuator, Source::Table { times: vec![0.0], forces: vec![] }, ["row 1", "without a force"]),
-        (Space::Actuator, Source::Gains { stiffness: vec![1.0], damping: vec![], target: vec![0.0] }, ["kd in u", "found 0"]),
+        (
+            Space::Actuator,
+            Source::Table { times: vec![0.0, 0.0], forces: vec![vec![1.0]; 2] },
+            ["row 2", "not after the one before"],
+        ),
+        (
+            Space::Actuator,
+            Source::Table { times: vec![0.0], forces: vec![] },
+            ["row 1", "without a force"],
+        ),
+        (
+            Space::Actuator,
+            Source::Gains { stiffness: vec![1.0], damping: vec![], target: vec![0.0] },
+            ["kd in u", "found 0"],
+        ),
     ] {
         let mut robot = Robot::bundled("lambda");
         robot.inputs.push(Input { space, source });
         says(refused(&robot, &start, &good), &words);
     }
     // springs
-    for (constants, word) in
-        [([-1.0, 0.0, 0.0], "stiffness of -1"), ([1.0, f64::NAN, 0.0], "damping of NaN"), ([1.0, 0.0, -2.0], "rest length of -2")]
-    {
+    for (constants, word) in [
+        ([-1.0, 0.0, 0.0], "stiffness of -1"),
+        ([1.0, f64::NAN, 0.0], "damping of NaN"),
+        ([1.0, 0.0, -2.0], "rest length of -2"),
+    ] {
         let mut robot = Robot::bundled("lambda");
         robot.spring(("base_link", [0.0; 3]), ("Elbow_Link", [0.0; 3]), constants);
         says(refused(&robot, &start, &good), &["spring 1", word]);
@@ -85,15 +114,24 @@ fn an_open_start_is_closed_and_told_and_a_closed_one_left_alone() {
     q[1] += 0.01;
     qd[3] -= 0.1;
     let mended = robot.run(&Start::Tree { q, qd }, &settings);
-    assert!((mended.correction[0] - 0.01).abs() < 1e-9 && (mended.correction[1] - 0.1).abs() < 1e-3, "{:?}", mended.correction);
+    assert!(
+        (mended.correction[0] - 0.01).abs() < 1e-9 && (mended.correction[1] - 0.1).abs() < 1e-3,
+        "{:?}",
+        mended.correction
+    );
     assert!(mended.residual() < 1e-14);
 }
 
 /// The five-bar pushed out of its reach.
 fn pushed(settings: &Settings) -> Run {
     let mut robot = Robot::bundled("five_bar");
-    robot.inputs.push(Input { space: Space::Actuator, source: Source::Constant(vec![40.0, -40.0]) });
-    robot.run(&from(&[0.0, 0.0], &[0.0, 0.0]), &Settings { switching: false, every: None, ..*settings })
+    robot
+        .inputs
+        .push(Input { space: Space::Actuator, source: Source::Constant(vec![40.0, -40.0]) });
+    robot.run(
+        &from(&[0.0, 0.0], &[0.0, 0.0]),
+        &Settings { switching: false, every: None, ..*settings },
+    )
 }
 
 #[test]
@@ -105,7 +143,14 @@ fn no_step_is_swallowed_where_the_right_hand_side_has_no_answer() {
         adaptive(Method::Radau5, 1e-8, 5.0),
     ] {
         let run = pushed(&settings);
-        println!("{} {:?} at {} {:?} {:?}", settings.method.name(), run.end, run.time, run.counts, run.events);
+        println!(
+            "{} {:?} at {} {:?} {:?}",
+            settings.method.name(),
+            run.end,
+            run.time,
+            run.counts,
+            run.events
+        );
         assert!(!run.end.is_finished(), "{} gets through", settings.method.name());
         if let End::Failed(status) = run.end {
             assert!(status != Status::Ok && run.counts.failed > 0);
@@ -113,7 +158,10 @@ fn no_step_is_swallowed_where_the_right_hand_side_has_no_answer() {
         // what was computed is kept, and all of it is good
         assert!(run.samples.len() > 3 && run.time > 0.0 && run.last().unwrap().time == run.time);
         for sample in &run.samples {
-            assert!(sample.y.iter().chain(&sample.yd).chain(&sample.q).all(|x| x.is_finite()), "{sample:?}");
+            assert!(
+                sample.y.iter().chain(&sample.yd).chain(&sample.q).all(|x| x.is_finite()),
+                "{sample:?}"
+            );
             assert!(sample.energy.residual < 1e-9, "{sample:?}");
         }
         assert!(run.samples.windows(2).all(|pair| pair[0].time < pair[1].time));

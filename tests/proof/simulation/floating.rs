@@ -31,18 +31,27 @@ fn satellite(gravity: f64) -> Robot {
         "</robot>".to_owned(),
     ];
     let bytes = urdf.concat().into_bytes();
-    Robot::of(&sarrus_models::Source::Text { urdf: bytes, submechanisms: None }, [0.0, 0.0, gravity])
+    Robot::of(
+        &sarrus_models::Source::Text { urdf: bytes, submechanisms: None },
+        [0.0, 0.0, gravity],
+    )
 }
 
 /// Momentum, and moment of momentum about the root.
 fn momentum(robot: &Robot, sample: &sarrus_simulation::Sample) -> [f64; 6] {
     let links: Vec<u16> = (0..robot.loaded.description.links.len() as u16).collect();
-    let wanted =
-        Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[Field::FramePose, Field::FrameTwist])).with_frames(&links);
+    let wanted = Wanted::new(
+        Request::Kinematics,
+        FieldSet::EMPTY,
+        FieldSet::of(&[Field::FramePose, Field::FrameTwist]),
+    )
+    .with_frames(&links);
     let mut asked = sarrus_tests::run::Robot::new(robot.loaded.compiled.model.clone());
     let frames = asked.ask_for(wanted, &[(Field::Y, &sample.y), (Field::Yd, &sample.yd)]).ok();
     let mut sum = [0.0; 6];
-    let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
     let poses = frames.get(Field::FramePose).chunks(7).zip(frames.get(Field::FrameTwist).chunks(6));
     for ((pose, twist), link) in poses.zip(&robot.loaded.description.links) {
         let Some(inertial) = &link.inertial else { continue };
@@ -75,9 +84,19 @@ fn momentum(robot: &Robot, sample: &sarrus_simulation::Sample) -> [f64; 6] {
 fn spinning(robot: &Robot) -> Start {
     let names = robot.loaded.compiled.model.independent_names();
     assert_eq!(names.len(), 11, "{names:?}");
-    let yd: Vec<f64> = (0..11).map(|k| 0.4 + 0.3 * f64::from(k % 4) - 0.2 * f64::from(k % 3)).collect();
+    let yd: Vec<f64> =
+        (0..11).map(|k| 0.4 + 0.3 * f64::from(k % 4) - 0.2 * f64::from(k % 3)).collect();
     let mut y = vec![0.0; 13];
-    let place = |part: &str| robot.loaded.compiled.model.independent_q_names().iter().position(|name| name == part).unwrap();
+    let place = |part: &str| {
+        robot
+            .loaded
+            .compiled
+            .model
+            .independent_q_names()
+            .iter()
+            .position(|name| name == part)
+            .unwrap()
+    };
     for (joint, turn) in [("base", [0.5, -0.1, 0.1, 0.7]), ("ball", [0.1, 0.7, 0.5, -0.5])] {
         let length = turn.iter().map(|x| x * x).sum::<f64>().sqrt();
         for (part, x) in ["qx", "qy", "qz", "qw"].iter().zip(turn) {
@@ -93,7 +112,10 @@ fn methods_converge_with_their_order_on_a_floating_base() {
     let mut robot = satellite(-9.81);
     robot.spring(("world", [1.0, 0.0, 2.0]), ("lower", [0.0, 0.2, 0.0]), [30.0, 0.5, 0.5]);
     let start = spinning(&robot);
-    for (method, expected, steps) in [(Method::Euler, 1.0, [4e-3, 2e-3, 1.25e-4]), (Method::RungeKutta, 4.0, [2e-2, 1e-2, 1.25e-3])] {
+    for (method, expected, steps) in [
+        (Method::Euler, 1.0, [4e-3, 2e-3, 1.25e-4]),
+        (Method::RungeKutta, 4.0, [2e-2, 1e-2, 1.25e-3]),
+    ] {
         let found = order(&robot, &start, method, steps, 0.4);
         println!("{} {found}", method.name());
         assert!((found - expected).abs() < 0.25, "{} converges with order {found}", method.name());
@@ -113,7 +135,12 @@ fn without_gravity_momentum_stays_and_quaternions_keep_their_length() {
         let run = robot.run(&start, &settings);
         let end = arrived(&run);
         let [before, after] = [&run.samples[0], end].map(|sample| momentum(&robot, sample));
-        println!("{} {before:?} {after:?} drift {:e} {:?}", settings.method.name(), run.drift(), run.counts);
+        println!(
+            "{} {before:?} {after:?} drift {:e} {:?}",
+            settings.method.name(),
+            run.drift(),
+            run.counts
+        );
         assert_close(settings.method.name(), &after, &before, 1.0, allowed);
         assert!(run.drift() < allowed, "drift {:e}", run.drift());
         for (k, name) in robot.loaded.compiled.model.independent_q_names().iter().enumerate() {

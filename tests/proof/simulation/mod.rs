@@ -1,4 +1,5 @@
-//! Robots in time: references, orders of convergence, energy and momentum, other independents under way, what cannot be simulated.
+//! Robots in time: references, orders of convergence, energy and momentum, other independents under
+//! way, what cannot be simulated.
 
 mod failures;
 mod floating;
@@ -30,22 +31,39 @@ impl Robot {
 
     fn text(urdf: &str, submechanisms: Option<&str>) -> Robot {
         let bytes = |text: &str| text.as_bytes().to_vec();
-        Robot::of(&Source::Text { urdf: bytes(urdf), submechanisms: submechanisms.map(bytes) }, Options::default().gravity)
+        Robot::of(
+            &Source::Text { urdf: bytes(urdf), submechanisms: submechanisms.map(bytes) },
+            Options::default().gravity,
+        )
     }
 
     /// Hangs a spring between points of two links.
-    fn spring(&mut self, from: (&str, [f64; 3]), to: (&str, [f64; 3]), [stiffness, damping, rest]: [f64; 3]) {
+    fn spring(
+        &mut self,
+        from: (&str, [f64; 3]),
+        to: (&str, [f64; 3]),
+        [stiffness, damping, rest]: [f64; 3],
+    ) {
         let links = self.loaded.compiled.model.link_names();
-        let [from, to] = [from, to].map(|(name, at)| Point { link: links.iter().position(|link| link == name).unwrap(), at });
+        let [from, to] = [from, to].map(|(name, at)| Point {
+            link: links.iter().position(|link| link == name).unwrap(),
+            at,
+        });
         self.springs.push(Spring { from, to, stiffness, damping, rest });
     }
 
     fn setup(&self) -> Setup<'_> {
-        Setup { description: &self.loaded.description, compiled: &self.loaded.compiled, springs: &self.springs, inputs: &self.inputs }
+        Setup {
+            description: &self.loaded.description,
+            compiled: &self.loaded.compiled,
+            springs: &self.springs,
+            inputs: &self.inputs,
+        }
     }
 
     fn run(&self, start: &Start, settings: &Settings) -> Run {
-        simulate(&self.setup(), start, settings, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
+        simulate(&self.setup(), start, settings, &mut |_| ())
+            .unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
@@ -56,7 +74,12 @@ fn from(y: &[f64], yd: &[f64]) -> Start {
 
 /// By a method with its own step, to the end.
 fn adaptive(method: Method, tolerance: f64, duration: f64) -> Settings {
-    Settings { rtol: tolerance, atol: tolerance, every: Some(duration), ..Settings::new(method, duration) }
+    Settings {
+        rtol: tolerance,
+        atol: tolerance,
+        every: Some(duration),
+        ..Settings::new(method, duration)
+    }
 }
 
 /// By a method of fixed step.

@@ -7,7 +7,13 @@ use sarrus_tests::small::minus;
 use super::*;
 
 /// Order of a method of fixed step between two steps, against the finest of them.
-pub(super) fn order(robot: &Robot, start: &Start, method: Method, steps: [f64; 3], duration: f64) -> f64 {
+pub(super) fn order(
+    robot: &Robot,
+    start: &Start,
+    method: Method,
+    steps: [f64; 3],
+    duration: f64,
+) -> f64 {
     let states = steps.map(|step| {
         let run = robot.run(start, &fixed(method, step, duration));
         let end = arrived(&run);
@@ -22,7 +28,10 @@ fn methods_of_fixed_step_converge_with_their_order() {
     let mut robot = Robot::bundled("lambda");
     robot.inputs.push(Input { space: Space::Actuator, source: Source::Constant(vec![3.0]) });
     let start = from(&[0.1], &[0.5]);
-    for (method, expected, steps) in [(Method::Euler, 1.0, [4e-3, 2e-3, 1.25e-4]), (Method::RungeKutta, 4.0, [2e-2, 1e-2, 1.25e-3])] {
+    for (method, expected, steps) in [
+        (Method::Euler, 1.0, [4e-3, 2e-3, 1.25e-4]),
+        (Method::RungeKutta, 4.0, [2e-2, 1e-2, 1.25e-3]),
+    ] {
         let found = order(&robot, &start, method, steps, 0.2);
         println!("{} {found}", method.name());
         assert!((found - expected).abs() < 0.25, "{} converges with order {found}", method.name());
@@ -32,7 +41,9 @@ fn methods_of_fixed_step_converge_with_their_order() {
 #[test]
 fn adaptive_methods_come_nearer_the_truth_with_their_tolerance() {
     let mut robot = Robot::bundled("torso");
-    robot.inputs.push(Input { space: Space::Independent, source: Source::Constant(vec![2.0, -1.0]) });
+    robot
+        .inputs
+        .push(Input { space: Space::Independent, source: Source::Constant(vec![2.0, -1.0]) });
     let start = from(&[0.05, -0.04], &[0.3, 0.2]);
     let truth = robot.run(&start, &fixed(Method::RungeKutta, 1e-4, 0.2));
     for method in [Method::Dop853, Method::Radau5] {
@@ -41,7 +52,10 @@ fn adaptive_methods_come_nearer_the_truth_with_their_tolerance() {
             largest(&minus(&arrived(&run).yd, &arrived(&truth).yd))
         });
         println!("{} {errors:?}", method.name());
-        assert!(errors[1] < 0.1 * errors[0] && errors[2] < 0.1 * errors[1] && errors[2] < 1e-9, "{errors:?}");
+        assert!(
+            errors[1] < 0.1 * errors[0] && errors[2] < 0.1 * errors[1] && errors[2] < 1e-9,
+            "{errors:?}"
+        );
     }
 }
 
@@ -50,12 +64,20 @@ fn the_estimate_of_the_error_is_of_its_size() {
     let robot = Robot::bundled("lambda");
     let start = from(&[0.1], &[0.5]);
     let truth = robot.run(&start, &fixed(Method::RungeKutta, 1e-4, 0.2));
-    for settings in [fixed(Method::Euler, 1e-3, 0.2), fixed(Method::RungeKutta, 1e-2, 0.2), adaptive(Method::Dop853, 1e-6, 0.2)] {
+    for settings in [
+        fixed(Method::Euler, 1e-3, 0.2),
+        fixed(Method::RungeKutta, 1e-2, 0.2),
+        adaptive(Method::Dop853, 1e-6, 0.2),
+    ] {
         let run = robot.run(&start, &Settings { estimate: true, ..settings });
         let error = (arrived(&run).yd[0] - arrived(&truth).yd[0]).abs();
         let [_, estimate] = run.error_estimate.unwrap();
         println!("{} error {error:e} estimate {estimate:e}", settings.method.name());
-        assert!(estimate < 30.0 * error && error < 30.0 * estimate, "{}: {error:e} against {estimate:e}", settings.method.name());
+        assert!(
+            estimate < 30.0 * error && error < 30.0 * estimate,
+            "{}: {error:e} against {estimate:e}",
+            settings.method.name()
+        );
     }
 }
 
@@ -67,16 +89,32 @@ fn energy_less_work_stays_where_it_was() {
     let (base, last) = (links[0].as_str(), links[links.len() - 1].as_str());
     robot.spring((base, [0.1, 0.0, 0.3]), (last, [0.0, 0.05, 0.1]), [500.0, 5.0, 0.2]);
     let actuators = robot.loaded.compiled.model.sizes().n_u;
-    let gains = Source::Gains { stiffness: vec![400.0; 2], damping: vec![4.0; 2], target: vec![0.1, -0.1] };
+    let gains =
+        Source::Gains { stiffness: vec![400.0; 2], damping: vec![4.0; 2], target: vec![0.1, -0.1] };
     robot.inputs.push(Input { space: Space::Independent, source: gains });
     let times = vec![0.0, 0.1, 0.25];
     let forces = times.iter().map(|t| vec![20.0 * t; actuators]).collect();
     robot.inputs.push(Input { space: Space::Actuator, source: Source::Table { times, forces } });
-    for settings in [fixed(Method::RungeKutta, 1e-3, 0.5), adaptive(Method::Dop853, 1e-10, 0.5), adaptive(Method::Radau5, 1e-9, 0.5)] {
+    for settings in [
+        fixed(Method::RungeKutta, 1e-3, 0.5),
+        adaptive(Method::Dop853, 1e-10, 0.5),
+        adaptive(Method::Radau5, 1e-9, 0.5),
+    ] {
         let run = robot.run(&from(&[0.05, -0.04], &[0.3, 0.2]), &settings);
         arrived(&run);
-        println!("{} drift {:e} work {:e} {:?}", settings.method.name(), run.drift(), run.last().unwrap().work, run.counts);
-        assert!(run.drift() < 1e-6 && run.last().unwrap().work.abs() > 1e-3, "{} drifts by {:e}", settings.method.name(), run.drift());
+        println!(
+            "{} drift {:e} work {:e} {:?}",
+            settings.method.name(),
+            run.drift(),
+            run.last().unwrap().work,
+            run.counts
+        );
+        assert!(
+            run.drift() < 1e-6 && run.last().unwrap().work.abs() > 1e-3,
+            "{} drifts by {:e}",
+            settings.method.name(),
+            run.drift()
+        );
     }
 }
 
@@ -85,7 +123,10 @@ fn the_semi_implicit_method_neither_gains_nor_loses_energy_over_ten_thousand_swi
     // ten times the steps would drift ten times as far if it did
     let robot = Robot::bundled("lambda");
     let drift = [2_000.0, 20_000.0].map(|steps| {
-        let run = robot.run(&from(&[0.1], &[0.0]), &Settings { every: Some(0.05), ..fixed(Method::Euler, 1e-3, 1e-3 * steps) });
+        let run = robot.run(
+            &from(&[0.1], &[0.0]),
+            &Settings { every: Some(0.05), ..fixed(Method::Euler, 1e-3, 1e-3 * steps) },
+        );
         arrived(&run);
         run.drift()
     });
@@ -99,7 +140,12 @@ fn a_step_as_long_as_the_samples_or_the_motion_is_estimated_too() {
     let start = from(&[0.3], &[0.0]);
     let truth = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 1.0));
     for (step, every) in [(0.1, Some(0.05)), (1.0, None), (0.25, Some(0.25))] {
-        let settings = Settings { step: Some(step), every, estimate: true, ..Settings::new(Method::RungeKutta, 1.0) };
+        let settings = Settings {
+            step: Some(step),
+            every,
+            estimate: true,
+            ..Settings::new(Method::RungeKutta, 1.0)
+        };
         let run = robot.run(&start, &settings);
         let error = (arrived(&run).y[0] - arrived(&truth).y[0]).abs();
         let [estimate, _] = run.error_estimate.unwrap();

@@ -5,7 +5,8 @@ use sarrus_simulation::{End, EventKind, Source, Space};
 
 use super::*;
 
-/// A crank of 0.1 m with a heavy wheel, a rod of 0.3 m, a slider; any of its joints may be the independent one.
+/// A crank of 0.1 m with a heavy wheel, a rod of 0.3 m, a slider; any of its joints may be the
+/// independent one.
 pub(super) fn slider_crank(kind: &str, independent: &str) -> Robot {
     let link = |name: &str, mass: f64, at: f64, inertia: f64| {
         format!(
@@ -25,8 +26,22 @@ pub(super) fn slider_crank(kind: &str, independent: &str) -> Robot {
         link("crank", 2.0, 0.0, 0.02),
         link("rod", 0.3, 0.15, 0.002),
         link("slider", 0.5, 0.0, 0.001),
-        joint("turn", "continuous", "base", "crank", &format!("xyz=\"0 0 0\" rpy=\"0 {} 0\"", -std::f64::consts::FRAC_PI_2), "0 1 0"),
-        joint("pin", "continuous", "crank", "rod", &format!("xyz=\"0.1 0 0\" rpy=\"0 {} 0\"", std::f64::consts::FRAC_PI_2 + tilt), "0 1 0"),
+        joint(
+            "turn",
+            "continuous",
+            "base",
+            "crank",
+            &format!("xyz=\"0 0 0\" rpy=\"0 {} 0\"", -std::f64::consts::FRAC_PI_2),
+            "0 1 0",
+        ),
+        joint(
+            "pin",
+            "continuous",
+            "crank",
+            "rod",
+            &format!("xyz=\"0.1 0 0\" rpy=\"0 {} 0\"", std::f64::consts::FRAC_PI_2 + tilt),
+            "0 1 0",
+        ),
         joint("slide", "prismatic", "base", "slider", &format!("xyz=\"{reach} 0 0\""), "1 0 0"),
         "</robot>".to_owned(),
     ];
@@ -45,13 +60,29 @@ fn a_slider_crank_driven_by_its_slider_goes_round_by_another_independent() {
     assert!(turns > 2.0, "{turns} turns only");
     // ẋ of the slider at ẏ of the crank: from the same state of the tree
     let start = Start::Tree { q: truth.samples[0].q.clone(), qd: truth.samples[0].qd.clone() };
-    for settings in [adaptive(Method::Dop853, 1e-11, 3.0), adaptive(Method::Radau5, 1e-10, 3.0), fixed(Method::RungeKutta, 2.5e-4, 3.0)] {
+    for settings in [
+        adaptive(Method::Dop853, 1e-11, 3.0),
+        adaptive(Method::Radau5, 1e-10, 3.0),
+        fixed(Method::RungeKutta, 2.5e-4, 3.0),
+    ] {
         let run = wrong.run(&start, &settings);
         let end = arrived(&run);
         println!("{} {:?} {:?}", settings.method.name(), run.counts, run.events);
-        assert!(run.events.iter().any(|event| matches!(event.kind, EventKind::Switched { .. })), "{:?}", run.events);
-        assert!(run.independents == ["turn"] || run.independents == ["pin"], "{:?}", run.independents);
-        let gap = end.q.iter().zip(&arrived(&truth).q).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+        assert!(
+            run.events.iter().any(|event| matches!(event.kind, EventKind::Switched { .. })),
+            "{:?}",
+            run.events
+        );
+        assert!(
+            run.independents == ["turn"] || run.independents == ["pin"],
+            "{:?}",
+            run.independents
+        );
+        let gap = end
+            .q
+            .iter()
+            .zip(&arrived(&truth).q)
+            .fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
         assert!(gap < 1e-7, "{} ends {gap:e} away", settings.method.name());
         // y stays what was declared
         assert_eq!(end.y, [end.q[2]]);
@@ -61,20 +92,38 @@ fn a_slider_crank_driven_by_its_slider_goes_round_by_another_independent() {
 #[test]
 fn without_switching_it_ends_at_the_dead_centre_and_says_why() {
     let robot = slider_crank("NUMERICAL", "slide");
-    let truth = slider_crank("NUMERICAL", "turn").run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-9, 0.1));
+    let truth = slider_crank("NUMERICAL", "turn")
+        .run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-9, 0.1));
     let start = Start::Tree { q: truth.samples[0].q.clone(), qd: truth.samples[0].qd.clone() };
-    for settings in [adaptive(Method::Dop853, 1e-9, 3.0), adaptive(Method::Radau5, 1e-9, 3.0), fixed(Method::RungeKutta, 1e-3, 3.0)] {
+    for settings in [
+        adaptive(Method::Dop853, 1e-9, 3.0),
+        adaptive(Method::Radau5, 1e-9, 3.0),
+        fixed(Method::RungeKutta, 1e-3, 3.0),
+    ] {
         let run = robot.run(&start, &Settings { switching: false, every: None, ..settings });
         println!("{} {:?} at {} {:?}", settings.method.name(), run.end, run.time, run.counts);
-        let said = [Status::Unreachable, Status::SingularIndependents, Status::BranchChanged, Status::NotConverged];
-        assert!(matches!(run.end, End::Failed(status) if said.contains(&status)) || run.end == End::StepTooShort, "{:?}", run.end);
+        let said = [
+            Status::Unreachable,
+            Status::SingularIndependents,
+            Status::BranchChanged,
+            Status::NotConverged,
+        ];
+        assert!(
+            matches!(run.end, End::Failed(status) if said.contains(&status))
+                || run.end == End::StepTooShort,
+            "{:?}",
+            run.end
+        );
         // the dead centre is where crank and rod lie in line: x = 0.2 or 0.4
         let end = run.last().unwrap();
         let at = 0.3 * (0.1_f64 / 0.3).asin().cos() + end.q[2];
         assert!((at - 0.4).abs().min((at - 0.2).abs()) < 1e-2, "ends at {at}");
         // nothing turned back on the way
         assert!(run.samples.iter().all(|sample| sample.qd[0] > 3.0), "{:?}", run.last());
-        assert!(run.samples.len() > 10 && run.samples.iter().all(|sample| sample.q.iter().all(|x| x.is_finite())));
+        assert!(
+            run.samples.len() > 10
+                && run.samples.iter().all(|sample| sample.q.iter().all(|x| x.is_finite()))
+        );
     }
 }
 
@@ -85,7 +134,11 @@ fn closed_forms_are_left_for_others_where_they_have_to_be() {
     let truth = right.run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-11, 2.0));
     let start = Start::Tree { q: truth.samples[0].q.clone(), qd: truth.samples[0].qd.clone() };
     let run = wrong.run(&start, &adaptive(Method::Dop853, 1e-10, 2.0));
-    let gap = arrived(&run).q.iter().zip(&arrived(&truth).q).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+    let gap = arrived(&run)
+        .q
+        .iter()
+        .zip(&arrived(&truth).q)
+        .fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
     println!("{:?}", run.events);
     assert!(gap < 1e-7, "ends {gap:e} away");
 }

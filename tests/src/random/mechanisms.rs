@@ -1,4 +1,5 @@
-//! The mechanisms that random robots are made of. Each is drawn in a frame of its own, x, y, z, that is put anywhere on a link.
+//! The mechanisms that random robots are made of. Each is drawn in a frame of its own, x, y, z,
+//! that is put anywhere on a link.
 
 use super::writer::{Entry, Kind, Link, Writer};
 use super::{BALLS, SPINNING};
@@ -23,7 +24,8 @@ impl Writer {
         let last = self.links.len() - 1;
         // what hangs beside a floating base could not be coupled to what it carries
         let first = usize::from(self.floats);
-        let on = if self.seeded.chance(0.5) { last } else { self.seeded.below(last + 1).max(first) };
+        let on =
+            if self.seeded.chance(0.5) { last } else { self.seeded.below(last + 1).max(first) };
         let at = self.links[on].1.then(&self.seeded.pose(self.scale));
         let number = self.seeded.below(40);
         // loops with more rows than they need contradict themselves in rounded files
@@ -57,7 +59,11 @@ impl Writer {
         let (mut revolutes, mut balls) = (true, Vec::new());
         for _ in 0..n {
             let kind = if self.seeded.chance(0.25) { Kind::Slide } else { Kind::Turn };
-            let axis = if self.seeded.chance(0.4) { [X, Y, Z][self.seeded.below(3)] } else { self.seeded.direction() };
+            let axis = if self.seeded.chance(0.4) {
+                [X, Y, Z][self.seeded.below(3)]
+            } else {
+                self.seeded.direction()
+            };
             revolutes &= kind == Kind::Turn;
             let reach = if kind == Kind::Turn { 3.0 } else { self.scale };
             if BALLS && self.seeded.chance(0.08) {
@@ -74,16 +80,25 @@ impl Writer {
             origin = add(origin, 1.0, self.seeded.vector(self.scale));
         }
         let names: Vec<String> = tree.iter().map(|x| x.0.clone()).collect();
-        let mut active: Vec<String> = names.iter().filter(|name| !balls.contains(name)).cloned().collect();
+        let mut active: Vec<String> =
+            names.iter().filter(|name| !balls.contains(name)).cloned().collect();
         if self.seeded.chance(0.15) && !active.is_empty() {
             active.remove(self.seeded.below(active.len()));
         }
         let letters = format!("{n}R");
-        let type_name = if revolutes && balls.is_empty() && self.seeded.chance(0.5) { letters.as_str() } else { "SERIAL" };
-        self.submechanism("serial", Entry { type_name, tree: names, independent: tree, active, loops: vec![] });
+        let type_name = if revolutes && balls.is_empty() && self.seeded.chance(0.5) {
+            letters.as_str()
+        } else {
+            "SERIAL"
+        };
+        self.submechanism(
+            "serial",
+            Entry { type_name, tree: names, independent: tree, active, loops: vec![] },
+        );
     }
 
-    /// A chain in which joints follow others, also one after the other, or a joint of another mechanism.
+    /// A chain in which joints follow others, also one after the other, or a joint of another
+    /// mechanism.
     fn coupled(&mut self, on: Link, at: Pose) {
         let n = 2 + self.seeded.below(3);
         let far = if self.seeded.chance(0.3) && !self.masters.is_empty() {
@@ -91,17 +106,24 @@ impl Writer {
         } else {
             None
         };
-        let (mut tree, mut independent): (Vec<String>, Vec<(String, f64)>) = (Vec::new(), Vec::new());
+        let (mut tree, mut independent): (Vec<String>, Vec<(String, f64)>) =
+            (Vec::new(), Vec::new());
         let (mut link, mut origin, mut last) = (on, at.p, None);
         for k in 0..n {
             let axis = self.seeded.direction();
             let (name, child) = self.joint(Kind::Turn, link, origin, axis);
-            if k == 0 && far.is_none() || k > 0 && independent.len() < n / 2 && self.seeded.chance(0.4) {
+            if k == 0 && far.is_none()
+                || k > 0 && independent.len() < n / 2 && self.seeded.chance(0.4)
+            {
                 independent.push((name.clone(), 1.0));
             } else {
                 // a loop that also holds a coupling is closed at zero only without an offset
                 let offset = if far.is_none() { self.seeded.within(-0.5, 0.5) } else { 0.0 };
-                let master = if k == 0 { far.clone().unwrap_or_default() } else { tree[self.seeded.below(k)].clone() };
+                let master = if k == 0 {
+                    far.clone().unwrap_or_default()
+                } else {
+                    tree[self.seeded.below(k)].clone()
+                };
                 let multiplier = self.seeded.within(0.5, 1.5) * self.seeded.sign();
                 self.mimic(&master, multiplier, offset);
                 last = Some(name.clone());
@@ -118,6 +140,9 @@ impl Writer {
             *only = last;
         }
         let what = if far.is_some() { "couplings to another mechanism" } else { "couplings" };
-        self.submechanism(what, Entry { type_name: "TRANSMISSION", tree, independent, active, loops: vec![] });
+        self.submechanism(
+            what,
+            Entry { type_name: "TRANSMISSION", tree, independent, active, loops: vec![] },
+        );
     }
 }

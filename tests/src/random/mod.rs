@@ -29,7 +29,8 @@ pub struct Text {
     pub yaml: String,
     /// What the robot holds.
     pub holds: String,
-    /// How far each independent joint may be moved from zero without nearing a singularity, by name.
+    /// How far each independent joint may be moved from zero without nearing a singularity, by
+    /// name.
     pub reach: Vec<(String, f64)>,
     /// Each mechanism has as many actuators as independent joints.
     pub square: bool,
@@ -48,7 +49,8 @@ impl Text {
 
     /// Reads and compiles it.
     pub fn load(&self, options: &Options) -> Result<Loaded, LoadError> {
-        let (urdf, submechanisms) = (self.urdf.clone().into_bytes(), Some(self.yaml.clone().into_bytes()));
+        let (urdf, submechanisms) =
+            (self.urdf.clone().into_bytes(), Some(self.yaml.clone().into_bytes()));
         load(&Source::Text { urdf, submechanisms }, options)
     }
 }

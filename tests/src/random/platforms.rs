@@ -6,7 +6,8 @@ use super::writer::{Entry, Kind, Link, Loop, Writer};
 use crate::rigid::{Pose, Vector, add, cross, dot, unit};
 
 impl Writer {
-    /// A universal joint with two sliding legs, its axes and those of the legs tilted, legs mirrored or not.
+    /// A universal joint with two sliding legs, its axes and those of the legs tilted, legs
+    /// mirrored or not.
     pub(super) fn two_legs(&mut self, on: Link, at: Pose) {
         let size = self.scale;
         let height = size * self.seeded.within(0.3, 0.6);
@@ -17,8 +18,10 @@ impl Writer {
         let first = unit(first);
         let second = unit(add(cross(Z, first), 0.2, self.seeded.vector(1.0)));
         let (one, one_link) = self.joint(Kind::Turn, on, at.p, at.direction(first));
-        let offset = if self.seeded.chance(0.7) { [0.0; 3] } else { self.seeded.vector(0.05 * size) };
-        let (two, platform) = self.joint(Kind::Turn, one_link, at.point(offset), at.direction(second));
+        let offset =
+            if self.seeded.chance(0.7) { [0.0; 3] } else { self.seeded.vector(0.05 * size) };
+        let (two, platform) =
+            self.joint(Kind::Turn, one_link, at.point(offset), at.direction(second));
         let by_type = self.seeded.chance(0.3);
         let mirrored = self.seeded.chance(0.5);
         let mut legs = Vec::new();
@@ -29,16 +32,29 @@ impl Writer {
                 shape = self.leg_shape(height);
             }
             let mirror = |v: Vector| [v[0], side * v[1], v[2]];
-            let (base, pin, x, y, along) = (mirror(shape[0]), mirror(shape[1]), mirror(shape[2]), mirror(shape[3]), mirror(shape[4]));
+            let (base, pin, x, y, along) = (
+                mirror(shape[0]),
+                mirror(shape[1]),
+                mirror(shape[2]),
+                mirror(shape[3]),
+                mirror(shape[4]),
+            );
             let heavy = self.seeded.chance(0.8);
-            let (a, a_link) = self.joint_with(Kind::Turn, on, at.point(base), at.direction(x), heavy);
+            let (a, a_link) =
+                self.joint_with(Kind::Turn, on, at.point(base), at.direction(x), heavy);
             let (b, b_link) = self.joint(Kind::Turn, a_link, at.point(base), at.direction(y));
-            let origin = if by_type { pin } else { add(base, self.seeded.within(0.2, 1.0), add(pin, -1.0, base)) };
-            let (c, slider) = self.joint(Kind::Slide, b_link, at.point(origin), at.direction(along));
+            let origin = if by_type {
+                pin
+            } else {
+                add(base, self.seeded.within(0.2, 1.0), add(pin, -1.0, base))
+            };
+            let (c, slider) =
+                self.joint(Kind::Slide, b_link, at.point(origin), at.direction(along));
             let swapped = self.seeded.chance(0.5);
             let frame = Pose { p: at.point(pin), ..self.seeded.pose(0.0) };
             let cut = self.mark(if swapped { slider } else { platform }, frame);
-            let (predecessor, successor) = if swapped { (slider, platform) } else { (platform, slider) };
+            let (predecessor, successor) =
+                if swapped { (slider, platform) } else { (platform, slider) };
             loops.push(Loop { cut, predecessor, successor, rows: rows(&[3, 4, 5]) });
             legs.push([a, b, c]);
         }
@@ -82,7 +98,11 @@ impl Writer {
         let y = unit(cross(leg, x));
         // perpendicular to x, whatever the leg's direction
         let y = unit(add(y, -dot(x, y), x));
-        let along = if self.seeded.chance(0.5) { leg } else { unit(add(leg, 0.15, self.seeded.vector(1.0))) };
+        let along = if self.seeded.chance(0.5) {
+            leg
+        } else {
+            unit(add(leg, 0.15, self.seeded.vector(1.0)))
+        };
         [base, pin, x, y, scaled(along, self.seeded.sign())]
     }
 
@@ -102,16 +122,25 @@ impl Writer {
         let by_type = self.seeded.chance(0.3);
         let (mut loops, mut active) = (Vec::new(), Vec::new());
         for k in 0..6 {
-            let around = |angle: f64, radius: f64, z: f64| scaled([radius * angle.cos(), radius * angle.sin(), z], size);
+            let around = |angle: f64, radius: f64, z: f64| {
+                scaled([radius * angle.cos(), radius * angle.sin(), z], size)
+            };
             let pair = f64::from(k / 2) * std::f64::consts::TAU / 3.0;
             let side = if k % 2 == 0 { 1.0 } else { -1.0 };
-            let pin = add(around(pair + 0.3 * side, 0.6, 0.0), 0.03 * size, self.seeded.vector(1.0));
-            let base = add(around(pair + 0.8 * side, 1.0, -1.1), 0.03 * size, self.seeded.vector(1.0));
+            let pin =
+                add(around(pair + 0.3 * side, 0.6, 0.0), 0.03 * size, self.seeded.vector(1.0));
+            let base =
+                add(around(pair + 0.8 * side, 1.0, -1.1), 0.03 * size, self.seeded.vector(1.0));
             let [base, pin, x, y, along] = self.leg_between(base, pin);
             let (a, a_link) = self.joint(Kind::Turn, on, at.point(base), at.direction(x));
             let (b, b_link) = self.joint(Kind::Turn, a_link, at.point(base), at.direction(y));
-            let origin = if by_type { pin } else { add(base, self.seeded.within(0.2, 1.0), add(pin, -1.0, base)) };
-            let (c, slider) = self.joint(Kind::Slide, b_link, at.point(origin), at.direction(along));
+            let origin = if by_type {
+                pin
+            } else {
+                add(base, self.seeded.within(0.2, 1.0), add(pin, -1.0, base))
+            };
+            let (c, slider) =
+                self.joint(Kind::Slide, b_link, at.point(origin), at.direction(along));
             let swapped = self.seeded.chance(0.5);
             let frame = Pose { p: at.point(pin), ..self.seeded.pose(0.0) };
             let cut = self.mark(if swapped { slider } else { link }, frame);
@@ -126,7 +155,8 @@ impl Writer {
         self.submechanism(what, Entry { type_name, tree, independent, active, loops });
     }
 
-    /// A universal joint with two sliding legs whose second axis passes the first at a distance along the leg.
+    /// A universal joint with two sliding legs whose second axis passes the first at a distance
+    /// along the leg.
     pub(super) fn two_offset_legs(&mut self, on: Link, at: Pose) {
         let height = self.scale * self.seeded.within(0.3, 0.6);
         let first = unit(add(Y, 0.2, self.seeded.vector(1.0)));
@@ -136,7 +166,8 @@ impl Writer {
         let mut tree = vec![one.clone(), two.clone()];
         let (mut loops, mut active) = (Vec::new(), Vec::new());
         for side in [1.0, -1.0] {
-            let near = |writer: &mut Writer, v: Vector| add(v, 0.05 * height, writer.seeded.vector(1.0));
+            let near =
+                |writer: &mut Writer, v: Vector| add(v, 0.05 * height, writer.seeded.vector(1.0));
             let pin = near(self, [-0.7 * height, 0.8 * side * height, 0.2 * height]);
             let base = near(self, [-0.8 * height, 0.8 * side * height, 1.8 * height]);
             let leg = unit(add(pin, -1.0, base));
@@ -150,7 +181,12 @@ impl Writer {
             let (c, slider) = self.joint(Kind::Slide, b_link, at.point(pin), along);
             let frame = Pose { p: at.point(pin), ..self.seeded.pose(0.0) };
             let cut = self.mark(slider, frame);
-            loops.push(Loop { cut, predecessor: slider, successor: platform, rows: rows(&[3, 4, 5]) });
+            loops.push(Loop {
+                cut,
+                predecessor: slider,
+                successor: platform,
+                rows: rows(&[3, 4, 5]),
+            });
             active.push(c.clone());
             tree.extend([a, b, c]);
         }
@@ -159,36 +195,51 @@ impl Writer {
         self.submechanism("2SPRR+1U", Entry { type_name, tree, independent, active, loops });
     }
 
-    /// A universal joint with two sliding legs that end on arms, each arm turning on the platform; its axis, its tip and the leg's base lie
-    /// in a plane at zero, and the leg's base stays in the plane of the axis and the tip.
+    /// A universal joint with two sliding legs that end on arms, each arm turning on the platform;
+    /// its axis, its tip and the leg's base lie in a plane at zero, and the leg's base stays in the
+    /// plane of the axis and the tip.
     pub(super) fn two_legs_on_arms(&mut self, on: Link, at: Pose) {
         let height = self.scale * self.seeded.within(0.3, 0.6);
         let first = unit(add(Y, 0.2, self.seeded.vector(1.0)));
         let second = unit(add(cross(Z, first), 0.2, self.seeded.vector(1.0)));
         let (one, one_link) = self.joint(Kind::Turn, on, at.p, at.direction(first));
         let (two, platform) = self.joint(Kind::Turn, one_link, at.p, at.direction(second));
-        let (mut arms, mut legs, mut loops, mut active) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut arms, mut legs, mut loops, mut active) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for side in [1.0, -1.0] {
-            let near = |writer: &mut Writer, v: Vector| add(v, 0.05 * height, writer.seeded.vector(1.0));
+            let near =
+                |writer: &mut Writer, v: Vector| add(v, 0.05 * height, writer.seeded.vector(1.0));
             let pivot = near(self, [-0.8 * height, 0.8 * side * height, 0.1 * height]);
             let n = unit(add(Z, 0.2, self.seeded.vector(1.0)));
             let radial = unit(cross(n, self.seeded.direction()));
             let tip = add(pivot, 0.15 * height, radial);
-            let base = add(add(pivot, 1.5 * height, n), self.seeded.within(0.3, 0.5) * height, radial);
+            let base =
+                add(add(pivot, 1.5 * height, n), self.seeded.within(0.3, 0.5) * height, radial);
             let leg = unit(add(tip, -1.0, base));
             let x = unit(cross(leg, add(Y, 0.2, self.seeded.vector(1.0))));
             let y = unit(cross(leg, x));
-            let [n_axis, x, y, along] = [n, x, y, leg].map(|v| at.direction(scaled(v, self.seeded.sign())));
+            let [n_axis, x, y, along] =
+                [n, x, y, leg].map(|v| at.direction(scaled(v, self.seeded.sign())));
             let (arm, arm_link) = self.joint(Kind::Turn, platform, at.point(pivot), n_axis);
             let (a, a_link) = self.joint(Kind::Turn, on, at.point(base), x);
             let (b, b_link) = self.joint(Kind::Turn, a_link, at.point(base), y);
             let (c, slider) = self.joint(Kind::Slide, b_link, at.point(tip), along);
             let ball = Pose { p: at.point(tip), ..self.seeded.pose(0.0) };
             let cut = self.mark(slider, ball);
-            loops.push(Loop { cut, predecessor: slider, successor: arm_link, rows: rows(&[3, 4, 5]) });
+            loops.push(Loop {
+                cut,
+                predecessor: slider,
+                successor: arm_link,
+                rows: rows(&[3, 4, 5]),
+            });
             // x of this frame is across the plane
             let across = at.direction(cross(n, radial));
-            let plane = Pose::from_columns(across, at.direction(n), cross(across, at.direction(n)), at.point(base));
+            let plane = Pose::from_columns(
+                across,
+                at.direction(n),
+                cross(across, at.direction(n)),
+                at.point(base),
+            );
             let cut = self.mark(on, plane);
             loops.push(Loop { cut, predecessor: arm_link, successor: on, rows: rows(&[3]) });
             arms.push(arm);

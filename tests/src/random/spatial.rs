@@ -18,7 +18,10 @@ impl Writer {
             let u2 = unit(add(cross(coupler, u1), 0.2, self.seeded.direction()));
             let moves = cross(rocker, add(b, -1.0, foot));
             let tip = dot(moves, cross(cross(u1, span), cross(u2, span)));
-            if norm(span) > 0.6 * size && tip.abs() > 0.4 * norm(moves) * dot(span, span) && norm(moves) > 0.3 * size {
+            if norm(span) > 0.6 * size
+                && tip.abs() > 0.4 * norm(moves) * dot(span, span)
+                && norm(moves) > 0.3 * size
+            {
                 break (a, b, crank, rocker, foot, u1, u2);
             }
         };
@@ -26,16 +29,26 @@ impl Writer {
         let (crank, crank_link) = self.joint(Kind::Turn, on, at.p, at.direction(crank_axis));
         let (first, first_link) = self.joint(Kind::Turn, crank_link, at.point(a), at.direction(u1));
         let (second, coupler) = self.joint(Kind::Turn, first_link, at.point(a), at.direction(u2));
-        let (rocker, rocker_link) = self.joint(Kind::Turn, on, at.point(foot), at.direction(rocker_axis));
+        let (rocker, rocker_link) =
+            self.joint(Kind::Turn, on, at.point(foot), at.direction(rocker_axis));
         let frame = Pose { p: at.point(b), ..self.seeded.pose(0.0) };
         let cut = self.mark(coupler, frame);
-        let loops = vec![Loop { cut, predecessor: coupler, successor: rocker_link, rows: rows(&[3, 4, 5]) }];
+        let loops = vec![Loop {
+            cut,
+            predecessor: coupler,
+            successor: rocker_link,
+            rows: rows(&[3, 4, 5]),
+        }];
         let tree = vec![crank.clone(), first, second, rocker];
         let (independent, active) = (vec![(crank.clone(), 0.15)], vec![crank]);
-        self.submechanism("RUSR", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
+        self.submechanism(
+            "RUSR",
+            Entry { type_name: "NUMERICAL", tree, independent, active, loops },
+        );
     }
 
-    /// A spatial four-bar whose coupler has ball joints at both ends and spins about itself as it likes.
+    /// A spatial four-bar whose coupler has ball joints at both ends and spins about itself as it
+    /// likes.
     pub(super) fn rssr(&mut self, on: Link, at: Pose) {
         let size = self.scale;
         let (a, b, crank_axis, rocker_axis, foot) = loop {
@@ -45,32 +58,46 @@ impl Writer {
             let span = add(b, -1.0, a);
             let moves = cross(rocker, add(b, -1.0, foot));
             // the rocker moves its end along the coupler
-            if norm(span) > 0.6 * size && dot(moves, span).abs() > 0.5 * norm(moves) * norm(span) && norm(moves) > 0.3 * size {
+            if norm(span) > 0.6 * size
+                && dot(moves, span).abs() > 0.5 * norm(moves) * norm(span)
+                && norm(moves) > 0.3 * size
+            {
                 break (a, b, crank, rocker, foot);
             }
         };
         let (crank, crank_link) = self.joint(Kind::Turn, on, at.p, at.direction(crank_axis));
         let (ball, coupler) = self.ball(crank_link, at.point(a));
-        let (rocker, rocker_link) = self.joint(Kind::Turn, on, at.point(foot), at.direction(rocker_axis));
+        let (rocker, rocker_link) =
+            self.joint(Kind::Turn, on, at.point(foot), at.direction(rocker_axis));
         let frame = Pose { p: at.point(b), ..self.seeded.pose(0.0) };
         let cut = self.mark(coupler, frame);
-        let loops = vec![Loop { cut, predecessor: coupler, successor: rocker_link, rows: rows(&[3, 4, 5]) }];
+        let loops = vec![Loop {
+            cut,
+            predecessor: coupler,
+            successor: rocker_link,
+            rows: rows(&[3, 4, 5]),
+        }];
         let tree = vec![crank.clone(), ball, rocker];
         let (independent, active) = (vec![(crank.clone(), 0.15)], vec![crank]);
-        self.submechanism("RSSR", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
+        self.submechanism(
+            "RSSR",
+            Entry { type_name: "NUMERICAL", tree, independent, active, loops },
+        );
     }
 
     /// One loop of seven revolute joints, cut by a weld (six rows) or at its last joint (five).
     pub(super) fn seven_revolutes(&mut self, on: Link, at: Pose) {
         let at_revolute = self.seeded.chance(0.5);
         let (points, axes, free) = loop {
-            let points: Vec<Vector> = (0..7).map(|_| self.seeded.vector(0.7 * self.scale)).collect();
+            let points: Vec<Vector> =
+                (0..7).map(|_| self.seeded.vector(0.7 * self.scale)).collect();
             let axes: Vec<Vector> = (0..7).map(|_| self.seeded.direction()).collect();
             let column = |k: usize| {
                 let m = scaled(cross(points[k], axes[k]), 1.0 / self.scale);
                 [axes[k][0], axes[k][1], axes[k][2], m[0], m[1], m[2]]
             };
-            let least = |free: usize| least_pivot((0..7).filter(|k| *k != free).map(column).collect());
+            let least =
+                |free: usize| least_pivot((0..7).filter(|k| *k != free).map(column).collect());
             let free = (0..6).max_by(|a, b| least(*a).total_cmp(&least(*b))).unwrap_or(0);
             if least(free) > 0.3 {
                 break (points, axes, free);
@@ -78,7 +105,8 @@ impl Writer {
         };
         let (mut link, mut tree) = (on, Vec::new());
         for k in 0..if at_revolute { 6 } else { 7 } {
-            let (name, child) = self.joint(Kind::Turn, link, at.point(points[k]), at.direction(axes[k]));
+            let (name, child) =
+                self.joint(Kind::Turn, link, at.point(points[k]), at.direction(axes[k]));
             tree.push(name);
             link = child;
         }
@@ -89,7 +117,8 @@ impl Writer {
         let marked = if self.seeded.chance(0.5) { on } else { link };
         let cut = self.mark(marked, frame);
         let of = if at_revolute { rows(&[3, 4, 5, 0, 1]) } else { rows(&[0, 1, 2, 3, 4, 5]) };
-        let (predecessor, successor) = if self.seeded.chance(0.5) { (on, link) } else { (link, on) };
+        let (predecessor, successor) =
+            if self.seeded.chance(0.5) { (on, link) } else { (link, on) };
         let loops = vec![Loop { cut, predecessor, successor, rows: of }];
         let (independent, active) = (vec![(tree[free].clone(), 0.12)], vec![tree[free].clone()]);
         let what = if at_revolute { "6R cut at a revolute joint" } else { "7R welded" };
@@ -98,18 +127,30 @@ impl Writer {
 
     /// Bricard's mechanism, overconstrained: six rows of rank five.
     pub(super) fn bricard(&mut self, on: Link, at: Pose) {
-        const POINTS: [Vector; 6] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, -1.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]];
+        const POINTS: [Vector; 6] = [
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [1.0, -1.0, 0.0],
+            [1.0, -1.0, 1.0],
+            [0.0, -1.0, 1.0],
+            [0.0, 0.0, 1.0],
+        ];
         let (mut link, mut tree) = (on, Vec::new());
         for (p, axis) in POINTS.into_iter().zip([Y, Z, X, Y, Z, X]) {
-            let (name, child) = self.joint(Kind::Turn, link, at.point(scaled(p, self.scale)), at.direction(axis));
+            let (name, child) =
+                self.joint(Kind::Turn, link, at.point(scaled(p, self.scale)), at.direction(axis));
             tree.push(name);
             link = child;
         }
         let frame = Pose { p: at.point(scaled(POINTS[5], self.scale)), ..self.seeded.pose(0.0) };
         let cut = self.mark(link, frame);
-        let loops = vec![Loop { cut, predecessor: on, successor: link, rows: rows(&[0, 1, 2, 3, 4, 5]) }];
+        let loops =
+            vec![Loop { cut, predecessor: on, successor: link, rows: rows(&[0, 1, 2, 3, 4, 5]) }];
         let (independent, active) = (vec![(tree[0].clone(), 0.3)], vec![tree[0].clone()]);
-        self.submechanism("Bricard", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
+        self.submechanism(
+            "Bricard",
+            Entry { type_name: "NUMERICAL", tree, independent, active, loops },
+        );
     }
 
     /// Four revolute joints whose axes meet in a point, cut at the last: five rows of rank two.
@@ -118,29 +159,46 @@ impl Writer {
             let axes = [(); 4].map(|()| self.seeded.direction());
             let apart = |i: usize, j: usize| norm(cross(axes[i], axes[j]));
             let triple = dot(axes[1], cross(axes[2], axes[3])).abs();
-            if triple > 0.5 && apart(0, 1) > 0.3 && apart(0, 3) > 0.3 && dot(axes[0], cross(axes[1], axes[3])).abs() > 0.2 {
+            if triple > 0.5
+                && apart(0, 1) > 0.3
+                && apart(0, 3) > 0.3
+                && dot(axes[0], cross(axes[1], axes[3])).abs() > 0.2
+            {
                 break axes;
             }
         };
-        let place = |writer: &mut Writer, axis: Vector| at.point(scaled(axis, writer.seeded.within(0.2, 0.8) * writer.scale));
+        let place = |writer: &mut Writer, axis: Vector| {
+            at.point(scaled(axis, writer.seeded.within(0.2, 0.8) * writer.scale))
+        };
         let origin = place(self, axes[0]);
         let (crank, crank_link) = self.joint(Kind::Turn, on, origin, at.direction(axes[0]));
         let origin = place(self, axes[1]);
-        let (coupler, coupler_link) = self.joint(Kind::Turn, crank_link, origin, at.direction(axes[1]));
+        let (coupler, coupler_link) =
+            self.joint(Kind::Turn, crank_link, origin, at.direction(axes[1]));
         let origin = place(self, axes[3]);
         let (rocker, rocker_link) = self.joint(Kind::Turn, on, origin, at.direction(axes[3]));
         let z = at.direction(axes[2]);
         let x = unit(cross(z, self.seeded.direction()));
         let origin = place(self, axes[2]);
         let cut = self.mark(coupler_link, Pose::from_columns(x, cross(z, x), z, origin));
-        let loops = vec![Loop { cut, predecessor: coupler_link, successor: rocker_link, rows: rows(&[0, 1, 3, 4, 5]) }];
+        let loops = vec![Loop {
+            cut,
+            predecessor: coupler_link,
+            successor: rocker_link,
+            rows: rows(&[0, 1, 3, 4, 5]),
+        }];
         let (tree, active) = (vec![crank.clone(), coupler, rocker], vec![crank.clone()]);
-        self.submechanism("spherical four-bar", Entry { type_name: "NUMERICAL", tree, independent: vec![(crank, 0.15)], active, loops });
+        self.submechanism(
+            "spherical four-bar",
+            Entry { type_name: "NUMERICAL", tree, independent: vec![(crank, 0.15)], active, loops },
+        );
     }
 
-    /// Bennett's mechanism: four revolutes, opposite links of equal length and twist, sin α / a = sin β / b; welded: six rows of rank three.
+    /// Bennett's mechanism: four revolutes, opposite links of equal length and twist, sin α / a =
+    /// sin β / b; welded: six rows of rank three.
     pub(super) fn bennett(&mut self, on: Link, at: Pose) {
-        let (alpha, beta): (f64, f64) = (self.seeded.within(0.5, 1.0), self.seeded.within(1.3, 2.0));
+        let (alpha, beta): (f64, f64) =
+            (self.seeded.within(0.5, 1.0), self.seeded.within(1.3, 2.0));
         let (a, b) = (self.scale * alpha.sin(), self.scale * beta.sin());
         // tan ½θ tan ½ψ = sin ½(β + α) / sin ½(β − α)
         let theta = self.seeded.sign() * self.seeded.within(1.2, 2.0);
@@ -165,9 +223,13 @@ impl Writer {
         }
         let frame = Pose { p: at.p, ..self.seeded.pose(0.0) };
         let cut = self.mark(last, frame);
-        let loops = vec![Loop { cut, predecessor: on, successor: last, rows: rows(&[0, 1, 2, 3, 4, 5]) }];
+        let loops =
+            vec![Loop { cut, predecessor: on, successor: last, rows: rows(&[0, 1, 2, 3, 4, 5]) }];
         let (independent, active) = (vec![(tree[0].clone(), 0.25)], vec![tree[0].clone()]);
-        self.submechanism("Bennett", Entry { type_name: "NUMERICAL", tree, independent, active, loops });
+        self.submechanism(
+            "Bennett",
+            Entry { type_name: "NUMERICAL", tree, independent, active, loops },
+        );
     }
 }
 

@@ -77,7 +77,11 @@ impl Writer {
 
     /// A number of the file's precision; `unit` is what 1 means there.
     fn number(&self, x: f64, unit: f64) -> String {
-        if self.rounded { format!("{:?}", (x / unit * 1e6).round() * 1e-6 * unit) } else { format!("{x:?}") }
+        if self.rounded {
+            format!("{:?}", (x / unit * 1e6).round() * 1e-6 * unit)
+        } else {
+            format!("{x:?}")
+        }
     }
 
     fn vector(&self, v: Vector, unit: f64) -> String {
@@ -100,7 +104,9 @@ impl Writer {
             let [a, b, c] = [(); 3].map(|()| mass * (size * self.seeded.within(0.05, 0.3)).powi(2));
             let [x, y, z] = [b + c, a + c, a + b];
             let R = self.seeded.pose(0.0).R;
-            let entry = |i: usize, j: usize| R[i][0] * x * R[j][0] + R[i][1] * y * R[j][1] + R[i][2] * z * R[j][2];
+            let entry = |i: usize, j: usize| {
+                R[i][0] * x * R[j][0] + R[i][1] * y * R[j][1] + R[i][2] * z * R[j][2]
+            };
             let origin = self.seeded.pose(0.3 * size);
             let (xyz, rpy) = (self.vector(origin.p, size), self.vector(origin.rpy(), 1.0));
             let _ = write!(
@@ -120,19 +126,31 @@ impl Writer {
     }
 
     /// A joint of any type with its child link at a pose in the root.
-    fn place(&mut self, type_name: &str, parent: Link, at: Pose, axis: Option<Vector>, with_inertia: bool) -> (String, Link) {
+    fn place(
+        &mut self,
+        type_name: &str,
+        parent: Link,
+        at: Pose,
+        axis: Option<Vector>,
+        with_inertia: bool,
+    ) -> (String, Link) {
         let child = self.link(at, with_inertia);
         let name = self.name("joint");
         let origin = self.links[parent].1.inverse().then(&at);
         let (xyz, rpy) = (self.vector(origin.p, self.scale), self.vector(origin.rpy(), 1.0));
         let axis_is_given = axis.is_some();
-        let axis = axis.map_or(String::new(), |axis| format!("<axis xyz=\"{}\"/>", self.vector(axis, 1.0)));
+        let axis = axis
+            .map_or(String::new(), |axis| format!("<axis xyz=\"{}\"/>", self.vector(axis, 1.0)));
         let limit = if matches!(type_name, "revolute" | "prismatic") {
             "<limit lower=\"-1e4\" upper=\"1e4\" effort=\"1e12\" velocity=\"1e4\"/>"
         } else {
             ""
         };
-        let terms = if TERMS && axis_is_given && self.seeded.chance(0.3) { self.terms(type_name == "prismatic") } else { String::new() };
+        let terms = if TERMS && axis_is_given && self.seeded.chance(0.3) {
+            self.terms(type_name == "prismatic")
+        } else {
+            String::new()
+        };
         let (parent, child_name) = (&self.links[parent].0, &self.links[child].0);
         let _ = writeln!(
             self.urdf,
@@ -146,9 +164,13 @@ impl Writer {
         let arm = if slides { 1.0 } else { self.scale };
         // the mass of a body here, and with the square of an arm its inertia
         let inertia = 20.0 * self.scale.powi(3) * arm * arm;
-        let mut number = |size: f64| if self.seeded.chance(0.6) { self.seeded.within(0.0, size) } else { 0.0 };
-        let (damping, stiffness, rotor) =
-            (number(0.5 * inertia), number(5.0 * inertia), number(2e-3 * inertia * (self.scale / arm).powi(2)));
+        let mut number =
+            |size: f64| if self.seeded.chance(0.6) { self.seeded.within(0.0, size) } else { 0.0 };
+        let (damping, stiffness, rotor) = (
+            number(0.5 * inertia),
+            number(5.0 * inertia),
+            number(2e-3 * inertia * (self.scale / arm).powi(2)),
+        );
         let rest = self.seeded.within(-0.5, 0.5) * self.scale / arm;
         let ratio = self.seeded.within(1.0, 10.0) * self.seeded.sign() * arm / self.scale;
         format!(
@@ -156,13 +178,27 @@ impl Writer {
         )
     }
 
-    /// A joint through a point along an axis, both in the root; its frame lies anyhow. Sometimes a fixed joint comes before it.
-    pub(super) fn joint(&mut self, kind: Kind, parent: Link, origin: Vector, axis: Vector) -> (String, Link) {
+    /// A joint through a point along an axis, both in the root; its frame lies anyhow. Sometimes a
+    /// fixed joint comes before it.
+    pub(super) fn joint(
+        &mut self,
+        kind: Kind,
+        parent: Link,
+        origin: Vector,
+        axis: Vector,
+    ) -> (String, Link) {
         self.joint_with(kind, parent, origin, axis, true)
     }
 
     /// The same, with or without mass.
-    pub(super) fn joint_with(&mut self, kind: Kind, parent: Link, origin: Vector, axis: Vector, mass: bool) -> (String, Link) {
+    pub(super) fn joint_with(
+        &mut self,
+        kind: Kind,
+        parent: Link,
+        origin: Vector,
+        axis: Vector,
+        mass: bool,
+    ) -> (String, Link) {
         let mut parent = parent;
         if self.seeded.chance(0.15) {
             let at = self.links[parent].1.then(&self.seeded.pose(0.2 * self.scale));
@@ -171,7 +207,11 @@ impl Writer {
         }
         let at = Pose { p: origin, ..self.seeded.pose(0.0) };
         let length = if self.seeded.chance(0.5) { 1.0 } else { self.seeded.within(0.5, 3.0) };
-        let axis = add([0.0; 3], length / norm(axis), at.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(axis));
+        let axis = add(
+            [0.0; 3],
+            length / norm(axis),
+            at.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(axis),
+        );
         let type_name = match kind {
             Kind::Slide => "prismatic",
             Kind::Turn if self.seeded.chance(0.3) => "continuous",
@@ -210,7 +250,12 @@ impl Writer {
     /// Follows another joint; must come right after the joint.
     pub(super) fn mimic(&mut self, master: &str, multiplier: f64, offset: f64) {
         let end = self.urdf.rfind("</joint>").unwrap_or(0);
-        self.urdf.insert_str(end, &format!("<mimic joint=\"{master}\" multiplier=\"{multiplier:?}\" offset=\"{offset:?}\"/>"));
+        self.urdf.insert_str(
+            end,
+            &format!(
+                "<mimic joint=\"{master}\" multiplier=\"{multiplier:?}\" offset=\"{offset:?}\"/>"
+            ),
+        );
     }
 
     /// A submechanism.
@@ -231,8 +276,11 @@ impl Writer {
         }
         for of in entry.loops {
             let (p, s) = (&self.links[of.predecessor].0, &self.links[of.successor].0);
-            let _ =
-                writeln!(self.yaml, "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    constraint_axes:", of.cut);
+            let _ = writeln!(
+                self.yaml,
+                "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    constraint_axes:",
+                of.cut
+            );
             for (k, axis) in of.rows.iter().enumerate() {
                 let axis = axis.map(|x| format!("{x:?}")).join(", ");
                 let _ = writeln!(self.yaml, "    - {{name: row{k}, axis: [{axis}]}}");
@@ -252,7 +300,11 @@ impl Writer {
         Text {
             urdf: format!("<robot name=\"seed{seed}\">\n{}</robot>\n", self.urdf),
             yaml: format!("submechanisms:\n{}", self.yaml),
-            holds: format!("seed {seed}: {}; scale {:.3e}{rounded}", self.holds.join(", "), self.scale),
+            holds: format!(
+                "seed {seed}: {}; scale {:.3e}{rounded}",
+                self.holds.join(", "),
+                self.scale
+            ),
             reach: self.reach,
             square: self.square,
             rounded: self.rounded,

@@ -7,7 +7,8 @@ pub enum BusEvent {
     ErrorActive,
     /// 96 errors or more.
     ErrorWarning,
-    /// 128 errors or more: the controller may not signal errors any more, frames may be lost unnoticed.
+    /// 128 errors or more: the controller may not signal errors any more, frames may be lost
+    /// unnoticed.
     ErrorPassive,
     /// The controller has left the bus, or the interface is down.
     BusOff,
@@ -54,7 +55,9 @@ impl BusEvent {
     /// The frames that it counts; `None` for events that count none.
     pub const fn count(self) -> Option<u32> {
         match self {
-            BusEvent::Dropped(count) | BusEvent::Backlog(count) | BusEvent::Overrun(count) => Some(count),
+            BusEvent::Dropped(count) | BusEvent::Backlog(count) | BusEvent::Overrun(count) => {
+                Some(count)
+            }
             _ => None,
         }
     }

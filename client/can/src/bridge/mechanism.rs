@@ -30,7 +30,13 @@ pub(super) struct Mechanism {
 
 impl Mechanism {
     pub(super) fn new(has_motors: bool) -> Mechanism {
-        Mechanism { standing: Standing::Disabled, reason: Reason::None, has_motors, phase: Phase::Off, armed_ns: 0 }
+        Mechanism {
+            standing: Standing::Disabled,
+            reason: Reason::None,
+            has_motors,
+            phase: Phase::Off,
+            armed_ns: 0,
+        }
     }
 
     /// Arms, or takes power.
@@ -68,11 +74,14 @@ impl Mechanism {
             Phase::Starting => Some(0.0),
             Phase::Damped => Some(1.0),
             Phase::Following(_) if ramp_ns == 0 => Some(1.0),
-            Phase::Following(since) => Some((now_ns.saturating_sub(since) as f64 / ramp_ns as f64).min(1.0)),
+            Phase::Following(since) => {
+                Some((now_ns.saturating_sub(since) as f64 / ramp_ns as f64).min(1.0))
+            }
         }
     }
 
-    /// An operator arms. What can never become ready by waiting refuses at once. Whether it begins to wait.
+    /// An operator arms. What can never become ready by waiting refuses at once. Whether it begins
+    /// to wait.
     pub(super) fn arm(&mut self, now_ns: u64, unready: Option<Reason>) -> bool {
         if self.standing != Standing::Disabled || !self.has_motors {
             return false;
@@ -120,14 +129,24 @@ impl Mechanism {
                 (self.reason, self.phase) = (Reason::None, Phase::Starting);
                 self.armed_ns = now_ns;
             }
-            (Phase::Waiting, Some(reason)) if now_ns.saturating_sub(self.armed_ns) > arming_ns => self.disable(reason),
+            (Phase::Waiting, Some(reason)) if now_ns.saturating_sub(self.armed_ns) > arming_ns => {
+                self.disable(reason)
+            }
             (Phase::Waiting, Some(reason)) => self.reason = reason,
             _ => {}
         }
     }
 
-    /// From power to following, to damping and back, and to no power. True where it is to begin anew from the measured position.
-    pub(super) fn follow(&mut self, now_ns: u64, arming_ns: u64, all_on: bool, is_late: bool, is_lost: bool) -> bool {
+    /// From power to following, to damping and back, and to no power. True where it is to begin
+    /// anew from the measured position.
+    pub(super) fn follow(
+        &mut self,
+        now_ns: u64,
+        arming_ns: u64,
+        all_on: bool,
+        is_late: bool,
+        is_lost: bool,
+    ) -> bool {
         let before = self.phase;
         match self.phase {
             Phase::Off | Phase::Waiting => {}
@@ -135,7 +154,9 @@ impl Mechanism {
             Phase::Starting if all_on => {
                 (self.standing, self.phase) = (Standing::Enabled, Phase::Following(now_ns));
             }
-            Phase::Starting if now_ns.saturating_sub(self.armed_ns) > arming_ns => self.fail(Reason::ArmingTimeout),
+            Phase::Starting if now_ns.saturating_sub(self.armed_ns) > arming_ns => {
+                self.fail(Reason::ArmingTimeout)
+            }
             Phase::Following(_) if is_late => self.phase = Phase::Damped,
             Phase::Damped if !is_late => self.phase = Phase::Following(now_ns),
             _ => {}

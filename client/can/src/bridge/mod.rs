@@ -1,9 +1,12 @@
-//! The rules: what the motors are told in each cycle, given commands, measurements and the state of the buses.
+//! The rules: what the motors are told in each cycle, given commands, measurements and the state of
+//! the buses.
 //!
-//! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits until every motor measures, is calibrated, has
-//! no fault and a watchdog that is on, until the buses are error-active with nothing left to send, and until a controller commands. The
-//! first set-point is the measured position without gains; gains, efforts and the way to the commanded position then grow together. Commands
-//! older than T1 bring damping, older than T2 take the power away. Nothing ever arms by itself.
+//! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits
+//! until every motor measures, is calibrated, has no fault and a watchdog that is on, until the
+//! buses are error-active with nothing left to send, and until a controller commands. The first
+//! set-point is the measured position without gains; gains, efforts and the way to the commanded
+//! position then grow together. Commands older than T1 bring damping, older than T2 take the power
+//! away. Nothing ever arms by itself.
 
 mod counters;
 mod event;
@@ -19,7 +22,9 @@ pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
 pub use verdict::Verdict;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason, Standing};
+use sarrus_proto::actuators::{
+    ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason, Standing,
+};
 
 use crate::config::{Configuration, Stop};
 use crate::drive::{Power, Receipt, Wish};
@@ -42,7 +47,8 @@ pub struct Bridge {
     mechanisms: Vec<Mechanism>,
     buses: Vec<Bus>,
     command: ActuatorCommand,
-    /// Stamp of the command when the robot was last told to arm `[ns]`; arming waits for a later one.
+    /// Stamp of the command when the robot was last told to arm `[ns]`; arming waits for a later
+    /// one.
     armed_at: u64,
     /// Stamp of the newest request to disarm `[ns]`.
     disarmed_at: u64,
@@ -76,12 +82,21 @@ impl Bridge {
             counters: BusCounters::default(),
         });
         let buses = buses.collect();
-        let motors: Vec<Motor> = std::mem::take(&mut configuration.motors).into_iter().map(Motor::new).collect();
-        let with_motors =
-            |mechanism: usize| motors.iter().any(|motor| configuration.mechanisms.get(motor.config.actuator) == Some(&mechanism));
-        let mechanisms = (0..configuration.n_mechanisms()).map(|number| Mechanism::new(with_motors(number))).collect();
-        let state =
-            ActuatorState { fingerprint: configuration.fingerprint, n_u: configuration.actuators.len() as u64, ..ActuatorState::default() };
+        let motors: Vec<Motor> =
+            std::mem::take(&mut configuration.motors).into_iter().map(Motor::new).collect();
+        let with_motors = |mechanism: usize| {
+            motors.iter().any(|motor| {
+                configuration.mechanisms.get(motor.config.actuator) == Some(&mechanism)
+            })
+        };
+        let mechanisms = (0..configuration.n_mechanisms())
+            .map(|number| Mechanism::new(with_motors(number)))
+            .collect();
+        let state = ActuatorState {
+            fingerprint: configuration.fingerprint,
+            n_u: configuration.actuators.len() as u64,
+            ..ActuatorState::default()
+        };
         Bridge {
             configuration,
             motors,
@@ -143,7 +158,10 @@ impl Bridge {
             BusEvent::Dropped(_) | BusEvent::Overrun(_) => {}
         }
         if matches!(event, BusEvent::BusOff | BusEvent::Restarted) {
-            self.motors.iter_mut().filter(|motor| motor.config.bus == bus).for_each(|motor| motor.config.drive.forget());
+            self.motors
+                .iter_mut()
+                .filter(|motor| motor.config.bus == bus)
+                .for_each(|motor| motor.config.drive.forget());
         }
         if event == BusEvent::BusOff {
             self.fail(|motor| motor.config.bus == bus, Reason::BusOff);
@@ -161,13 +179,15 @@ impl Bridge {
         verdict
     }
 
-    /// Takes a request of an operator. Power is given for requests of now only, and not for those before the last one to disarm, in
-    /// whatever order they come.
+    /// Takes a request of an operator. Power is given for requests of now only, and not for those
+    /// before the last one to disarm, in whatever order they come.
     pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
         let operation = Operation::from_code(request.operation)?;
         if operation == Operation::Disarm {
             self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
-        } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS || request.stamp_ns <= self.disarmed_at {
+        } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS
+            || request.stamp_ns <= self.disarmed_at
+        {
             return None;
         }
         self.operate(now_ns, operation);
@@ -183,12 +203,19 @@ impl Bridge {
                 let Bridge { motors, mechanisms, configuration, .. } = self;
                 for (number, mechanism) in mechanisms.iter_mut().enumerate() {
                     if mechanism.arm(now_ns, unready) {
-                        let is_member = |motor: &&mut Motor| configuration.mechanisms.get(motor.config.actuator) == Some(&number);
-                        motors.iter_mut().filter(is_member).for_each(|motor| motor.config.drive.prepare());
+                        let is_member = |motor: &&mut Motor| {
+                            configuration.mechanisms.get(motor.config.actuator) == Some(&number)
+                        };
+                        motors
+                            .iter_mut()
+                            .filter(is_member)
+                            .for_each(|motor| motor.config.drive.prepare());
                     }
                 }
             }
-            Operation::Disarm => self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed)),
+            Operation::Disarm => {
+                self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed))
+            }
             Operation::Reset => {
                 self.mechanisms.iter_mut().for_each(Mechanism::reset);
                 self.reset_ns = Some(now_ns);
@@ -229,10 +256,19 @@ impl Bridge {
         let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
         for motor in &mut self.motors {
             let actuator = motor.config.actuator;
-            let mechanism = self.configuration.mechanisms.get(actuator).and_then(|number| self.mechanisms.get(*number));
-            let (Some(mechanism), Some(bus)) = (mechanism, self.buses.get_mut(motor.config.bus)) else { continue };
+            let mechanism = self
+                .configuration
+                .mechanisms
+                .get(actuator)
+                .and_then(|number| self.mechanisms.get(*number));
+            let (Some(mechanism), Some(bus)) = (mechanism, self.buses.get_mut(motor.config.bus))
+            else {
+                continue;
+            };
             let wish = match mechanism.ramp(now_ns, self.configuration.ramp_ns) {
-                Some(ramp) => Wish::On(motor.setpoint(&self.command, ramp, mechanism.is_damped(), elapsed)),
+                Some(ramp) => {
+                    Wish::On(motor.setpoint(&self.command, ramp, mechanism.is_damped(), elapsed))
+                }
                 None if is_reset && motor.config.drive.state().fault != 0 => Wish::Reset,
                 None => Wish::Off,
             };
@@ -245,13 +281,14 @@ impl Bridge {
         self.report(now_ns);
     }
 
-    /// The frames of the last cycle for a bus, in the order in which they are to be sent. What cannot be sent at once is to be dropped: the
-    /// next cycle knows better.
+    /// The frames of the last cycle for a bus, in the order in which they are to be sent. What
+    /// cannot be sent at once is to be dropped: the next cycle knows better.
     pub fn frames(&self, bus: usize) -> &[Frame] {
         self.buses.get(bus).map_or(&[], |bus| bus.queue.frames())
     }
 
-    /// Frames that take the power from every motor become those of [`Bridge::frames`]; for every way out. Send them several times.
+    /// Frames that take the power from every motor become those of [`Bridge::frames`]; for every
+    /// way out. Send them several times.
     pub fn shutdown(&mut self) {
         self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed));
         for (number, bus) in self.buses.iter_mut().enumerate() {
@@ -261,7 +298,8 @@ impl Bridge {
         }
     }
 
-    /// The frames of a bus that [`Bridge::shutdown`] would make, to be kept for the worst case. Allocates.
+    /// The frames of a bus that [`Bridge::shutdown`] would make, to be kept for the worst case.
+    /// Allocates.
     pub fn last_words(&self, bus: usize) -> Vec<Frame> {
         let mut queue = FrameQueue::new(self.motors.len() * FRAMES_PER_MOTOR);
         let of_bus = self.motors.iter().filter(|motor| motor.config.bus == bus);
@@ -289,15 +327,24 @@ impl Bridge {
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get(i) else { continue };
-            let Some(number) = self.configuration.mechanisms.get(motor.config.actuator).copied() else { continue };
-            let Some(mechanism) = self.mechanisms.get(number).filter(|mechanism| mechanism.is_powered()) else { continue };
+            let Some(number) = self.configuration.mechanisms.get(motor.config.actuator).copied()
+            else {
+                continue;
+            };
+            let Some(mechanism) =
+                self.mechanisms.get(number).filter(|mechanism| mechanism.is_powered())
+            else {
+                continue;
+            };
             let reason = if motor.config.drive.state().fault != 0 {
                 Reason::MotorFault
             } else if motor.is_stale(now_ns, feedback_ns) {
                 Reason::FeedbackStale
             } else if let Some(reason) = motor.config.missing_watchdog() {
                 reason
-            } else if mechanism.standing == Standing::Enabled && motor.config.drive.state().power != Power::On {
+            } else if mechanism.standing == Standing::Enabled
+                && motor.config.drive.state().power != Power::On
+            {
                 Reason::PowerLost
             } else {
                 continue;
@@ -334,7 +381,12 @@ impl Bridge {
         let missing = self.missing(now_ns, is_late);
         if missing.is_none() {
             let Bridge { motors, mechanisms, configuration, .. } = self;
-            let of = |motor: &Motor| configuration.mechanisms.get(motor.config.actuator).and_then(|number| mechanisms.get(*number));
+            let of = |motor: &Motor| {
+                configuration
+                    .mechanisms
+                    .get(motor.config.actuator)
+                    .and_then(|number| mechanisms.get(*number))
+            };
             let begins = |motor: &&mut Motor| of(motor).is_some_and(Mechanism::is_waiting);
             motors.iter_mut().filter(begins).for_each(Motor::hold);
         }
@@ -347,7 +399,11 @@ impl Bridge {
     /// What arming still waits for: of the buses, of the motors that wait, of the controller.
     fn missing(&self, now_ns: u64, is_late: bool) -> Option<Reason> {
         let is_waiting = |motor: &&Motor| self.mechanism(motor).is_some_and(Mechanism::is_waiting);
-        let of_bus = |motor: &Motor| match self.buses.get(motor.config.bus).map(|bus| (bus.state, bus.backlog)) {
+        let of_bus = |motor: &Motor| match self
+            .buses
+            .get(motor.config.bus)
+            .map(|bus| (bus.state, bus.backlog))
+        {
             Some((BusState::Off, _)) => Some(Reason::BusOff),
             Some((BusState::Passive, _)) => Some(Reason::BusPassive),
             Some((_, 1..)) => Some(Reason::Backlog),
@@ -355,7 +411,8 @@ impl Bridge {
         };
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
-        let no_command = (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
+        let no_command =
+            (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
         self.motors.iter().filter(is_waiting).find_map(of_motor).or(no_command)
     }
 
@@ -369,9 +426,19 @@ impl Bridge {
     fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let mechanisms = &self.configuration.mechanisms;
         let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
-        let all_on = self.motors.iter().filter(|motor| is_member(motor)).all(|motor| motor.config.drive.state().power == Power::On);
+        let all_on = self
+            .motors
+            .iter()
+            .filter(|motor| is_member(motor))
+            .all(|motor| motor.config.drive.state().power == Power::On);
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
-        let changed = mechanism.follow(now_ns, self.configuration.timeouts.arming_ns, all_on, is_late, is_lost);
+        let changed = mechanism.follow(
+            now_ns,
+            self.configuration.timeouts.arming_ns,
+            all_on,
+            is_late,
+            is_lost,
+        );
         if changed {
             self.motors.iter_mut().filter(|motor| is_member(motor)).for_each(Motor::hold);
         }

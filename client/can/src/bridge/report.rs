@@ -24,10 +24,15 @@ impl Bridge {
         }
         for motor in &self.motors {
             let actuator = motor.config.actuator;
-            let number = self.configuration.mechanisms.get(actuator).and_then(|number| self.mechanisms.get(*number));
+            let number = self
+                .configuration
+                .mechanisms
+                .get(actuator)
+                .and_then(|number| self.mechanisms.get(*number));
             let is_damped = number.is_some_and(|mechanism| mechanism.is_damped());
-            let is_ramping =
-                number.is_some_and(|mechanism| mechanism.ramp(now_ns, self.configuration.ramp_ns).is_some_and(|ramp| ramp < 1.0));
+            let is_ramping = number.is_some_and(|mechanism| {
+                mechanism.ramp(now_ns, self.configuration.ramp_ns).is_some_and(|ramp| ramp < 1.0)
+            });
             let drive = motor.config.drive.state();
             let mut flags = motor.flags;
             for (is_set, bit) in [

@@ -1,4 +1,5 @@
-//! From a command to the set-point of one motor: limits, ramps, damping. One function for all modes and all paths.
+//! From a command to the set-point of one motor: limits, ramps, damping. One function for all modes
+//! and all paths.
 
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
@@ -7,14 +8,26 @@ use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
 
 impl Motor {
-    /// The set-point of this cycle, on the motor's side. `ramp` goes from 0 to 1 after arming, `elapsed` is the time since the last
-    /// set-point `[s]`. Marks what was limited.
-    pub(super) fn setpoint(&mut self, command: &ActuatorCommand, ramp: f64, is_damped: bool, elapsed: f64) -> Setpoint {
+    /// The set-point of this cycle, on the motor's side. `ramp` goes from 0 to 1 after arming,
+    /// `elapsed` is the time since the last set-point `[s]`. Marks what was limited.
+    pub(super) fn setpoint(
+        &mut self,
+        command: &ActuatorCommand,
+        ramp: f64,
+        is_damped: bool,
+        elapsed: f64,
+    ) -> Setpoint {
         self.flags = 0;
-        let mut setpoint = if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
+        let mut setpoint =
+            if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
         if self.config.common.mode == Mode::Torque {
             // a motor without gains of its own gets their sum
-            setpoint = ActuatorSetpoint { effort: setpoint.effort + self.by_gains(&setpoint), stiffness: 0.0, damping: 0.0, ..setpoint };
+            setpoint = ActuatorSetpoint {
+                effort: setpoint.effort + self.by_gains(&setpoint),
+                stiffness: 0.0,
+                damping: 0.0,
+                ..setpoint
+            };
         }
         if !is_damped {
             let change = self.config.limits.effort_rate * elapsed;
@@ -26,13 +39,24 @@ impl Motor {
         self.config.mapping.to_motor(&setpoint)
     }
 
-    /// Stays where it is by damping alone: as a velocity of zero where the motor follows velocities, and as the position where commands
-    /// stayed away where it follows positions.
+    /// Stays where it is by damping alone: as a velocity of zero where the motor follows
+    /// velocities, and as the position where commands stayed away where it follows positions.
     fn damped(&self) -> ActuatorSetpoint {
-        ActuatorSetpoint { position: self.hold, velocity: 0.0, effort: 0.0, stiffness: 0.0, damping: self.config.damping }
+        ActuatorSetpoint {
+            position: self.hold,
+            velocity: 0.0,
+            effort: 0.0,
+            stiffness: 0.0,
+            damping: self.config.damping,
+        }
     }
 
-    fn following(&mut self, command: &ActuatorCommand, ramp: f64, elapsed: f64) -> ActuatorSetpoint {
+    fn following(
+        &mut self,
+        command: &ActuatorCommand,
+        ramp: f64,
+        elapsed: f64,
+    ) -> ActuatorSetpoint {
         let limits = self.config.limits;
         let of = |numbers: &[f64]| numbers.get(self.config.actuator).copied().unwrap_or(0.0);
         let wanted = ActuatorSetpoint {
@@ -44,14 +68,27 @@ impl Motor {
         };
 
         // within the limits of the actuator
-        let position = self.limited(wanted.position, limits.lower, limits.upper, flag::POSITION_LIMITED);
-        let velocity = self.limited(wanted.velocity, -limits.velocity, limits.velocity, flag::VELOCITY_LIMITED);
-        let effort = self.limited(wanted.effort, -limits.effort, limits.effort, flag::EFFORT_LIMITED);
+        let position =
+            self.limited(wanted.position, limits.lower, limits.upper, flag::POSITION_LIMITED);
+        let velocity = self.limited(
+            wanted.velocity,
+            -limits.velocity,
+            limits.velocity,
+            flag::VELOCITY_LIMITED,
+        );
+        let effort =
+            self.limited(wanted.effort, -limits.effort, limits.effort, flag::EFFORT_LIMITED);
 
-        // on the way from the measured position to the commanded one, no faster than the actuator may move
+        // on the way from the measured position to the commanded one, no faster than the actuator
+        // may move
         let position = self.hold + ramp * (position - self.hold);
         let way = limits.velocity * elapsed;
-        let position = self.limited(position, self.last_position - way, self.last_position + way, flag::VELOCITY_LIMITED);
+        let position = self.limited(
+            position,
+            self.last_position - way,
+            self.last_position + way,
+            flag::VELOCITY_LIMITED,
+        );
 
         ActuatorSetpoint {
             position,
@@ -68,14 +105,16 @@ impl Motor {
             return 0.0;
         }
         // a motor that does not tell its velocity counts as standing
-        let known = |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
+        let known =
+            |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
         let behind = setpoint.position - known(self.measured.position, setpoint.position);
         let slower = setpoint.velocity - known(self.measured.velocity, 0.0);
         setpoint.stiffness * behind + setpoint.damping * slower
     }
 
-    /// Spring, damper and effort together stay within the limit, as far as the last measurement tells. All three shrink alike, so that
-    /// none of them is left alone where the motor itself saturates another.
+    /// Spring, damper and effort together stay within the limit, as far as the last measurement
+    /// tells. All three shrink alike, so that none of them is left alone where the motor itself
+    /// saturates another.
     fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
         let most = self.config.limits.effort;
         let total = setpoint.effort + self.by_gains(&setpoint);
@@ -85,10 +124,16 @@ impl Motor {
         self.flags |= flag::EFFORT_LIMITED;
         let part = most / total.abs();
         let ActuatorSetpoint { effort, stiffness, damping, .. } = setpoint;
-        ActuatorSetpoint { effort: part * effort, stiffness: part * stiffness, damping: part * damping, ..setpoint }
+        ActuatorSetpoint {
+            effort: part * effort,
+            stiffness: part * stiffness,
+            damping: part * damping,
+            ..setpoint
+        }
     }
 
-    /// A number between two bounds; marks it where it is not. Both comparisons fail for NaN, which commands never hold.
+    /// A number between two bounds; marks it where it is not. Both comparisons fail for NaN, which
+    /// commands never hold.
     fn limited(&mut self, number: f64, least: f64, most: f64, bit: u32) -> f64 {
         let limited = if number < least {
             least

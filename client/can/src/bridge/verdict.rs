@@ -6,7 +6,8 @@ use super::Bridge;
 
 /// A stamp may lie this far in the future: clocks of two processors differ a little `[ns]`.
 const AHEAD_NS: u64 = 1_000_000;
-/// Numbers of a command beyond this are no numbers of a robot; with gears and gains they could overflow.
+/// Numbers of a command beyond this are no numbers of a robot; with gears and gains they could
+/// overflow.
 const LARGEST: f64 = 1e60;
 
 /// Whether a command was taken.
@@ -39,8 +40,13 @@ impl Bridge {
             return Verdict::WrongModel;
         }
         let ActuatorCommand { position, velocity, effort, stiffness, damping, .. } = command;
-        let used = |numbers: &[f64; MAX_ACTUATORS], good: fn(f64) -> bool| numbers.iter().take(n_u).all(|number| good(*number));
-        if ![position, velocity, effort, stiffness, damping].into_iter().all(|numbers| used(numbers, |number| number.abs() <= LARGEST)) {
+        let used = |numbers: &[f64; MAX_ACTUATORS], good: fn(f64) -> bool| {
+            numbers.iter().take(n_u).all(|number| good(*number))
+        };
+        if ![position, velocity, effort, stiffness, damping]
+            .into_iter()
+            .all(|numbers| used(numbers, |number| number.abs() <= LARGEST))
+        {
             return Verdict::NotFinite;
         }
         if ![stiffness, damping].into_iter().all(|numbers| used(numbers, |number| number >= 0.0)) {

@@ -12,7 +12,14 @@ use crate::frame::{FrameQueue, Id};
 use crate::load::{self, REFUSED, WARNED};
 
 /// Motors against each other and against the robot's mechanisms.
-pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize], has_model: bool, file: Place, findings: &mut Findings) {
+pub(super) fn motors(
+    motors: &[Read],
+    actuators: &[String],
+    mechanisms: &[usize],
+    has_model: bool,
+    file: Place,
+    findings: &mut Findings,
+) {
     let mut driven: HashMap<&str, ()> = HashMap::new();
     let mut identifiers: HashMap<(usize, Id), &Read> = HashMap::new();
     let name = |read: &Read| actuators.get(read.motor.actuator).map_or("", String::as_str);
@@ -23,8 +30,18 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
         }
         for id in read.motor.drive.identifiers() {
             if let Some(other) = identifiers.insert((read.motor.bus, id), read) {
-                let found = format!("the identifier 0x{:X} of {} is also that of {}", id.number(), quoted(name(read)), quoted(name(other)));
-                findings.error(read.place, found, "identifiers of its own on a bus", "give one of them another id");
+                let found = format!(
+                    "the identifier 0x{:X} of {} is also that of {}",
+                    id.number(),
+                    quoted(name(read)),
+                    quoted(name(other))
+                );
+                findings.error(
+                    read.place,
+                    found,
+                    "identifiers of its own on a bus",
+                    "give one of them another id",
+                );
             }
         }
         if !read.motor.is_calibrated {
@@ -36,7 +53,8 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
                 "measure it; without it nothing can be armed",
             );
         }
-        if read.motor.watchdog_believed && read.motor.drive.state().watchdog != Watchdog::Unreadable {
+        if read.motor.watchdog_believed && read.motor.drive.state().watchdog != Watchdog::Unreadable
+        {
             let found = format!("the watchdog of {} is believed", quoted(name(read)));
             findings.warning(
                 read.place,
@@ -45,8 +63,13 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
                 "remove `watchdog: believed`, unless this motor refuses to tell it",
             );
         }
-        if !read.motor.watchdog_believed && read.motor.drive.state().watchdog == Watchdog::Unreadable {
-            let found = format!("the protocol {} cannot read the motor's watchdog", read.motor.protocol.name);
+        if !read.motor.watchdog_believed
+            && read.motor.drive.state().watchdog == Watchdog::Unreadable
+        {
+            let found = format!(
+                "the protocol {} cannot read the motor's watchdog",
+                read.motor.protocol.name
+            );
             let help = "set it with the maker's tool, then write `watchdog: believed`; without it nothing can be armed";
             findings.warning(read.place, found, "a watchdog that is known to be on", help);
         }
@@ -56,13 +79,27 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
         let bus = read.motor.bus;
         for shared in read.motor.drive.shared_identifiers() {
             if let Some(other) = identifiers.get(&(bus, shared.id)) {
-                let found =
-                    format!("{} listens on 0x{:X}, which is {}'s alone", quoted(name(read)), shared.id.number(), quoted(name(other)));
-                findings.error(read.place, found, "an identifier of nobody's", "give one of them another id");
+                let found = format!(
+                    "{} listens on 0x{:X}, which is {}'s alone",
+                    quoted(name(read)),
+                    shared.id.number(),
+                    quoted(name(other))
+                );
+                findings.error(
+                    read.place,
+                    found,
+                    "an identifier of nobody's",
+                    "give one of them another id",
+                );
             }
-            if let Some((.., other)) = seen.iter().find(|(of, known, _)| *of == bus && known.collides(&shared)) {
+            if let Some((.., other)) =
+                seen.iter().find(|(of, known, _)| *of == bus && known.collides(&shared))
+            {
                 let (one, two) = (quoted(name(read)), quoted(name(other)));
-                let found = format!("frames of {one} and {two} on 0x{:X} cannot be told apart", shared.id.number());
+                let found = format!(
+                    "frames of {one} and {two} on 0x{:X} cannot be told apart",
+                    shared.id.number()
+                );
                 findings.error(
                     read.place,
                     found,
@@ -77,47 +114,102 @@ pub(super) fn motors(motors: &[Read], actuators: &[String], mechanisms: &[usize]
         return;
     }
     let is_driven = |actuator: usize| motors.iter().any(|read| read.motor.actuator == actuator);
-    for (actuator, mechanism) in mechanisms.iter().enumerate().filter(|(actuator, _)| !is_driven(*actuator)) {
+    for (actuator, mechanism) in
+        mechanisms.iter().enumerate().filter(|(actuator, _)| !is_driven(*actuator))
+    {
         let written = quoted(actuators.get(actuator).map_or("", String::as_str));
-        let partner = motors.iter().find(|read| mechanisms.get(read.motor.actuator) == Some(mechanism));
+        let partner =
+            motors.iter().find(|read| mechanisms.get(read.motor.actuator) == Some(mechanism));
         match partner {
             Some(read) => {
-                let found = format!("{written} has no motor, but {} of the same closed mechanism has", quoted(name(read)));
-                findings.error(read.place, found, "a motor for each actuator of a closed mechanism", "add the missing motor");
+                let found = format!(
+                    "{written} has no motor, but {} of the same closed mechanism has",
+                    quoted(name(read))
+                );
+                findings.error(
+                    read.place,
+                    found,
+                    "a motor for each actuator of a closed mechanism",
+                    "add the missing motor",
+                );
             }
             None => {
-                findings.warning(file, format!("{written} has no motor"), "a motor for each actuator", "its commands are not used");
+                findings.warning(
+                    file,
+                    format!("{written} has no motor"),
+                    "a motor for each actuator",
+                    "its commands are not used",
+                );
             }
         }
     }
 }
 
 /// Protocols against buses, and the loads of the buses.
-pub(super) fn whole(configuration: &Configuration, places: &[Place], rate: Place, findings: &mut Findings) {
+pub(super) fn whole(
+    configuration: &Configuration,
+    places: &[Place],
+    rate: Place,
+    findings: &mut Findings,
+) {
     for (motor, place) in configuration.motors.iter().zip(places) {
         let Some(bus) = configuration.buses.get(motor.bus) else { continue };
         if motor.protocol.fd && bus.data_bitrate.is_none() {
-            let found = format!("{} needs CAN FD, and {} is a classic bus", motor.protocol.name, quoted(&bus.name));
-            findings.error(*place, found, "`data_bitrate` on the bus", "add it, or use another bus");
+            let found = format!(
+                "{} needs CAN FD, and {} is a classic bus",
+                motor.protocol.name,
+                quoted(&bus.name)
+            );
+            findings.error(
+                *place,
+                found,
+                "`data_bitrate` on the bus",
+                "add it, or use another bus",
+            );
         }
         if u64::from(motor.common.watchdog_ms) * 1_000_000 <= configuration.period_ns() {
-            let found = format!("a watchdog of {} ms at {} Hz", motor.common.watchdog_ms, configuration.rate_hz);
-            findings.error(*place, found, "a watchdog longer than a cycle", "the motor would let go between two commands; make it longer");
+            let found = format!(
+                "a watchdog of {} ms at {} Hz",
+                motor.common.watchdog_ms, configuration.rate_hz
+            );
+            findings.error(
+                *place,
+                found,
+                "a watchdog longer than a cycle",
+                "the motor would let go between two commands; make it longer",
+            );
         }
         let mut frames = FrameQueue::new(16);
         motor.drive.encode(&Setpoint::default(), &mut frames);
         if frames.frames().is_empty() {
-            findings.error(*place, "the drive sends nothing for a set-point", "at least one frame", "correct its settings");
+            findings.error(
+                *place,
+                "the drive sends nothing for a set-point",
+                "at least one frame",
+                "correct its settings",
+            );
         }
     }
     if configuration.timeouts.feedback_ns <= configuration.period_ns() {
-        let found = format!("`feedback_ms` is not longer than a cycle at {} Hz", configuration.rate_hz);
-        findings.error(rate, found, "longer than a cycle", "motors answer once a cycle; make it longer, or rate_hz higher");
+        let found =
+            format!("`feedback_ms` is not longer than a cycle at {} Hz", configuration.rate_hz);
+        findings.error(
+            rate,
+            found,
+            "longer than a cycle",
+            "motors answer once a cycle; make it longer, or rate_hz higher",
+        );
     }
     for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
         let name = quoted(&bus.name);
-        for (what, fraction) in [(name.clone(), load.fraction), (format!("the serial port of {name}"), load.serial)] {
-            let found = format!("{what} is loaded to {:.0} % at {} Hz", fraction * 100.0, configuration.rate_hz);
+        for (what, fraction) in
+            [(name.clone(), load.fraction), (format!("the serial port of {name}"), load.serial)]
+        {
+            let found = format!(
+                "{what} is loaded to {:.0} % at {} Hz",
+                fraction * 100.0,
+                configuration.rate_hz
+            );
             let help = "lower rate_hz, or spread the motors over more buses";
             if fraction > REFUSED {
                 findings.error(rate, found, format!("at most {:.0} %", REFUSED * 100.0), help);

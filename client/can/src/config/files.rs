@@ -1,4 +1,5 @@
-//! A configuration from its file: the one place of this crate that opens files, before anything runs.
+//! A configuration from its file: the one place of this crate that opens files, before anything
+//! runs.
 
 use std::path::{Path, PathBuf};
 
@@ -30,12 +31,18 @@ impl Configuration {
     /// A file that cannot be opened, or every fault of its content.
     pub fn load(path: &Path) -> Result<Configuration, ConfigurationError> {
         let name = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|error| ConfigurationError::Open { file: name.clone(), reason: error.to_string() })?;
+        let bytes = std::fs::read(path).map_err(|error| ConfigurationError::Open {
+            file: name.clone(),
+            reason: error.to_string(),
+        })?;
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        let file = |name: &str| std::fs::read(folder.join(name)).map(text).map_err(|error| error.to_string());
+        let file = |name: &str| {
+            std::fs::read(folder.join(name)).map(text).map_err(|error| error.to_string())
+        };
         let robot = |source: &Source| load(&beside(&folder, source), &Options::default());
         let configuration =
-            Configuration::read(&name, bytes, &Surroundings { file: &file, robot: &robot }).map_err(ConfigurationError::Faults)?;
+            Configuration::read(&name, bytes, &Surroundings { file: &file, robot: &robot })
+                .map_err(ConfigurationError::Faults)?;
         let source = configuration.source.as_ref().map(|source| beside(&folder, source));
         Ok(Configuration { source, ..configuration })
     }
@@ -43,14 +50,17 @@ impl Configuration {
 
 /// The text of a file in UTF-8, or else in Latin-1, as DBC files often are.
 fn text(bytes: Vec<u8>) -> String {
-    String::from_utf8(bytes).unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect())
+    String::from_utf8(bytes)
+        .unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect())
 }
 
 /// A source whose files lie in a folder.
 fn beside(folder: &Path, source: &Source) -> Source {
     let within = |path: &PathBuf| folder.join(path);
     match source {
-        Source::Files { urdf, submechanisms } => Source::Files { urdf: within(urdf), submechanisms: submechanisms.as_ref().map(within) },
+        Source::Files { urdf, submechanisms } => {
+            Source::Files { urdf: within(urdf), submechanisms: submechanisms.as_ref().map(within) }
+        }
         other => other.clone(),
     }
 }

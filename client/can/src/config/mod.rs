@@ -48,7 +48,8 @@ pub struct Configuration {
     pub fingerprint: u64,
     /// Names of the actuators, in the order of u (n_u).
     pub actuators: Vec<String>,
-    /// The closed mechanism that each actuator acts on (n_u); actuators of one number stop together.
+    /// The closed mechanism that each actuator acts on (n_u); actuators of one number stop
+    /// together.
     pub mechanisms: Vec<usize>,
     /// Cycles in a second `[Hz]`.
     pub rate_hz: f64,
@@ -146,7 +147,8 @@ pub struct Limits {
 }
 
 impl MotorConfig {
-    /// What is wrong with the motor's own watchdog, as far as it has told; without one nothing may give it power.
+    /// What is wrong with the motor's own watchdog, as far as it has told; without one nothing may
+    /// give it power.
     pub fn missing_watchdog(&self) -> Option<Reason> {
         // some protocols count in steps of ten
         let longest = self.common.watchdog_ms.next_multiple_of(10);

@@ -18,7 +18,8 @@ pub struct Physics {
     pub torque_limit: f64,
 }
 
-/// Shaft, power and watchdog of a motor: J p̈ = τ − b ṗ with τ = τ* + k (p* − p) + d (v* − ṗ) while it has power.
+/// Shaft, power and watchdog of a motor: J p̈ = τ − b ṗ with τ = τ* + k (p* − p) + d (v* − ṗ) while
+/// it has power.
 #[derive(Clone, Debug)]
 pub struct Body {
     /// What turns.
@@ -121,7 +122,9 @@ impl Body {
             return 0.0;
         }
         let Setpoint { position, velocity, torque, stiffness, damping } = self.law;
-        let torque = torque + stiffness * (position - self.measured()) + damping * (velocity - self.velocity);
+        let torque = torque
+            + stiffness * (position - self.measured())
+            + damping * (velocity - self.velocity);
         torque.clamp(-self.physics.torque_limit, self.physics.torque_limit)
     }
 
@@ -140,13 +143,17 @@ impl Body {
         }
     }
 
-    /// One step of the implicit Euler method, which stiff gains do not upset: (J + h (d + b) + h² k) v⁺ = J v + h (τ* + k (p* − p) + d v*).
+    /// One step of the implicit Euler method, which stiff gains do not upset: (J + h (d + b) + h²
+    /// k) v⁺ = J v + h (τ* + k (p* − p) + d v*).
     fn turn_once(&mut self, h: f64) {
         let Physics { inertia, friction, torque_limit } = self.physics;
         let law = if self.power { self.law } else { Setpoint::default() };
         let free = |torque: f64| (inertia * self.velocity + h * torque) / (inertia + h * friction);
-        let lead = law.torque + law.stiffness * (law.position - self.measured()) + law.damping * law.velocity;
-        let followed = (inertia * self.velocity + h * lead) / (inertia + h * (law.damping + friction) + h * h * law.stiffness);
+        let lead = law.torque
+            + law.stiffness * (law.position - self.measured())
+            + law.damping * law.velocity;
+        let followed = (inertia * self.velocity + h * lead)
+            / (inertia + h * (law.damping + friction) + h * h * law.stiffness);
         let torque = lead - (law.damping + h * law.stiffness) * followed;
         // beyond its limit the torque does not depend on the state any more
         let held = torque.clamp(-torque_limit, torque_limit);
@@ -179,7 +186,12 @@ mod tests {
 
     #[test]
     fn stiff_gains_settle_on_the_set_point() {
-        let mut body = powered(Setpoint { position: 1.0, stiffness: 500.0, damping: 5.0, ..Setpoint::default() });
+        let mut body = powered(Setpoint {
+            position: 1.0,
+            stiffness: 500.0,
+            damping: 5.0,
+            ..Setpoint::default()
+        });
         body.physics.inertia = 1e-5;
         (0..1000).for_each(|_| body.turn(1e-3));
         assert!((body.position - 1.0).abs() < 1e-6, "{}", body.position);
@@ -188,7 +200,8 @@ mod tests {
 
     #[test]
     fn the_torque_never_exceeds_its_limit() {
-        let mut body = powered(Setpoint { position: 100.0, stiffness: 500.0, ..Setpoint::default() });
+        let mut body =
+            powered(Setpoint { position: 100.0, stiffness: 500.0, ..Setpoint::default() });
         body.turn(1e-3);
         assert_eq!(body.torque, 10.0);
         assert!((body.velocity - 1.0).abs() < 1e-12, "{}", body.velocity);

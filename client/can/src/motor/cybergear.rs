@@ -1,7 +1,8 @@
 //! CyberGear as the motor sees it: everything is in 29-bit identifiers.
 //!
-//! Identifier: type 5 bits, content 16 bits, the receiver's number 8 bits. The motor's answers have the host's number as receiver and its
-//! own in the lower half of the content. Data are little-endian but for type 1 and 2, which are big-endian offset binary.
+//! Identifier: type 5 bits, content 16 bits, the receiver's number 8 bits. The motor's answers have
+//! the host's number as receiver and its own in the lower half of the content. Data are
+//! little-endian but for type 1 and 2, which are big-endian offset binary.
 //!
 //! | type | from | content | data |
 //! |---|---|---|---|
@@ -14,9 +15,10 @@
 //! | 17 | host | host | reads a parameter: index 16 bits, zero, then in the answer the value in bytes 4 to 7 |
 //! | 18 | host | host | writes one; answered by type 2 |
 //!
-//! Parameters: 7005 run mode (0 operation, 1 position, 2 speed, 3 current), 7006 current, 700A speed, 700B torque limit, 7016 position,
-//! 7017 speed limit, 7019 position, 701B velocity (measured), 7028 and 200C time without commands in 50 µs after which it lets go, 0 when
-//! new. Source: Xiaomi, *CyberGear user manual*, chapter 4.
+//! Parameters: 7005 run mode (0 operation, 1 position, 2 speed, 3 current), 7006 current, 700A
+//! speed, 700B torque limit, 7016 position, 7017 speed limit, 7019 position, 701B velocity
+//! (measured), 7028 and 200C time without commands in 50 µs after which it lets go, 0 when new.
+//! Source: Xiaomi, *CyberGear user manual*, chapter 4.
 
 use super::{Body, Firmware};
 use crate::drive::Setpoint;
@@ -24,7 +26,8 @@ use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::Common;
 use crate::settings::Settings;
 
-/// Ranges of the manual, for those that the settings leave out: position ±4π rad, velocity `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.
+/// Ranges of the manual, for those that the settings leave out: position ±4π rad, velocity
+/// `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.
 const RANGES: [(&str, f64); 5] = [
     ("position_range", 4.0 * core::f64::consts::PI),
     ("velocity_range", 30.0),
@@ -53,7 +56,9 @@ pub(super) struct CyberGear {
 
 impl CyberGear {
     pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> CyberGear {
-        let known = |(key, usual)| Some(settings.number(key)).filter(|range| range.is_finite()).unwrap_or(usual);
+        let known = |(key, usual)| {
+            Some(settings.number(key)).filter(|range| range.is_finite()).unwrap_or(usual)
+        };
         let ranges = RANGES.map(known);
         let [_, _, torque, ..] = ranges;
         body.physics.torque_limit = body.physics.torque_limit.min(torque);
@@ -74,7 +79,11 @@ impl CyberGear {
     /// Type 2.
     fn tell(&self, host: u8, body: &Body, out: &mut FrameQueue) {
         let mode = if body.power { 2 } else { 0 };
-        let id = 2 << 24 | mode << 22 | (body.fault & 0x3F) << 16 | u32::from(self.id) << 8 | u32::from(host);
+        let id = 2 << 24
+            | mode << 22
+            | (body.fault & 0x3F) << 16
+            | u32::from(self.id) << 8
+            | u32::from(host);
         let [position, velocity, torque, ..] = self.ranges;
         let [a, b] = code(body.measured(), position).to_be_bytes();
         let [c, d] = code(body.velocity, velocity).to_be_bytes();
@@ -95,7 +104,9 @@ impl CyberGear {
             0x701A => float(body.torque / TORQUE_CONSTANT),
             0x701B => float(body.velocity),
             0x701C => float(24.0),
-            index if self.is_watchdog(index) => ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes(),
+            index if self.is_watchdog(index) => {
+                ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes()
+            }
             _ => return,
         };
         let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value);
@@ -135,7 +146,13 @@ impl CyberGear {
 }
 
 impl Firmware for CyberGear {
-    fn receive(&mut self, now_ns: u64, frame: &Frame, body: &mut Body, out: &mut FrameQueue) -> bool {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
         let Id::Extended(id) = frame.id else { return false };
         let [kind, high, host, receiver] = id.to_be_bytes();
         if receiver != self.id {
@@ -148,15 +165,22 @@ impl Firmware for CyberGear {
             self.host = host;
         }
         match kind {
-            0 => out.push_some(extended(u32::from(self.id) << 8 | 0xFE, &[self.id, 1, 2, 3, 4, 5, 6, 7])),
+            0 => out.push_some(extended(
+                u32::from(self.id) << 8 | 0xFE,
+                &[self.id, 1, 2, 3, 4, 5, 6, 7],
+            )),
             1 => {
                 // in this type the whole content is the torque, and the host goes without a number
                 let [p, v, t, k, s] = self.ranges;
                 let torque = value([high, host], t);
                 let (position, velocity) = (value([a, b], p), value([c, d], v));
-                let (stiffness, damping) = ((value([e, f], k) + k) / 2.0, (value([g, h], s) + s) / 2.0);
+                let (stiffness, damping) =
+                    ((value([e, f], k) + k) / 2.0, (value([g, h], s) + s) / 2.0);
                 if self.run_mode == 0 {
-                    body.follow(now_ns, Setpoint { position, velocity, torque, stiffness, damping });
+                    body.follow(
+                        now_ns,
+                        Setpoint { position, velocity, torque, stiffness, damping },
+                    );
                 }
                 self.tell(self.host, body, out);
             }

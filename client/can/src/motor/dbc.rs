@@ -1,14 +1,17 @@
 //! A motor that a DBC file describes, as it sees itself.
 //!
-//! The settings name the signals as they do for its drive. It hears the messages that hold `enable` and the set-points, a multiplexed signal
-//! only while its switch has the signal's value, and follows them in its mode, with gains of its own where the mode takes none. Power comes when
-//! `enable` changes to `enable_value` and goes when it has another one. Each message with `enable` is answered by all messages that
-//! hold something measured, once for each value of a switch; their other signals are raw 0. A DBC file says nothing of a watchdog: it
-//! is taken to be set with the maker's tool.
+//! The settings name the signals as they do for its drive. It hears the messages that hold `enable`
+//! and the set-points, a multiplexed signal only while its switch has the signal's value, and
+//! follows them in its mode, with gains of its own where the mode takes none. Power comes when
+//! `enable` changes to `enable_value` and goes when it has another one. Each message with `enable`
+//! is answered by all messages that hold something measured, once for each value of a switch; their
+//! other signals are raw 0. A DBC file says nothing of a watchdog: it is taken to be set with the
+//! maker's tool.
 //!
-//! Of the file it reads `BO_` (identifier with bit 31 for an extended one, name, length), `SG_` (start, length, order 1 Intel or 0 Motorola,
-//! sign, factor, offset) and `SIG_VALTYPE_` (1 single, 2 double). An Intel signal begins with its lowest bit; a Motorola signal with its
-//! highest one. Source: Vector, *DBC File Format Documentation* 1.0.5.
+//! Of the file it reads `BO_` (identifier with bit 31 for an extended one, name, length), `SG_`
+//! (start, length, order 1 Intel or 0 Motorola, sign, factor, offset) and `SIG_VALTYPE_` (1 single,
+//! 2 double). An Intel signal begins with its lowest bit; a Motorola signal with its highest one.
+//! Source: Vector, *DBC File Format Documentation* 1.0.5.
 
 use super::{Body, Firmware};
 use crate::drive::{Mode, Setpoint};
@@ -49,7 +52,8 @@ enum Number {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Bits {
     is_intel: bool,
-    /// How far the lowest bit is from the end of the payload, as one number of 64 bits in its byte order.
+    /// How far the lowest bit is from the end of the payload, as one number of 64 bits in its byte
+    /// order.
     shift: u32,
     length: u32,
     number: Number,
@@ -108,8 +112,16 @@ impl Dbc {
         let [own_stiffness, own_damping] = OWN_GAINS;
         match self.mode {
             Mode::Impedance => Setpoint { position, velocity, torque, stiffness, damping },
-            Mode::Position => Setpoint { position, velocity, torque, stiffness: own_stiffness, damping: own_damping },
-            Mode::Velocity => Setpoint { velocity, torque, damping: own_damping, ..Setpoint::default() },
+            Mode::Position => Setpoint {
+                position,
+                velocity,
+                torque,
+                stiffness: own_stiffness,
+                damping: own_damping,
+            },
+            Mode::Velocity => {
+                Setpoint { velocity, torque, damping: own_damping, ..Setpoint::default() }
+            }
             Mode::Torque => Setpoint { torque, ..Setpoint::default() },
         }
     }
@@ -118,7 +130,14 @@ impl Dbc {
     fn measures(&self, body: &Body) -> [f64; 6] {
         let otherwise = if self.enabled_value == 0.0 { 1.0 } else { 0.0 };
         let enabled = if body.power { self.enabled_value } else { otherwise };
-        [body.measured(), body.velocity, body.torque, body.temperature, f64::from(body.fault), enabled]
+        [
+            body.measured(),
+            body.velocity,
+            body.torque,
+            body.temperature,
+            f64::from(body.fault),
+            enabled,
+        ]
     }
 
     fn answer(&self, body: &Body, out: &mut FrameQueue) {
@@ -144,13 +163,22 @@ impl Dbc {
 }
 
 impl Firmware for Dbc {
-    fn receive(&mut self, now_ns: u64, frame: &Frame, body: &mut Body, out: &mut FrameQueue) -> bool {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
         let wanted = || self.wanted.iter().flatten().chain([&self.enable]);
         if !wanted().any(|signal| signal.id == frame.id) {
             return false;
         }
         for (slot, signal) in self.setpoint.iter_mut().zip(self.wanted) {
-            signal.and_then(|signal| signal.read(frame)).into_iter().for_each(|value| *slot = value);
+            signal
+                .and_then(|signal| signal.read(frame))
+                .into_iter()
+                .for_each(|value| *slot = value);
         }
         let enable = self.enable.read(frame);
         if let Some(value) = enable {
@@ -182,28 +210,39 @@ impl Signal {
         let (message, name) = name.split_once('.')?;
         let head = |line: &str| {
             let mut words = words(line);
-            let (Some("BO_"), Some(id), Some(found), Some(len)) = (words.next(), words.next(), words.next(), words.next()) else {
+            let (Some("BO_"), Some(id), Some(found), Some(len)) =
+                (words.next(), words.next(), words.next(), words.next())
+            else {
                 return None;
             };
             (found == message).then_some((id.parse::<u32>().ok()?, len.parse::<usize>().ok()?))
         };
         let mut rest = text.lines().skip_while(|line| head(line).is_none());
         let (number, len) = head(rest.next()?)?;
-        let described = rest.take_while(|line| words(line).next() != Some("BO_")).filter_map(describe);
+        let described =
+            rest.take_while(|line| words(line).next() != Some("BO_")).filter_map(describe);
         let described: Vec<(&str, &str, Bits)> = described.collect();
         let (_, mark, mut bits) = *described.iter().find(|(found, ..)| *found == name)?;
         let switch = match mark.strip_prefix('m') {
-            Some(value) => Some((described.iter().find(|(_, mark, _)| *mark == "M")?.2, value.parse().ok()?)),
+            Some(value) => {
+                Some((described.iter().find(|(_, mark, _)| *mark == "M")?.2, value.parse().ok()?))
+            }
             None => None,
         };
         // SIG_VALTYPE_ identifier signal : kind ;
-        let is_float = |line: &&str| words(line).take(3).eq(["SIG_VALTYPE_", number.to_string().as_str(), name]);
+        let is_float = |line: &&str| {
+            words(line).take(3).eq(["SIG_VALTYPE_", number.to_string().as_str(), name])
+        };
         match text.lines().find(is_float).and_then(|line| words(line).nth(3)) {
             Some("1") => bits.number = Number::Single,
             Some("2") => bits.number = Number::Double,
             _ => {}
         }
-        let id = if number >> 31 == 1 { Id::extended(number & 0x1FFF_FFFF)? } else { Id::standard(number)? };
+        let id = if number >> 31 == 1 {
+            Id::extended(number & 0x1FFF_FFFF)?
+        } else {
+            Id::standard(number)?
+        };
         Some(Signal { id, len, switch, bits, unit })
     }
 
@@ -224,14 +263,19 @@ impl Signal {
 
 /// The words of a line, with every mark of punctuation between two of them left out.
 fn words(line: &str) -> impl Iterator<Item = &str> {
-    line.split(|letter: char| letter.is_whitespace() || ":;|@(,)".contains(letter)).filter(|word| !word.is_empty())
+    line.split(|letter: char| letter.is_whitespace() || ":;|@(,)".contains(letter))
+        .filter(|word| !word.is_empty())
 }
 
-/// A line `SG_ name [M or m1] : start|length@order sign (factor,offset) …`: name, mark of the multiplexing or nothing, bits.
+/// A line `SG_ name [M or m1] : start|length@order sign (factor,offset) …`: name, mark of the
+/// multiplexing or nothing, bits.
 fn describe(line: &str) -> Option<(&str, &str, Bits)> {
     let mut words = words(line);
-    let (Some("SG_"), Some(name), Some(next)) = (words.next(), words.next(), words.next()) else { return None };
-    let (mark, start) = if next.starts_with(['m', 'M']) { (next, words.next()?) } else { ("", next) };
+    let (Some("SG_"), Some(name), Some(next)) = (words.next(), words.next(), words.next()) else {
+        return None;
+    };
+    let (mark, start) =
+        if next.starts_with(['m', 'M']) { (next, words.next()?) } else { ("", next) };
     let (start, length): (u32, u32) = (start.parse().ok()?, words.next()?.parse().ok()?);
     let order = words.next()?;
     let (factor, offset) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
@@ -250,12 +294,14 @@ impl Bits {
     }
 
     fn get(self, bytes: &[u8; 8]) -> u64 {
-        let payload = if self.is_intel { u64::from_le_bytes(*bytes) } else { u64::from_be_bytes(*bytes) };
+        let payload =
+            if self.is_intel { u64::from_le_bytes(*bytes) } else { u64::from_be_bytes(*bytes) };
         payload >> self.shift & self.mask()
     }
 
     fn put(self, raw: u64, bytes: &mut [u8; 8]) {
-        let payload = if self.is_intel { u64::from_le_bytes(*bytes) } else { u64::from_be_bytes(*bytes) };
+        let payload =
+            if self.is_intel { u64::from_le_bytes(*bytes) } else { u64::from_be_bytes(*bytes) };
         let payload = payload & !(self.mask() << self.shift) | (raw & self.mask()) << self.shift;
         *bytes = if self.is_intel { payload.to_le_bytes() } else { payload.to_be_bytes() };
     }
@@ -279,7 +325,9 @@ impl Bits {
         match self.number {
             // casts go to the end
             Number::Whole => (number.round() as u64).min(most),
-            Number::Signed => (number.round() as i64).clamp(-((most >> 1) as i64) - 1, (most >> 1) as i64) as u64,
+            Number::Signed => {
+                (number.round() as i64).clamp(-((most >> 1) as i64) - 1, (most >> 1) as i64) as u64
+            }
             Number::Single => u64::from((number as f32).to_bits()),
             Number::Double => number.to_bits(),
         }

@@ -1,9 +1,11 @@
 //! MIT mode as motors see it.
 //!
-//! A command is a standard frame of 8 bytes on the motor's identifier, big-endian: p 16 bits, v 12, kp 12, kd 12, t 12, each offset binary
-//! over its range; a motor answers every one, with power or without. FF ×7 and FC power, FD no power, FE zero here; FB (`damiao`,
-//! `robstride`) forget the fault. A RobStride looks at the first six bytes and the last: with another seventh byte FC sets its mode, FB asks
-//! for the fault word, FA changes its identifier. Measurements are cut to codes, not rounded, and wrap around.
+//! A command is a standard frame of 8 bytes on the motor's identifier, big-endian: p 16 bits, v 12,
+//! kp 12, kd 12, t 12, each offset binary over its range; a motor answers every one, with power or
+//! without. FF ×7 and FC power, FD no power, FE zero here; FB (`damiao`, `robstride`) forget the
+//! fault. A RobStride looks at the first six bytes and the last: with another seventh byte FC sets
+//! its mode, FB asks for the fault word, FA changes its identifier. Measurements are cut to codes,
+//! not rounded, and wrap around.
 //!
 //! | variant | reply | without commands |
 //! |---|---|---|
@@ -12,12 +14,14 @@
 //! | `damiao` | state in the high, id in the low half of the first byte, p, v, t, temperatures of bridge and winding | no power, state D |
 //! | `robstride` | id, p, v, t, temperature ×10 in 16 bits | no power |
 //!
-//! A Damiao has registers at 7FF: `id low, id high, 33 (read) or 55 (write), register, four bytes`, little-endian, answered on the reply's
-//! identifier. Register 9 is its watchdog in 50 µs, off when new; 15 to 17 (hexadecimal) are its ranges,
-//! 0 the voltage at which it lets go, 7 and 8 its identifiers, A its mode, E its firmware, 14 the reduction of its gear.
+//! A Damiao has registers at 7FF: `id low, id high, 33 (read) or 55 (write), register, four bytes`,
+//! little-endian, answered on the reply's identifier. Register 9 is its watchdog in 50 µs, off when
+//! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it lets go, 7 and 8 its
+//! identifiers, A its mode, E its firmware, 14 the reduction of its gear.
 //!
-//! Sources: B. Katz, firmware of the mini cheetah's motor controller; CubeMars, *AK series manual*; Damiao, *DM-J4310 manual* and its list of
-//! registers; RobStride, *RS00 manual*, chapter on the MIT protocol.
+//! Sources: B. Katz, firmware of the mini cheetah's motor controller; CubeMars, *AK series manual*;
+//! Damiao, *DM-J4310 manual* and its list of registers; RobStride, *RS00 manual*, chapter on the
+//! MIT protocol.
 
 use super::{Body, Firmware, standard};
 use crate::drive::Setpoint;
@@ -29,7 +33,8 @@ use crate::settings::Settings;
 const REGISTERS: u16 = 0x7FF;
 /// Nanoseconds of one count of a Damiao's watchdog.
 const COUNT_NS: u64 = 50_000;
-/// What a Damiao lets go at `[V]`, the version of its firmware, and the reduction of its gear, as those of a DM-J4310 are.
+/// What a Damiao lets go at `[V]`, the version of its firmware, and the reduction of its gear, as
+/// those of a DM-J4310 are.
 const UNDER_VOLTAGE: f32 = 15.0;
 const SOFTWARE: u32 = 5013;
 const REDUCTION: f32 = 10.0;
@@ -81,7 +86,9 @@ impl Mit {
     }
 
     fn setpoint(&self, code: u64) -> Setpoint {
-        let field = |shift: u32, bits: u32| (code >> shift & ((1 << bits) - 1)) as f64 / ((1u32 << bits) - 1) as f64;
+        let field = |shift: u32, bits: u32| {
+            (code >> shift & ((1 << bits) - 1)) as f64 / ((1u32 << bits) - 1) as f64
+        };
         let around_zero = |part: f64, range: f64| (2.0 * part - 1.0) * range;
         Setpoint {
             position: around_zero(field(48, 16), self.position_range),
@@ -129,15 +136,22 @@ impl Mit {
         let velocity = code(body.velocity, self.velocity_range, 12);
         let torque = code(body.torque, self.torque_range, 12);
         let [p, q] = (position as u16).to_be_bytes();
-        let [v, w, t] = [(velocity >> 4) as u8, ((velocity & 0xF) << 4 | torque >> 8) as u8, torque as u8];
+        let [v, w, t] =
+            [(velocity >> 4) as u8, ((velocity & 0xF) << 4 | torque >> 8) as u8, torque as u8];
         let temperature = body.temperature;
         let id = self.id as u8;
         let frame = match self.variant {
             Variant::MiniCheetah => standard(self.reply_id, &[id, p, q, v, w, t]),
-            Variant::TMotor => standard(self.reply_id, &[id, p, q, v, w, t, (temperature + 40.0) as u8, body.fault as u8]),
+            Variant::TMotor => standard(
+                self.reply_id,
+                &[id, p, q, v, w, t, (temperature + 40.0) as u8, body.fault as u8],
+            ),
             Variant::Damiao => {
                 let state = if body.fault != 0 { body.fault as u8 } else { u8::from(body.power) };
-                standard(self.reply_id, &[state << 4 | id & 0xF, p, q, v, w, t, temperature as u8, temperature as u8])
+                standard(
+                    self.reply_id,
+                    &[state << 4 | id & 0xF, p, q, v, w, t, temperature as u8, temperature as u8],
+                )
             }
             Variant::RobStride => {
                 let [high, low] = ((temperature * 10.0) as u16).to_be_bytes();
@@ -183,7 +197,13 @@ impl Mit {
 }
 
 impl Firmware for Mit {
-    fn receive(&mut self, now_ns: u64, frame: &Frame, body: &mut Body, out: &mut FrameQueue) -> bool {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
         if self.variant == Variant::Damiao && frame.id == Id::Standard(REGISTERS) {
             return self.register(frame.data(), body, out);
         }

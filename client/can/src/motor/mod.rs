@@ -1,7 +1,9 @@
-//! Motors from their own side: what they do with frames, and how their shafts turn. For tests and rehearsals.
+//! Motors from their own side: what they do with frames, and how their shafts turn. For tests and
+//! rehearsals.
 //!
-//! Everything here is written from the makers' manuals and not from the drives of [`crate::protocol`]: the two are a check of each other.
-//! No I/O and no clock; frames and times are arguments. To add a protocol: a file here, and its line in `firmware` below.
+//! Everything here is written from the makers' manuals and not from the drives of
+//! [`crate::protocol`]: the two are a check of each other. No I/O and no clock; frames and times
+//! are arguments. To add a protocol: a file here, and its line in `firmware` below.
 
 mod body;
 mod cia402;
@@ -21,7 +23,13 @@ use crate::settings::Settings;
 /// What a motor's firmware does. Nothing is checked here that firmware does not check.
 trait Firmware: Send + core::fmt::Debug {
     /// Reads a frame; whether it was for this motor.
-    fn receive(&mut self, now_ns: u64, frame: &Frame, body: &mut Body, out: &mut FrameQueue) -> bool;
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool;
 
     /// Time goes by: watchdogs, and frames that the motor sends by itself.
     fn step(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue);
@@ -43,15 +51,33 @@ pub struct Simulated {
 }
 
 impl Simulated {
-    /// A motor of a protocol, with the settings that its drive has; `None` for a protocol that is not simulated.
-    pub fn new(protocol: &str, settings: &Settings, common: Common, physics: Physics) -> Option<Simulated> {
+    /// A motor of a protocol, with the settings that its drive has; `None` for a protocol that is
+    /// not simulated.
+    pub fn new(
+        protocol: &str,
+        settings: &Settings,
+        common: Common,
+        physics: Physics,
+    ) -> Option<Simulated> {
         let mut body = Body::new(physics);
         let firmware = firmware(protocol, settings, common, &mut body)?;
-        let (made_of, replies) = ((protocol.to_owned(), settings.clone(), common, physics), FrameQueue::new(16));
-        Some(Simulated { body, made_of, firmware, stepped_ns: None, heard: None, n_heard: 0, silent: false, wrong_id: false, replies })
+        let (made_of, replies) =
+            ((protocol.to_owned(), settings.clone(), common, physics), FrameQueue::new(16));
+        Some(Simulated {
+            body,
+            made_of,
+            firmware,
+            stepped_ns: None,
+            heard: None,
+            n_heard: 0,
+            silent: false,
+            wrong_id: false,
+            replies,
+        })
     }
 
-    /// Its supply went away and came back: no power, no fault, and every setting as when it was new; shaft and zero stay where they are.
+    /// Its supply went away and came back: no power, no fault, and every setting as when it was
+    /// new; shaft and zero stay where they are.
     pub fn reboot(&mut self) {
         let (protocol, settings, common, physics) = &self.made_of;
         let Body { position, velocity, zero, .. } = self.body;
@@ -63,7 +89,8 @@ impl Simulated {
         self.replies.clear();
     }
 
-    /// Gives a frame of the bus to the motor; its answers go to `out`. Whether it was for this motor.
+    /// Gives a frame of the bus to the motor; its answers go to `out`. Whether it was for this
+    /// motor.
     pub fn receive(&mut self, now_ns: u64, frame: &Frame, out: &mut FrameQueue) -> bool {
         let mine = self.firmware.receive(now_ns, frame, &mut self.body, &mut self.replies);
         if mine {
@@ -74,7 +101,8 @@ impl Simulated {
         mine
     }
 
-    /// Time has come to `now_ns`: the shaft turns under the torques of motor and friction, and the firmware's clocks run.
+    /// Time has come to `now_ns`: the shaft turns under the torques of motor and friction, and the
+    /// firmware's clocks run.
     pub fn step(&mut self, now_ns: u64, out: &mut FrameQueue) {
         let elapsed = now_ns.saturating_sub(self.stepped_ns.unwrap_or(now_ns));
         self.body.turn(elapsed as f64 * 1e-9);
@@ -140,7 +168,12 @@ impl Simulated {
 }
 
 /// The firmware of a protocol; `None` for one that is not simulated.
-fn firmware(protocol: &str, settings: &Settings, common: Common, body: &mut Body) -> Option<Box<dyn Firmware>> {
+fn firmware(
+    protocol: &str,
+    settings: &Settings,
+    common: Common,
+    body: &mut Body,
+) -> Option<Box<dyn Firmware>> {
     Some(match protocol {
         "mit" => Box::new(mit::Mit::new(settings, common, body)),
         "cybergear" => Box::new(cybergear::CyberGear::new(settings, common, body)),

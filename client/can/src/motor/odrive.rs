@@ -1,7 +1,7 @@
 //! ODrive with CANSimple as the motor sees it.
 //!
-//! Standard identifier: node 6 bits, command 5 bits; data little-endian; positions in turns, velocities in turns per second, at the motor's
-//! shaft.
+//! Standard identifier: node 6 bits, command 5 bits; data little-endian; positions in turns,
+//! velocities in turns per second, at the motor's shaft.
 //!
 //! | command | from | data |
 //! |---|---|---|
@@ -19,8 +19,9 @@
 //! | 18 forget errors | host | |
 //! | 19 position is now | host | f32 |
 //!
-//! Without set-points for the time of the endpoint `watchdog_timeout` (f32, s), if `enable_watchdog` is set, it goes to idle with the error
-//! 0x01000000. Source: ODrive Robotics, documentation of the firmware 0.6, *CAN protocol* and *watchdog*.
+//! Without set-points for the time of the endpoint `watchdog_timeout` (f32, s), if
+//! `enable_watchdog` is set, it goes to idle with the error 0x01000000. Source: ODrive Robotics,
+//! documentation of the firmware 0.6, *CAN protocol* and *watchdog*.
 
 use core::f64::consts::TAU;
 
@@ -78,7 +79,14 @@ impl Odrive {
         out.push_some(standard(u32::from(self.node << 5 | command), &[a, b, c, d, e, f, g, h]));
     }
 
-    fn endpoint(&mut self, write: bool, endpoint: u16, value: [u8; 4], body: &mut Body, out: &mut FrameQueue) {
+    fn endpoint(
+        &mut self,
+        write: bool,
+        endpoint: u16,
+        value: [u8; 4],
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) {
         let [first, ..] = value;
         let content = match i64::from(endpoint) {
             0 => return,
@@ -96,7 +104,8 @@ impl Odrive {
             }
             _ => return,
         };
-        body.watchdog_ns = if self.enable_watchdog { (f64::from(self.timeout_s) * 1e9) as u64 } else { 0 };
+        body.watchdog_ns =
+            if self.enable_watchdog { (f64::from(self.timeout_s) * 1e9) as u64 } else { 0 };
         if !write {
             let [low, high] = endpoint.to_le_bytes();
             self.tell(0x05, [[0, low, high, 0], content], out);
@@ -105,7 +114,13 @@ impl Odrive {
 }
 
 impl Firmware for Odrive {
-    fn receive(&mut self, now_ns: u64, frame: &Frame, body: &mut Body, out: &mut FrameQueue) -> bool {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
         let Id::Standard(id) = frame.id else { return false };
         if id >> 5 != self.node {
             return false;
@@ -152,10 +167,15 @@ impl Firmware for Odrive {
                 stiffness,
                 damping,
             },
-            (0x0D, 8) if self.control_mode == 2 => {
-                Setpoint { velocity: f64::from(first) * TAU, torque: f64::from(second), damping, ..Setpoint::default() }
+            (0x0D, 8) if self.control_mode == 2 => Setpoint {
+                velocity: f64::from(first) * TAU,
+                torque: f64::from(second),
+                damping,
+                ..Setpoint::default()
+            },
+            (0x0E, 4 | 8) if self.control_mode == 1 => {
+                Setpoint { torque: f64::from(first), ..Setpoint::default() }
             }
-            (0x0E, 4 | 8) if self.control_mode == 1 => Setpoint { torque: f64::from(first), ..Setpoint::default() },
             (0x0C..=0x0E, _) => {
                 // set-points of another mode feed the watchdog and drive nothing
                 body.feed(now_ns);
@@ -176,7 +196,11 @@ impl Firmware for Odrive {
         let float = |number: f64| (number as f32).to_le_bytes();
         if now_ns >= self.heartbeat_ns {
             self.heartbeat_ns = now_ns + HEARTBEAT_NS;
-            self.tell(0x01, [body.fault.to_le_bytes(), [if body.power { CLOSED_LOOP } else { IDLE }, 0, 1, 0]], out);
+            self.tell(
+                0x01,
+                [body.fault.to_le_bytes(), [if body.power { CLOSED_LOOP } else { IDLE }, 0, 1, 0]],
+                out,
+            );
             self.tell(0x15, [float(body.temperature), float(body.temperature)], out);
         }
         if now_ns >= self.feedback_ns {

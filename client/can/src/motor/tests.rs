@@ -1,4 +1,5 @@
-//! Drives and motors against each other: both were written from the makers' manuals, neither from the other.
+//! Drives and motors against each other: both were written from the makers' manuals, neither from
+//! the other.
 
 use crate::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
 use crate::frame::FrameQueue;
@@ -20,7 +21,8 @@ struct Pair {
     malformed: usize,
 }
 
-/// A protocol, its settings, a mode, and by how much a measurement may be off: one step of position, velocity and torque.
+/// A protocol, its settings, a mode, and by how much a measurement may be off: one step of
+/// position, velocity and torque.
 struct Case {
     protocol: &'static str,
     settings: &'static str,
@@ -40,7 +42,8 @@ macro_rules! mit {
     };
 }
 
-/// Signals of both byte orders, with and without signs, of IEEE 754, behind switches, in standard and extended messages.
+/// Signals of both byte orders, with and without signs, of IEEE 754, behind switches, in standard
+/// and extended messages.
 const DBC_FILE: &str = r#"VERSION ""
 BU_: Host Motor
 BO_ 257 Command: 8 Host
@@ -69,8 +72,7 @@ fn cases() -> Vec<Case> {
     let case = |protocol, settings, mode, step| Case { protocol, settings, mode, step };
     let exact = [1e-5, 1e-5, 1e-5];
     let ranged = "{id: 7, position_range: 12.5, velocity_range: 30, torque_range: 12, stiffness_range: 500, damping_range: 5}";
-    let other =
-        "{model: robstride, id: 8, position_range: 20, velocity_range: 44, torque_range: 17, stiffness_range: 300, damping_range: 3}";
+    let other = "{model: robstride, id: 8, position_range: 20, velocity_range: 44, torque_range: 17, stiffness_range: 300, damping_range: 3}";
     let cybergear = [25.0 / 65535.0, 60.0 / 65535.0, 24.0 / 65535.0];
     let odrive = "{node: 5, torque_feedback: true, enable_watchdog_endpoint: 11, watchdog_timeout_endpoint: 12}";
     let moteus = [1e-5, 1e-5, 0.01];
@@ -106,12 +108,27 @@ fn cases() -> Vec<Case> {
 
 impl Pair {
     fn new(case: &Case) -> Pair {
-        let common = Common { mode: case.mode, watchdog_ms: WATCHDOG_MS, torque_limit: f64::INFINITY, period_ns: 2 * MS };
+        let common = Common {
+            mode: case.mode,
+            watchdog_ms: WATCHDOG_MS,
+            torque_limit: f64::INFINITY,
+            period_ns: 2 * MS,
+        };
         let protocol = protocol(case.protocol).unwrap();
         let mut findings = Findings::new(false);
-        let node = yaml::read("drive.yml", case.settings.as_bytes().to_vec(), "a drive", &mut findings).unwrap();
-        let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(DBC_FILE.to_owned()), &mut findings);
-        let drive = settings.as_ref().and_then(|settings| (protocol.make)(settings, common, &mut findings));
+        let node =
+            yaml::read("drive.yml", case.settings.as_bytes().to_vec(), "a drive", &mut findings)
+                .unwrap();
+        let settings = Settings::read(
+            &node,
+            "the drive",
+            protocol.keys,
+            &[],
+            &|_| Ok(DBC_FILE.to_owned()),
+            &mut findings,
+        );
+        let drive =
+            settings.as_ref().and_then(|settings| (protocol.make)(settings, common, &mut findings));
         let drive = drive.unwrap_or_else(|| panic!("{}", findings.into_report()));
         let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
         let motor = Simulated::new(case.protocol, &settings.unwrap(), common, physics).unwrap();
@@ -163,7 +180,8 @@ impl Pair {
     }
 }
 
-const HOLD: Setpoint = Setpoint { position: 0.5, velocity: 0.0, torque: 0.0, stiffness: 20.0, damping: 1.0 };
+const HOLD: Setpoint =
+    Setpoint { position: 0.5, velocity: 0.0, torque: 0.0, stiffness: 20.0, damping: 1.0 };
 
 #[test]
 fn every_motor_gets_power_only_when_it_shall_and_follows() {
@@ -174,7 +192,8 @@ fn every_motor_gets_power_only_when_it_shall_and_follows() {
         assert_eq!(pair.drive.state().power, Power::Off, "{}", case.settings);
         let pair = Pair::enabled(&case, Setpoint { velocity: 0.25, torque: 0.125, ..HOLD });
         let law = pair.motor.body.law;
-        let near = |got: f64, expected: f64, step: f64| (got - expected).abs() <= 0.51 * step + 1e-6;
+        let near =
+            |got: f64, expected: f64, step: f64| (got - expected).abs() <= 0.51 * step + 1e-6;
         let [p, v, t] = case.step;
         let told = match case.mode {
             // its damping cannot be scaled above its stiffness: what is left of it comes as torque
@@ -191,8 +210,14 @@ fn every_motor_gets_power_only_when_it_shall_and_follows() {
                     && near(law.damping, 1.0, 5.0 / 4095.0)
             }
             // a CANopen drive takes no velocity beside a position
-            Mode::Position if case.protocol == "cia402" => near(law.position, 0.5, p) && near(law.torque, 0.125, t),
-            Mode::Position => near(law.position, 0.5, p) && near(law.velocity, 0.25, 0.001 * 6.3) && near(law.torque, 0.125, 0.001),
+            Mode::Position if case.protocol == "cia402" => {
+                near(law.position, 0.5, p) && near(law.torque, 0.125, t)
+            }
+            Mode::Position => {
+                near(law.position, 0.5, p)
+                    && near(law.velocity, 0.25, 0.001 * 6.3)
+                    && near(law.torque, 0.125, 0.001)
+            }
             Mode::Velocity => near(law.velocity, 0.25, v) && near(law.torque, 0.125, t),
             Mode::Torque => near(law.torque, 0.125, t),
         };
@@ -212,8 +237,18 @@ fn what_a_motor_measures_is_what_its_drive_tells() {
             pair.cycles(2, Wish::Off);
             let measured = pair.measured.unwrap();
             let [p, v, _] = case.step;
-            assert!((measured.position - position).abs() <= p, "{} {}: {position} {measured:?}", case.protocol, case.settings);
-            assert!(measured.velocity.abs() <= v, "{} {}: {measured:?}", case.protocol, case.settings);
+            assert!(
+                (measured.position - position).abs() <= p,
+                "{} {}: {position} {measured:?}",
+                case.protocol,
+                case.settings
+            );
+            assert!(
+                measured.velocity.abs() <= v,
+                "{} {}: {measured:?}",
+                case.protocol,
+                case.settings
+            );
         }
     }
 }
@@ -224,17 +259,35 @@ fn a_motor_that_hears_nothing_lets_go_in_its_time() {
         let mut pair = Pair::enabled(&case, HOLD);
         let silent_ns = pair.now_ns;
         let read_back = pair.drive.state().watchdog;
-        assert!(matches!(read_back, Watchdog::Set(WATCHDOG_MS) | Watchdog::Unreadable), "{} {read_back:?}", case.settings);
+        assert!(
+            matches!(read_back, Watchdog::Set(WATCHDOG_MS) | Watchdog::Unreadable),
+            "{} {read_back:?}",
+            case.settings
+        );
         while pair.motor.body.tripped_ns.is_none() && pair.now_ns < silent_ns + 1_000 * MS {
             pair.cycle(None);
         }
-        let tripped_ns = pair.motor.body.tripped_ns.unwrap_or_else(|| panic!("{} {}", case.protocol, case.settings));
+        let tripped_ns = pair
+            .motor
+            .body
+            .tripped_ns
+            .unwrap_or_else(|| panic!("{} {}", case.protocol, case.settings));
         let took_ms = (tripped_ns - silent_ns) / MS;
         // a CANopen drive waits for the master's heartbeat, which is rarer than set-points
         let least_ms = if case.protocol == "cia402" { 20 } else { 48 };
-        assert!((least_ms..=54).contains(&took_ms), "{} {}: {took_ms} ms", case.protocol, case.settings);
+        assert!(
+            (least_ms..=54).contains(&took_ms),
+            "{} {}: {took_ms} ms",
+            case.protocol,
+            case.settings
+        );
         let law = pair.motor.body.law;
-        assert!(!pair.motor.body.power || (law.torque, law.stiffness) == (0.0, 0.0), "{} {}: {law:?}", case.protocol, case.settings);
+        assert!(
+            !pair.motor.body.power || (law.torque, law.stiffness) == (0.0, 0.0),
+            "{} {}: {law:?}",
+            case.protocol,
+            case.settings
+        );
     }
 }
 

@@ -1,8 +1,11 @@
-//! Faults that a drive finds by itself, in the numbers of [`DriveState::fault`](crate::drive::DriveState): above what any motor sends.
+//! Faults that a drive finds by itself, in the numbers of
+//! [`DriveState::fault`](crate::drive::DriveState): above what any motor sends.
 
-/// The motor's ranges, read back, are not those of the configuration: every number would be scaled wrongly.
+/// The motor's ranges, read back, are not those of the configuration: every number would be scaled
+/// wrongly.
 pub const RANGES_DIFFER: u32 = 0x8000_0001;
-/// The motor is outside its protocol's range of positions, where position set-points cannot be said.
+/// The motor is outside its protocol's range of positions, where position set-points cannot be
+/// said.
 pub const OUT_OF_RANGE: u32 = 0x8000_0002;
 /// The motor let go of its power without being told to.
 pub const POWER_LOST: u32 = 0x8000_0003;

@@ -24,7 +24,8 @@ pub struct Common {
     pub mode: Mode,
     /// The motor's watchdog is to be this `[ms]`; 0 leaves it alone.
     pub watchdog_ms: u32,
-    /// Torque that the motor must never be asked for `[N m]`, for drives that hold a limit of their own; infinite without one.
+    /// Torque that the motor must never be asked for `[N m]`, for drives that hold a limit of their
+    /// own; infinite without one.
     pub torque_limit: f64,
     /// Time between two cycles `[ns]`; 0 where it is not known.
     pub period_ns: u64,
@@ -43,12 +44,20 @@ pub struct Protocol {
     pub fd: bool,
     /// Settings besides the common ones.
     pub keys: &'static [Key],
-    /// Makes a drive from checked settings. What they say that cannot be goes to the findings, and then there is no drive.
+    /// Makes a drive from checked settings. What they say that cannot be goes to the findings, and
+    /// then there is no drive.
     pub make: fn(&Settings, Common, &mut Findings) -> Option<Box<dyn Drive>>,
 }
 
 /// All protocols.
-pub const PROTOCOLS: &[&Protocol] = &[&mit::MIT, &odrive::ODRIVE, &cybergear::CYBERGEAR, &moteus::MOTEUS, &cia402::CIA402, &dbc::DBC];
+pub const PROTOCOLS: &[&Protocol] = &[
+    &mit::MIT,
+    &odrive::ODRIVE,
+    &cybergear::CYBERGEAR,
+    &moteus::MOTEUS,
+    &cia402::CIA402,
+    &dbc::DBC,
+];
 
 /// The protocol of a name.
 pub fn protocol(name: &str) -> Option<&'static Protocol> {

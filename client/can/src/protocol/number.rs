@@ -24,9 +24,18 @@ mod tests {
     #[test]
     fn nothing_overflows_and_nothing_is_nan() {
         assert_eq!((single(1e300), single(-1e300), single(f64::NAN)), (f32::MAX, f32::MIN, 0.0));
-        assert_eq!((steps(33.0, 0.001, 32_767), steps(-1e300, 0.001, 32_767), steps(f64::NAN, 1.0, 9)), (32_767, -32_767, 0));
-        assert_eq!((steps(1.0, 1e-9, i32::MAX), steps(-3.0, 1e-9, i32::MAX)), (1_000_000_000, -i32::MAX));
+        assert_eq!(
+            (steps(33.0, 0.001, 32_767), steps(-1e300, 0.001, 32_767), steps(f64::NAN, 1.0, 9)),
+            (32_767, -32_767, 0)
+        );
+        assert_eq!(
+            (steps(1.0, 1e-9, i32::MAX), steps(-3.0, 1e-9, i32::MAX)),
+            (1_000_000_000, -i32::MAX)
+        );
         assert_eq!((steps(0.0014, 0.001, 32_767), steps(0.0016, 0.001, 32_767)), (1, 2));
-        assert_eq!((limited(5.0, 2.0), limited(-5.0, 2.0), limited(5.0, f64::INFINITY)), (2.0, -2.0, 5.0));
+        assert_eq!(
+            (limited(5.0, 2.0), limited(-5.0, 2.0), limited(5.0, f64::INFINITY)),
+            (2.0, -2.0, 5.0)
+        );
     }
 }

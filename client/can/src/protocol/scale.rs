@@ -23,11 +23,13 @@ impl Scale {
         ((1_u32 << self.bits) - 1) as f64
     }
 
-    /// The nearest code; values beyond an end get its code, and NaN gets that of zero. `odd` decides values exactly between two codes:
-    /// a range around zero has no code for zero, and taking the two beside it in turn makes zero right on average.
+    /// The nearest code; values beyond an end get its code, and NaN gets that of zero. `odd`
+    /// decides values exactly between two codes: a range around zero has no code for zero, and
+    /// taking the two beside it in turn makes zero right on average.
     pub(super) fn code(self, value: f64, odd: bool) -> u16 {
         let value = if value.is_nan() { 0.0 } else { value };
-        let place = (value.clamp(self.low, self.high) - self.low) / (self.high - self.low) * self.most();
+        let place =
+            (value.clamp(self.low, self.high) - self.low) / (self.high - self.low) * self.most();
         let below = place.floor();
         let rest = place - below;
         let up = if rest == 0.5 { odd } else { rest > 0.5 };
@@ -58,7 +60,11 @@ mod tests {
     #[test]
     fn every_code_comes_back_as_itself() {
         for bits in [12, 16] {
-            for scale in [Scale::around_zero(12.5, bits), Scale::around_zero(95.5, bits), Scale::from_zero(500.0, bits)] {
+            for scale in [
+                Scale::around_zero(12.5, bits),
+                Scale::around_zero(95.5, bits),
+                Scale::from_zero(500.0, bits),
+            ] {
                 for code in 0..=u16::MAX >> (16 - bits) {
                     assert_eq!(scale.code(scale.value(code), false), code);
                     assert_eq!(scale.code(scale.value(code) + 0.49 * scale.step(), true), code);

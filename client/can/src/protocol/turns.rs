@@ -13,7 +13,8 @@ pub(super) struct Turns {
 }
 
 impl Turns {
-    /// The code without jumps: the way from the last one is the shorter of the two. The first one counts as it is.
+    /// The code without jumps: the way from the last one is the shorter of the two. The first one
+    /// counts as it is.
     pub(super) fn follow(&mut self, code: u16) -> i64 {
         let whole = match self.last {
             Some((last, whole)) => whole + i64::from(code.wrapping_sub(last) as i16),
@@ -33,7 +34,8 @@ impl Turns {
         self.uncounted = false;
     }
 
-    /// [`fault::OUT_OF_RANGE`] where set-points of a mode cannot be said, or the position is not known; else 0.
+    /// [`fault::OUT_OF_RANGE`] where set-points of a mode cannot be said, or the position is not
+    /// known; else 0.
     pub(super) fn fault(&self, mode: Mode) -> u32 {
         let is_fault = self.uncounted || self.is_outside() && mode != Mode::Torque;
         if is_fault { fault::OUT_OF_RANGE } else { 0 }
@@ -52,9 +54,13 @@ mod tests {
     #[test]
     fn a_code_is_followed_over_both_ends() {
         let mut turns = Turns::default();
-        let codes = [65_000_u16, 65_500, 300, 10_000, 40_000, 60_000, 20_000, 60_000, 20_000, 65_000];
+        let codes =
+            [65_000_u16, 65_500, 300, 10_000, 40_000, 60_000, 20_000, 60_000, 20_000, 65_000];
         let whole: Vec<i64> = codes.iter().map(|code| turns.follow(*code)).collect();
-        assert_eq!(whole, [65_000, 65_500, 65_836, 75_536, 105_536, 125_536, 151_072, 125_536, 151_072, 130_536]);
+        assert_eq!(
+            whole,
+            [65_000, 65_500, 65_836, 75_536, 105_536, 125_536, 151_072, 125_536, 151_072, 130_536]
+        );
     }
 
     #[test]
@@ -63,7 +69,10 @@ mod tests {
         [60_000_u16, 65_000, 100].into_iter().for_each(|code| {
             turns.follow(code);
         });
-        assert_eq!((turns.fault(Mode::Torque), turns.fault(Mode::Impedance)), (0, fault::OUT_OF_RANGE));
+        assert_eq!(
+            (turns.fault(Mode::Torque), turns.fault(Mode::Impedance)),
+            (0, fault::OUT_OF_RANGE)
+        );
         turns.forget();
         turns.follow(100);
         assert_eq!(turns.fault(Mode::Torque), fault::OUT_OF_RANGE);

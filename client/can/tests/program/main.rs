@@ -1,6 +1,11 @@
 //! The program `sarrus-can` as scripts meet it: processes and pseudo-terminals.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that fails panics")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that fails panics"
+)]
 
 mod simulated;
 
@@ -26,7 +31,11 @@ struct Folder(PathBuf);
 impl Folder {
     fn new() -> Folder {
         static FOLDERS: AtomicU32 = AtomicU32::new(0);
-        let path = std::env::temp_dir().join(format!("sarrus-can-{}-{}", std::process::id(), FOLDERS.fetch_add(1, Relaxed)));
+        let path = std::env::temp_dir().join(format!(
+            "sarrus-can-{}-{}",
+            std::process::id(),
+            FOLDERS.fetch_add(1, Relaxed)
+        ));
         std::fs::create_dir_all(&path).unwrap();
         Folder(path)
     }
@@ -38,7 +47,9 @@ impl Folder {
     /// A configuration with one bus over slcan, `bus`, and these motors.
     fn configuration(&self, motors: &[&str]) -> PathBuf {
         let channel = self.path("bus").display().to_string();
-        let head = format!("rate_hz: 100\nbuses: [{{name: arm, interface: slcan, channel: {channel}, bitrate: 1000000}}]\nmotors:\n");
+        let head = format!(
+            "rate_hz: 100\nbuses: [{{name: arm, interface: slcan, channel: {channel}, bitrate: 1000000}}]\nmotors:\n"
+        );
         let text = motors.iter().fold(head, |text, motor| text + "- " + motor + "\n");
         let path = self.path("robot.yml");
         std::fs::write(&path, text).unwrap();
@@ -64,10 +75,16 @@ struct Program {
 impl Program {
     fn start(arguments: &[&str]) -> Program {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus-can"));
-        let mut child = command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut child =
+            command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (stdin, stdout) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
         let (sender, lines) = channel();
-        std::thread::spawn(move || BufReader::new(stdout).lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        std::thread::spawn(move || {
+            BufReader::new(stdout)
+                .lines()
+                .map_while(Result::ok)
+                .try_for_each(|line| sender.send(line))
+        });
         Program { child, stdin, lines, passed: Vec::new() }
     }
 
@@ -120,7 +137,8 @@ struct Host {
 
 impl Host {
     fn open(path: &Path) -> Host {
-        let file = OpenOptions::new().read(true).write(true).custom_flags(NO_CONSOLE).open(path).unwrap();
+        let file =
+            OpenOptions::new().read(true).write(true).custom_flags(NO_CONSOLE).open(path).unwrap();
         let mut reader = file.try_clone().unwrap();
         let (sender, bytes) = channel();
         std::thread::spawn(move || {
@@ -165,7 +183,8 @@ impl Host {
     /// Whether nothing but acknowledgements comes for a while.
     fn is_silent(&self, time: Duration) -> bool {
         let end = Instant::now() + time;
-        while let Ok(byte) = self.bytes.recv_timeout(end.saturating_duration_since(Instant::now())) {
+        while let Ok(byte) = self.bytes.recv_timeout(end.saturating_duration_since(Instant::now()))
+        {
             if !matches!(byte, b'\r' | b'z' | b'Z') {
                 return false;
             }

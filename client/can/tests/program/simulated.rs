@@ -1,4 +1,5 @@
-//! `sarrus-can simulate` over a pseudo-terminal, spoken to byte by byte as the manuals of slcan and MIT mode have it.
+//! `sarrus-can simulate` over a pseudo-terminal, spoken to byte by byte as the manuals of slcan and
+//! MIT mode have it.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +10,8 @@ const MOTOR: &str = "{actuator: elbow, bus: arm, sign: -1, gear: 10, offset: 0.5
     stiffness_range: 500, damping_range: 5}}";
 const POWER_ON: &str = "t0038FFFFFFFFFFFFFFFC";
 const POWER_OFF: &str = "t0038FFFFFFFFFFFFFFFD";
-/// Position 2 rad (code 38010), velocity 0, stiffness 50 (code 409), damping 1 (code 819), torque 0.
+/// Position 2 rad (code 38010), velocity 0, stiffness 50 (code 409), damping 1 (code 819), torque
+/// 0.
 const HOLD_2_RAD: &str = "t0038947A7FF199333800";
 /// The same with damping 5.
 const HOLD_2_RAD_DAMPED: &str = "t0038947A7FF199FFF800";
@@ -51,7 +53,8 @@ fn a_motor_is_enabled_follows_and_goes_safe_by_itself() {
 
     // then none
     let tripped = motors.event("watchdog");
-    let heard = silent["t"].as_u64().unwrap() as f64 - silent["frame_age_ms"].as_f64().unwrap() * 1e6;
+    let heard =
+        silent["t"].as_u64().unwrap() as f64 - silent["frame_age_ms"].as_f64().unwrap() * 1e6;
     let took_ms = (tripped["t"].as_u64().unwrap() as f64 - heard) * 1e-6;
     assert!(took_ms >= 1000.0, "{took_ms}");
     let report = motors.report();
@@ -71,7 +74,13 @@ fn hosts_come_and_go_and_the_link_goes_with_the_motors() {
         host.write("C\r");
     }
     let pid = motors.child.id();
-    assert!(std::process::Command::new("kill").args(["-TERM", &pid.to_string()]).status().unwrap().success());
+    assert!(
+        std::process::Command::new("kill")
+            .args(["-TERM", &pid.to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
     let end = Instant::now() + PATIENCE;
     while folder.path("bus").symlink_metadata().is_ok() {
         assert!(Instant::now() < end, "the link stays");
@@ -145,10 +154,17 @@ fn a_robot_moves_behind_its_motors() {
         <joint name=\"elbow\" type=\"revolute\"><parent link=\"base\"/><child link=\"rod\"/><axis xyz=\"0 1 0\"/>\
         <limit lower=\"-6\" upper=\"6\" effort=\"20\" velocity=\"10\"/></joint></robot>";
     std::fs::write(folder.path("pendulum.urdf"), urdf).unwrap();
-    let configuration = folder.configuration(&[&MOTOR.replace("sign: -1, gear: 10, offset: 0.5", "gear: 1, offset: 0")]);
+    let configuration = folder
+        .configuration(&[&MOTOR.replace("sign: -1, gear: 10, offset: 0.5", "gear: 1, offset: 0")]);
     let text = std::fs::read_to_string(&configuration).unwrap();
     std::fs::write(&configuration, format!("urdf: pendulum.urdf\n{text}")).unwrap();
-    let mut motors = Program::start(&["simulate", configuration.to_str().unwrap(), "--pty", "--dynamics", "robot"]);
+    let mut motors = Program::start(&[
+        "simulate",
+        configuration.to_str().unwrap(),
+        "--pty",
+        "--dynamics",
+        "robot",
+    ]);
     assert!(motors.line().starts_with("ready arm "));
     let mut host = Host::opened(&folder.path("bus"));
     let held = motors.report()["actuator_position"].as_f64().unwrap();

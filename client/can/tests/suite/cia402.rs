@@ -3,7 +3,9 @@
 use std::f64::consts::TAU;
 
 use crate::closed_loop::Bench;
-use crate::support::{COMMON, Random, cycle, drive, receive, survives_hostile_frames, torque, try_drive};
+use crate::support::{
+    COMMON, Random, cycle, drive, receive, survives_hostile_frames, torque, try_drive,
+};
 use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
 use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::protocol::{Common, fault};
@@ -35,7 +37,8 @@ fn set_up_but(drive: &mut dyn Drive, mode: u8, other: &str) -> Vec<String> {
                 continue;
             };
             let object = &request[2..8];
-            let is_other = other[6..].starts_with(object) && (&other[4..6] == "80" || (&other[4..6] == "60") != (&request[..2] == "40"));
+            let is_other = other[6..].starts_with(object)
+                && (&other[4..6] == "80" || (&other[4..6] == "60") != (&request[..2] == "40"));
             match (&request[..2], object) {
                 _ if is_other => receive(drive, other),
                 ("40", "161001") => receive(drive, HEARTBEAT_OF),
@@ -102,7 +105,8 @@ fn a_drive_is_set_up_by_sdo_and_then_started() {
         "605#23011A0120006C60",
         "605#2F011A0001000000",
         "605#2301180185020000",
-        // mode, 2 ms between set-points, 2000 thousandths, no voltage when node 127 is not heard for 50 ms
+        // mode, 2 ms between set-points, 2000 thousandths, no voltage when node 127 is not heard
+        // for 50 ms
         "605#2F60600008000000",
         "605#2FC26002FD000000",
         "605#2FC2600102000000",
@@ -152,14 +156,19 @@ fn a_watchdog_counts_if_the_drive_says_what_it_does() {
         set_up_but(&mut *drive, 10, answer);
         let is_refused = answer.starts_with("585#8016");
         // a drive must take the heartbeat; that it can be read is another matter
-        assert_eq!(drive.state().watchdog, if is_refused { Watchdog::Unknown } else { watchdog }, "{answer}");
+        assert_eq!(
+            drive.state().watchdog,
+            if is_refused { Watchdog::Unknown } else { watchdog },
+            "{answer}"
+        );
     }
 }
 
 #[test]
 fn the_time_between_set_points_is_told_in_a_unit_that_holds_it() {
     let offers = |period_ns: u64, mode: Mode, number: u8, other: &str| {
-        let mut drive = drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0, period_ns });
+        let mut drive =
+            drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0, period_ns });
         let requests = set_up_but(&mut *drive, number, other);
         requests
             .into_iter()
@@ -169,13 +178,21 @@ fn the_time_between_set_points_is_told_in_a_unit_that_holds_it() {
     };
     const TAKEN: &str = "585#0000000000000000";
     assert_eq!(offers(1_000_000, Mode::Velocity, 9, TAKEN), ["02FD", "0101"]);
-    assert_eq!(offers(2_500_000, Mode::Position, 8, TAKEN), ["02FC", "0119"], "25 of 100 microseconds");
+    assert_eq!(
+        offers(2_500_000, Mode::Position, 8, TAKEN),
+        ["02FC", "0119"],
+        "25 of 100 microseconds"
+    );
     assert_eq!(offers(250_000, Mode::Position, 8, TAKEN), ["02FB", "0119"]);
     assert_eq!(offers(1_000_000_000, Mode::Position, 8, TAKEN), ["02FE", "0164"]);
     assert_eq!(offers(3_333_333, Mode::Position, 8, TAKEN), ["02FC", "0121"], "the nearest");
     assert!(offers(1_000_000, Mode::Torque, 10, TAKEN).is_empty());
     const REFUSED: &str = "585#80C2600200000206";
-    assert_eq!(offers(2_000_000, Mode::Position, 8, REFUSED), ["02FD", "0102"], "milliseconds are the default");
+    assert_eq!(
+        offers(2_000_000, Mode::Position, 8, REFUSED),
+        ["02FD", "0102"],
+        "milliseconds are the default"
+    );
     assert_eq!(offers(2_500_000, Mode::Position, 8, REFUSED), ["02FC"], "25 would be milliseconds");
 }
 
@@ -193,13 +210,17 @@ fn random_values_are_within_half_a_step_both_ways() {
             ..Setpoint::default()
         };
         let number = |frame: &Frame| i32::from_le_bytes(frame.data()[2..6].try_into().unwrap());
-        let last_two = |frame: &Frame| i16::from_le_bytes(frame.data()[frame.data().len() - 2..].try_into().unwrap());
+        let last_two = |frame: &Frame| {
+            i16::from_le_bytes(frame.data()[frame.data().len() - 2..].try_into().unwrap())
+        };
         let encode = |drive: &mut dyn Drive| {
             let mut queue = FrameQueue::new(1);
             drive.encode(&wanted, &mut queue);
             queue.frames()[0]
         };
-        let half = |sent: f64, wanted: f64, step: f64| assert!((sent - wanted).abs() <= step / 2.0 * (1.0 + 1e-9), "{sent} {wanted}");
+        let half = |sent: f64, wanted: f64, step: f64| {
+            assert!((sent - wanted).abs() <= step / 2.0 * (1.0 + 1e-9), "{sent} {wanted}")
+        };
         let sent = encode(&mut *position);
         half(f64::from(number(&sent)) * count, wanted.position, count);
         half(f64::from(last_two(&sent)) * 0.002, wanted.torque, 0.002);
@@ -208,9 +229,17 @@ fn random_values_are_within_half_a_step_both_ways() {
 
         let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
         let p = (wanted.position / count).round() as i32;
-        let (v, t) = ((wanted.velocity / count).round() as i32, (wanted.torque / 0.002).round() as i16);
-        receive(&mut *position, &format!("185#3702{}{}", hex(&p.to_le_bytes()), hex(&t.to_le_bytes())));
-        let Receipt::Measured(measured) = receive(&mut *position, &format!("285#{}", hex(&v.to_le_bytes()))) else { panic!() };
+        let (v, t) =
+            ((wanted.velocity / count).round() as i32, (wanted.torque / 0.002).round() as i16);
+        receive(
+            &mut *position,
+            &format!("185#3702{}{}", hex(&p.to_le_bytes()), hex(&t.to_le_bytes())),
+        );
+        let Receipt::Measured(measured) =
+            receive(&mut *position, &format!("285#{}", hex(&v.to_le_bytes())))
+        else {
+            panic!()
+        };
         half(measured.position, wanted.position, count);
         half(measured.velocity, wanted.velocity, count);
         half(measured.torque, wanted.torque, 0.002);
@@ -251,7 +280,11 @@ fn a_velocity_without_its_position_is_no_measurement() {
     let mut drive = enabled(Mode::Torque, 10);
     receive(&mut *drive, "185#3702010000000000");
     assert!(matches!(receive(&mut *drive, "285#00000000"), Receipt::Measured(_)));
-    assert_eq!(receive(&mut *drive, "285#00000000"), Receipt::Noted, "the position is that of the cycle before");
+    assert_eq!(
+        receive(&mut *drive, "285#00000000"),
+        Receipt::Noted,
+        "the position is that of the cycle before"
+    );
     receive(&mut *drive, "185#3702010000000000");
     assert!(matches!(receive(&mut *drive, "285#00000000"), Receipt::Measured(_)));
 }
@@ -267,9 +300,13 @@ fn what_a_pdo_holds_is_not_known_before_it_was_set_up() {
 
 /// A drive with its simulated motor, set up.
 fn bench() -> Bench {
-    let mut bench = Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque);
+    let mut bench =
+        Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque);
     (0..200).for_each(|_| bench.cycle(Wish::Off));
-    assert_eq!((bench.drive.state().power, bench.drive.state().watchdog), (Power::Off, Watchdog::Set(50)));
+    assert_eq!(
+        (bench.drive.state().power, bench.drive.state().watchdog),
+        (Power::Off, Watchdog::Set(50))
+    );
     bench
 }
 
@@ -288,7 +325,8 @@ fn a_pause_of_the_bridge_is_made_good() {
 
 #[test]
 fn a_start_that_was_lost_is_made_good() {
-    let mut bench = Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque);
+    let mut bench =
+        Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque);
     let mut is_lost = false;
     for cycle in 0..1000_u64 {
         let mut sent = FrameQueue::new(32);
@@ -311,7 +349,9 @@ fn a_start_that_was_lost_is_made_good() {
 
 #[test]
 fn a_drive_that_is_not_operational_any_more_is_set_up_anew() {
-    let at = |drive: &mut dyn Drive, now_ms: u64, text: &str| drive.receive(now_ms * 1_000_000, &crate::support::frame(text));
+    let at = |drive: &mut dyn Drive, now_ms: u64, text: &str| {
+        drive.receive(now_ms * 1_000_000, &crate::support::frame(text))
+    };
     let mut drive = cia402(Mode::Torque);
     set_up(&mut *drive, 10);
     at(&mut *drive, 10, "185#5002000000000000");
@@ -329,9 +369,15 @@ fn a_drive_that_boots_is_set_up_anew() {
     let mut bench = bench();
     bench.motor.reboot();
     bench.cycle(Wish::Off);
-    assert_eq!((bench.drive.state().power, bench.drive.state().watchdog), (Power::Unknown, Watchdog::Unknown));
+    assert_eq!(
+        (bench.drive.state().power, bench.drive.state().watchdog),
+        (Power::Unknown, Watchdog::Unknown)
+    );
     bench.power_on(torque(0.1));
-    assert_eq!((bench.motor.body.watchdog_ns, bench.drive.state().watchdog), (50_000_000, Watchdog::Set(50)));
+    assert_eq!(
+        (bench.motor.body.watchdog_ns, bench.drive.state().watchdog),
+        (50_000_000, Watchdog::Set(50))
+    );
     bench.motor.reboot();
     (0..200).for_each(|_| bench.cycle(Wish::On(torque(0.1))));
     assert!(bench.motor.follows().is_none(), "it has power again by itself");
@@ -349,7 +395,11 @@ fn faults_boots_and_losses_of_power_are_seen() {
     let mut drive = enabled(Mode::Torque, 10);
     receive(&mut *drive, "185#3302000000000000");
     assert_eq!(drive.state().fault, fault::POWER_LOST);
-    assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0)))[0], "205#00000000", "no power again by itself");
+    assert_eq!(
+        cycle(&mut *drive, Wish::On(torque(1.0)))[0],
+        "205#00000000",
+        "no power again by itself"
+    );
     cycle(&mut *drive, Wish::Off);
     assert_eq!(drive.state().fault, 0);
     assert_eq!(cycle(&mut *drive, Wish::Reset), ["205#80000000"]);
@@ -392,6 +442,8 @@ fn frames_of_others_and_malformed_ones_are_told_apart() {
     }
     assert_eq!(drive.state().power, Power::Unknown);
     survives_hostile_frames(&mut *drive, 4);
-    let report = try_drive("cia402", "{node: 127, rated_torque: 1, counts_per_turn: 10}", COMMON, "").unwrap_err();
+    let report =
+        try_drive("cia402", "{node: 127, rated_torque: 1, counts_per_turn: 10}", COMMON, "")
+            .unwrap_err();
     assert!(report.contains("1 to 126"), "{report}");
 }

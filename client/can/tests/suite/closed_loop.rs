@@ -1,4 +1,5 @@
-//! Each drive with a simulated motor of its protocol, which was written from the makers' manuals alone: power, set-points, watchdog.
+//! Each drive with a simulated motor of its protocol, which was written from the makers' manuals
+//! alone: power, set-points, watchdog.
 
 use crate::support::settled;
 use sarrus_can::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
@@ -28,8 +29,13 @@ impl Bench {
     pub(crate) fn new(protocol: &str, yaml: &str, mode: Mode) -> Bench {
         let common = Common { mode, watchdog_ms: 50, torque_limit: 5.0, period_ns: 2 * MS };
         let (drive, settings) = settled(protocol, yaml, common, DBC_FILE).unwrap();
-        let motor = Simulated::new(protocol, &settings, common, Physics { inertia: 0.05, friction: 0.5, torque_limit: 10.0 })
-            .expect("a simulated motor");
+        let motor = Simulated::new(
+            protocol,
+            &settings,
+            common,
+            Physics { inertia: 0.05, friction: 0.5, torque_limit: 10.0 },
+        )
+        .expect("a simulated motor");
         Bench { drive, motor, now_ns: 1_000 * MS, measured: None, replies: FrameQueue::new(256) }
     }
 
@@ -70,16 +76,36 @@ impl Bench {
 }
 
 fn benches() -> Vec<(&'static str, Bench)> {
-    let mit = |variant: &str| Bench::new("mit", &format!("{{variant: {variant}, id: 4, reply_id: 20, {RANGES}}}"), Mode::Torque);
+    let mit = |variant: &str| {
+        Bench::new(
+            "mit",
+            &format!("{{variant: {variant}, id: 4, reply_id: 20, {RANGES}}}"),
+            Mode::Torque,
+        )
+    };
     vec![
         ("mini_cheetah", mit("mini_cheetah")),
         ("t_motor", mit("t_motor")),
         ("damiao", mit("damiao")),
         ("robstride", mit("robstride")),
         ("cybergear", Bench::new("cybergear", "{id: 10, position_range: 12.5}", Mode::Torque)),
-        ("odrive", Bench::new("odrive", "{node: 3, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301}", Mode::Torque)),
+        (
+            "odrive",
+            Bench::new(
+                "odrive",
+                "{node: 3, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301}",
+                Mode::Torque,
+            ),
+        ),
         ("moteus", Bench::new("moteus", "{id: 1}", Mode::Torque)),
-        ("cia402", Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque)),
+        (
+            "cia402",
+            Bench::new(
+                "cia402",
+                "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}",
+                Mode::Torque,
+            ),
+        ),
         ("dbc", Bench::new("dbc", DBC, Mode::Torque)),
     ]
 }
@@ -94,7 +120,11 @@ fn every_motor_gets_power_and_follows_a_torque() {
         assert!((follows.torque - 0.5).abs() < 0.006, "{name}: {follows:?}");
         assert!((follows.stiffness, follows.damping) == (0.0, 0.0), "{name}: {follows:?}");
         let measured = bench.measured.unwrap();
-        assert!((measured.position - bench.motor.body.position).abs() < 0.2, "{name}: {measured:?} {}", bench.motor.body.position);
+        assert!(
+            (measured.position - bench.motor.body.position).abs() < 0.2,
+            "{name}: {measured:?} {}",
+            bench.motor.body.position
+        );
         assert!(measured.position > 0.0, "{name}: it turns the way it is told");
     }
 }
@@ -106,8 +136,9 @@ fn a_motor_whose_supply_was_away_is_set_up_anew() {
         let watchdog = |bench: &Bench| (bench.drive.state().watchdog, bench.motor.body.watchdog_ns);
         bench.power_on(Setpoint::default());
         let before = watchdog(&bench);
-        // while it had power: nothing is powered again by itself; where each frame is a whole command, as a DBC file's is here, that a motor was
-        // away is seen by its silence, which is the bridge's to judge
+        // while it had power: nothing is powered again by itself; where each frame is a whole
+        // command, as a DBC file's is here, that a motor was away is seen by its silence, which is
+        // the bridge's to judge
         bench.motor.reboot();
         (0..200).for_each(|_| bench.cycle(Wish::On(Setpoint::default())));
         assert!(bench.motor.follows().is_none() || name == "dbc", "{name}");
@@ -117,7 +148,10 @@ fn a_motor_whose_supply_was_away_is_set_up_anew() {
             bench.motor.reboot();
             bench.drive.prepare();
             let state = bench.drive.state();
-            assert!(matches!(state.watchdog, Watchdog::Unknown | Watchdog::Unreadable) || before.1 == 0, "{name}: {state:?}");
+            assert!(
+                matches!(state.watchdog, Watchdog::Unknown | Watchdog::Unreadable) || before.1 == 0,
+                "{name}: {state:?}"
+            );
             bench.power_on(Setpoint::default());
             assert_eq!(watchdog(&bench), before, "{name}");
         }
@@ -131,11 +165,16 @@ fn every_watchdog_that_can_be_read_was_set_and_acts() {
         bench.power_on(Setpoint::default());
         let watchdog = bench.drive.state().watchdog;
         let is_readable = !matches!(name, "mini_cheetah" | "t_motor" | "robstride" | "dbc");
-        assert_eq!(watchdog, if is_readable { Watchdog::Set(50) } else { Watchdog::Unreadable }, "{name}");
+        assert_eq!(
+            watchdog,
+            if is_readable { Watchdog::Set(50) } else { Watchdog::Unreadable },
+            "{name}"
+        );
         bench.pass(&FrameQueue::new(1), 30);
         assert!(bench.motor.follows().is_some(), "{name}");
         bench.pass(&FrameQueue::new(1), 25);
-        let is_off = bench.motor.follows().is_none_or(|law| law.torque == 0.0 && law.stiffness == 0.0);
+        let is_off =
+            bench.motor.follows().is_none_or(|law| law.torque == 0.0 && law.stiffness == 0.0);
         assert!(is_off, "{name}: {:?}", bench.motor.follows());
     }
 }
@@ -180,9 +219,11 @@ fn every_parameter_that_a_drive_reads_is_answered() {
             asked.frames().iter().for_each(|frame| {
                 bench.motor.receive(bench.now_ns, frame, &mut bench.replies);
             });
-            let found = bench.replies.frames().iter().find_map(|frame| match bench.drive.receive(bench.now_ns, frame) {
-                Receipt::Parameter(found, value) if found == place => Some(value),
-                _ => None,
+            let found = bench.replies.frames().iter().find_map(|frame| {
+                match bench.drive.receive(bench.now_ns, frame) {
+                    Receipt::Parameter(found, value) if found == place => Some(value),
+                    _ => None,
+                }
             });
             assert!(found.is_some_and(f64::is_finite), "{name}: {} {found:?}", parameter.name);
             bench.replies.clear();
@@ -192,11 +233,14 @@ fn every_parameter_that_a_drive_reads_is_answered() {
 
 #[test]
 fn impedance_goes_through_every_protocol_that_has_it() {
-    let wanted = Setpoint { position: 0.3, velocity: 0.1, torque: 0.2, stiffness: 0.5, damping: 0.005 };
+    let wanted =
+        Setpoint { position: 0.3, velocity: 0.1, torque: 0.2, stiffness: 0.5, damping: 0.005 };
     let mit = format!("{{variant: damiao, id: 4, reply_id: 20, {RANGES}}}");
-    for (protocol, yaml) in
-        [("mit", mit.as_str()), ("cybergear", "{id: 10, position_range: 12.5}"), ("moteus", "{id: 1, kp: 4.0, kd: 0.05}")]
-    {
+    for (protocol, yaml) in [
+        ("mit", mit.as_str()),
+        ("cybergear", "{id: 10, position_range: 12.5}"),
+        ("moteus", "{id: 1, kp: 4.0, kd: 0.05}"),
+    ] {
         let mut bench = Bench::new(protocol, yaml, Mode::Impedance);
         bench.power_on(wanted);
         let law = bench.motor.follows().expect("power");

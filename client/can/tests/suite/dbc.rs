@@ -24,7 +24,8 @@ const YAML: &str = "{file: motor.dbc, enable: Command.Enable, torque: Command.To
     position_unit: 0.017453292519943295, velocity_unit: 0.017453292519943295}";
 
 fn dbc(mode: Mode) -> Box<dyn Drive> {
-    try_drive("dbc", YAML, Common { mode, ..COMMON }, FILE).unwrap_or_else(|report| panic!("{report}"))
+    try_drive("dbc", YAML, Common { mode, ..COMMON }, FILE)
+        .unwrap_or_else(|report| panic!("{report}"))
 }
 
 fn frames(drive: &mut dyn Drive, wish: Wish) -> Vec<Frame> {
@@ -49,15 +50,26 @@ fn every_value_of_the_switch_has_its_frame() {
     );
     receive(&mut *drive, "00000401#0000000000000000");
     assert_eq!(drive.state().power, Power::Off);
-    // -150 hundredths are FF6A, 114592 thousandths of a degree a second are 01BFA0: first all of it without power, then power with the last
-    assert_eq!(text(frames(&mut *drive, Wish::On(wanted))), ["101#A1FF6A0000000000", "101#02A0BF0100000000"]);
-    assert_eq!(text(frames(&mut *drive, Wish::On(wanted))), ["101#02A0BF0100000000", "101#B1FF6A0000000000"]);
+    // -150 hundredths are FF6A, 114592 thousandths of a degree a second are 01BFA0: first all of it
+    // without power, then power with the last
+    assert_eq!(
+        text(frames(&mut *drive, Wish::On(wanted))),
+        ["101#A1FF6A0000000000", "101#02A0BF0100000000"]
+    );
+    assert_eq!(
+        text(frames(&mut *drive, Wish::On(wanted))),
+        ["101#02A0BF0100000000", "101#B1FF6A0000000000"]
+    );
     assert_eq!(drive.state().power, Power::Starting);
     receive(&mut *drive, "00000401#0000000000000100");
     assert_eq!(drive.state().power, Power::On);
     receive(&mut *drive, "00000401#0000000000000000");
     assert_eq!(drive.state().fault, fault::POWER_LOST);
-    assert_eq!(text(frames(&mut *drive, Wish::On(wanted)))[0], "101#A100000000000000", "no power again by itself");
+    assert_eq!(
+        text(frames(&mut *drive, Wish::On(wanted)))[0],
+        "101#A100000000000000",
+        "no power again by itself"
+    );
     frames(&mut *drive, Wish::Off);
     receive(&mut *drive, "00000401#0000000000000007");
     assert_eq!(drive.state().fault, 7);
@@ -68,7 +80,11 @@ fn random_values_are_within_half_a_step_both_ways() {
     let mut random = Random(11);
     let mut drive = dbc(Mode::Torque);
     for _ in 0..100_000 {
-        let wanted = Setpoint { torque: random.between(-327.0, 327.0), velocity: random.between(-100.0, 100.0), ..Setpoint::default() };
+        let wanted = Setpoint {
+            torque: random.between(-327.0, 327.0),
+            velocity: random.between(-100.0, 100.0),
+            ..Setpoint::default()
+        };
         let mut queue = FrameQueue::new(2);
         drive.encode(&wanted, &mut queue);
         let [velocity, torque] = queue.frames() else { panic!() };
@@ -77,8 +93,13 @@ fn random_values_are_within_half_a_step_both_ways() {
         let bytes = velocity.data();
         // the file's unit is degrees a second
         let unit = 1_f64.to_radians();
-        let sent = f64::from(i32::from_le_bytes([0, bytes[1], bytes[2], bytes[3]]) >> 8) * 0.001 * unit;
-        assert!((sent - wanted.velocity).abs() <= 0.0005 * unit * (1.0 + 1e-9), "{sent} {}", wanted.velocity);
+        let sent =
+            f64::from(i32::from_le_bytes([0, bytes[1], bytes[2], bytes[3]]) >> 8) * 0.001 * unit;
+        assert!(
+            (sent - wanted.velocity).abs() <= 0.0005 * unit * (1.0 + 1e-9),
+            "{sent} {}",
+            wanted.velocity
+        );
 
         let (position, speed) = (random.between(-5000.0, 5000.0), random.between(-3000.0, 3000.0));
         let raw = ((position - 5.0) / 0.01_f64).round() as i32;
@@ -95,7 +116,9 @@ fn random_values_are_within_half_a_step_both_ways() {
 
 #[test]
 fn settings_and_files_that_cannot_be_are_told() {
-    let report = |yaml: &str, file: &str, mode: Mode| try_drive("dbc", yaml, Common { mode, ..COMMON }, file).unwrap_err();
+    let report = |yaml: &str, file: &str, mode: Mode| {
+        try_drive("dbc", yaml, Common { mode, ..COMMON }, file).unwrap_err()
+    };
     let found = report(&YAML.replace("State.Speed", "State.Spede"), FILE, Mode::Torque);
     assert!(found.contains("`measured_velocity` names `State.Spede`"), "{found}");
     let found = report(YAML, FILE, Mode::Impedance);
@@ -116,7 +139,8 @@ fn frames_of_others_and_malformed_ones_are_told_apart() {
     survives_hostile_frames(&mut *drive, 5);
 }
 
-/// Power and set-point in messages of their own, as many drives have them; what is measured is in three messages.
+/// Power and set-point in messages of their own, as many drives have them; what is measured is in
+/// three messages.
 const APART: &str = r#"VERSION ""
 BO_ 16 Power: 1 Host
  SG_ Enable : 0|8@1+ (1,0) [0|1] "" Motor
@@ -142,7 +166,8 @@ const PLACE: &str = "0000C03F";
 const TARGET: &str = "00002040";
 
 fn apart() -> Box<dyn Drive> {
-    try_drive("dbc", APART_YAML, Common { mode: Mode::Position, ..COMMON }, APART).unwrap_or_else(|report| panic!("{report}"))
+    try_drive("dbc", APART_YAML, Common { mode: Mode::Position, ..COMMON }, APART)
+        .unwrap_or_else(|report| panic!("{report}"))
 }
 
 #[test]
@@ -151,11 +176,23 @@ fn power_comes_after_the_set_point_and_goes_before_it() {
     let wanted = Setpoint { position: 2.5, ..Setpoint::default() };
     let told = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
     receive(&mut *drive, "022#0000");
-    assert_eq!(told(frames(&mut *drive, Wish::On(wanted))), ["010#00", "011#00000000"], "nobody knows where it is");
+    assert_eq!(
+        told(frames(&mut *drive, Wish::On(wanted))),
+        ["010#00", "011#00000000"],
+        "nobody knows where it is"
+    );
     receive(&mut *drive, &format!("021#{PLACE}"));
     let (stays, follows) = (format!("011#{PLACE}"), format!("011#{TARGET}"));
-    assert_eq!(told(frames(&mut *drive, Wish::Off)), ["010#00", &stays], "without power it is told to stay");
-    assert_eq!(told(frames(&mut *drive, Wish::On(wanted))), ["010#00", &follows], "the set-point is there a cycle before power");
+    assert_eq!(
+        told(frames(&mut *drive, Wish::Off)),
+        ["010#00", &stays],
+        "without power it is told to stay"
+    );
+    assert_eq!(
+        told(frames(&mut *drive, Wish::On(wanted))),
+        ["010#00", &follows],
+        "the set-point is there a cycle before power"
+    );
     assert_eq!(drive.state().power, Power::Starting);
     assert_eq!(told(frames(&mut *drive, Wish::On(wanted))), [&follows, "010#01"]);
     receive(&mut *drive, "022#0100");
@@ -169,20 +206,30 @@ fn power_comes_after_the_set_point_and_goes_before_it() {
 #[test]
 fn what_is_in_a_message_whatever_its_switch_says_is_in_all_of_its_frames() {
     let file = FILE.replace("Enable m1 :", "Enable :").replace("Kind m1 :", "Kind :");
-    let mut drive = try_drive("dbc", YAML, Common { mode: Mode::Torque, ..COMMON }, &file).unwrap_or_else(|report| panic!("{report}"));
+    let mut drive = try_drive("dbc", YAML, Common { mode: Mode::Torque, ..COMMON }, &file)
+        .unwrap_or_else(|report| panic!("{report}"));
     receive(&mut *drive, "00000401#0000000000000000");
     let wanted = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };
     let told = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
-    assert_eq!(told(frames(&mut *drive, Wish::On(wanted))), ["101#A2A0BF0100000000", "101#A1FF6A0000000000"]);
-    assert_eq!(told(frames(&mut *drive, Wish::On(wanted))), ["101#B2A0BF0100000000", "101#B1FF6A0000000000"]);
+    assert_eq!(
+        told(frames(&mut *drive, Wish::On(wanted))),
+        ["101#A2A0BF0100000000", "101#A1FF6A0000000000"]
+    );
+    assert_eq!(
+        told(frames(&mut *drive, Wish::On(wanted))),
+        ["101#B2A0BF0100000000", "101#B1FF6A0000000000"]
+    );
     let yaml = YAML.replace("Command.Kind=5", "Command.Mux=2");
-    let report = try_drive("dbc", &yaml, Common { mode: Mode::Torque, ..COMMON }, &file).unwrap_err();
+    let report =
+        try_drive("dbc", &yaml, Common { mode: Mode::Torque, ..COMMON }, &file).unwrap_err();
     assert!(report.contains("`Mux` is the switch of its message"), "{report}");
 }
 
 #[test]
 fn what_was_told_long_ago_is_not_believed() {
-    let at = |drive: &mut dyn Drive, now_ms: u64, text: &str| drive.receive(now_ms * 1_000_000, &crate::support::frame(text));
+    let at = |drive: &mut dyn Drive, now_ms: u64, text: &str| {
+        drive.receive(now_ms * 1_000_000, &crate::support::frame(text))
+    };
     let place = format!("021#{PLACE}");
     let mut drive = apart();
     let measured = |drive: &mut dyn Drive, now_ms: u64| {

@@ -1,5 +1,10 @@
 //! Protocols against independent decoders, golden frames and hostile bytes.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that fails panics")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that fails panics"
+)]
 
 mod cia402;
 mod closed_loop;

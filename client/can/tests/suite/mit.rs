@@ -1,13 +1,17 @@
 //! MIT mode in its four variants.
 
-use crate::support::{COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive};
+use crate::support::{
+    COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
+};
 use sarrus_can::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
 use sarrus_can::frame::FrameQueue;
 use sarrus_can::protocol::{Common, fault};
 
 const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
-const ZERO: Setpoint = Setpoint { position: 0.0, velocity: 0.0, torque: 0.0, stiffness: 0.0, damping: 0.0 };
-const MOST: Setpoint = Setpoint { position: 12.5, velocity: 45.0, torque: 18.0, stiffness: 500.0, damping: 5.0 };
+const ZERO: Setpoint =
+    Setpoint { position: 0.0, velocity: 0.0, torque: 0.0, stiffness: 0.0, damping: 0.0 };
+const MOST: Setpoint =
+    Setpoint { position: 12.5, velocity: 45.0, torque: 18.0, stiffness: 500.0, damping: 5.0 };
 
 fn mit(variant: &str, common: Common) -> Box<dyn Drive> {
     drive("mit", &format!("{{variant: {variant}, id: 1, reply_id: 0x11, {RANGES}}}"), common)
@@ -24,7 +28,9 @@ fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
     for _ in 0..16 {
         for request in cycle(&mut *drive, Wish::Off) {
             match request.strip_prefix("7FF#0100") {
-                Some("33150000000000") | Some("331500000000") => receive(&mut *drive, "011#0100331500004841"),
+                Some("33150000000000") | Some("331500000000") => {
+                    receive(&mut *drive, "011#0100331500004841")
+                }
                 Some("331600000000") => receive(&mut *drive, "011#0100331600003442"),
                 Some("331700000000") => receive(&mut *drive, "011#0100331700009041"),
                 Some("330900000000") => receive(&mut *drive, "011#01003309E8030000"),
@@ -35,7 +41,11 @@ fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
         }
     }
     assert_eq!(drive.state().power, Power::Off);
-    assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#7FFF7FF0000007FF"], "nothing is asked before power");
+    assert_eq!(
+        cycle(&mut *drive, Wish::On(MOST)),
+        ["001#7FFF7FF0000007FF"],
+        "nothing is asked before power"
+    );
     receive(&mut *drive, off);
     assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
     assert_eq!(drive.state().power, Power::Starting);
@@ -57,16 +67,27 @@ fn decode(bytes: &[u8]) -> [f64; 5] {
         let code = (bits >> shift) & ((1 << width) - 1);
         low + code as f64 * ((high - low) / ((1_u64 << width) - 1) as f64)
     };
-    [field(48, 16, -12.5, 12.5), field(36, 12, -45.0, 45.0), field(24, 12, 0.0, 500.0), field(12, 12, 0.0, 5.0), field(0, 12, -18.0, 18.0)]
+    [
+        field(48, 16, -12.5, 12.5),
+        field(36, 12, -45.0, 45.0),
+        field(24, 12, 0.0, 500.0),
+        field(12, 12, 0.0, 5.0),
+        field(0, 12, -18.0, 18.0),
+    ]
 }
 
 #[test]
 fn known_frames_come_out() {
     // the neutral command and the special ones as the mini cheetah's documentation has them
     let mut drive = enabled("mini_cheetah", COMMON);
-    assert_eq!(cycle(&mut *drive, Wish::On(ZERO)), ["001#8000800000000800"], "the codes above zero in their turn");
+    assert_eq!(
+        cycle(&mut *drive, Wish::On(ZERO)),
+        ["001#8000800000000800"],
+        "the codes above zero in their turn"
+    );
     assert_eq!(cycle(&mut *drive, Wish::On(ZERO)), ["001#7FFF7FF0000007FF"]);
-    let wanted = Setpoint { position: 12.5, velocity: -45.0, torque: 18.0, stiffness: 250.1, damping: 1.0 };
+    let wanted =
+        Setpoint { position: 12.5, velocity: -45.0, torque: 18.0, stiffness: 250.1, damping: 1.0 };
     assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["001#FFFF000800333FFF"]);
     assert_eq!(cycle(&mut *drive, Wish::Off), ["001#FFFFFFFFFFFFFFFD"]);
     let mut queue = FrameQueue::new(4);
@@ -91,9 +112,15 @@ fn random_set_points_are_within_half_a_step() {
             damping: random.between(0.0, 5.0),
         };
         let sent = decode(last(&mut *drive, Wish::On(wanted)).data());
-        let wanted = [wanted.position, wanted.velocity, wanted.stiffness, wanted.damping, wanted.torque];
+        let wanted =
+            [wanted.position, wanted.velocity, wanted.stiffness, wanted.damping, wanted.torque];
         for i in 0..5 {
-            assert!((sent[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9), "{i}: {} {}", sent[i], wanted[i]);
+            assert!(
+                (sent[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
+                "{i}: {} {}",
+                sent[i],
+                wanted[i]
+            );
         }
     }
 }
@@ -104,16 +131,30 @@ fn random_replies_are_within_half_a_step() {
     for variant in ["mini_cheetah", "t_motor", "damiao", "robstride"] {
         for _ in 0..25_000 {
             let mut drive = mit(variant, COMMON);
-            let (p, v, t) = (random.between(-12.5, 12.5), random.between(-45.0, 45.0), random.between(-18.0, 18.0));
+            let (p, v, t) = (
+                random.between(-12.5, 12.5),
+                random.between(-45.0, 45.0),
+                random.between(-18.0, 18.0),
+            );
             // the firmware's own way: truncated, not rounded
-            let code = |value: f64, half: f64, most: f64| ((value + half) * most / (2.0 * half)) as u64;
-            let bits = 1_u64 << 40 | code(p, 12.5, 65535.0) << 24 | code(v, 45.0, 4095.0) << 12 | code(t, 18.0, 4095.0);
+            let code =
+                |value: f64, half: f64, most: f64| ((value + half) * most / (2.0 * half)) as u64;
+            let bits = 1_u64 << 40
+                | code(p, 12.5, 65535.0) << 24
+                | code(v, 45.0, 4095.0) << 12
+                | code(t, 18.0, 4095.0);
             let tail = if variant == "mini_cheetah" { "" } else { "0100" };
-            let Receipt::Measured(measured) = receive(&mut *drive, &format!("011#{bits:012X}{tail}")) else { panic!("{variant}") };
+            let Receipt::Measured(measured) =
+                receive(&mut *drive, &format!("011#{bits:012X}{tail}"))
+            else {
+                panic!("{variant}")
+            };
             assert!((measured.position - p).abs() <= 25.0 / 65535.0);
             assert!((measured.velocity - v).abs() <= 90.0 / 4095.0);
             assert!((measured.torque - t).abs() <= 36.0 / 4095.0);
-            let whole = |value: f64, half: f64, most: f64| ((value + half) / (2.0 * half) * most).round() as u64;
+            let whole = |value: f64, half: f64, most: f64| {
+                ((value + half) / (2.0 * half) * most).round() as u64
+            };
             let back = 1_u64 << 40
                 | whole(measured.position, 12.5, 65535.0) << 24
                 | whole(measured.velocity, 45.0, 4095.0) << 12
@@ -164,10 +205,18 @@ fn zero_is_half_a_step_off_and_right_on_average() {
 #[test]
 fn set_points_saturate() {
     let mut drive = enabled("mini_cheetah", COMMON);
-    let beyond = Setpoint { position: -1e9, velocity: 1e9, torque: -f64::MAX, stiffness: f64::MAX, damping: -1.0 };
+    let beyond = Setpoint {
+        position: -1e9,
+        velocity: 1e9,
+        torque: -f64::MAX,
+        stiffness: f64::MAX,
+        damping: -1.0,
+    };
     assert_eq!(cycle(&mut *drive, Wish::On(beyond)), ["001#0000FFFFFF000000"]);
     let mut drive = enabled("mini_cheetah", Common { torque_limit: 9.0, ..COMMON });
-    assert!((decode(last(&mut *drive, Wish::On(torque(18.0))).data())[4] - 9.0).abs() <= 18.0 / 4095.0);
+    assert!(
+        (decode(last(&mut *drive, Wish::On(torque(18.0))).data())[4] - 9.0).abs() <= 18.0 / 4095.0
+    );
     let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
     let sent = decode(last(&mut *drive, Wish::On(MOST)).data());
     assert_eq!((sent[2], sent[3], sent[4]), (0.0, 0.0, 18.0));
@@ -195,13 +244,19 @@ fn feedback_is_followed_over_the_ends_of_its_range() {
 fn frames_of_others_and_malformed_ones_are_told_apart() {
     for variant in ["mini_cheetah", "t_motor", "damiao", "robstride"] {
         let mut drive = mit(variant, COMMON);
-        for text in ["012#0180007FF7FF", "00000011#0180007FF7FF0000", "011#0280007FF7FF", "011#0280007FF7FF0000"] {
+        for text in [
+            "012#0180007FF7FF",
+            "00000011#0180007FF7FF0000",
+            "011#0280007FF7FF",
+            "011#0280007FF7FF0000",
+        ] {
             assert_eq!(receive(&mut *drive, text), Receipt::NotMine, "{variant} {text}");
         }
         for text in ["011#", "011#01", "011#0180007FF7FF00", "011##10180007FF7FF0000"] {
             assert_eq!(receive(&mut *drive, text), Receipt::Malformed, "{variant} {text}");
         }
-        let wrong = if variant == "mini_cheetah" { "011#0180007FF7FF0000" } else { "011#0180007FF7FF" };
+        let wrong =
+            if variant == "mini_cheetah" { "011#0180007FF7FF0000" } else { "011#0180007FF7FF" };
         let receipt = receive(&mut *drive, wrong);
         if variant == "t_motor" {
             assert!(matches!(receipt, Receipt::Measured(_)), "older motors send six bytes");
@@ -217,7 +272,9 @@ fn temperatures_and_errors_are_read() {
     let of = |variant: &str, text: &str| {
         let mut drive = mit(variant, COMMON);
         match receive(&mut *drive, text) {
-            Receipt::Measured(Measurement { temperature, .. }) => (temperature, drive.state().fault),
+            Receipt::Measured(Measurement { temperature, .. }) => {
+                (temperature, drive.state().fault)
+            }
             other => panic!("{other:?}"),
         }
     };
@@ -232,11 +289,19 @@ fn temperatures_and_errors_are_read() {
 fn a_damiao_gets_its_watchdog_and_shows_its_ranges_before_it_gets_power() {
     let mut drive = mit("damiao", Common { watchdog_ms: 50, ..COMMON });
     assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
-    assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["7FF#0100550A01000000"], "no power before all is known");
+    assert_eq!(
+        cycle(&mut *drive, Wish::On(MOST)),
+        ["7FF#0100550A01000000"],
+        "no power before all is known"
+    );
     receive(&mut *drive, "011#0100550A01000000");
     assert_eq!(cycle(&mut *drive, Wish::Off), ["001#FFFFFFFFFFFFFFFD"]);
     for _ in 0..3 {
-        assert_eq!(cycle(&mut *drive, Wish::Off), ["7FF#01005509E8030000"], "1000 times 50 µs, until it answers");
+        assert_eq!(
+            cycle(&mut *drive, Wish::Off),
+            ["7FF#01005509E8030000"],
+            "1000 times 50 µs, until it answers"
+        );
         assert_eq!(cycle(&mut *drive, Wish::Off), ["001#FFFFFFFFFFFFFFFD"]);
     }
     receive(&mut *drive, "011#01005509E8030000");
@@ -244,7 +309,11 @@ fn a_damiao_gets_its_watchdog_and_shows_its_ranges_before_it_gets_power() {
     assert_eq!(cycle(&mut *drive, Wish::Off), ["7FF#0100330900000000"]);
     assert_eq!(receive(&mut *drive, "011#01003309E8030000"), Receipt::Parameter(0, 1000.0));
     assert_eq!(drive.state().watchdog, Watchdog::Set(50));
-    assert_eq!(receive(&mut *drive, "011#01003309E8030000"), Receipt::Parameter(0, 1000.0), "a late answer is no measurement");
+    assert_eq!(
+        receive(&mut *drive, "011#01003309E8030000"),
+        Receipt::Parameter(0, 1000.0),
+        "a late answer is no measurement"
+    );
     receive(&mut *drive, "011#0100330A01000000");
     receive(&mut *drive, "011#0100331500004841");
     receive(&mut *drive, "011#0100331600003442");
@@ -286,9 +355,13 @@ fn only_motors_that_know_the_command_are_told_to_forget_faults() {
 
 #[test]
 fn motors_that_replies_cannot_tell_apart_are_told_apart_here() {
-    let motor = |variant: &str, id: u16| drive("mit", &format!("{{variant: {variant}, id: {id}, reply_id: 0, {RANGES}}}"), COMMON);
+    let motor = |variant: &str, id: u16| {
+        drive("mit", &format!("{{variant: {variant}, id: {id}, reply_id: 0, {RANGES}}}"), COMMON)
+    };
     let collide = |a: &dyn Drive, b: &dyn Drive| {
-        a.shared_identifiers().iter().any(|one| b.shared_identifiers().iter().any(|other| one.collides(other)))
+        a.shared_identifiers()
+            .iter()
+            .any(|one| b.shared_identifiers().iter().any(|other| one.collides(other)))
     };
     assert!(collide(&*motor("damiao", 1), &*motor("damiao", 0x11)), "four bits");
     assert!(!collide(&*motor("damiao", 1), &*motor("damiao", 2)));
@@ -314,14 +387,18 @@ fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_reset
 
 #[test]
 fn hostile_frames_do_no_harm() {
-    for (seed, variant) in ["mini_cheetah", "t_motor", "damiao", "robstride"].into_iter().enumerate() {
+    for (seed, variant) in
+        ["mini_cheetah", "t_motor", "damiao", "robstride"].into_iter().enumerate()
+    {
         survives_hostile_frames(&mut *mit(variant, COMMON), seed as u64);
     }
 }
 
 #[test]
 fn a_motor_cannot_answer_on_its_own_identifier() {
-    let report = try_drive("mit", &format!("{{variant: damiao, id: 1, reply_id: 1, {RANGES}}}"), COMMON, "").unwrap_err();
+    let report =
+        try_drive("mit", &format!("{{variant: damiao, id: 1, reply_id: 1, {RANGES}}}"), COMMON, "")
+            .unwrap_err();
     assert!(report.contains("drive.yml:1:"), "{report}");
     assert!(report.contains("`id` and `reply_id` are both 1"), "{report}");
     let report = try_drive("mit", "{variant: damiao, id: 1, reply_id: 2}", COMMON, "").unwrap_err();

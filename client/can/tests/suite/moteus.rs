@@ -3,7 +3,9 @@
 use std::f64::consts::TAU;
 
 use crate::closed_loop::Bench;
-use crate::support::{COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive};
+use crate::support::{
+    COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
+};
 use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
 use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::protocol::{Common, fault};
@@ -44,7 +46,8 @@ fn enabled(mode: Mode) -> Box<dyn Drive> {
     drive
 }
 
-/// The registers of a set-point: position, velocity, torque, scales and largest torque, in their units.
+/// The registers of a set-point: position, velocity, torque, scales and largest torque, in their
+/// units.
 fn decode(frame: &Frame) -> [f64; 6] {
     let (mode, mut bytes) = frame.data().split_at(3);
     let [mut position, mut velocity] = [f64::NAN; 2];
@@ -56,13 +59,24 @@ fn decode(frame: &Frame) -> [f64; 6] {
     // 50 ms, and neither a limit of velocity nor one of acceleration
     assert_eq!(&bytes[11..21], [3, 0x27, 5, 0xFF, 0xFF, 0x1C, 4, 0, 0x13, 0x0D]);
     assert!(bytes[21..].iter().all(|byte| *byte == 0x50));
-    let whole = |i: usize, unit: f64| f64::from(i16::from_le_bytes([bytes[i], bytes[i + 1]])) * unit;
-    [position, velocity, whole(3, 0.01), whole(5, 1.0 / 32767.0), whole(7, 1.0 / 32767.0), whole(9, 0.01)]
+    let whole =
+        |i: usize, unit: f64| f64::from(i16::from_le_bytes([bytes[i], bytes[i + 1]])) * unit;
+    [
+        position,
+        velocity,
+        whole(3, 0.01),
+        whole(5, 1.0 / 32767.0),
+        whole(7, 1.0 / 32767.0),
+        whole(9, 0.01),
+    ]
 }
 
 #[test]
 fn a_watchdog_that_eight_bits_cannot_say_is_refused() {
-    let made = |watchdog_ms| try_drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms, ..COMMON }, "").map(|_| ());
+    let made = |watchdog_ms| {
+        try_drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms, ..COMMON }, "")
+            .map(|_| ())
+    };
     assert_eq!(made(1270), Ok(()));
     assert!(made(1271).unwrap_err().contains("at most 1270 with moteus"));
 }
@@ -81,7 +95,9 @@ fn random_set_points_are_within_half_a_step() {
             damping: random.between(0.0, 0.05 / TAU * stiffness * TAU / 4.0),
         };
         let sent = decode(&last(&mut *drive, Wish::On(wanted)));
-        let near = |sent: f64, wanted: f64| assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}");
+        let near = |sent: f64, wanted: f64| {
+            assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}")
+        };
         near(sent[0], wanted.position / TAU);
         near(sent[1], wanted.velocity / TAU);
         assert!((sent[2] - wanted.torque).abs() <= 0.005 * (1.0 + 1e-9));
@@ -93,14 +109,23 @@ fn random_set_points_are_within_half_a_step() {
 
 #[test]
 fn the_answer_of_the_documentation_is_read() {
-    // rcv 100 2404000a005000000170ff230d181400: position 2.88 degrees, velocity 23.04 degrees/s, -1.44 N m, 20 degrees Celsius
+    // rcv 100 2404000a005000000170ff230d181400: position 2.88 degrees, velocity 23.04 degrees/s,
+    // -1.44 N m, 20 degrees Celsius
     let mut drive = moteus(Mode::Torque);
-    let Receipt::Measured(measured) = receive(&mut *drive, "100##12404000A005000000170FF230D181400") else { panic!() };
+    let Receipt::Measured(measured) =
+        receive(&mut *drive, "100##12404000A005000000170FF230D181400")
+    else {
+        panic!()
+    };
     assert!((measured.position - 2.88_f64.to_radians()).abs() < 1e-12);
     assert!((measured.velocity - 23.04_f64.to_radians()).abs() < 1e-12);
     assert!((measured.torque + 1.44).abs() < 1e-12);
     assert_eq!((measured.temperature, drive.state().power), (20.0, Power::On));
-    assert_eq!(receive(&mut *drive, "00000100##12404000A005000000170FF230D181400"), Receipt::Measured(measured), "extended or not");
+    assert_eq!(
+        receive(&mut *drive, "00000100##12404000A005000000170FF230D181400"),
+        Receipt::Measured(measured),
+        "extended or not"
+    );
 }
 
 #[test]
@@ -109,7 +134,10 @@ fn damping_beyond_the_stiffness_becomes_torque() {
     // the motor turns at one turn a second
     answer(&mut *drive, &answer_of("00002041", "0000803F", "00"));
     let damping = 0.02 / TAU;
-    let sent = decode(&last(&mut *drive, Wish::On(Setpoint { damping, torque: 1.0, ..Setpoint::default() })));
+    let sent = decode(&last(
+        &mut *drive,
+        Wish::On(Setpoint { damping, torque: 1.0, ..Setpoint::default() }),
+    ));
     assert_eq!((sent[3], sent[4]), (0.0, 0.0), "the motor has no damping without stiffness");
     assert!((sent[2] - (1.0 - 0.02)).abs() < 0.006, "{}", sent[2]);
 }
@@ -118,7 +146,11 @@ fn damping_beyond_the_stiffness_becomes_torque() {
 fn a_timeout_or_a_fault_ends_the_following() {
     let mut drive = enabled(Mode::Torque);
     answer(&mut *drive, &answer_of("00003041", "00000000", "00"));
-    assert_eq!((drive.state().power, drive.state().fault), (Power::Off, fault::POWER_LOST), "mode 11 is the timeout");
+    assert_eq!(
+        (drive.state().power, drive.state().fault),
+        (Power::Off, fault::POWER_LOST),
+        "mode 11 is the timeout"
+    );
     (0..3).for_each(|_| assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0))), STOP));
     answer(&mut *drive, STOPPED);
     assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0))), STOP, "no power again by itself");
@@ -136,18 +168,31 @@ fn a_timeout_or_a_fault_ends_the_following() {
 fn frames_of_others_and_malformed_ones_are_told_apart() {
     let mut drive = moteus(Mode::Torque);
     assert_eq!(answer(&mut *drive, "200##12C04000000803F"), Receipt::NotMine);
-    for text in ["100##12C040000000000", "100##10100", "100##12F0100000000", "100##1209F9F9F9F9F9F00", "100##12CFFFFFFFF0F00"] {
+    for text in [
+        "100##12C040000000000",
+        "100##10100",
+        "100##12F0100000000",
+        "100##1209F9F9F9F9F9F00",
+        "100##12CFFFFFFFF0F00",
+    ] {
         assert_eq!(answer(&mut *drive, text), Receipt::Malformed, "{text}");
     }
     assert_eq!(drive.state().power, Power::Unknown, "nothing was taken");
-    assert_eq!(answer(&mut *drive, "100##12C0400000000000000C07F0000000000000000"), Receipt::Malformed);
+    assert_eq!(
+        answer(&mut *drive, "100##12C0400000000000000C07F0000000000000000"),
+        Receipt::Malformed
+    );
     assert_eq!(answer(&mut *drive, "100##1302005"), Receipt::Noted);
     survives_hostile_frames(&mut *drive, 3);
 }
 
 #[test]
 fn the_largest_torque_goes_along_rounded_down() {
-    let mut drive = drive("moteus", "{id: 1}", Common { mode: Mode::Torque, watchdog_ms: 50, torque_limit: 1.239, ..COMMON });
+    let mut drive = drive(
+        "moteus",
+        "{id: 1}",
+        Common { mode: Mode::Torque, watchdog_ms: 50, torque_limit: 1.239, ..COMMON },
+    );
     answer(&mut *drive, STOPPED);
     let frame = last(&mut *drive, Wish::On(torque(9.0)));
     let sent = decode(&frame);
@@ -188,7 +233,9 @@ fn a_timeout_of_zero_is_the_motors_own_and_of_nan_is_none() {
     assert!((commanded(&mut bench, 3) - 0.03).abs() < 1e-6);
     assert_eq!(bench.motor.body.watchdog_ns, 30_000_000);
     // and that is how the drive reads them
-    for (value, watchdog) in [("80", Watchdog::Off), ("00", Watchdog::Unreadable), ("03", Watchdog::Set(30))] {
+    for (value, watchdog) in
+        [("80", Watchdog::Off), ("00", Watchdog::Unreadable), ("03", Watchdog::Set(30))]
+    {
         let mut drive = moteus(Mode::Torque);
         answer(&mut *drive, &format!("{}{value}", &STOPPED[..STOPPED.len() - 2]));
         assert_eq!(drive.state().watchdog, watchdog, "{value}");
@@ -206,5 +253,8 @@ fn a_motor_that_boots_while_it_follows_gets_no_power_again() {
     // nothing of it needs a set-up: the watchdog goes along in each frame
     (0..2).for_each(|_| bench.cycle(Wish::Off));
     bench.power_on(torque(0.1));
-    assert_eq!((bench.motor.body.watchdog_ns, bench.drive.state().watchdog), (50_000_000, Watchdog::Set(50)));
+    assert_eq!(
+        (bench.motor.body.watchdog_ns, bench.drive.state().watchdog),
+        (50_000_000, Watchdog::Set(50))
+    );
 }

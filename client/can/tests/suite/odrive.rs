@@ -2,7 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::{COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, torque, try_drive};
+use crate::support::{
+    COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, torque, try_drive,
+};
 use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
 use sarrus_can::frame::FrameQueue;
 use sarrus_can::protocol::{Common, fault};
@@ -29,7 +31,11 @@ fn enabled(mode: Mode) -> Box<dyn Drive> {
     assert_eq!(sent, ["067#01000000", neutral, control]);
     let again: Vec<String> = (0..3).flat_map(|_| cycle(&mut *drive, Wish::Off)).collect();
     assert_eq!(again, sent, "nothing answers the mode, so it is said again and again");
-    assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), [control, neutral], "mode and set-point before power");
+    assert_eq!(
+        cycle(&mut *drive, Wish::On(Setpoint::default())),
+        [control, neutral],
+        "mode and set-point before power"
+    );
     assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), ["067#08000000"]);
     assert_eq!(drive.state().power, Power::Starting);
     receive(&mut *drive, CLOSED);
@@ -45,7 +51,8 @@ fn singles(bytes: &[u8]) -> Vec<f64> {
 fn known_frames_come_out() {
     // one turn, 2 turns/s and -1.5 N m: 1.0 and 2000 and -1500 thousandths
     let mut drive = enabled(Mode::Position);
-    let wanted = Setpoint { position: TAU, velocity: 2.0 * TAU, torque: -1.5, ..Setpoint::default() };
+    let wanted =
+        Setpoint { position: TAU, velocity: 2.0 * TAU, torque: -1.5, ..Setpoint::default() };
     assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["06C#0000803FD00724FA"]);
     let mut drive = enabled(Mode::Velocity);
     assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["06D#000000400000C0BF"]);
@@ -58,7 +65,8 @@ fn known_frames_come_out() {
 #[test]
 fn random_set_points_are_within_half_a_step() {
     let mut random = Random(7);
-    let (mut position, mut velocity, mut torque_drive) = (enabled(Mode::Position), enabled(Mode::Velocity), enabled(Mode::Torque));
+    let (mut position, mut velocity, mut torque_drive) =
+        (enabled(Mode::Position), enabled(Mode::Velocity), enabled(Mode::Torque));
     for _ in 0..100_000 {
         let wanted = Setpoint {
             position: random.between(-100.0, 100.0),
@@ -66,7 +74,9 @@ fn random_set_points_are_within_half_a_step() {
             torque: random.between(-32.0, 32.0),
             ..Setpoint::default()
         };
-        let near = |sent: f64, wanted: f64| assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}");
+        let near = |sent: f64, wanted: f64| {
+            assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}")
+        };
         let sent = last(&mut *position, Wish::On(wanted));
         let bytes = sent.data();
         near(singles(&bytes[..4])[0], wanted.position / TAU);
@@ -78,18 +88,34 @@ fn random_set_points_are_within_half_a_step() {
         near(sent[1], wanted.torque);
         near(singles(last(&mut *torque_drive, Wish::On(wanted)).data())[0], wanted.torque);
         let (p, v) = ((wanted.position / TAU) as f32, (wanted.velocity / TAU) as f32);
-        let text: String = p.to_le_bytes().into_iter().chain(v.to_le_bytes()).map(|byte| format!("{byte:02X}")).collect();
-        let Receipt::Measured(measured) = receive(&mut *velocity, &format!("069#{text}")) else { panic!() };
-        assert_eq!((measured.position, measured.velocity), (f64::from(p) * TAU, f64::from(v) * TAU));
+        let text: String = p
+            .to_le_bytes()
+            .into_iter()
+            .chain(v.to_le_bytes())
+            .map(|byte| format!("{byte:02X}"))
+            .collect();
+        let Receipt::Measured(measured) = receive(&mut *velocity, &format!("069#{text}")) else {
+            panic!()
+        };
+        assert_eq!(
+            (measured.position, measured.velocity),
+            (f64::from(p) * TAU, f64::from(v) * TAU)
+        );
     }
 }
 
 #[test]
 fn velocity_and_torque_beside_a_position_saturate() {
     let mut position = enabled(Mode::Position);
-    let wanted = Setpoint { position: 1e300, velocity: 33.0 * TAU, torque: -33.0, ..Setpoint::default() };
-    assert_eq!(cycle(&mut *position, Wish::On(wanted)), ["06C#FFFF7F7FFF7F0180"], "32.767 and not -32.5");
-    let limited = drive("odrive", "{node: 3}", Common { mode: Mode::Torque, torque_limit: 2.0, ..COMMON });
+    let wanted =
+        Setpoint { position: 1e300, velocity: 33.0 * TAU, torque: -33.0, ..Setpoint::default() };
+    assert_eq!(
+        cycle(&mut *position, Wish::On(wanted)),
+        ["06C#FFFF7F7FFF7F0180"],
+        "32.767 and not -32.5"
+    );
+    let limited =
+        drive("odrive", "{node: 3}", Common { mode: Mode::Torque, torque_limit: 2.0, ..COMMON });
     let mut queue = FrameQueue::new(1);
     limited.encode(&torque(-9.0), &mut queue);
     assert_eq!(singles(queue.frames()[0].data()), [-2.0]);
@@ -111,7 +137,8 @@ fn the_watchdog_is_set_and_read_back_where_its_endpoints_are_known() {
     receive(&mut *drive, "065#00230100CDCC4C3D");
     assert_eq!(receive(&mut *drive, "065#0024010001"), Receipt::Parameter(1, 1.0));
     assert_eq!(drive.state().watchdog, Watchdog::Set(50));
-    let report = try_drive("odrive", "{node: 3, watchdog_timeout_endpoint: 5}", COMMON, "").unwrap_err();
+    let report =
+        try_drive("odrive", "{node: 3, watchdog_timeout_endpoint: 5}", COMMON, "").unwrap_err();
     assert!(report.contains("one of the watchdog's two endpoints"), "{report}");
 }
 
@@ -143,7 +170,12 @@ fn numbers_that_are_not_finite_are_no_measurement() {
     assert_eq!(receive(&mut *drive, "069#00000000000000"), Receipt::Malformed);
     receive(&mut *drive, "07C#0000803F0000003F");
     receive(&mut *drive, "075#0000F04100000C42");
-    let Receipt::Measured(measured) = receive(&mut *drive, "069#0000803E0000003F") else { panic!() };
-    assert_eq!([measured.position, measured.velocity, measured.torque, measured.temperature], [TAU / 4.0, TAU / 2.0, 0.5, 35.0]);
+    let Receipt::Measured(measured) = receive(&mut *drive, "069#0000803E0000003F") else {
+        panic!()
+    };
+    assert_eq!(
+        [measured.position, measured.velocity, measured.torque, measured.temperature],
+        [TAU / 4.0, TAU / 2.0, 0.5, 35.0]
+    );
     survives_hostile_frames(&mut *drive, 1);
 }

@@ -6,20 +6,40 @@ use sarrus_can::protocol::{Common, Settings, protocol};
 use sarrus_models::{Findings, yaml};
 
 /// No limit, no watchdog.
-pub(crate) const COMMON: Common = Common { mode: Mode::Impedance, watchdog_ms: 0, torque_limit: f64::INFINITY, period_ns: 0 };
+pub(crate) const COMMON: Common =
+    Common { mode: Mode::Impedance, watchdog_ms: 0, torque_limit: f64::INFINITY, period_ns: 0 };
 
 /// A drive of a protocol from the text of its settings, or the report of what is wrong with them.
-pub(crate) fn try_drive(name: &str, yaml: &str, common: Common, file: &str) -> Result<Box<dyn Drive>, String> {
+pub(crate) fn try_drive(
+    name: &str,
+    yaml: &str,
+    common: Common,
+    file: &str,
+) -> Result<Box<dyn Drive>, String> {
     settled(name, yaml, common, file).map(|(drive, _)| drive)
 }
 
 /// The same with the settings, of which a simulated motor can be made.
-pub(crate) fn settled(name: &str, yaml: &str, common: Common, file: &str) -> Result<(Box<dyn Drive>, Settings), String> {
+pub(crate) fn settled(
+    name: &str,
+    yaml: &str,
+    common: Common,
+    file: &str,
+) -> Result<(Box<dyn Drive>, Settings), String> {
     let protocol = protocol(name).expect("a protocol");
     let mut findings = Findings::new(false);
-    let node = yaml::read("drive.yml", yaml.as_bytes().to_vec(), "a drive", &mut findings).expect("YAML");
-    let settings = Settings::read(&node, "the drive", protocol.keys, &[], &|_| Ok(file.to_owned()), &mut findings);
-    let drive = settings.and_then(|settings| Some(((protocol.make)(&settings, common, &mut findings)?, settings)));
+    let node =
+        yaml::read("drive.yml", yaml.as_bytes().to_vec(), "a drive", &mut findings).expect("YAML");
+    let settings = Settings::read(
+        &node,
+        "the drive",
+        protocol.keys,
+        &[],
+        &|_| Ok(file.to_owned()),
+        &mut findings,
+    );
+    let drive = settings
+        .and_then(|settings| Some(((protocol.make)(&settings, common, &mut findings)?, settings)));
     let report = findings.into_report();
     drive.ok_or_else(|| report.to_string())
 }
@@ -48,9 +68,12 @@ pub(crate) fn last(drive: &mut dyn Drive, wish: Wish) -> Frame {
 pub(crate) fn frame(text: &str) -> Frame {
     let (id, data) = text.split_once('#').expect("#");
     let number = u32::from_str_radix(id, 16).expect("an identifier");
-    let id = if id.len() == 8 { Id::extended(number) } else { Id::standard(number) }.expect("an identifier");
+    let id = if id.len() == 8 { Id::extended(number) } else { Id::standard(number) }
+        .expect("an identifier");
     let bytes = |text: &str| -> Vec<u8> {
-        (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).expect("two digits")).collect()
+        (0..text.len() / 2)
+            .map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).expect("two digits"))
+            .collect()
     };
     match data.strip_prefix('#') {
         Some(fd) => Frame::fd(id, &fd[..1] == "1", &bytes(&fd[1..])),
@@ -89,7 +112,9 @@ impl Random {
     /// A hostile frame: any length, any bytes, an identifier of `ids` or any other.
     pub(crate) fn frame(&mut self, ids: &[Id]) -> Frame {
         let mut bytes = [0_u8; 64];
-        bytes.iter_mut().for_each(|byte| *byte = [0, 0xFF, 0x7F, 0x80, self.bits() as u8][(self.bits() % 5) as usize]);
+        bytes.iter_mut().for_each(|byte| {
+            *byte = [0, 0xFF, 0x7F, 0x80, self.bits() as u8][(self.bits() % 5) as usize]
+        });
         let id = match self.bits() % 4 {
             0 => Id::Standard(self.bits() as u16 & 0x7FF),
             1 => Id::Extended(self.bits() as u32 & 0x1FFF_FFFF),
@@ -105,11 +130,15 @@ impl Random {
     }
 }
 
-/// Throws hostile frames at a drive between its cycles: it may believe none of them into numbers that are not finite, and never sends more
-/// than the queue holds.
+/// Throws hostile frames at a drive between its cycles: it may believe none of them into numbers
+/// that are not finite, and never sends more than the queue holds.
 pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
     let mut random = Random(seed);
-    let ids: Vec<Id> = drive.identifiers().into_iter().chain(drive.shared_identifiers().iter().map(|shared| shared.id)).collect();
+    let ids: Vec<Id> = drive
+        .identifiers()
+        .into_iter()
+        .chain(drive.shared_identifiers().iter().map(|shared| shared.id))
+        .collect();
     for round in 0..20_000 {
         let receipt = drive.receive(round, &random.frame(&ids));
         if let Receipt::Measured(measured) = receipt {
@@ -120,7 +149,13 @@ pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
         let wish = match random.bits() % 4 {
             0 => Wish::Off,
             1 => Wish::Reset,
-            _ => Wish::On(Setpoint { position: 1e300, velocity: -1e300, torque: 1e300, stiffness: 1e300, damping: f64::MAX }),
+            _ => Wish::On(Setpoint {
+                position: 1e300,
+                velocity: -1e300,
+                torque: 1e300,
+                stiffness: 1e300,
+                damping: f64::MAX,
+            }),
         };
         let mut queue = FrameQueue::new(16);
         drive.cycle(round, wish, &mut queue);

@@ -5,7 +5,8 @@ use super::problem::{Place, Problem};
 /// Steps from one start, and starts around the given pose where it leads nowhere.
 const STEPS: u32 = 300;
 const STARTS: usize = 12;
-/// Least damping, relative to the largest singular value: where rows are consistent, and where they may contradict each other.
+/// Least damping, relative to the largest singular value: where rows are consistent, and where they
+/// may contradict each other.
 const DAMPING_OF_USED: f64 = 1e-9;
 const DAMPING_OF_ALL: f64 = 1e-3;
 /// Damping at which no step is left.
@@ -14,7 +15,8 @@ const STUCK: f64 = 1e8;
 pub(super) const CLAMP: f64 = 0.5;
 
 impl Problem<'_> {
-    /// Closes the rows from a place, or from places around it; the place of least residual where none is closed. Tells whether it is closed.
+    /// Closes the rows from a place, or from places around it; the place of least residual where
+    /// none is closed. Tells whether it is closed.
     pub(super) fn close_somewhere(&self, place: &mut Place, count: &mut u32) -> bool {
         let start = place.q.clone();
         let mut best: Option<(f64, Place)> = None;
@@ -63,12 +65,19 @@ impl Problem<'_> {
             if S[0] <= 0.0 || S[0].is_nan() {
                 break;
             }
-            let along: Vec<f64> = (0..S.nrows()).map(|i| (0..J.nrows()).map(|r| U[(r, i)] * place.phi[r]).sum()).collect();
+            let along: Vec<f64> = (0..S.nrows())
+                .map(|i| (0..J.nrows()).map(|r| U[(r, i)] * place.phi[r]).sum())
+                .collect();
             loop {
                 *count += 1;
                 let mu = damping * S[0];
                 let mut x: Vec<f64> = (0..n)
-                    .map(|a| -(0..S.nrows()).map(|i| V[(a, i)] * along[i] * S[i] / (S[i] * S[i] + mu * mu)).sum::<f64>() / root[a])
+                    .map(|a| {
+                        -(0..S.nrows())
+                            .map(|i| V[(a, i)] * along[i] * S[i] / (S[i] * S[i] + mu * mu))
+                            .sum::<f64>()
+                            / root[a]
+                    })
                     .collect();
                 let largest = x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
                 if largest > CLAMP {

@@ -3,7 +3,8 @@
 //! ```text
 //!   J Z = 0        Jᵀ λ = −∇f        H = ∇²f + Σ λ ∇²φ        (Zᵀ H Z) s = −Zᵀ ∇f
 //! ```
-//! Each step is closed again before it is judged, so that every pose on the way is closed and nearer than the one before.
+//! Each step is closed again before it is judged, so that every pose on the way is closed and
+//! nearer than the one before.
 
 use faer::{Mat, Side};
 
@@ -52,12 +53,17 @@ impl Problem<'_> {
             let mut better = None;
             for _ in 0..HALVINGS {
                 *count += 1;
-                let x = |a: usize| share * (0..step.len()).map(|k| here.Z[(a, k)] * step[k]).sum::<f64>();
+                let x = |a: usize| {
+                    share * (0..step.len()).map(|k| here.Z[(a, k)] * step[k]).sum::<f64>()
+                };
                 let mut next = Place::new(self, self.moved(&place.q, x));
                 if self.close(&mut next, count) {
                     let cost = self.cost(&next.q).0;
                     let falls = cost <= here.cost + 1e-4 * share * promised;
-                    if let Some(there) = self.slope(&next.q).filter(|there| if last { there.size() < here.size() } else { falls }) {
+                    if let Some(there) = self
+                        .slope(&next.q)
+                        .filter(|there| if last { there.size() < here.size() } else { falls })
+                    {
                         better = Some((next, there));
                         break;
                     }
@@ -89,7 +95,8 @@ impl Problem<'_> {
         let in_basis = |k: usize| (0..n).map(|a| V[(a, k)] * pull[a]).sum::<f64>();
         let along = (rank..n).map(in_basis).collect();
         let ratio: Vec<f64> = (0..rank).map(|k| -in_basis(k) / S[k]).collect();
-        let lambda = (0..J.nrows()).map(|r| (0..rank).map(|k| U[(r, k)] * ratio[k]).sum()).collect();
+        let lambda =
+            (0..J.nrows()).map(|r| (0..rank).map(|k| U[(r, k)] * ratio[k]).sum()).collect();
         Some(Slope { Z, along, lambda, cost })
     }
 
@@ -97,7 +104,10 @@ impl Problem<'_> {
     fn gradient(&self, q: &[f64], lambda: &[f64]) -> Vec<f64> {
         let J = self.scaled_jacobian(q);
         let pull = self.cost(q).1;
-        pull.iter().enumerate().map(|(a, g)| g + (0..J.nrows()).map(|r| J[(r, a)] * lambda[r]).sum::<f64>()).collect()
+        pull.iter()
+            .enumerate()
+            .map(|(a, g)| g + (0..J.nrows()).map(|r| J[(r, a)] * lambda[r]).sum::<f64>())
+            .collect()
     }
 
     /// A step that goes down: Newton's where H is positive, as long as it reaches.
@@ -105,9 +115,12 @@ impl Problem<'_> {
         let (n, m) = (self.free.len(), here.along.len());
         let mut H = Mat::<f64>::zeros(m, m);
         for k in 0..m {
-            let ends = [DIFFERENCE, -DIFFERENCE].map(|h| self.gradient(&self.moved(&place.q, |a| h * here.Z[(a, k)]), &here.lambda));
+            let ends = [DIFFERENCE, -DIFFERENCE].map(|h| {
+                self.gradient(&self.moved(&place.q, |a| h * here.Z[(a, k)]), &here.lambda)
+            });
             for i in 0..m {
-                H[(i, k)] = (0..n).map(|a| here.Z[(a, i)] * (ends[0][a] - ends[1][a])).sum::<f64>() / (2.0 * DIFFERENCE);
+                H[(i, k)] = (0..n).map(|a| here.Z[(a, i)] * (ends[0][a] - ends[1][a])).sum::<f64>()
+                    / (2.0 * DIFFERENCE);
             }
         }
         let H = Mat::from_fn(m, m, |i, k| 0.5 * (H[(i, k)] + H[(k, i)]));

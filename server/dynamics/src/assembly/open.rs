@@ -5,7 +5,8 @@ use crate::description::Description;
 use crate::fault::CompileError;
 use crate::model::Model;
 
-/// A robot whose loops may be open at its zero pose: rank, mobility and masses are not judged, so nothing can be asked of it but a closed pose.
+/// A robot whose loops may be open at its zero pose: rank, mobility and masses are not judged, so
+/// nothing can be asked of it but a closed pose.
 #[derive(Clone, Debug)]
 pub struct OpenModel {
     model: Model<f64>,
@@ -24,7 +25,8 @@ impl OpenModel {
         }
     }
 
-    /// As [`Model::assemble`], over all rows: where they contradict each other by the rounding of a file, the sum of their squares is least.
+    /// As [`Model::assemble`], over all rows: where they contradict each other by the rounding of a
+    /// file, the sum of their squares is least.
     ///
     /// # Errors
     /// As there.

@@ -2,7 +2,9 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::{Scratch, column_unit, constraint_residual, largest_residual, local_poses, row_unit};
+use crate::closure::{
+    Scratch, column_unit, constraint_residual, largest_residual, local_poses, row_unit,
+};
 use crate::model::{Body, Cluster, Motion};
 use crate::spatial::{Pose, cross, from_quaternion, mul, t_mul};
 
@@ -10,7 +12,8 @@ use crate::spatial::{Pose, cross, from_quaternion, mul, t_mul};
 const GAP_OF_USED: f64 = 1e-10;
 /// The same where every row counts: files are rounded.
 const GAP_OF_ALL: f64 = 1e-4;
-/// Residual up to which a loop is closed, of rows that do not contradict each other and of rows that may.
+/// Residual up to which a loop is closed, of rows that do not contradict each other and of rows
+/// that may.
 const CLOSED: f64 = 1e-12;
 const CLOSED_OF_ALL: f64 = 1e-6;
 /// A free joint weighs this share of the heaviest when a step has to be chosen.
@@ -21,7 +24,8 @@ pub(crate) struct Problem<'a> {
     pub(super) cluster: &'a Cluster<f64>,
     bodies: &'a [Body<f64>],
     near: &'a [f64],
-    /// Local velocities that may move, their weights, the heaviest being 1, and the same with a floor.
+    /// Local velocities that may move, their weights, the heaviest being 1, and the same with a
+    /// floor.
     pub(super) free: Vec<usize>,
     pub(super) weight: Vec<f64>,
     pub(super) metric: Vec<f64>,
@@ -52,7 +56,8 @@ impl Place {
         let mut phi = vec![0.0; cluster.rows.len()];
         constraint_residual(cluster, &problem.poses(&q), &q, &mut phi);
         let residual = largest_residual(cluster, &phi);
-        let phi = problem.rows.iter().zip(&problem.scale).map(|(r, scale)| phi[*r] * scale).collect();
+        let phi =
+            problem.rows.iter().zip(&problem.scale).map(|(r, scale)| phi[*r] * scale).collect();
         Place { q, phi, residual }
     }
 
@@ -69,17 +74,30 @@ impl Place {
 }
 
 impl<'a> Problem<'a> {
-    pub(super) fn new(cluster: &'a Cluster<f64>, bodies: &'a [Body<f64>], near: &'a [f64], weights: &[f64]) -> Problem<'a> {
+    pub(super) fn new(
+        cluster: &'a Cluster<f64>,
+        bodies: &'a [Body<f64>],
+        near: &'a [f64],
+        weights: &[f64],
+    ) -> Problem<'a> {
         let unit = units(cluster);
         let free: Vec<usize> = (0..cluster.n_v).filter(|v| weights[*v].is_finite()).collect();
         let heaviest = free.iter().map(|v| weights[*v]).fold(0.0, f64::max);
-        let weight: Vec<f64> = free.iter().map(|v| if heaviest > 0.0 { weights[*v] / heaviest } else { 0.0 }).collect();
+        let weight: Vec<f64> = free
+            .iter()
+            .map(|v| if heaviest > 0.0 { weights[*v] / heaviest } else { 0.0 })
+            .collect();
         let metric = weight.iter().map(|w| w.max(LEAST)).collect();
 
         // the rows that a valid model uses; all of them before anybody judged their rank
         let all = cluster.used.is_empty();
         let rows = if all { (0..cluster.rows.len()).collect() } else { cluster.used.clone() };
-        let scales: Vec<f64> = cluster.cuts.iter().flat_map(|cut| &cut.rows).map(|row| row_unit(cluster, row)).collect();
+        let scales: Vec<f64> = cluster
+            .cuts
+            .iter()
+            .flat_map(|cut| &cut.rows)
+            .map(|row| row_unit(cluster, row))
+            .collect();
         let scale = rows.iter().map(|r: &usize| scales[*r]).collect();
         let (gap, closed) = if all { (GAP_OF_ALL, CLOSED_OF_ALL) } else { (GAP_OF_USED, CLOSED) };
         Problem { cluster, bodies, near, free, weight, metric, unit, rows, scale, gap, closed, all }
@@ -100,7 +118,9 @@ impl<'a> Problem<'a> {
     pub(super) fn scaled_jacobian(&self, q: &[f64]) -> faer::Mat<f64> {
         let K = self.jacobian(q);
         faer::Mat::from_fn(self.rows.len(), self.free.len(), |r, a| {
-            K[self.rows[r] * self.cluster.n_v + self.free[a]] * self.scale[r] * self.unit[self.free[a]]
+            K[self.rows[r] * self.cluster.n_v + self.free[a]]
+                * self.scale[r]
+                * self.unit[self.free[a]]
         })
     }
 
@@ -111,11 +131,19 @@ impl<'a> Problem<'a> {
             let (at, v) = (body.q - self.cluster.q, body.v - self.cluster.v);
             let first = at + body.motion.n_q().saturating_sub(4);
             match body.motion {
-                Motion::Revolute | Motion::Prismatic => d[v] = (q[at] - self.near[at]) / self.unit[v],
-                Motion::Spherical => d[v..v + 3].copy_from_slice(&turned(&self.near[first..first + 4], &q[first..first + 4])),
+                Motion::Revolute | Motion::Prismatic => {
+                    d[v] = (q[at] - self.near[at]) / self.unit[v]
+                }
+                Motion::Spherical => d[v..v + 3]
+                    .copy_from_slice(&turned(&self.near[first..first + 4], &q[first..first + 4])),
                 Motion::Floating => {
-                    d[v..v + 3].copy_from_slice(&turned(&self.near[first..first + 4], &q[first..first + 4]));
-                    (0..3).for_each(|i| d[v + 3 + i] = (q[at + i] - self.near[at + i]) / self.unit[v + 3]);
+                    d[v..v + 3].copy_from_slice(&turned(
+                        &self.near[first..first + 4],
+                        &q[first..first + 4],
+                    ));
+                    (0..3).for_each(|i| {
+                        d[v + 3 + i] = (q[at + i] - self.near[at + i]) / self.unit[v + 3]
+                    });
                 }
             }
         }
@@ -202,7 +230,8 @@ fn from_rates(theta: &[f64], x: &[f64]) -> Vector3<f64> {
     let (theta, x) = (Vector3::new(theta[0], theta[1], theta[2]), Vector3::new(x[0], x[1], x[2]));
     let square = theta.dot(&theta);
     let half = 0.5 * square.sqrt();
-    let c = if square < 1e-8 { 1.0 / 12.0 } else { (1.0 - half * half.cos() / half.sin()) / square };
+    let c =
+        if square < 1e-8 { 1.0 / 12.0 } else { (1.0 - half * half.cos() / half.sin()) / square };
     let once = cross(&theta, &x);
     x - once * 0.5 + cross(&theta, &once) * c
 }

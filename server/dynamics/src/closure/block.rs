@@ -13,8 +13,8 @@ use crate::spatial::{Pose, dot, zero};
 
 /// Largest first step, in radians or cluster lengths.
 const TRUST: f64 = 0.5;
-/// Part of a block's distance to singularity that independents and first step may go: a longer way could lead through a place where the
-/// loops do not close, and out of it on the other side.
+/// Part of a block's distance to singularity that independents and first step may go: a longer way
+/// could lead through a place where the loops do not close, and out of it on the other side.
 const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
@@ -23,7 +23,8 @@ const CONTRACTION: f64 = 0.3;
 #[derive(Clone, Debug)]
 pub(crate) struct Blocks {
     pub(crate) blocks: Vec<Block>,
-    /// Bodies on the way to the cluster's cuts, in tree order, and those among them that the blocks leave without their pose.
+    /// Bodies on the way to the cluster's cuts, in tree order, and those among them that the blocks
+    /// leave without their pose.
     pub(crate) on_way: Vec<usize>,
     pub(crate) after: Vec<usize>,
 }
@@ -35,13 +36,15 @@ pub(crate) struct Block {
     pub(crate) unknowns: Vec<Freedom>,
     /// The cuts whose rows it holds.
     pub(crate) cuts: Vec<BlockCut>,
-    /// Bodies that move with the unknowns and matter to the block, in tree order; true where the parent stands still and there is one freedom.
+    /// Bodies that move with the unknowns and matter to the block, in tree order; true where the
+    /// parent stands still and there is one freedom.
     pub(crate) bodies: Vec<(usize, bool)>,
     /// The other bodies on the way whose pose is not yet that of their coordinates, in tree order.
     pub(crate) before: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
-    /// True when the determinant at the old unknowns changes with the new y, so that the first step does not show its old sign.
+    /// True when the determinant at the old unknowns changes with the new y, so that the first step
+    /// does not show its old sign.
     pub(crate) remember: bool,
 }
 
@@ -58,7 +61,8 @@ pub(crate) struct BlockCut {
     pub(crate) kind: RowKind,
     /// Freedoms of the cut's path that the block determines, side (true = successor's), column.
     pub(crate) solve: Vec<(Freedom, bool, usize)>,
-    /// Freedoms of the path that an earlier block determined, and the independents with their number.
+    /// Freedoms of the path that an earlier block determined, and the independents with their
+    /// number.
     pub(crate) earlier: Vec<(Freedom, bool)>,
     pub(crate) independent: Vec<(Freedom, bool, usize)>,
 }
@@ -87,8 +91,9 @@ macro_rules! by_width {
 }
 
 impl Block {
-    /// Newton's method for the block's unknowns; poses before the block are closed, its own are fresh before and after a good end. `branch` is
-    /// the determinant at the old pose, `moved` how far the independents are from it, in radians or cluster lengths.
+    /// Newton's method for the block's unknowns; poses before the block are closed, its own are
+    /// fresh before and after a good end. `branch` is the determinant at the old pose, `moved` how
+    /// far the independents are from it, in radians or cluster lengths.
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
@@ -103,19 +108,30 @@ impl Block {
     }
 
     /// The determinant at the closed pose in `local`, whose poses are fresh.
-    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) -> T {
+    pub(super) fn determinant<T: Real>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+    ) -> T {
         self.evaluate::<T, ANY>(cluster, local, true);
         self.invert::<T, ANY>(local).det
     }
 
-    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier blocks on the right-hand side. The masks tell where
-    /// they mean something and where the pose is near a singular one.
+    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier
+    /// blocks on the right-hand side. The masks tell where they mean something and where the pose
+    /// is near a singular one.
     #[inline]
-    pub(super) fn jacobian<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>, level: Level) -> (T::Mask, T::Mask) {
+    pub(super) fn jacobian<T: Real>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T::Mask) {
         by_width!(self.jacobian_of_width(cluster, local, level))
     }
 
-    /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left: g_d = K_d⁻¹ (k − K_before g_before).
+    /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left:
+    /// g_d = K_d⁻¹ (k − K_before g_before).
     #[inline]
     pub(super) fn bias<T: Real>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {
         by_width!(self.bias_of_width(cuts, local));
@@ -126,7 +142,11 @@ impl Block {
     fn invert<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) -> Inverted<T> {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
-        invert::<T, M>(&mut scratch.A[..m * m], &mut scratch.inverse[self.offset..self.offset + m * m], m)
+        invert::<T, M>(
+            &mut scratch.A[..m * m],
+            &mut scratch.inverse[self.offset..self.offset + m * m],
+            m,
+        )
     }
 
     #[inline(always)]
@@ -150,7 +170,8 @@ impl Block {
         let converged = end.tolerance.map_or(last, T::from_f64);
         let floor = T::from_f64(8.0 * T::EPSILON * cluster.length);
         let unit = T::from_f64(1.0 / cluster.length);
-        // after a step below this size, ε^(3/8), the next one uses the same inverse: what is left then is its cube
+        // after a step below this size, ε^(3/8), the next one uses the same inverse: what is left
+        // then is its cube
         let chord = T::from_f64(T::EPSILON.sqrt().sqrt() * T::EPSILON.sqrt().sqrt().sqrt());
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
         let mut previous = T::from_f64(TRUST / CONTRACTION);
@@ -180,7 +201,11 @@ impl Block {
                         _ => det,
                     };
                     let scratch = &*local.scratch;
-                    nearness = self::nearness(&scratch.inverse[self.offset..self.offset + m * m], &scratch.step[..m], m);
+                    nearness = self::nearness(
+                        &scratch.inverse[self.offset..self.offset + m * m],
+                        &scratch.step[..m],
+                        m,
+                    );
                 }
                 let same_branch = T::ZERO.lt(det * last_det);
                 last_det = det;
@@ -207,7 +232,9 @@ impl Block {
             taken += 1;
             if k == 0 {
                 let way = T::select(size.lt(moved), moved, size);
-                good = good & size.lt(T::from_f64(TRUST)) & (way * way * nearness).lt(T::from_f64(CAUTION * CAUTION));
+                good = good
+                    & size.lt(T::from_f64(TRUST))
+                    & (way * way * nearness).lt(T::from_f64(CAUTION * CAUTION));
             }
             let contracts = size.lt(previous * T::from_f64(CONTRACTION));
             let mut at_floor = size.lt(converged) | residual.lt(floor);
@@ -221,13 +248,18 @@ impl Block {
                 break;
             }
             previous = size;
-            // sines and cosines follow a last tiny step by its first order; PRECISION: the second is below half a unit roundoff
+            // sines and cosines follow a last tiny step by its first order; PRECISION: the second
+            // is below half a unit roundoff
             let tiny = size.lt(last).all();
             for (i, of) in unknowns.iter().enumerate() {
                 if of.motion == Motion::Revolute {
                     let (c, s) = local.turn[of.body];
                     let step = steps[i];
-                    local.turn[of.body] = if tiny { (s.mul_add(step, c), (-c).mul_add(step, s)) } else { cos_sin(local.q[of.q]) };
+                    local.turn[of.body] = if tiny {
+                        (s.mul_add(step, c), (-c).mul_add(step, s))
+                    } else {
+                        cos_sin(local.q[of.q])
+                    };
                 }
             }
             self.place(cluster, bodies, local);
@@ -240,12 +272,18 @@ impl Block {
 
     /// Poses of the block's bodies from coordinates and turns.
     #[inline(always)]
-    fn place<T: Real>(&self, cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], local: &mut Local<'_, T>) {
+    fn place<T: Real>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+    ) {
         let scratch = &mut *local.scratch;
         for &(j, held) in &self.bodies {
             if held {
                 let body = &bodies[j];
-                scratch.pose[j + 1] = single_pose(body, &scratch.base[j], local.q[body.q - cluster.q], local.turn[j]);
+                scratch.pose[j + 1] =
+                    single_pose(body, &scratch.base[j], local.q[body.q - cluster.q], local.turn[j]);
             } else {
                 place(cluster, bodies, j, local.q, local.turn, &mut scratch.pose);
             }
@@ -254,7 +292,12 @@ impl Block {
 
     /// φ into the scratch and, if wanted, K of the unknowns; returns the largest |φ|.
     #[inline(always)]
-    fn evaluate<T: Real, const M: usize>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>, jacobian: bool) -> T {
+    fn evaluate<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        jacobian: bool,
+    ) -> T {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let (phi, A) = (&mut scratch.phi[..m], &mut scratch.A[..m * m]);
@@ -277,7 +320,15 @@ impl Block {
             }
             if jacobian {
                 for (on, side, column) in &of.solve {
-                    of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| A[i * m + column] = x);
+                    of.column(
+                        cut,
+                        &state,
+                        &directions,
+                        on,
+                        *side,
+                        &scratch.pose[on.body + 1],
+                        |i, x| A[i * m + column] = x,
+                    );
                 }
             }
         }
@@ -300,19 +351,43 @@ impl Block {
             let state = CutState::new(cut, &scratch.pose);
             let directions = of.directions(cut, &state);
             for (on, side, column) in &of.solve {
-                of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| scratch.A[i * m + column] = x);
+                of.column(
+                    cut,
+                    &state,
+                    &directions,
+                    on,
+                    *side,
+                    &scratch.pose[on.body + 1],
+                    |i, x| scratch.A[i * m + column] = x,
+                );
             }
             // an independent's row of G is a unit vector
             for (on, side, column) in &of.independent {
-                of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| scratch.B[i * n_vy + column] = x);
+                of.column(
+                    cut,
+                    &state,
+                    &directions,
+                    on,
+                    *side,
+                    &scratch.pose[on.body + 1],
+                    |i, x| scratch.B[i * n_vy + column] = x,
+                );
             }
             for (on, side) in &of.earlier {
                 let of_joint = &G[on.v * n_vy..(on.v + 1) * n_vy];
-                of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| {
-                    for (b, g) in scratch.B[i * n_vy..(i + 1) * n_vy].iter_mut().zip(of_joint) {
-                        *b = x.mul_add(*g, *b);
-                    }
-                });
+                of.column(
+                    cut,
+                    &state,
+                    &directions,
+                    on,
+                    *side,
+                    &scratch.pose[on.body + 1],
+                    |i, x| {
+                        for (b, g) in scratch.B[i * n_vy..(i + 1) * n_vy].iter_mut().zip(of_joint) {
+                            *b = x.mul_add(*g, *b);
+                        }
+                    },
+                );
             }
         }
         let wide = m > 3;
@@ -322,8 +397,11 @@ impl Block {
         }
         // one row is near singular where its independents move it far more than its unknown
         let alone = (m == 1).then(|| {
-            let square = |x: T, v: usize| (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v));
-            let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent)).fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
+            let square = |x: T, v: usize| {
+                (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v))
+            };
+            let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent))
+                .fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
             square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(NEAR))
         });
         let Inverted { sound, mut accurate, mut near, .. } = self.invert::<T, M>(local);
@@ -334,7 +412,8 @@ impl Block {
         }
         if wide {
             let nearness = nearness(inverse, &scratch.step[..m], m);
-            (accurate, near) = (self::accurate(T::ONE, nearness), T::from_f64(1.0 / NEAR).lt(nearness));
+            (accurate, near) =
+                (self::accurate(T::ONE, nearness), T::from_f64(1.0 / NEAR).lt(nearness));
         }
         for (i, of) in self.unknowns[..m].iter().enumerate() {
             let row = &mut local.G[of.v * n_vy..(of.v + 1) * n_vy];
@@ -349,27 +428,43 @@ impl Block {
         (if level == Level::Acceleration { sound & accurate } else { sound }, near)
     }
 
-    fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T::Const>], local: &mut Local<'_, T>) {
+    fn bias_of_width<T: Real, const M: usize>(
+        &self,
+        cuts: &[Cut<T::Const>],
+        local: &mut Local<'_, T>,
+    ) {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let g = &mut *local.g;
         for of in &self.cuts {
             let cut = &cuts[of.cut];
             let state = CutState::new(cut, &scratch.pose);
-            let second = state.acceleration(cut, &scratch.pose, &scratch.rate, of.kind == RowKind::Ball);
+            let second =
+                state.acceleration(cut, &scratch.pose, &scratch.rate, of.kind == RowKind::Ball);
             for (k, &(r, i)) in of.rows.iter().enumerate() {
                 scratch.B[i] = if of.kind == RowKind::Ball {
                     -second.0[k]
                 } else {
-                    -of.in_lengths(k, row_acceleration(cut, &cut.rows[r], &state, &second, &scratch.rate))
+                    -of.in_lengths(
+                        k,
+                        row_acceleration(cut, &cut.rows[r], &state, &second, &scratch.rate),
+                    )
                 };
             }
             if !of.earlier.is_empty() {
                 let directions = of.directions(cut, &state);
                 for (on, side) in &of.earlier {
-                    of.column(cut, &state, &directions, on, *side, &scratch.pose[on.body + 1], |i, x| {
-                        scratch.B[i] = (-x).mul_add(g[on.v], scratch.B[i]);
-                    });
+                    of.column(
+                        cut,
+                        &state,
+                        &directions,
+                        on,
+                        *side,
+                        &scratch.pose[on.body + 1],
+                        |i, x| {
+                            scratch.B[i] = (-x).mul_add(g[on.v], scratch.B[i]);
+                        },
+                    );
                 }
             }
         }
@@ -403,7 +498,8 @@ impl BlockCut {
         directions
     }
 
-    /// A number of row k in the unit of the others, so that the block's determinant and residual mean something.
+    /// A number of row k in the unit of the others, so that the block's determinant and residual
+    /// mean something.
     #[inline(always)]
     fn in_lengths<T: Real>(&self, k: usize, x: T) -> T {
         match self.units.get(k) {

@@ -1,9 +1,12 @@
-//! What a numerical closure does when the straight attempt is doubtful: follow the path in substeps, and name the reason of a failure.
+//! What a numerical closure does when the straight attempt is doubtful: follow the path in
+//! substeps, and name the reason of a failure.
 
 use sarrus_proto::Status;
 
 use super::numerical::Numerical;
-use super::{Local, Outcome, Scratch, between, constraint_jacobian, constraint_residual, local_poses};
+use super::{
+    Local, Outcome, Scratch, between, constraint_jacobian, constraint_residual, local_poses,
+};
 use super::{column_unit, dependents_range, largest_residual, row_unit, scaled};
 use crate::linear::{singular_range, solve_pivoted};
 use crate::model::{Body, Cluster, Freedom};
@@ -20,16 +23,18 @@ const SEARCH: u32 = 200;
 const APART: f64 = 1e-3;
 /// Damping of the search below which it is not lightened.
 const LIGHTEST: f64 = 1e-9;
-/// Scaled residual at which the search has closed the loops, and slope, against the residual, at which it has come to rest.
+/// Scaled residual at which the search has closed the loops, and slope, against the residual, at
+/// which it has come to rest.
 const FOUND: f64 = 1e-10;
 const LEVEL: f64 = 1e-6;
 /// Relative singular value below which K has lost rank where K_d could not be inverted.
 const LOST: f64 = 1e-3;
-/// The same for K_d at a pose that only the search could close, against the root of that one's residual: a double root is known to half the
-/// digits.
+/// The same for K_d at a pose that only the search could close, against the root of that one's
+/// residual: a double root is known to half the digits.
 const DOUBTFUL: f64 = 10.0;
 
-/// Follows the straight path from `local.start` to the independents in `local.q`, shortening a substep that is doubtful.
+/// Follows the straight path from `local.start` to the independents in `local.q`, shortening a
+/// substep that is doubtful.
 pub(super) fn follow<T: Scalar>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
@@ -66,7 +71,8 @@ pub(super) fn follow<T: Scalar>(
         for &j in &cluster.dependent_q {
             local.q[j] = local.scratch.last[j];
         }
-        let (good, count) = numerical.newton(cluster, bodies, local, true, whole * T::from_f64(next - at));
+        let (good, count) =
+            numerical.newton(cluster, bodies, local, true, whole * T::from_f64(next - at));
         iterations += count;
         if good && redundant_rows_hold(cluster, local) {
             local.scratch.last[..n].copy_from_slice(local.q);
@@ -88,7 +94,11 @@ pub(super) fn follow<T: Scalar>(
                 // the last closed pose stays to be read
                 let scratch = &mut *local.scratch;
                 scratch.goal[..n].copy_from_slice(&scratch.last[..n]);
-                let status = if attempts > ATTEMPTS { Status::NotConverged } else { stalled(cluster, bodies, local) };
+                let status = if attempts > ATTEMPTS {
+                    Status::NotConverged
+                } else {
+                    stalled(cluster, bodies, local)
+                };
                 return Outcome::failed(status, iterations);
             }
         }
@@ -96,7 +106,8 @@ pub(super) fn follow<T: Scalar>(
     Outcome::closed(iterations)
 }
 
-/// How far the independents of a pose are from those of another, in radians or cluster lengths: the sum over all of them.
+/// How far the independents of a pose are from those of another, in radians or cluster lengths: the
+/// sum over all of them.
 pub(super) fn way<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
     let mut way = T::ZERO;
     for of in cluster.independent.iter().map(|v| &cluster.freedoms[*v]) {
@@ -112,18 +123,26 @@ pub(super) fn way<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
 
 /// The same of a joint of several freedoms: the angle of the turn and the distance.
 fn free_way<T: Scalar>(cluster: &Cluster<T>, of: &Freedom, from: &[T], to: &[T]) -> T {
-    let square = |range: core::ops::Range<usize>| range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum));
+    let square = |range: core::ops::Range<usize>| {
+        range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum))
+    };
     let four = of.q + of.motion.n_q() - 4;
     // |q − p|² = 2 (1 − cos ½ angle), of q or −q
     let chord = square(four..four + 4);
     let other = T::from_f64(4.0) - chord;
     let chord = T::select(other.lt(chord), other, chord);
-    let half_angle = (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt()) * T::from_f64(2.0);
+    let half_angle =
+        (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt())
+            * T::from_f64(2.0);
     half_angle * T::from_f64(2.0) + square(of.q..four).sqrt() * T::from_f64(1.0 / cluster.length)
 }
 
-/// True where the rows that the solution leaves out hold too, as closely as rounded files let them; the poses are fresh.
-pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
+/// True where the rows that the solution leaves out hold too, as closely as rounded files let them;
+/// the poses are fresh.
+pub(super) fn redundant_rows_hold<T: Scalar>(
+    cluster: &Cluster<T>,
+    local: &mut Local<'_, T>,
+) -> bool {
     if cluster.used.len() == cluster.rows.len() {
         return true;
     }
@@ -133,7 +152,11 @@ pub(super) fn redundant_rows_hold<T: Scalar>(cluster: &Cluster<T>, local: &mut L
 }
 
 /// Why the path to the goal in `local.q` ended: some other closed pose has its y, or none has.
-fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
+fn stalled<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
         Some(true) if nearly_singular(cluster, local) => singular_status(cluster, bodies, local),
@@ -142,11 +165,17 @@ fn stalled<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Loca
     }
 }
 
-/// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close. `Some(false)`: a least distance was
-/// found that is not zero. `None`: neither within the steps allowed.
-fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Option<bool> {
+/// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close.
+/// `Some(false)`: a least distance was found that is not zero. `None`: neither within the steps
+/// allowed.
+fn search<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> Option<bool> {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
-    let [found, level, lightest] = [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| told::<T>(x, n));
+    let [found, level, lightest] =
+        [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| told::<T>(x, n));
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
@@ -178,13 +207,15 @@ fn search<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local
             scratch.last[i] = local.q[i];
         }
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            cluster.freedoms[j].advance(local.q, -(scratch.B[a] * T::from_f64(column_unit(cluster, j))));
+            cluster.freedoms[j]
+                .advance(local.q, -(scratch.B[a] * T::from_f64(column_unit(cluster, j))));
         }
         local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
         let next = squared_residual(cluster, scratch, local.q);
         if next < cost {
             cost = next;
-            damping = T::select(damping.lt(T::from_f64(lightest)), damping, damping * T::from_f64(0.2));
+            damping =
+                T::select(damping.lt(T::from_f64(lightest)), damping, damping * T::from_f64(0.2));
         } else {
             for &i in &cluster.dependent_q {
                 local.q[i] = scratch.last[i];
@@ -219,12 +250,21 @@ fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) ->
     least / largest < T::from_f64(DOUBTFUL * told::<T>(FOUND, 16.0).sqrt())
 }
 
-/// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only that of K_d.
-pub(super) fn singular_status<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
+/// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only
+/// that of K_d.
+pub(super) fn singular_status<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> Status {
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-    if loses_rank(cluster, scratch) { Status::SingularClosure } else { Status::SingularIndependents }
+    if loses_rank(cluster, scratch) {
+        Status::SingularClosure
+    } else {
+        Status::SingularIndependents
+    }
 }
 
 /// True where the K in the scratch has lost rank.
@@ -234,7 +274,9 @@ pub(crate) fn loses_rank<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<
     let A = &mut scratch.A;
     A[..n * rows].fill(T::ZERO);
     for columns in [&cluster.independent, &cluster.dependent] {
-        scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| A[columns[a] * rows + i] = x);
+        scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| {
+            A[columns[a] * rows + i] = x
+        });
     }
     let (largest, least) = singular_range(A, n, rows);
     // narrow blocks are refused from ten roots of the unit roundoff on

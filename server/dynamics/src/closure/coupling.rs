@@ -1,9 +1,10 @@
-//! Linear couplings: dependents that are fixed combinations of the independents (`<mimic>`, geared transmissions, differentials,
-//! parallelograms).
+//! Linear couplings: dependents that are fixed combinations of the independents (`<mimic>`, geared
+//! transmissions, differentials, parallelograms).
 //!
-//! A bevel gear differential needs no closure of its own: with roll and pitch of the cage, its wheels turn by roll + pitch and
-//! roll − pitch, two couplings of two masters each. A file of type DIFFERENTIAL (or TRANSMISSION) holds one coupling for each dependent
-//! joint; whether it gives the wheels by the cage or the cage by the wheels does not matter.
+//! A bevel gear differential needs no closure of its own: with roll and pitch of the cage, its
+//! wheels turn by roll + pitch and roll − pitch, two couplings of two masters each. A file of type
+//! DIFFERENTIAL (or TRANSMISSION) holds one coupling for each dependent joint; whether it gives the
+//! wheels by the cage or the cage by the wheels does not matter.
 
 use super::{Level, Local, Numerical};
 use crate::model::{Body, Cluster, Motion};
@@ -22,7 +23,13 @@ pub(crate) struct Coupling<C> {
 
 impl<C: nalgebra::Scalar + Copy> Coupling<C> {
     /// Position, velocity and acceleration level; g = 0.
-    pub(crate) fn close<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>, level: Level) {
+    pub(crate) fn close<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) {
         let m = cluster.n_vy;
         for j in cluster.dependent.iter().copied() {
             let (mut q, mut qd) = (T::lift(self.b[j]), T::ZERO);

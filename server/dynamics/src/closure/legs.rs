@@ -1,26 +1,32 @@
-//! A platform on a chain of independent joints, held by struts (2SPU+1U, 6UPS), some with an offset at one end (2SPRR+1U).
+//! A platform on a chain of independent joints, held by struts (2SPU+1U, 6UPS), some with an offset
+//! at one end (2SPRR+1U).
 //!
-//! A strut reaches for a pin on the platform (see [`super::Strut`], offset at the base included). Where the offset is at the platform, an arm
-//! turns there about an axis n, and the strut's center C stays in a plane of the arm whose normal m ⟂ n turns with it:
+//! A strut reaches for a pin on the platform (see [`super::Strut`], offset at the base included).
+//! Where the offset is at the platform, an arm turns there about an axis n, and the strut's center
+//! C stays in a plane of the arm whose normal m ⟂ n turns with it:
 //!
 //! ```text
 //!   D = C − P in platform axes,   m₀ · R_n(−θ) D = h        P on the arm's axis, h = m · (C − P) at zero
 //!   k · R_n(−θ) D = ±√(D_k² + D_m² − h²)                     k, m, n right-handed
 //! ```
-//! Then the arm's tip is known and the strut reaches for it. With ω, α and E for the arm's body and r = C − P:
-//! θ̇ k · r = −m · v_platform(C), and θ̈ from m · (a_E(C) − 2 ω × v_E(C)) = 0.
+//! Then the arm's tip is known and the strut reaches for it. With ω, α and E for the arm's body and
+//! r = C − P: θ̇ k · r = −m · v_platform(C), and θ̈ from m · (a_E(C) − 2 ω × v_E(C)) = 0.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Level, Local, Numerical, Rate, Strut, Verdict};
 use crate::model::{Body, Cluster, Freedom, Motion, joint_pose};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z, zero};
+use crate::spatial::{
+    Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z,
+    zero,
+};
 
 /// A platform and its legs.
 #[derive(Clone, Debug)]
 pub(crate) struct Legs<C> {
-    /// Freedoms of the joints that carry the platform, from the base, each with its place in y; all are independent.
+    /// Freedoms of the joints that carry the platform, from the base, each with its place in y; all
+    /// are independent.
     pub(crate) chain: Vec<(Freedom, usize)>,
     pub(crate) legs: Vec<Leg<C>>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
@@ -70,7 +76,8 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Verdict<T::Mask> {
-        // pose of the platform along the chain; its joints' axes and points are kept for the Jacobian
+        // pose of the platform along the chain; its joints' axes and points are kept for the
+        // Jacobian
         let mut pose = Pose::identity();
         for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
             if at.motion == Motion::Revolute {
@@ -120,7 +127,11 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
             beside: f(arm.beside),
             side: f(arm.side),
         };
-        let leg = |leg: &Leg<C>| Leg { strut: leg.strut.map(f), pin: leg.pin.map(f), arm: leg.arm.as_ref().map(arm) };
+        let leg = |leg: &Leg<C>| Leg {
+            strut: leg.strut.map(f),
+            pin: leg.pin.map(f),
+            arm: leg.arm.as_ref().map(arm),
+        };
         Legs {
             chain: self.chain.clone(),
             legs: self.legs.iter().map(leg).collect(),
@@ -162,7 +173,11 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
                 local.G[arm.joint.v * n_vy + k] = rate;
             }
             let rates = self.strut.rates(&reach, &velocity);
-            self.strut.joints.iter().zip(rates).for_each(|(i, rate)| local.G[i.v * n_vy + k] = rate);
+            self.strut
+                .joints
+                .iter()
+                .zip(rates)
+                .for_each(|(i, rate)| local.G[i.v * n_vy + k] = rate);
         }
         let rate = |j: Freedom, local: &mut Local<'_, T>| {
             let mut qd = T::ZERO;
@@ -179,7 +194,8 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         }
 
         // acceleration of the pin at ÿ = 0
-        let of_platform = of.chain.last().map_or(Rate::at_rest(), |(at, _)| local.scratch.rate[at.body + 1]);
+        let of_platform =
+            of.chain.last().map_or(Rate::at_rest(), |(at, _)| local.scratch.rate[at.body + 1]);
         let mut acceleration = accelerated(&of_platform, &(pin.point - platform.p));
         if let Some(arm) = arm {
             // rates of the arm's body, its pivot for origin, at θ̈ = 0
@@ -196,7 +212,8 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
             let x = scale_add(&cross(&of_arm.w, &v), -T::from_f64(2.0), &accelerated(&of_arm, &r));
             let bias = -(dot(&pin.m, &x) * pin.inverse_length);
             local.g[arm.joint.v] = bias;
-            acceleration = scale_add(&cross(&pin.n, &pin.tip), bias, &accelerated(&of_arm, &pin.tip));
+            acceleration =
+                scale_add(&cross(&pin.n, &pin.tip), bias, &accelerated(&of_arm, &pin.tip));
         }
         let bias = self.strut.accelerations(&reach, rates, &acceleration);
         self.strut.joints.iter().zip(bias).for_each(|(j, bias)| local.g[j.v] = bias);
@@ -205,11 +222,23 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
 
     /// The pin on the platform or on its arm; the arm's coordinate.
     #[inline(always)]
-    fn pin<T: Real<Const = C>>(&self, arm: Option<&Arm<C>>, platform: &Pose<T>, local: &mut Local<'_, T>) -> (Pin<T>, Verdict<T::Mask>) {
+    fn pin<T: Real<Const = C>>(
+        &self,
+        arm: Option<&Arm<C>>,
+        platform: &Pose<T>,
+        local: &mut Local<'_, T>,
+    ) -> (Pin<T>, Verdict<T::Mask>) {
         let pin: Vector3<T> = lift(&self.pin);
         let Some(arm) = arm else {
             let point = platform.point(&pin);
-            let pin = Pin { point, tip: zero(), m: zero(), n: zero(), inverse_length: T::ZERO, pivot: zero() };
+            let pin = Pin {
+                point,
+                tip: zero(),
+                m: zero(),
+                n: zero(),
+                inverse_length: T::ZERO,
+                pivot: zero(),
+            };
             return (pin, Verdict::fine());
         };
 
@@ -230,7 +259,14 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let turned = turn_z(&axes, c, s);
         let tip = mul(&turned, &pin);
         let verdict = Verdict::of(reach, dot(&D, &D));
-        let pin = Pin { point: pivot + tip, tip, m: column(&turned, 1), n: column(&turned, 2), inverse_length: T::ONE / length, pivot };
+        let pin = Pin {
+            point: pivot + tip,
+            tip,
+            m: column(&turned, 1),
+            n: column(&turned, 2),
+            inverse_length: T::ONE / length,
+            pivot,
+        };
         (pin, verdict)
     }
 }

@@ -1,8 +1,10 @@
-//! Loop closures: from the independent coordinates of a cluster to all of its coordinates, their Jacobian G and bias g.
+//! Loop closures: from the independent coordinates of a cluster to all of its coordinates, their
+//! Jacobian G and bias g.
 //!
-//! Everything is relative to the cluster's parent body, so the cost grows with the cluster and not with the robot. To add a closed
-//! form: one file beside these with its geometry, read off the model at load (`build`) and its position, velocity and acceleration
-//! level; one variant of [`Closure`].
+//! Everything is relative to the cluster's parent body, so the cost grows with the cluster and not
+//! with the robot. To add a closed form: one file beside these with its geometry, read off the
+//! model at load (`build`) and its position, velocity and acceleration level; one variant of
+//! [`Closure`].
 
 mod block;
 mod careful;
@@ -26,7 +28,10 @@ pub(crate) use coupling::Coupling;
 pub(crate) use legs::{Arm, Leg, Legs};
 pub(crate) use numerical::{End, Numerical};
 pub(crate) use planar::{Planar, Tie};
-pub(crate) use rows::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
+pub(crate) use rows::{
+    constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses,
+    local_rates,
+};
 pub(crate) use rrpr::Rrpr;
 pub(crate) use scaling::{branch, column_unit, dependents_range, row_unit, scaled};
 pub(crate) use strut::Strut;
@@ -36,8 +41,8 @@ use crate::model::{Body, Cluster};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
 
-/// Square of the sine, or of a length against its size, below which a pose is near a singular one: rates are known to ε / δ² of their size at δ,
-/// accelerations to ε / δ³.
+/// Square of the sine, or of a length against its size, below which a pose is near a singular one:
+/// rates are known to ε / δ² of their size at δ, accelerations to ε / δ³.
 pub(crate) const NEAR: f64 = 1e-4;
 
 /// How a cluster's loops are closed.
@@ -120,9 +125,11 @@ pub(crate) struct Local<'a, T> {
 pub(crate) struct Scratch<T> {
     /// Pose of each local body in the cluster's parent body; entry 0 is that body (n + 1).
     pub(crate) pose: Vec<Pose<T>>,
-    /// The same at zero of the body's own joint, of bodies whose parent stands still within a block (n).
+    /// The same at zero of the body's own joint, of bodies whose parent stands still within a block
+    /// (n).
     pub(crate) base: Vec<Pose<T>>,
-    /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the origin (n + 1).
+    /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the
+    /// origin (n + 1).
     pub(crate) rate: Vec<Rate<T>>,
     /// Constraint Jacobian (n_c × n_v).
     pub(crate) K: Vec<T>,
@@ -155,7 +162,8 @@ pub(crate) struct Rate<T> {
 pub(crate) struct Outcome {
     pub(crate) status: Status,
     pub(crate) iterations: u32,
-    /// Closed, but so near a singular pose that rates may keep fewer than nine digits; told from the velocity level on.
+    /// Closed, but so near a singular pose that rates may keep fewer than nine digits; told from
+    /// the velocity level on.
     pub(crate) near: bool,
 }
 
@@ -171,8 +179,8 @@ impl Outcome {
     }
 }
 
-/// Least squared sine between the links of a closed form: 1e-24, or where the scalar has too few digits for that the part of them that is
-/// lost at twice the root of its rounding.
+/// Least squared sine between the links of a closed form: 1e-24, or where the scalar has too few
+/// digits for that the part of them that is lost at twice the root of its rounding.
 const fn least_square_sine<T: Real>() -> f64 {
     let of_rounding = 8e7 * T::EPSILON * T::EPSILON;
     if of_rounding > 1e-24 { of_rounding } else { 1e-24 }
@@ -193,11 +201,16 @@ impl<M: Mask> Verdict<M> {
         Verdict { unreachable: none, singular: none, near: none }
     }
 
-    /// From the square of what vanishes at a singular pose, negative beyond it, and the square of its size elsewhere.
+    /// From the square of what vanishes at a singular pose, negative beyond it, and the square of
+    /// its size elsewhere.
     #[inline(always)]
     pub(crate) fn of<T: Real<Mask = M>>(square: T, size: T) -> Verdict<M> {
         let below = |floor: f64| square.lt(T::from_f64(floor) * size);
-        Verdict { unreachable: square.lt(T::ZERO), singular: below(least_square_sine::<T>()), near: below(NEAR) }
+        Verdict {
+            unreachable: square.lt(T::ZERO),
+            singular: below(least_square_sine::<T>()),
+            near: below(NEAR),
+        }
     }
 
     /// Either.
@@ -225,9 +238,14 @@ impl From<Verdict<bool>> for Outcome {
 
 /// Closes one cluster down to the wanted level.
 ///
-/// On entry `local.q` and `local.qd` hold y and ẏ at the independents. On return q, the turns, and by level G and q̇, g are those of the
-/// closed pose.
-pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>, level: Level) -> Outcome {
+/// On entry `local.q` and `local.qd` hold y and ẏ at the independents. On return q, the turns, and
+/// by level G and q̇, g are those of the closed pose.
+pub(crate) fn close<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+    level: Level,
+) -> Outcome {
     match &cluster.closure {
         // a free joint has nothing to close: q = y, G = 1, g = 0 are set where they are read
         Closure::Serial => Outcome::FINE,
@@ -235,36 +253,63 @@ pub(crate) fn close<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], local: 
             coupling.close(cluster, bodies, local, level);
             match &coupling.polish {
                 None => Outcome::FINE,
-                Some(numerical) => polished(Outcome::FINE, numerical, cluster, bodies, local, level),
+                Some(numerical) => {
+                    polished(Outcome::FINE, numerical, cluster, bodies, local, level)
+                }
             }
         }
         Closure::Planar(planar) => match &planar.polish {
             None => told(planar.close(local, level), cluster, bodies, local),
-            Some(numerical) => polished(planar.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
+            Some(numerical) => polished(
+                planar.close(local, Level::Position).into(),
+                numerical,
+                cluster,
+                bodies,
+                local,
+                level,
+            ),
         },
         Closure::Rrpr(rrpr) => match &rrpr.polish {
             None => told(rrpr.close(local, level), cluster, bodies, local),
-            Some(numerical) => polished(rrpr.close(local, Level::Position).into(), numerical, cluster, bodies, local, level),
+            Some(numerical) => polished(
+                rrpr.close(local, Level::Position).into(),
+                numerical,
+                cluster,
+                bodies,
+                local,
+                level,
+            ),
         },
         Closure::Legs(legs) => match &legs.polish {
             None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
-            Some(numerical) => {
-                polished(legs.close(cluster, bodies, local, Level::Position).into(), numerical, cluster, bodies, local, level)
-            }
+            Some(numerical) => polished(
+                legs.close(cluster, bodies, local, Level::Position).into(),
+                numerical,
+                cluster,
+                bodies,
+                local,
+                level,
+            ),
         },
         Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
     }
 }
 
 /// How a closed form ended; where it is singular, whether K lost rank there or only its part K_d.
-fn told<T: Scalar>(verdict: Verdict<bool>, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Outcome {
+fn told<T: Scalar>(
+    verdict: Verdict<bool>,
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> Outcome {
     if verdict.singular && !verdict.unreachable && local.q.iter().all(|q| q.is_finite()) {
         return Outcome::failed(careful::singular_status(cluster, bodies, local), 0);
     }
     verdict.into()
 }
 
-/// The closed form starts Newton's method on the true rows of a mechanism that is only nearly of its type.
+/// The closed form starts Newton's method on the true rows of a mechanism that is only nearly of
+/// its type.
 fn polished<T: Scalar>(
     closed_form: Outcome,
     numerical: &Numerical<T>,
@@ -277,7 +322,11 @@ fn polished<T: Scalar>(
         return closed_form;
     }
     let outcome = numerical.polish(cluster, bodies, local);
-    if outcome.status == Status::Ok { numerical.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
+    if outcome.status == Status::Ok {
+        numerical.differentiate(cluster, bodies, local, level, outcome)
+    } else {
+        outcome
+    }
 }
 
 impl<C> Closure<C> {
@@ -331,12 +380,23 @@ impl<C: nalgebra::Scalar + Copy> Cut<C> {
     }
 }
 
-/// A share of the way between two poses of a cluster's independents: straight in single coordinates, along the great circle in quaternions.
-pub(crate) fn between<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T], share: T, q: &mut [T]) {
+/// A share of the way between two poses of a cluster's independents: straight in single
+/// coordinates, along the great circle in quaternions.
+pub(crate) fn between<T: Scalar>(
+    cluster: &Cluster<T>,
+    from: &[T],
+    to: &[T],
+    share: T,
+    q: &mut [T],
+) {
     for &i in &cluster.independent_q {
         q[i] = (to[i] - from[i]).mul_add(share, from[i]);
     }
-    let quaternions = cluster.independent.iter().map(|v| &cluster.freedoms[*v]).filter(|at| at.k == 0 && at.motion.n_q() > 1);
+    let quaternions = cluster
+        .independent
+        .iter()
+        .map(|v| &cluster.freedoms[*v])
+        .filter(|at| at.k == 0 && at.motion.n_q() > 1);
     for at in quaternions {
         // q and −q are the same turn: the nearer one
         let four = at.q + at.motion.n_q() - 4..at.q + at.motion.n_q();

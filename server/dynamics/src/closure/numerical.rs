@@ -1,9 +1,10 @@
 //! Any loop by Newton's method on its rows, block by block.
 //!
-//! At load the independent rows and the dependent joints of a cluster are sorted into block triangular form: a block is a smallest set
-//! of rows that determines as many joints once the blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block
-//! of up to three rows is inverted in closed form, a larger one by elimination in an order fixed at load. The inverse at the accepted
-//! pose gives G and g.
+//! At load the independent rows and the dependent joints of a cluster are sorted into block
+//! triangular form: a block is a smallest set of rows that determines as many joints once the
+//! blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block of up to
+//! three rows is inverted in closed form, a larger one by elimination in an order fixed at load.
+//! The inverse at the accepted pose gives G and g.
 
 use sarrus_proto::Status;
 
@@ -20,7 +21,8 @@ const STEPS: u32 = 10;
 /// When one straight attempt of Newton's method ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct End {
-    /// Size of the last step, in radians or cluster lengths; `None`: what leaves rounding alone. With it the pose after all steps stands.
+    /// Size of the last step, in radians or cluster lengths; `None`: what leaves rounding alone.
+    /// With it the pose after all steps stands.
     pub(crate) tolerance: Option<f64>,
     /// How many steps it may take.
     pub(crate) steps: u32,
@@ -30,7 +32,8 @@ pub(crate) struct End {
 #[derive(Clone, Debug)]
 pub(crate) struct Numerical<C> {
     pub(crate) blocks: Vec<Block>,
-    /// Bodies on the way to the cuts, in tree order, and those among them that the blocks leave without their pose.
+    /// Bodies on the way to the cuts, in tree order, and those among them that the blocks leave
+    /// without their pose.
     pub(crate) on_way: Vec<usize>,
     pub(crate) after: Vec<usize>,
     /// The closed pose at y = 0 from which a request without a guess starts (n_q).
@@ -55,9 +58,10 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         }
     }
 
-    /// Closes every block from the dependents in `local.q`; poses on the way to all cuts are fresh after a good end. The mask tells which lanes
-    /// converged without a doubtful step and without a change of sign of any block's determinant, against [`Numerical::remember`] if
-    /// `remembered`; `moved` is how far the independents are from the pose that the dependents are of.
+    /// Closes every block from the dependents in `local.q`; poses on the way to all cuts are fresh
+    /// after a good end. The mask tells which lanes converged without a doubtful step and without a
+    /// change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`;
+    /// `moved` is how far the independents are from the pose that the dependents are of.
     pub(super) fn newton<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
@@ -92,8 +96,14 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         (good, taken)
     }
 
-    /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not show it.
-    pub(super) fn remember<T: Real<Const = C>>(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, T>) {
+    /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not
+    /// show it.
+    pub(super) fn remember<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+    ) {
         if !self.blocks.iter().any(|block| block.remember) {
             return;
         }
@@ -103,7 +113,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         }
     }
 
-    /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean something, and where the pose is near a singular one.
+    /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean
+    /// something, and where the pose is near a singular one.
     #[inline]
     fn rates<T: Real<Const = C>>(
         &self,
@@ -151,22 +162,45 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 
 impl<C: Scalar> Numerical<C> {
     /// Position level from the closed pose `local.start`, then the levels below.
-    pub(crate) fn close(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>, level: Level) -> Outcome {
+    pub(crate) fn close(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+        level: Level,
+    ) -> Outcome {
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
         }
         let moved = careful::way(cluster, local.start, local.q);
         let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
         let good = good && careful::redundant_rows_hold(cluster, local);
-        let outcome = if good { Outcome::closed(iterations) } else { crossing::follow_or_cross(self, cluster, bodies, local, iterations) };
-        if outcome.status == Status::Ok { self.differentiate(cluster, bodies, local, level, outcome) } else { outcome }
+        let outcome = if good {
+            Outcome::closed(iterations)
+        } else {
+            crossing::follow_or_cross(self, cluster, bodies, local, iterations)
+        };
+        if outcome.status == Status::Ok {
+            self.differentiate(cluster, bodies, local, level, outcome)
+        } else {
+            outcome
+        }
     }
 
     /// Newton steps from a closed form's answer, on its branch.
-    pub(crate) fn polish(&self, cluster: &Cluster<C>, bodies: &[Body<C>], local: &mut Local<'_, C>) -> Outcome {
+    pub(crate) fn polish(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+    ) -> Outcome {
         self.remember(cluster, bodies, local);
         let (good, iterations) = self.newton(cluster, bodies, local, true, C::ZERO);
-        if good { Outcome::closed(iterations) } else { Outcome::failed(Status::NotConverged, iterations) }
+        if good {
+            Outcome::closed(iterations)
+        } else {
+            Outcome::failed(Status::NotConverged, iterations)
+        }
     }
 
     /// The levels below the position, with the reason where a block cannot be inverted.
@@ -183,7 +217,10 @@ impl<C: Scalar> Numerical<C> {
         }
         match self.rates(cluster, bodies, local, level) {
             (true, near) => Outcome { near, ..outcome },
-            (false, _) => Outcome::failed(careful::singular_status(cluster, bodies, local), outcome.iterations),
+            (false, _) => Outcome::failed(
+                careful::singular_status(cluster, bodies, local),
+                outcome.iterations,
+            ),
         }
     }
 }

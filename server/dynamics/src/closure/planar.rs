@@ -3,16 +3,19 @@
 //! ```text
 //!   J0 ──a── J1 ──b── J2 ──c── J3 ──d── J0        J0 is the independent joint, one of J1 to J3 is cut
 //! ```
-//! Seen from link d, J0 turns (or slides) link a by y and carries J1 along; the other two links follow from where J1 is:
+//! Seen from link d, J0 turns (or slides) link a by y and carries J1 along; the other two links
+//! follow from where J1 is:
 //!
 //! ```text
 //!   two links    b − c = D                b = κ D + η J D,  κ = (|D|² + |b|² − |c|²) / 2|D|²,  W = b × c = η |D|²
 //!   slider       b = L t + ε J t          L = ±√(|b|² − ε²)
 //! ```
-//! with D from J1 to J3, t the direction of the slider J3 in link d, ε what J1 lies beside the line on which J2 slides, J a turn by a
-//! right angle. The branch is the sign of W or of L, which is that of det K_d: it is that of the zero pose for every y. A closed form
-//! knows no path: beyond a gap that cannot be reached it answers on the same side again. The coordinates of the turning dependents lie in
-//! (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see [`super::Rrpr`].
+//! with D from J1 to J3, t the direction of the slider J3 in link d, ε what J1 lies beside the line
+//! on which J2 slides, J a turn by a right angle. The branch is the sign of W or of L, which is
+//! that of det K_d: it is that of the zero pose for every y. A closed form knows no path: beyond a
+//! gap that cannot be reached it answers on the same side again. The coordinates of the turning
+//! dependents lie in (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see
+//! [`super::Rrpr`].
 
 use super::{Level, Local, Numerical, Verdict};
 use crate::scalar::Real;
@@ -48,7 +51,8 @@ pub(crate) struct Tie<C> {
     pub(crate) joint: usize,
     /// 1 to 3.
     pub(crate) place: usize,
-    /// +1 where the joint's coordinate grows as the link after it turns against the one before it, else −1.
+    /// +1 where the joint's coordinate grows as the link after it turns against the one before it,
+    /// else −1.
     pub(crate) sense: C,
 }
 
@@ -89,7 +93,11 @@ fn right<T: Real>(x: &Plane<T>) -> Plane<T> {
 impl<C: nalgebra::Scalar + Copy> Planar<C> {
     /// The position, velocity and acceleration level in closed form.
     #[inline]
-    pub(crate) fn close<T: Real<Const = C>>(&self, local: &mut Local<'_, T>, level: Level) -> Verdict<T::Mask> {
+    pub(crate) fn close<T: Real<Const = C>>(
+        &self,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> Verdict<T::Mask> {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (a, t) = (lift(&self.a), lift(&self.t));
         let y = local.q[self.joint];
@@ -103,10 +111,15 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             let p = [c.mul_add(a[0], -(s * a[1])), s.mul_add(a[0], c * a[1])];
             ((c, s), p, right(&p), [-p[0], -p[1]])
         };
-        let (links, verdict) = if self.slider { self.slider(&p, &p1, &p2, level) } else { self.two_links(&p, &p1, &p2, level) };
+        let (links, verdict) = if self.slider {
+            self.slider(&p, &p1, &p2, level)
+        } else {
+            self.two_links(&p, &p1, &p2, level)
+        };
 
         // joints stand between their links: b − a, c − b, d − c
-        let minus = |x: (T, T), y: (T, T)| (x.0.mul_add(y.0, x.1 * y.1), x.1.mul_add(y.0, -(x.0 * y.1)));
+        let minus =
+            |x: (T, T), y: (T, T)| (x.0.mul_add(y.0, x.1 * y.1), x.1.mul_add(y.0, -(x.0 * y.1)));
         for tie in &self.others {
             let sense = T::lift(tie.sense);
             if self.slider && tie.place == 3 {
@@ -147,7 +160,13 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
 
     /// Links b and c turn: where circles about J1 and J3 meet.
     #[inline(always)]
-    fn two_links<T: Real<Const = C>>(&self, p: &Plane<T>, p1: &Plane<T>, p2: &Plane<T>, level: Level) -> (Links<T>, Verdict<T::Mask>) {
+    fn two_links<T: Real<Const = C>>(
+        &self,
+        p: &Plane<T>,
+        p1: &Plane<T>,
+        p2: &Plane<T>,
+        level: Level,
+    ) -> (Links<T>, Verdict<T::Mask>) {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (b0, c0, d) = (lift(&self.b), lift(&self.c), lift(&self.d));
         let (b_square, c_square) = (T::lift(self.b_square), T::lift(self.c_square));
@@ -163,7 +182,8 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let b = add(&right(&D), W * inverse, &[along * inverse * D[0], along * inverse * D[1]]);
         let c = [b[0] - D[0], b[1] - D[1]];
         let (inverse_b, inverse_c) = (T::ONE / b_square, T::ONE / c_square);
-        let verdict = Verdict::of(W_square, b_square * c_square).or(Verdict::of(square, b_square + c_square));
+        let verdict =
+            Verdict::of(W_square, b_square * c_square).or(Verdict::of(square, b_square + c_square));
         let mut links = Links {
             turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
             turn_c: (dot(&c0, &c) * inverse_c, cross(&c0, &c) * inverse_c),
@@ -187,7 +207,13 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
 
     /// Link c slides on link d along t and does not turn.
     #[inline(always)]
-    fn slider<T: Real<Const = C>>(&self, p: &Plane<T>, p1: &Plane<T>, p2: &Plane<T>, level: Level) -> (Links<T>, Verdict<T::Mask>) {
+    fn slider<T: Real<Const = C>>(
+        &self,
+        p: &Plane<T>,
+        p1: &Plane<T>,
+        p2: &Plane<T>,
+        level: Level,
+    ) -> (Links<T>, Verdict<T::Mask>) {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (a, b0, t) = (lift(&self.a), lift(&self.b), lift(&self.t));
         let b_square = T::lift(self.b_square);
@@ -238,7 +264,11 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             c_square: f(self.c_square),
             slider: self.slider,
             side: f(self.side),
-            others: self.others.each_ref().map(|tie| Tie { joint: tie.joint, place: tie.place, sense: f(tie.sense) }),
+            others: self.others.each_ref().map(|tie| Tie {
+                joint: tie.joint,
+                place: tie.place,
+                sense: f(tie.sense),
+            }),
             polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
         }
     }

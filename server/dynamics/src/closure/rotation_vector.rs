@@ -30,10 +30,12 @@ pub(super) fn log_factors<T: Real>(theta: &Vector3<T>) -> (T, T) {
     let c = (T::ONE - f) / s;
     let df = (cot - x / (sine * sine)) / (T::from_f64(8.0) * x);
     let dc = -(df + c) / s;
-    // PRECISION: the differences lose all digits of dc near θ = 0; its series is exact to rounding where θ⁸ is
+    // PRECISION: the differences lose all digits of dc near θ = 0; its series is exact to rounding
+    // where θ⁸ is
     let near = square.lt(T::from_f64(T::EPSILON.sqrt().sqrt()));
-    let series =
-        [3.0 / 1_209_600.0, 2.0 / 30_240.0].into_iter().fold(T::from_f64(4.0 / 47_900_160.0), |sum, x| sum.mul_add(square, T::from_f64(x)));
+    let series = [3.0 / 1_209_600.0, 2.0 / 30_240.0]
+        .into_iter()
+        .fold(T::from_f64(4.0 / 47_900_160.0), |sum, x| sum.mul_add(square, T::from_f64(x)));
     let series = series.mul_add(square, T::ONE / T::from_f64(720.0));
     (T::select(small, T::ONE / T::from_f64(12.0), c), T::select(near, series, dc))
 }
@@ -67,8 +69,12 @@ mod tests {
             let ((c, dc), (true_c, true_dc)) = (log_factors(&theta), log_factors(&exact));
             let square = angle * angle;
             // as far as they matter: with the square of the angle
-            let errors = [(c - true_c.to_f64()).abs() * square, (dc - true_dc.to_f64()).abs() * square];
-            assert!(errors[0] < 1e-15 && errors[1] < 1e-11 && dc > 0.0, "θ = {angle:e}: {errors:?}");
+            let errors =
+                [(c - true_c.to_f64()).abs() * square, (dc - true_dc.to_f64()).abs() * square];
+            assert!(
+                errors[0] < 1e-15 && errors[1] < 1e-11 && dc > 0.0,
+                "θ = {angle:e}: {errors:?}"
+            );
         }
     }
 }

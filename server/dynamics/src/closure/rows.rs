@@ -1,10 +1,12 @@
-//! The rows of the implicit closure φ(q) = 0, their Jacobian K and bias k = −K̇ q̇, relative to the cluster's parent body.
+//! The rows of the implicit closure φ(q) = 0, their Jacobian K and bias k = −K̇ q̇, relative to the
+//! cluster's parent body.
 //!
 //! ```text
 //!   x = R_Pᵀ (p_S − p_P)         θ = log(R_Pᵀ R_S)         φ = linear · x + angular · θ
 //! ```
-//! or, where two directions stay perpendicular as in a universal joint, φ = a · b with a fixed in P and b in S.
-//! P and S are the cut frames on predecessor and successor (base document 2.79 with its errata).
+//! or, where two directions stay perpendicular as in a universal joint, φ = a · b with a fixed in P
+//! and b in S. P and S are the cut frames on predecessor and successor (base document 2.79 with its
+//! errata).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -12,7 +14,9 @@ use super::rotation_vector::{log, log_factors, rate_matrix};
 use super::{Cut, CutRow, Rate};
 use crate::model::{Body, Cluster, Freedom, Motion, joint_pose, single_pose};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero};
+use crate::spatial::{
+    Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero,
+};
 
 /// Sines, cosines and pose of one local body from its coordinates.
 #[inline]
@@ -50,14 +54,23 @@ pub(super) fn place<T: Real>(
     let body = &bodies[j];
     let q = &q[body.q - cluster.q..];
     pose[j + 1] = match body.motion {
-        Motion::Revolute | Motion::Prismatic => single_pose(body, &base(cluster, bodies, j, pose), q[0], turn[j]),
-        Motion::Spherical | Motion::Floating => place_freely(body, q, &pose[cluster.local_parent[j]]),
+        Motion::Revolute | Motion::Prismatic => {
+            single_pose(body, &base(cluster, bodies, j, pose), q[0], turn[j])
+        }
+        Motion::Spherical | Motion::Floating => {
+            place_freely(body, q, &pose[cluster.local_parent[j]])
+        }
     };
 }
 
 /// Pose of one local body at zero of its own joint.
 #[inline(always)]
-pub(super) fn base<T: Real>(cluster: &Cluster<T::Const>, bodies: &[Body<T::Const>], j: usize, pose: &[Pose<T>]) -> Pose<T> {
+pub(super) fn base<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    pose: &[Pose<T>],
+) -> Pose<T> {
     let at_zero = Pose { R: lift_mat(&bodies[j].E), p: lift(&bodies[j].r) };
     let parent = cluster.local_parent[j];
     if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
@@ -104,7 +117,9 @@ impl<'a, T: Real> CutState<'a, T> {
     #[inline]
     pub(super) fn value(&self, cluster: &Cluster<T::Const>, row: &CutRow<T::Const>, q: &[T]) -> T {
         if !row.terms.is_empty() {
-            return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum));
+            return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| {
+                T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum)
+            });
         }
         let x = t_mul(self.R_p, &self.d);
         match (&self.angular, &row.against) {
@@ -114,35 +129,60 @@ impl<'a, T: Real> CutState<'a, T> {
         }
     }
 
-    /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the motion of S against P.
+    /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the
+    /// motion of S against P.
     #[inline(always)]
     pub(super) fn directions(&self, row: &CutRow<T::Const>) -> (Vector3<T>, Vector3<T>) {
         let linear = mul(self.R_p, &lift(&row.linear_p));
         match (&self.angular, &row.against) {
             (None, _) => (linear, zero()),
             (Some(of), None) => (linear, mul(&of.R_P, &t_mul(&of.A, &lift(&row.angular)))),
-            (Some(of), Some(b)) => (zero(), cross(&mul(&of.R_S, &lift(b)), &mul(&of.R_P, &lift(&row.angular)))),
+            (Some(of), Some(b)) => {
+                (zero(), cross(&mul(&of.R_S, &lift(b)), &mul(&of.R_P, &lift(&row.angular))))
+            }
         }
     }
 
     /// Twist of S against P for a unit rate of one freedom: (ω, v).
     #[inline(always)]
-    pub(super) fn twist(&self, of: &Freedom, pose: &Pose<T>, on_successor: bool) -> (Vector3<T>, Vector3<T>) {
+    pub(super) fn twist(
+        &self,
+        of: &Freedom,
+        pose: &Pose<T>,
+        on_successor: bool,
+    ) -> (Vector3<T>, Vector3<T>) {
         let z = of.axis(&pose.R);
         let z = if on_successor { z } else { -z };
         if of.slides() { (zero(), z) } else { (z, cross(&z, &(self.point - pose.p))) }
     }
 
-    /// ẍ (in the predecessor's axes) and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball joint p̈_S − p̈_P, in the axes of the cluster's parent body.
+    /// ẍ (in the predecessor's axes) and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball
+    /// joint p̈_S − p̈_P, in the axes of the cluster's parent body.
     #[inline]
-    pub(super) fn acceleration(&self, cut: &Cut<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>], ball: bool) -> (Vector3<T>, Vector3<T>) {
+    pub(super) fn acceleration(
+        &self,
+        cut: &Cut<T::Const>,
+        pose: &[Pose<T>],
+        rate: &[Rate<T>],
+        ball: bool,
+    ) -> (Vector3<T>, Vector3<T>) {
         let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
         if ball {
-            let at = |x: &Rate<T>, r: Vector3<T>| cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a));
-            return (at(s, self.point - pose[cut.successor].p) - at(p, self.point - pose[cut.predecessor].p), zero());
+            let at = |x: &Rate<T>, r: Vector3<T>| {
+                cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a))
+            };
+            return (
+                at(s, self.point - pose[cut.successor].p)
+                    - at(p, self.point - pose[cut.predecessor].p),
+                zero(),
+            );
         }
-        let at =
-            |x: &Rate<T>, r: Vector3<T>| (cross_add(&x.w, &r, &x.v), cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)));
+        let at = |x: &Rate<T>, r: Vector3<T>| {
+            (
+                cross_add(&x.w, &r, &x.v),
+                cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)),
+            )
+        };
         let (v_s, a_s) = at(s, self.point - pose[cut.successor].p);
         let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
         // v_p, a_p: of the predecessor's point that coincides with S
@@ -157,7 +197,8 @@ impl<'a, T: Real> CutState<'a, T> {
         let c_dot = dc * T::from_f64(2.0) * dot(theta, &theta_dot);
         let turn = cross(theta, &w);
         let twice = cross(&theta_dot, &turn) + cross(theta, &cross(&theta_dot, &w));
-        let bias = cross(&theta_dot, &w) * T::from_f64(-0.5) + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
+        let bias = cross(&theta_dot, &w) * T::from_f64(-0.5)
+            + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
         (x, mul(A, &w_dot) + bias)
     }
 }
@@ -198,7 +239,12 @@ pub(super) fn row_along<T: Real>(row: &CutRow<T::Const>, x: &Vector3<T>, theta: 
 }
 
 /// φ of every row of a cluster.
-pub(crate) fn constraint_residual<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], q: &[T], phi: &mut [T]) {
+pub(crate) fn constraint_residual<T: Real>(
+    cluster: &Cluster<T::Const>,
+    pose: &[Pose<T>],
+    q: &[T],
+    phi: &mut [T],
+) {
     let mut r = 0;
     for cut in &cluster.cuts {
         let state = CutState::new(cut, pose);
@@ -222,7 +268,11 @@ pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) 
 }
 
 /// K of a cluster (rows × n_v, row-major).
-pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], K: &mut [T]) {
+pub(crate) fn constraint_jacobian<T: Real>(
+    cluster: &Cluster<T::Const>,
+    pose: &[Pose<T>],
+    K: &mut [T],
+) {
     let n = cluster.n_v;
     let mut r = 0;
     for cut in &cluster.cuts {
@@ -247,7 +297,12 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T::Const>, pose: &[
 }
 
 /// k = −K̇ q̇ of a cluster, from the rates of its bodies at q̈ = 0.
-pub(crate) fn constraint_bias<T: Real>(cluster: &Cluster<T::Const>, pose: &[Pose<T>], rate: &[Rate<T>], k: &mut [T]) {
+pub(crate) fn constraint_bias<T: Real>(
+    cluster: &Cluster<T::Const>,
+    pose: &[Pose<T>],
+    rate: &[Rate<T>],
+    k: &mut [T],
+) {
     let mut r = 0;
     for cut in &cluster.cuts {
         let state = CutState::new(cut, pose);
@@ -284,7 +339,12 @@ pub(super) fn rate_of<T: Real>(
     rate: &mut [Rate<T>],
 ) {
     let (body, parent) = (&bodies[j], cluster.local_parent[j]);
-    rate[j + 1] = rate[parent].moved(body.motion, &(pose[j + 1].p - pose[parent].p), &pose[j + 1].R, &qd[body.v - cluster.v..]);
+    rate[j + 1] = rate[parent].moved(
+        body.motion,
+        &(pose[j + 1].p - pose[parent].p),
+        &pose[j + 1].R,
+        &qd[body.v - cluster.v..],
+    );
 }
 
 impl<T: Real> Rate<T> {
@@ -292,9 +352,16 @@ impl<T: Real> Rate<T> {
         Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }
     }
 
-    /// Rates of a body at q̈ = 0 whose origin lies r from this one's, from the rates of its joint along the axes R.
+    /// Rates of a body at q̈ = 0 whose origin lies r from this one's, from the rates of its joint
+    /// along the axes R.
     #[inline]
-    pub(super) fn moved(&self, motion: Motion, r: &Vector3<T>, R: &Matrix3<T>, qd: &[T]) -> Rate<T> {
+    pub(super) fn moved(
+        &self,
+        motion: Motion,
+        r: &Vector3<T>,
+        R: &Matrix3<T>,
+        qd: &[T],
+    ) -> Rate<T> {
         let mut x = Rate {
             w: self.w,
             v: cross_add(&self.w, r, &self.v),

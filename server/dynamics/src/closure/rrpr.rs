@@ -1,15 +1,18 @@
-//! The lambda mechanism RRPR: a rocker that is moved by a slider on a turning stator, closed in its plane.
+//! The lambda mechanism RRPR: a rocker that is moved by a slider on a turning stator, closed in its
+//! plane.
 //!
 //! ```text
 //!   d(y) = R(y) d₃ − d₁        pin seen from the stator's pivot
 //!   d = R(θ) (ℓ t₀ + ε b₀)     slider length ℓ, eccentricity ε of the pin across the slider
 //! ```
-//! t₀ is the slider's direction at zero, b₀ is t₀ turned by a right angle. All in the plane perpendicular to the rocker's axis n.
+//! t₀ is the slider's direction at zero, b₀ is t₀ turned by a right angle. All in the plane
+//! perpendicular to the rocker's axis n.
 //!
-//! Any plane loop of three turns and a slider is one of these when the joint opposite to the slider is independent; "stator" is the other
-//! turn of the tree beside the slider. The branch is the sign of ℓ, for every y that of the zero pose: the closed form knows no path, so
-//! where |d| < |ε| makes a gap, the target beyond it is answered on the same side of the slider's root. Newton's method, which follows the
-//! path, calls that target unreachable. The stator's coordinate lies in (−π, π].
+//! Any plane loop of three turns and a slider is one of these when the joint opposite to the slider
+//! is independent; "stator" is the other turn of the tree beside the slider. The branch is the sign
+//! of ℓ, for every y that of the zero pose: the closed form knows no path, so where |d| < |ε| makes
+//! a gap, the target beyond it is answered on the same side of the slider's root. Newton's method,
+//! which follows the path, calls that target unreachable. The stator's coordinate lies in (−π, π].
 
 use super::{Level, Local, Numerical, Verdict};
 use crate::scalar::Real;
@@ -38,10 +41,15 @@ pub(crate) struct Rrpr<C> {
 impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
     /// The position, velocity and acceleration level in closed form.
     #[inline]
-    pub(crate) fn close<T: Real<Const = C>>(&self, local: &mut Local<'_, T>, level: Level) -> Verdict<T::Mask> {
+    pub(crate) fn close<T: Real<Const = C>>(
+        &self,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> Verdict<T::Mask> {
         let [j1, j2, j3] = self.joints;
         let two = |v: &[C; 2]| [T::lift(v[0]), T::lift(v[1])];
-        let (d3, d1, t0, e) = (two(&self.d3), two(&self.d1), two(&self.t0), T::lift(self.eccentricity));
+        let (d3, d1, t0, e) =
+            (two(&self.d3), two(&self.d1), two(&self.t0), T::lift(self.eccentricity));
         let length0 = T::lift(self.length0);
 
         // the pin: arm = R(y) d3, d = arm − d1
@@ -50,7 +58,8 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let d = [arm[0] - d1[0], arm[1] - d1[1]];
         let square = d[0].mul_add(d[0], d[1] * d[1]);
 
-        // slider length; PRECISION: the change of |d|² is formed from the turn of the arm, q3 without cancellation
+        // slider length; PRECISION: the change of |d|² is formed from the turn of the arm, q3
+        // without cancellation
         let reach = square - e * e;
         let length = T::lift(self.side) * reach.sqrt();
         let q3 = (square - T::lift(self.square0)) / (length + length0);

@@ -1,11 +1,13 @@
-//! The scaling in which ranks, distances to singularity and norms of loop-closure forces are judged.
+//! The scaling in which ranks, distances to singularity and norms of loop-closure forces are
+//! judged.
 //!
 //! ```text
 //!   K_s = D_r K D_c        λ = D_r λ_s
 //! ```
-//! D_c takes sliding joints in lengths of the cluster. D_r takes linear rows in those lengths too, makes angular rows those of unit axes,
-//! and gives couplings unit norm. So K_s is a matrix of pure numbers that a change of units leaves as it is, and λ_s holds moments: forces
-//! times the cluster's length.
+//! D_c takes sliding joints in lengths of the cluster. D_r takes linear rows in those lengths too,
+//! makes angular rows those of unit axes, and gives couplings unit norm. So K_s is a matrix of pure
+//! numbers that a change of units leaves as it is, and λ_s holds moments: forces times the
+//! cluster's length.
 
 use super::{CutRow, Scratch};
 use crate::linear::{determinant_sign, singular_range};
@@ -35,7 +37,8 @@ pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 
     if linear > 0.0 { 1.0 / (cluster.length * linear) } else { 1.0 / angular }
 }
 
-/// Calls `put(i, a, entry)` for the i-th of the given rows and the a-th of the given columns of the scaled K; K is that of all rows.
+/// Calls `put(i, a, entry)` for the i-th of the given rows and the a-th of the given columns of the
+/// scaled K; K is that of all rows.
 pub(crate) fn scaled<T: Scalar>(
     cluster: &Cluster<T>,
     K: &[T],
@@ -53,7 +56,10 @@ pub(crate) fn scaled<T: Scalar>(
 }
 
 /// Largest and least singular value of the scaled K_d; K is that of the pose in question.
-pub(crate) fn dependents_range<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
+pub(crate) fn dependents_range<T: Scalar>(
+    cluster: &Cluster<T>,
+    scratch: &mut Scratch<T>,
+) -> (T, T) {
     let m = cluster.dependent.len();
     dependents(cluster, scratch);
     singular_range(&mut scratch.A, m, m)
@@ -69,5 +75,7 @@ pub(crate) fn branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) 
 fn dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
     let m = cluster.dependent.len();
     let A = &mut scratch.A;
-    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| A[i * m + a] = x);
+    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| {
+        A[i * m + a] = x
+    });
 }

@@ -1,12 +1,15 @@
-//! A leg of two turns and a slide that reaches for a point; its two axes are perpendicular, and may pass each other at a distance.
+//! A leg of two turns and a slide that reaches for a point; its two axes are perpendicular, and may
+//! pass each other at a distance.
 //!
-//! In the frame of the strut, X along the first axis and Y along the second at zero, the point lies at
+//! In the frame of the strut, X along the first axis and Y along the second at zero, the point lies
+//! at
 //!
 //! ```text
 //!   v = R_x(q₁) (r Z + R_y(q₂) w),   w = ℓ a + e        slider direction a, eccentricity e ⟂ a, distance r of the axes
 //! ```
-//! With r = 0: ℓ² = |v|² − |e|². With a ⟂ Y the part of w along Y is constant, so that first z = ±√(v_y² + v_z² − e_y²) − r, the part of
-//! R_y w along Z, then ℓ² = v_x² + z² + e_y² − |e|². Then q₂ in the plane perpendicular to Y and q₁ in that perpendicular to X.
+//! With r = 0: ℓ² = |v|² − |e|². With a ⟂ Y the part of w along Y is constant, so that first z =
+//! ±√(v_y² + v_z² − e_y²) − r, the part of R_y w along Z, then ℓ² = v_x² + z² + e_y² − |e|². Then
+//! q₂ in the plane perpendicular to Y and q₁ in that perpendicular to X.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,7 +23,8 @@ use crate::spatial::{cross, cross_add, dot, lift, lift_mat, scale_add, t_mul};
 pub(crate) struct Strut<C> {
     /// First and second turn, slider.
     pub(crate) joints: [Freedom; 3],
-    /// The strut's frame {cluster's parent body}: X, Y along the axes at zero, origin on the first where the second is nearest.
+    /// The strut's frame {cluster's parent body}: X, Y along the axes at zero, origin on the first
+    /// where the second is nearest.
     pub(crate) axes: Matrix3<C>,
     pub(crate) center: Vector3<C>,
     /// Whether the axes pass at a distance, and that distance along Z.
@@ -41,7 +45,8 @@ pub(crate) struct Strut<C> {
 /// The Jacobian of a strut and its inverse at a pose {strut}.
 pub(super) struct Reach<T> {
     axes: Matrix3<T>,
-    /// Second axis; arm of the first turn that the second leaves alone; point from the second axis; slider direction.
+    /// Second axis; arm of the first turn that the second leaves alone; point from the second axis;
+    /// slider direction.
     a2: Vector3<T>,
     lever: Vector3<T>,
     u: Vector3<T>,
@@ -52,16 +57,22 @@ pub(super) struct Reach<T> {
 }
 
 impl<C: nalgebra::Scalar + Copy> Strut<C> {
-    /// Position level: coordinates of the three joints for a point {cluster's parent body}, and the Jacobian there.
+    /// Position level: coordinates of the three joints for a point {cluster's parent body}, and the
+    /// Jacobian there.
     #[inline(always)]
-    pub(super) fn reach<T: Real<Const = C>>(&self, point: &Vector3<T>, local: &mut Local<'_, T>) -> (Reach<T>, Verdict<T::Mask>) {
+    pub(super) fn reach<T: Real<Const = C>>(
+        &self,
+        point: &Vector3<T>,
+        local: &mut Local<'_, T>,
+    ) -> (Reach<T>, Verdict<T::Mask>) {
         let [j1, j2, j3] = self.joints;
         let axes: Matrix3<T> = lift_mat(&self.axes);
         let (a, e): (Vector3<T>, Vector3<T>) = (lift(&self.a), lift(&self.e));
         let v = t_mul(&axes, &(point - lift(&self.center)));
         let rho = v[1].mul_add(v[1], v[2] * v[2]);
         let (sign, side) = (T::lift(self.root), T::lift(self.side));
-        let (length0, square0, e_square) = (T::lift(self.length0), T::lift(self.square0), T::lift(self.e_square));
+        let (length0, square0, e_square) =
+            (T::lift(self.length0), T::lift(self.square0), T::lift(self.e_square));
 
         // slider length, without cancellation in its change; root = r + z
         let (length, root, z, reach, root_square) = if self.apart {
@@ -106,7 +117,8 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let J1 = Vector3::new(T::ZERO, -v[2], v[1]);
         let J2 = cross(&a2, &u);
         let ry = Vector3::new(c2.mul_add(a[0], s2 * a[2]), a[1], c2.mul_add(a[2], -(s2 * a[0])));
-        let a3 = Vector3::new(ry[0], c1.mul_add(ry[1], -(s1 * ry[2])), s1.mul_add(ry[1], c1 * ry[2]));
+        let a3 =
+            Vector3::new(ry[0], c1.mul_add(ry[1], -(s1 * ry[2])), s1.mul_add(ry[1], c1 * ry[2]));
         let rows = [cross(&J2, &a3), cross(&a3, &J1), cross(&J1, &J2)];
         let inverse_det = T::ONE / dot(&a3, &rows[2]);
         (Reach { axes, a2, lever, u, a3, rows, inverse_det }, verdict)
@@ -114,14 +126,24 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
 
     /// Rates of the three joints for a velocity of the point {cluster's parent body}.
     #[inline(always)]
-    pub(super) fn rates<T: Real<Const = C>>(&self, reach: &Reach<T>, velocity: &Vector3<T>) -> [T; 3] {
+    pub(super) fn rates<T: Real<Const = C>>(
+        &self,
+        reach: &Reach<T>,
+        velocity: &Vector3<T>,
+    ) -> [T; 3] {
         let x = t_mul(&reach.axes, velocity);
         reach.rows.each_ref().map(|row| dot(row, &x) * reach.inverse_det)
     }
 
-    /// Accelerations of the three joints from their rates and an acceleration of the point {cluster's parent body}.
+    /// Accelerations of the three joints from their rates and an acceleration of the point
+    /// {cluster's parent body}.
     #[inline(always)]
-    pub(super) fn accelerations<T: Real<Const = C>>(&self, reach: &Reach<T>, rates: [T; 3], acceleration: &Vector3<T>) -> [T; 3] {
+    pub(super) fn accelerations<T: Real<Const = C>>(
+        &self,
+        reach: &Reach<T>,
+        rates: [T; 3],
+        acceleration: &Vector3<T>,
+    ) -> [T; 3] {
         let [w1, w2, slide] = rates;
         let w = Vector3::new(w1, w2 * reach.a2[1], w2 * reach.a2[2]);
         let alpha = Vector3::new(T::ZERO, -(w1 * w[2]), w1 * w[1]);

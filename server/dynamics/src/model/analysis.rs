@@ -1,4 +1,5 @@
-//! What is fixed at load about the loops of a cluster: rank, rows, blocks, mobility; and the checks that need closed poses.
+//! What is fixed at load about the loops of a cluster: rank, rows, blocks, mobility; and the checks
+//! that need closed poses.
 
 use faer::Mat;
 
@@ -6,7 +7,8 @@ use super::blocks::blocks;
 use super::idle::Drift;
 use super::{Body, Cluster};
 use crate::closure::{
-    Blocks, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian, constraint_residual, local_poses, scaled,
+    Blocks, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian,
+    constraint_residual, local_poses, scaled,
 };
 use crate::fault::{Fault, Site};
 use crate::scalar::{Dd, Scalar};
@@ -37,8 +39,8 @@ struct Sample {
     pose: Vec<Pose<f64>>,
 }
 
-/// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared independents. `carries` tells which of its bodies
-/// carry other clusters.
+/// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared
+/// independents. `carries` tells which of its bodies carry other clusters.
 pub(super) fn analyse(
     cluster: &Cluster<f64>,
     bodies: &[Body<f64>],
@@ -53,12 +55,16 @@ pub(super) fn analyse(
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
 
     // the pose of highest rank is generic
-    let (rank, generic) =
-        samples.iter().map(|sample| (rank(&matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>())), sample)).max_by_key(|x| x.0)?;
+    let (rank, generic) = samples
+        .iter()
+        .map(|sample| (rank(&matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>())), sample))
+        .max_by_key(|x| x.0)?;
     let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
     let drift = null_space(&K_d);
     let excess = (n - rank).checked_sub(cluster.n_vy);
-    if excess != Some(drift.len()) || drift.iter().any(|of| !is_idle(cluster, bodies, carries, generic, of)) {
+    if excess != Some(drift.len())
+        || drift.iter().any(|of| !is_idle(cluster, bodies, carries, generic, of))
+    {
         errors.push(wrong_mobility(cluster, &K_d, rank, names, row_names, site));
         return None;
     }
@@ -71,8 +77,14 @@ pub(super) fn analyse(
         let name = |v: &usize| names[*v].as_str();
         warnings.push(Fault {
             site,
-            found: format!("idle joints, which turn a rod between its ball joints and nothing else: {}", list(&locked, name)),
-            expected: format!("{} joints that the independents determine", drift.len() + cluster.dependent.len()),
+            found: format!(
+                "idle joints, which turn a rod between its ball joints and nothing else: {}",
+                list(&locked, name)
+            ),
+            expected: format!(
+                "{} joints that the independents determine",
+                drift.len() + cluster.dependent.len()
+            ),
             help: "they keep the value of the guess, zero without one, and have no velocity".into(),
         });
     }
@@ -81,9 +93,13 @@ pub(super) fn analyse(
     let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
     let used = independent_rows(&K_d, n_dependent);
     if used.len() < rows {
-        let dropped = (0..rows)
-            .filter(|r| !used.contains(r))
-            .map(|r| format!("{} (off by {:.1e} along the motion)", row_names[r], off_by(&samples, &cluster, r, n)));
+        let dropped = (0..rows).filter(|r| !used.contains(r)).map(|r| {
+            format!(
+                "{} (off by {:.1e} along the motion)",
+                row_names[r],
+                off_by(&samples, &cluster, r, n)
+            )
+        });
         warnings.push(Fault {
             site,
             found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
@@ -108,9 +124,19 @@ fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
 }
 
 /// True where a direction of the dependents is idle at a sample.
-fn is_idle(cluster: &Cluster<f64>, bodies: &[Body<f64>], carries: &[bool], at: &Sample, direction: &[f64]) -> bool {
+fn is_idle(
+    cluster: &Cluster<f64>,
+    bodies: &[Body<f64>],
+    carries: &[bool],
+    at: &Sample,
+    direction: &[f64],
+) -> bool {
     let mut rate = vec![0.0; cluster.n_v];
-    cluster.dependent.iter().zip(direction).for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
+    cluster
+        .dependent
+        .iter()
+        .zip(direction)
+        .for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
     Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(carries)
 }
 
@@ -127,9 +153,14 @@ fn list<'a>(of: &[usize], name: impl Fn(&usize) -> &'a str) -> String {
     of.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
-/// Finds the closed pose at y = 0 to the last digit: the zero pose of the joints, unless couplings have offsets. A fault where the loops are
-/// open there.
-pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: &mut Numerical<Dd>, site: Site) -> Option<Fault> {
+/// Finds the closed pose at y = 0 to the last digit: the zero pose of the joints, unless couplings
+/// have offsets. A fault where the loops are open there.
+pub(super) fn close_zero(
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    numerical: &mut Numerical<Dd>,
+    site: Site,
+) -> Option<Fault> {
     if matches!(cluster.closure, Closure::Coupling(_)) {
         return None;
     }
@@ -139,7 +170,8 @@ pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: 
     constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     let gap = |of_coupling: bool| {
-        let of_kind = rows.clone().zip(&scratch.phi).filter(|(row, _)| row.terms.is_empty() != of_coupling);
+        let of_kind =
+            rows.clone().zip(&scratch.phi).filter(|(row, _)| row.terms.is_empty() != of_coupling);
         of_kind.fold(0.0, |gap: f64, (_, phi)| gap.max(phi.to_f64().abs()))
     };
     let (open, offset) = (gap(false), gap(true));
@@ -148,7 +180,8 @@ pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: 
             site,
             found: format!("a loop that is open by {open:.3e} m (or rad) at the zero pose"),
             expected: "placements that coincide at zero".into(),
-            help: "correct predecessor_placement, successor_placement or the joints' origins".into(),
+            help: "correct predecessor_placement, successor_placement or the joints' origins"
+                .into(),
         });
     }
     if open <= 1e-28 * cluster.length && offset == 0.0 {
@@ -159,10 +192,16 @@ pub(super) fn close_zero(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], numerical: 
     let mut part = cluster.clone();
     for k in 1..=steps {
         let share = Dd::from(k as f64) / Dd::from(steps as f64);
-        for (row, whole) in part.cuts.iter_mut().flat_map(|cut| &mut cut.rows).zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)) {
+        for (row, whole) in part
+            .cuts
+            .iter_mut()
+            .flat_map(|cut| &mut cut.rows)
+            .zip(cluster.cuts.iter().flat_map(|cut| &cut.rows))
+        {
             row.offset = whole.offset * share;
         }
-        let outcome = numerical.close(&part, bodies, &mut state.local(&mut scratch), Level::Position);
+        let outcome =
+            numerical.close(&part, bodies, &mut state.local(&mut scratch), Level::Position);
         if outcome.status != Status::Ok {
             return Some(Fault {
                 site,
@@ -213,7 +252,8 @@ impl<T: Scalar> State<T> {
     }
 }
 
-/// A closed pose some way from zero, found by damped steps of least norm, which need no rank; and the scaled K there.
+/// A closed pose some way from zero, found by damped steps of least norm, which need no rank; and
+/// the scaled K there.
 fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     let (n, rows) = (cluster.n_v, cluster.rows.len());
     let mut turn = vec![(1.0, 0.0); cluster.n];
@@ -227,7 +267,10 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     const SUBSTEPS: usize = 8;
     for _ in 0..SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
-            let (at, unit) = (&cluster.freedoms[j], if cluster.freedoms[j].slides() { cluster.length } else { 1.0 });
+            let (at, unit) = (
+                &cluster.freedoms[j],
+                if cluster.freedoms[j].slides() { cluster.length } else { 1.0 },
+            );
             at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
         }
         let mut done = false;
@@ -318,17 +361,35 @@ fn off_by(samples: &[Sample], cluster: &Cluster<f64>, r: usize, n: usize) -> f64
 }
 
 /// The fault of a mobility that does not fit: redundant rows and idle joints by name.
-fn wrong_mobility(cluster: &Cluster<f64>, K_d: &Mat<f64>, rank: usize, names: &[String], row_names: &[String], site: Site) -> Fault {
+fn wrong_mobility(
+    cluster: &Cluster<f64>,
+    K_d: &Mat<f64>,
+    rank: usize,
+    names: &[String],
+    row_names: &[String],
+    site: Site,
+) -> Fault {
     let mobility = cluster.n_v - rank;
-    let mut found = format!("mobility {mobility} ({} joints less rank {rank} of {} rows)", cluster.n_v, cluster.rows.len());
+    let mut found = format!(
+        "mobility {mobility} ({} joints less rank {rank} of {} rows)",
+        cluster.n_v,
+        cluster.rows.len()
+    );
     if rank < cluster.rows.len() {
         let kept = independent_rows(K_d, self::rank(K_d).min(K_d.nrows()));
-        let redundant = (0..cluster.rows.len()).filter(|r| !kept.contains(r)).map(|r| row_names[r].as_str()).collect::<Vec<_>>();
+        let redundant = (0..cluster.rows.len())
+            .filter(|r| !kept.contains(r))
+            .map(|r| row_names[r].as_str())
+            .collect::<Vec<_>>();
         found += &format!("; redundant rows: {}", redundant.join(", "));
     }
     // joints that can still move when all independents stand still
     let drift = null_space(K_d);
-    let moving = cluster.dependent.iter().enumerate().filter(|(i, _)| drift.iter().any(|of| of[*i].abs() > 1e-3));
+    let moving = cluster
+        .dependent
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| drift.iter().any(|of| of[*i].abs() > 1e-3));
     let moving = moving.map(|(_, v)| names[*v].as_str()).collect::<Vec<_>>();
     if !moving.is_empty() {
         found += &format!("; joints that the independents do not determine: {}", moving.join(", "));

@@ -23,7 +23,8 @@ pub(super) struct Assembly {
     pub(super) meta: Meta,
     /// Submechanism, loop and row of each external row of K; couplings have no loop.
     pub(super) row_owner: Vec<(usize, Option<(usize, usize)>)>,
-    /// For each cluster the first submechanism that owns a joint of it, and its joints in body order.
+    /// For each cluster the first submechanism that owns a joint of it, and its joints in body
+    /// order.
     pub(super) owner: Vec<usize>,
     members: Vec<Vec<usize>>,
     submechanism_of: Vec<usize>,
@@ -39,15 +40,29 @@ impl Assembly {
         let submechanism_of = owners(description, errors)?;
 
         // loops as given or as the type defines them, and the ties that they and the couplings make
-        let loops: Vec<Vec<Loop>> = (0..description.submechanisms.len()).map(|s| super::canonical::loops(description, s, errors)).collect();
+        let loops: Vec<Vec<Loop>> = (0..description.submechanisms.len())
+            .map(|s| super::canonical::loops(description, s, errors))
+            .collect();
         let mut ties = Vec::new();
         for of in loops.iter().flatten() {
             let (a, b) = skeleton.between(of.predecessor, of.successor);
             ties.push(a.into_iter().chain(b).collect::<Vec<_>>());
         }
-        for (j, joint) in description.joints.iter().enumerate().filter(|(_, joint)| joint.kind != JointKind::Fixed) {
+        for (j, joint) in description
+            .joints
+            .iter()
+            .enumerate()
+            .filter(|(_, joint)| joint.kind != JointKind::Fixed)
+        {
             if let Some(coupling) = &joint.coupling {
-                ties.push(coupling.terms.iter().map(|(master, _)| moving_of[*master]).chain([moving_of[j]]).collect());
+                ties.push(
+                    coupling
+                        .terms
+                        .iter()
+                        .map(|(master, _)| moving_of[*master])
+                        .chain([moving_of[j]])
+                        .collect(),
+                );
             }
         }
         if ties.iter().flatten().any(|m| *m == usize::MAX) {
@@ -62,7 +77,8 @@ impl Assembly {
             return None;
         }
         let partition = Partition::new(&skeleton, &ties);
-        let mut builder = Builder::new(description, &skeleton, &partition, &submechanism_of, errors)?;
+        let mut builder =
+            Builder::new(description, &skeleton, &partition, &submechanism_of, errors)?;
         builder.bodies();
         builder.frames();
         let row_owner = builder.rows(&loops, &moving_of);
@@ -70,15 +86,25 @@ impl Assembly {
         builder.terms(&moving_of, errors);
         builder.carriers();
         let (model, meta) = builder.finish(&row_owner, &loops, errors)?;
-        let owner = partition.members.iter().map(|joints| submechanism_of[skeleton.moving[joints[0]]]).collect();
-        let members = partition.members.iter().map(|joints| joints.iter().map(|m| skeleton.moving[*m]).collect()).collect();
+        let owner = partition
+            .members
+            .iter()
+            .map(|joints| submechanism_of[skeleton.moving[joints[0]]])
+            .collect();
+        let members = partition
+            .members
+            .iter()
+            .map(|joints| joints.iter().map(|m| skeleton.moving[*m]).collect())
+            .collect();
         Some(Assembly { model, meta, row_owner, owner, members, submechanism_of })
     }
 
     /// Names of a cluster's local velocities.
     pub(super) fn names(&self, c: usize) -> Vec<String> {
         let cluster = &self.model.clusters[c];
-        (cluster.v..cluster.v + cluster.n_v).map(|v| self.meta.tree[self.model.order.v_external[v]].clone()).collect()
+        (cluster.v..cluster.v + cluster.n_v)
+            .map(|v| self.meta.tree[self.model.order.v_external[v]].clone())
+            .collect()
     }
 
     /// The submechanisms that own joints of a cluster, with how many.
@@ -94,10 +120,13 @@ impl Assembly {
         owners
     }
 
-    /// How a cluster is to be closed: as its submechanism says when it is all of one, else numerically.
+    /// How a cluster is to be closed: as its submechanism says when it is all of one, else
+    /// numerically.
     pub(super) fn kind(&self, description: &Description, c: usize) -> SubmechanismKind {
         match self.owners(c).as_slice() {
-            [(s, n)] if *n == description.submechanisms[*s].spanning_tree.len() => description.submechanisms[*s].kind,
+            [(s, n)] if *n == description.submechanisms[*s].spanning_tree.len() => {
+                description.submechanisms[*s].kind
+            }
             _ => SubmechanismKind::Numerical,
         }
     }
@@ -105,7 +134,10 @@ impl Assembly {
     /// The local joints of a cluster in the order in which its submechanism lists them.
     pub(super) fn local_order(&self, description: &Description, c: usize) -> Vec<usize> {
         let listed = &description.submechanisms[self.owner[c]].spanning_tree;
-        listed.iter().filter_map(|j| self.members[c].iter().position(|member| member == j)).collect()
+        listed
+            .iter()
+            .filter_map(|j| self.members[c].iter().position(|member| member == j))
+            .collect()
     }
 }
 
@@ -113,13 +145,22 @@ impl Assembly {
 fn owners(description: &Description, errors: &mut Vec<Fault>) -> Option<Vec<usize>> {
     let mut owner = vec![usize::MAX; description.joints.len()];
     let mut fault = |site, found: String, expected: &str| {
-        errors.push(Fault { site, found, expected: expected.into(), help: "correct the lists of the submechanisms".into() });
+        errors.push(Fault {
+            site,
+            found,
+            expected: expected.into(),
+            help: "correct the lists of the submechanisms".into(),
+        });
     };
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
         for &j in &submechanism.spanning_tree {
             match owner.get(j) {
                 Some(&usize::MAX) => owner[j] = s,
-                _ => fault(Site::Submechanism(s), "a joint that is in two submechanisms or does not exist".into(), "each joint once"),
+                _ => fault(
+                    Site::Submechanism(s),
+                    "a joint that is in two submechanisms or does not exist".into(),
+                    "each joint once",
+                ),
             }
         }
         for &j in submechanism.independent.iter().chain(&submechanism.active) {
@@ -133,27 +174,35 @@ fn owners(description: &Description, errors: &mut Vec<Fault>) -> Option<Vec<usiz
         }
     }
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
-        for j in submechanism
-            .active
-            .iter()
-            .filter(|j| description.joints.get(**j).is_some_and(|joint| matches!(joint.kind, JointKind::Floating | JointKind::Spherical)))
-        {
+        for j in submechanism.active.iter().filter(|j| {
+            description.joints.get(**j).is_some_and(|joint| {
+                matches!(joint.kind, JointKind::Floating | JointKind::Spherical)
+            })
+        }) {
             fault(
                 Site::Submechanism(s),
-                format!("the joint {} of several freedoms as an actuator", description.joints[*j].name),
+                format!(
+                    "the joint {} of several freedoms as an actuator",
+                    description.joints[*j].name
+                ),
                 "actuators of one freedom",
             );
         }
     }
     for (j, joint) in description.joints.iter().enumerate() {
         if joint.kind != JointKind::Fixed && owner[j] == usize::MAX {
-            fault(Site::Joint(j), format!("joint {} in no submechanism", joint.name), "each moving joint in one");
+            fault(
+                Site::Joint(j),
+                format!("joint {} in no submechanism", joint.name),
+                "each moving joint in one",
+            );
         }
     }
     errors.is_empty().then_some(owner)
 }
 
-/// Independent and dependent velocities and coordinates of a cluster, and its actuators as (place in u, velocity).
+/// Independent and dependent velocities and coordinates of a cluster, and its actuators as (place
+/// in u, velocity).
 struct Roles {
     independent: Vec<usize>,
     dependent: Vec<usize>,
@@ -189,7 +238,9 @@ impl<'a> Builder<'a> {
         for &j in &skeleton.moving {
             let joint = &description.joints[j];
             turn.push(match (joint.kind, unit(&vector(joint.axis))) {
-                (JointKind::Floating | JointKind::Spherical, _) => Matrix3::identity().map(|x: f64| Dd::from_f64(x)),
+                (JointKind::Floating | JointKind::Spherical, _) => {
+                    Matrix3::identity().map(|x: f64| Dd::from_f64(x))
+                }
                 (_, Some(axis)) => onto_z(&axis),
                 (_, None) => {
                     errors.push(Fault {
@@ -233,7 +284,16 @@ impl<'a> Builder<'a> {
             limits: Vec::new(),
             effort: Vec::new(),
         };
-        Some(Builder { description, skeleton, partition, submechanism_of, model, body_of: vec![0; n], turn, names: Names::default() })
+        Some(Builder {
+            description,
+            skeleton,
+            partition,
+            submechanism_of,
+            model,
+            body_of: vec![0; n],
+            turn,
+            names: Names::default(),
+        })
     }
 
     /// Bodies and clusters in depth-first order, without inertia.
@@ -261,7 +321,14 @@ impl<'a> Builder<'a> {
                 };
                 let (n_q, n_v) = (motion.n_q(), motion.n_v());
                 let local = self.model.bodies.len() - body;
-                freedoms.extend((0..n_v).map(|k| Freedom { v: v - first_v + k, q: q - first_q, body: local, k, motion, single: n_v == 1 }));
+                freedoms.extend((0..n_v).map(|k| Freedom {
+                    v: v - first_v + k,
+                    q: q - first_q,
+                    body: local,
+                    k,
+                    motion,
+                    single: n_v == 1,
+                }));
                 let parent_body = self.skeleton.parent[m].map_or(0, |p| self.body_of[p]);
                 local_parent.push(if parent_body >= body { parent_body - body + 1 } else { 0 });
                 self.body_of[m] = self.model.bodies.len();
@@ -283,7 +350,8 @@ impl<'a> Builder<'a> {
                 self.model.cluster_of_v.extend(std::iter::repeat_n(c, n_v));
                 (q, v) = (q + n_q, v + n_v);
             }
-            let Roles { independent, dependent, independent_q, dependent_q, active } = self.roles(joints, first_q, first_v);
+            let Roles { independent, dependent, independent_q, dependent_q, active } =
+                self.roles(joints, first_q, first_v);
             let n_vy = independent.len();
             let (n_v, g) = (v - first_v, self.model.n_g);
             self.model.n_g += n_v * n_vy;
@@ -337,14 +405,26 @@ impl<'a> Builder<'a> {
     fn roles(&self, joints: &[usize], first_q: usize, first_v: usize) -> Roles {
         let written = |m: &usize| self.skeleton.moving[*m];
         let body = |m: &usize| &self.model.bodies[self.body_of[*m]];
-        let velocities = |m: &usize| (body(m).v - first_v..body(m).v - first_v + body(m).motion.n_v()).collect::<Vec<_>>();
-        let coordinates = |m: &usize| (body(m).q - first_q..body(m).q - first_q + body(m).motion.n_q()).collect::<Vec<_>>();
+        let velocities = |m: &usize| {
+            (body(m).v - first_v..body(m).v - first_v + body(m).motion.n_v()).collect::<Vec<_>>()
+        };
+        let coordinates = |m: &usize| {
+            (body(m).q - first_q..body(m).q - first_q + body(m).motion.n_q()).collect::<Vec<_>>()
+        };
         let local = |j: &usize| joints.iter().find(|m| written(m) == *j);
-        let independent: Vec<&usize> = self.description.submechanisms.iter().flat_map(|s| &s.independent).filter_map(local).collect();
+        let independent: Vec<&usize> = self
+            .description
+            .submechanisms
+            .iter()
+            .flat_map(|s| &s.independent)
+            .filter_map(local)
+            .collect();
         let dependent = || joints.iter().filter(|m| !independent.contains(m));
         let active = self.description.submechanisms.iter().flat_map(|s| &s.active).enumerate();
         Roles {
-            active: active.filter_map(|(u, j)| local(j).map(|m| (u, body(m).v - first_v))).collect(),
+            active: active
+                .filter_map(|(u, j)| local(j).map(|m| (u, body(m).v - first_v)))
+                .collect(),
             dependent: dependent().flat_map(velocities).collect(),
             dependent_q: dependent().flat_map(coordinates).collect(),
             independent: independent.iter().copied().flat_map(velocities).collect(),
@@ -357,7 +437,9 @@ impl<'a> Builder<'a> {
         for (link, written) in self.description.links.iter().enumerate() {
             let x = self.skeleton.x_carrier_link[link];
             let (body, x_body_frame) = match self.skeleton.carrier[link] {
-                Some(m) => (self.body_of[m], Pose { R: self.turn[m].transpose(), p: zero() }.then(&x)),
+                Some(m) => {
+                    (self.body_of[m], Pose { R: self.turn[m].transpose(), p: zero() }.then(&x))
+                }
                 None => (0, x),
             };
             self.model.frames.push(Frame { body, x_body_frame });
@@ -366,7 +448,14 @@ impl<'a> Builder<'a> {
                 let to = &mut self.model.bodies[body];
                 to.mass += mass;
                 to.h += h;
-                for (entry, x) in to.inertia.iter_mut().zip([I[(0, 0)], I[(0, 1)], I[(0, 2)], I[(1, 1)], I[(1, 2)], I[(2, 2)]]) {
+                for (entry, x) in to.inertia.iter_mut().zip([
+                    I[(0, 0)],
+                    I[(0, 1)],
+                    I[(0, 2)],
+                    I[(1, 1)],
+                    I[(1, 2)],
+                    I[(2, 2)],
+                ]) {
                     *entry += x;
                 }
             }
@@ -374,7 +463,11 @@ impl<'a> Builder<'a> {
     }
 
     /// Cuts and couplings on their clusters; returns who owns each external row.
-    fn rows(&mut self, loops: &[Vec<Loop>], moving_of: &[usize]) -> Vec<(usize, Option<(usize, usize)>)> {
+    fn rows(
+        &mut self,
+        loops: &[Vec<Loop>],
+        moving_of: &[usize],
+    ) -> Vec<(usize, Option<(usize, usize)>)> {
         let mut owner = Vec::new();
         let world = self.zero_poses();
         for (s, submechanism) in self.description.submechanisms.iter().enumerate() {
@@ -401,12 +494,26 @@ impl<'a> Builder<'a> {
                         terms.push((local(*master), -Dd::from_f64(*multiplier)));
                     }
                     let offset = -Dd::from_f64(coupling.offset);
-                    let row = CutRow { angular: zero(), linear: zero(), linear_p: zero(), against: None, terms, offset };
+                    let row = CutRow {
+                        angular: zero(),
+                        linear: zero(),
+                        linear_p: zero(),
+                        against: None,
+                        terms,
+                        offset,
+                    };
                     let identity = Pose::identity();
                     let cluster = &mut self.model.clusters[c];
                     let path = row.terms.iter().map(|(j, _)| (*j, true)).collect();
-                    let cut =
-                        Cut { predecessor: 0, successor: 0, x_p_cut: identity, x_s_cut: identity, rows: vec![row], path, angular: false };
+                    let cut = Cut {
+                        predecessor: 0,
+                        successor: 0,
+                        x_p_cut: identity,
+                        x_s_cut: identity,
+                        rows: vec![row],
+                        path,
+                        angular: false,
+                    };
                     cluster.cuts.push(cut);
                     cluster.rows.push(owner.len());
                     owner.push((s, None));
@@ -425,25 +532,34 @@ impl<'a> Builder<'a> {
         world
     }
 
-    /// A loop as a cut of a cluster; `a` and `b` are the joints on the predecessor's and the successor's side.
+    /// A loop as a cut of a cluster; `a` and `b` are the joints on the predecessor's and the
+    /// successor's side.
     fn cut(&self, of: &Loop, c: usize, a: &[usize], b: &[usize], world: &[Pose<Dd>]) -> Cut<Dd> {
         let cluster = &self.model.clusters[c];
         let local = |link: usize| {
             let body = self.model.frames[link].body;
-            if body >= cluster.body && body < cluster.body + cluster.n { body - cluster.body + 1 } else { 0 }
+            if body >= cluster.body && body < cluster.body + cluster.n {
+                body - cluster.body + 1
+            } else {
+                0
+            }
         };
         let (p, s) = (local(of.predecessor), local(of.successor));
-        let global = |local: usize| if local == 0 { cluster.parent } else { cluster.body + local - 1 };
-        let in_root = |link: usize| world[self.model.frames[link].body].then(&self.model.frames[link].x_body_frame);
+        let global =
+            |local: usize| if local == 0 { cluster.parent } else { cluster.body + local - 1 };
+        let in_root = |link: usize| {
+            world[self.model.frames[link].body].then(&self.model.frames[link].x_body_frame)
+        };
         let (P, S) = match &of.cut {
             written::Cut::AtJoint(j) => {
                 let frame = in_root(self.description.joints[*j].child);
                 (frame, frame)
             }
             written::Cut::AtLink(link) => (in_root(*link), in_root(*link)),
-            written::Cut::Placed { predecessor, successor } => {
-                (in_root(of.predecessor).then(&pose(predecessor)), in_root(of.successor).then(&pose(successor)))
-            }
+            written::Cut::Placed { predecessor, successor } => (
+                in_root(of.predecessor).then(&pose(predecessor)),
+                in_root(of.successor).then(&pose(successor)),
+            ),
         };
         let x_p_cut = world[global(p)].inverse().then(&P);
         let rows = of.rows.iter().map(|row| {
@@ -459,10 +575,12 @@ impl<'a> Builder<'a> {
                 offset: Dd::ZERO,
             }
         });
-        let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true))).flat_map(|(m, side)| {
-            let body = &self.model.bodies[self.body_of[*m]];
-            (0..body.motion.n_v()).map(move |k| (body.v - cluster.v + k, side))
-        });
+        let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true))).flat_map(
+            |(m, side)| {
+                let body = &self.model.bodies[self.body_of[*m]];
+                (0..body.motion.n_v()).map(move |k| (body.v - cluster.v + k, side))
+            },
+        );
         Cut {
             predecessor: p,
             successor: s,
@@ -534,7 +652,10 @@ impl<'a> Builder<'a> {
             .flat_map(|s| &s.spanning_tree)
             .filter(|j| self.description.joints[**j].coupling.is_some());
         for name in loop_names.iter_mut().filter(|name| name.is_empty()) {
-            *name = coupled.next().map(|j| format!("{}/coupling", self.description.joints[*j].name)).unwrap_or_default();
+            *name = coupled
+                .next()
+                .map(|j| format!("{}/coupling", self.description.joints[*j].name))
+                .unwrap_or_default();
         }
         let sizes = Sizes {
             n_q: names.tree_q.len(),
@@ -566,7 +687,9 @@ impl<'a> Builder<'a> {
 
 /// FNV-1a over everything that was written.
 fn fingerprint(description: &Description) -> u64 {
-    format!("{description:?}").bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+    format!("{description:?}").bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
 impl Meta {

@@ -1,4 +1,5 @@
-//! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many joints, in the order of solution.
+//! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many
+//! joints, in the order of solution.
 
 use super::Cluster;
 use crate::closure::{Block, BlockCut, Blocks, Cut, CutRow, RowKind};
@@ -26,14 +27,16 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
     // strongly connected sets of joints: a joint needs those that its row sees
     let mut row_of = vec![0; m];
     matched.iter().enumerate().for_each(|(i, a)| row_of[*a] = i);
-    let sets = strongly_connected(m, |a| (0..m).filter(|b| *b != a && sees[row_of[a]][*b]).collect());
+    let sets =
+        strongly_connected(m, |a| (0..m).filter(|b| *b != a && sees[row_of[a]][*b]).collect());
 
     let mut known = vec![false; n];
     let mut placed = vec![false; cluster.n];
     let mut offset = 0;
     let mut blocks = Vec::new();
     for set in sets {
-        let (set_rows, set_columns) = elimination_order(&set, &row_of, |i, a| K[used[i] * n + cluster.dependent[a]]);
+        let (set_rows, set_columns) =
+            elimination_order(&set, &row_of, |i, a| K[used[i] * n + cluster.dependent[a]]);
         let unknowns: Vec<usize> = set_columns.iter().map(|a| cluster.dependent[*a]).collect();
         let mut cuts: Vec<BlockCut> = Vec::new();
         for (i, row) in set_rows.iter().enumerate() {
@@ -49,23 +52,40 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
                         rows: vec![(k, i)],
                         units: Vec::new(),
                         kind: RowKind::Any,
-                        solve: path.iter().filter_map(|(j, side)| column(j).map(|a| (of(*j), *side, a))).collect(),
-                        independent: path.iter().filter_map(|(j, side)| independent(j).map(|k| (of(*j), *side, k))).collect(),
-                        earlier: path.iter().filter(|(j, _)| known[*j]).map(|(j, side)| (of(*j), *side)).collect(),
+                        solve: path
+                            .iter()
+                            .filter_map(|(j, side)| column(j).map(|a| (of(*j), *side, a)))
+                            .collect(),
+                        independent: path
+                            .iter()
+                            .filter_map(|(j, side)| independent(j).map(|k| (of(*j), *side, k)))
+                            .collect(),
+                        earlier: path
+                            .iter()
+                            .filter(|(j, _)| known[*j])
+                            .map(|(j, side)| (of(*j), *side))
+                            .collect(),
                     });
                 }
             }
         }
         for cut in &mut cuts {
             cut.kind = row_kind(&cluster.cuts[cut.cut], &cut.rows);
-            let unit = |r: usize| if is_length(cluster, &cluster.cuts[cut.cut].rows[r]) { 1.0 } else { cluster.length };
+            let unit = |r: usize| {
+                if is_length(cluster, &cluster.cuts[cut.cut].rows[r]) {
+                    1.0
+                } else {
+                    cluster.length
+                }
+            };
             if cut.rows.iter().any(|(r, _)| unit(*r) != 1.0) {
                 cut.units = cut.rows.iter().map(|(r, _)| unit(*r)).collect();
             }
         }
         let mut on_way = vec![false; cluster.n];
         cuts.iter().for_each(|cut| mark_way(cluster, &cluster.cuts[cut.cut], &mut on_way));
-        // bodies that the unknowns carry or move; what is on the way and not one of them is placed before, where it is not yet
+        // bodies that the unknowns carry or move; what is on the way and not one of them is placed
+        // before, where it is not yet
         let carried = |body: usize| unknowns.iter().any(|v| cluster.freedoms[*v].body == body);
         let mut moves = vec![false; cluster.n];
         for j in 0..cluster.n {
@@ -73,9 +93,16 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
             moves[j] = carried(j) || parent != 0 && moves[parent - 1];
         }
         let single = |body: usize| cluster.freedoms.iter().all(|at| at.body != body || at.single);
-        let held = |body: usize| single(body) && !(cluster.local_parent[body] != 0 && moves[cluster.local_parent[body] - 1]);
-        let bodies: Vec<(usize, bool)> = (0..cluster.n).filter(|j| carried(*j) || on_way[*j] && moves[*j]).map(|j| (j, held(j))).collect();
-        let before: Vec<usize> = (0..cluster.n).filter(|j| on_way[*j] && !moves[*j] && !placed[*j]).collect();
+        let held = |body: usize| {
+            single(body)
+                && !(cluster.local_parent[body] != 0 && moves[cluster.local_parent[body] - 1])
+        };
+        let bodies: Vec<(usize, bool)> = (0..cluster.n)
+            .filter(|j| carried(*j) || on_way[*j] && moves[*j])
+            .map(|j| (j, held(j)))
+            .collect();
+        let before: Vec<usize> =
+            (0..cluster.n).filter(|j| on_way[*j] && !moves[*j] && !placed[*j]).collect();
         (0..cluster.n).filter(|j| moves[*j]).for_each(|j| placed[j] = false);
         before.iter().chain(bodies.iter().map(|(j, _)| j)).for_each(|j| placed[*j] = true);
         unknowns.iter().for_each(|j| known[*j] = true);
@@ -111,15 +138,16 @@ fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
     }
 }
 
-/// True when a new y leaves the block's part of K at the old unknowns as it was, up to a turn of the rows: the unknowns move the successor
-/// alone, whose cut point the velocities are those of.
+/// True when a new y leaves the block's part of K at the old unknowns as it was, up to a turn of
+/// the rows: the unknowns move the successor alone, whose cut point the velocities are those of.
 fn one_sided(cut: &BlockCut) -> bool {
     cut.solve.iter().all(|(_, on_successor, _)| *on_successor)
 }
 
 /// What is common to a block's rows of a cut.
 fn row_kind(cut: &Cut<f64>, rows: &[(usize, usize)]) -> RowKind {
-    let linear = rows.iter().all(|(r, _)| cut.rows[*r].terms.is_empty() && cut.rows[*r].linear.norm() > 0.0);
+    let linear =
+        rows.iter().all(|(r, _)| cut.rows[*r].terms.is_empty() && cut.rows[*r].linear.norm() > 0.0);
     match is_ball(cut, rows) {
         true => RowKind::Ball,
         false if linear && !cut.angular => RowKind::Linear,
@@ -133,14 +161,21 @@ fn is_ball(cut: &Cut<f64>, rows: &[(usize, usize)]) -> bool {
     let of = |r: usize| &cut.rows[r];
     let linear = [a, b, c].iter().all(|r| of(*r).terms.is_empty() && of(*r).angular.norm() == 0.0);
     let (x, y, z) = (of(a).linear, of(b).linear, of(c).linear);
-    linear && (j, k) == (i + 1, i + 2) && x.dot(&y.cross(&z)).abs() > 1e-3 * x.norm() * y.norm() * z.norm()
+    linear
+        && (j, k) == (i + 1, i + 2)
+        && x.dot(&y.cross(&z)).abs() > 1e-3 * x.norm() * y.norm() * z.norm()
 }
 
 /// One joint for each row, by augmenting paths that try large entries first (Kuhn 1955).
 fn matching(sees: &[Vec<bool>], size: impl Fn(usize, usize) -> f64) -> Vec<usize> {
     let m = sees.len();
     let mut row_of: Vec<Option<usize>> = vec![None; m];
-    fn augment(i: usize, order: &[Vec<usize>], row_of: &mut [Option<usize>], tried: &mut [bool]) -> bool {
+    fn augment(
+        i: usize,
+        order: &[Vec<usize>],
+        row_of: &mut [Option<usize>],
+        tried: &mut [bool],
+    ) -> bool {
         for &a in &order[i] {
             if !tried[a] {
                 tried[a] = true;
@@ -208,8 +243,14 @@ fn strongly_connected(n: usize, needs: impl Fn(usize) -> Vec<usize>) -> Vec<Vec<
             walk.sets.push(set);
         }
     }
-    let mut walk =
-        Walk { number: vec![usize::MAX; n], low: vec![0; n], on_stack: vec![false; n], stack: Vec::new(), next: 0, sets: Vec::new() };
+    let mut walk = Walk {
+        number: vec![usize::MAX; n],
+        low: vec![0; n],
+        on_stack: vec![false; n],
+        stack: Vec::new(),
+        next: 0,
+        sets: Vec::new(),
+    };
     for a in 0..n {
         if walk.number[a] == usize::MAX {
             visit(a, &needs, &mut walk);
@@ -219,7 +260,11 @@ fn strongly_connected(n: usize, needs: impl Fn(usize) -> Vec<usize>) -> Vec<Vec<
 }
 
 /// Rows and columns of a block in the order of full pivoting at a generic pose.
-fn elimination_order(set: &[usize], row_of: &[usize], entry: impl Fn(usize, usize) -> f64) -> (Vec<usize>, Vec<usize>) {
+fn elimination_order(
+    set: &[usize],
+    row_of: &[usize],
+    entry: impl Fn(usize, usize) -> f64,
+) -> (Vec<usize>, Vec<usize>) {
     let mut rows: Vec<usize> = set.iter().map(|a| row_of[*a]).collect();
     let mut columns = set.to_vec();
     rows.sort_unstable();
@@ -227,7 +272,8 @@ fn elimination_order(set: &[usize], row_of: &[usize], entry: impl Fn(usize, usiz
     if m <= 3 {
         return (rows, columns);
     }
-    let mut A: Vec<Vec<f64>> = rows.iter().map(|i| columns.iter().map(|a| entry(*i, *a)).collect()).collect();
+    let mut A: Vec<Vec<f64>> =
+        rows.iter().map(|i| columns.iter().map(|a| entry(*i, *a)).collect()).collect();
     for k in 0..m {
         let (mut p, mut q) = (k, k);
         for i in k..m {

@@ -18,8 +18,9 @@ const SINGULAR: f64 = 1e-9;
 const POLISHABLE: f64 = 1e-3;
 
 impl Model<f64> {
-    /// Compiles a description: merges fixed joints, finds clusters, fixes rank, rows and order of every closure, checks mobility, closure at
-    /// zero and the reduced mass matrix. Allocates; takes milliseconds.
+    /// Compiles a description: merges fixed joints, finds clusters, fixes rank, rows and order of
+    /// every closure, checks mobility, closure at zero and the reduced mass matrix. Allocates;
+    /// takes milliseconds.
     ///
     /// # Errors
     /// All faults that were found, each with its place in the description.
@@ -32,7 +33,11 @@ impl Model<f64> {
     }
 }
 
-fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<Fault>) -> Option<Compiled> {
+fn build(
+    description: &Description,
+    errors: &mut Vec<Fault>,
+    warnings: &mut Vec<Fault>,
+) -> Option<Compiled> {
     let assembly = Assembly::new(description, errors)?;
     let mut exact = assembly.model.clone();
     let mut info = Vec::new();
@@ -57,15 +62,21 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         let bodies = &rough.bodies[cluster.body..cluster.body + cluster.n];
         let names = assembly.names(c);
         let site = Site::Submechanism(assembly.owner[c]);
-        let row_names = cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
-        let carries: Vec<bool> = (0..cluster.n).map(|b| rough.clusters.iter().any(|of| of.parent == cluster.body + b)).collect();
-        let analysis = analysis::analyse(cluster, bodies, &carries, &names, &row_names, site, errors, warnings);
+        let row_names =
+            cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
+        let carries: Vec<bool> = (0..cluster.n)
+            .map(|b| rough.clusters.iter().any(|of| of.parent == cluster.body + b))
+            .collect();
+        let analysis = analysis::analyse(
+            cluster, bodies, &carries, &names, &row_names, site, errors, warnings,
+        );
         let Some(Analysis { used, blocks, locked }) = analysis else { continue };
         for &r in &used {
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
         }
         let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
-        let mut numerical = Numerical::new(blocks, exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec());
+        let mut numerical =
+            Numerical::new(blocks, exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec());
         exact.clusters[c].used = used;
         for (s, _) in assembly.owners(c) {
             info[s].length = f64::max(info[s].length, cluster.length);
@@ -73,23 +84,32 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
         info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[*v].clone()));
         exact.clusters[c].dependent.retain(|v| !locked.contains(v));
         exact.clusters[c].locked = locked;
-        if let Some(fault) = analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site) {
+        if let Some(fault) =
+            analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site)
+        {
             errors.push(fault);
             continue;
         }
         let (q, n) = (cluster.q, cluster.n_q);
         exact.zero[q..q + n].copy_from_slice(&numerical.zero);
 
-        // couplings are closed as they are; another closed form stands, starts Newton's method, or does not fit
+        // couplings are closed as they are; another closed form stands, starts Newton's method, or
+        // does not fit
         if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
             continue;
         }
-        if exact.clusters[c].cuts.iter().flat_map(|cut| &cut.rows).all(|row| !row.terms.is_empty()) {
+        if exact.clusters[c].cuts.iter().flat_map(|cut| &cut.rows).all(|row| !row.terms.is_empty())
+        {
             errors.push(contradicting_couplings(&names, site));
             continue;
         }
         let kind = kind(&assembly, description, c);
-        let closure = match closed_forms::build(kind, &exact.clusters[c], &exact_bodies, &assembly.local_order(description, c)) {
+        let closure = match closed_forms::build(
+            kind,
+            &exact.clusters[c],
+            &exact_bodies,
+            &assembly.local_order(description, c),
+        ) {
             None => {
                 if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
                     warnings.push(fault);
@@ -99,14 +119,18 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
             Some(Err(why)) => {
                 warnings.push(Fault {
                     site,
-                    found: format!("a {} whose {why}", description.submechanisms[assembly.owner[c]].type_name),
+                    found: format!(
+                        "a {} whose {why}",
+                        description.submechanisms[assembly.owner[c]].type_name
+                    ),
                     expected: "the geometry that the type's closed form assumes".into(),
                     help: "it is closed numerically; write NUMERICAL to say so".into(),
                 });
                 Closure::Numerical(numerical)
             }
             Some(Ok(mut form)) => {
-                let of_bodies: Vec<String> = bodies.iter().map(|body| names[body.v - cluster.v].clone()).collect();
+                let of_bodies: Vec<String> =
+                    bodies.iter().map(|body| names[body.v - cluster.v].clone()).collect();
                 let (worst, misfit) = form.misfit(&of_bodies);
                 for (s, _) in assembly.owners(c) {
                     info[s].misfit = f64::max(info[s].misfit, misfit);
@@ -152,21 +176,28 @@ fn build(description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<
     let mut model = exact.map(Dd::to_f64);
     model.inertia = masses::check(&model, description, errors, warnings);
     exact.inertia.clone_from(&model.inertia);
-    for (s, of) in model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR) {
+    for (s, of) in
+        model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR)
+    {
         warnings.push(Fault {
             site: Site::Submechanism(s),
             found: format!("loops that are singular at the zero pose (sigma {:.1e})", of.sigma_min),
             expected: "a zero pose from which requests without a guess can go on".into(),
-            help: "move the joints' origins away from the toggle, or give q_guess with every request".into(),
+            help:
+                "move the joints' origins away from the toggle, or give q_guess with every request"
+                    .into(),
         });
     }
     Some(Compiled { model, exact, warnings: Vec::new() })
 }
 
-/// A cluster is of its submechanism's type where it is all of it; parallelograms of one chain may be clusters of their own.
+/// A cluster is of its submechanism's type where it is all of it; parallelograms of one chain may
+/// be clusters of their own.
 fn kind(assembly: &Assembly, description: &Description, c: usize) -> SubmechanismKind {
     match assembly.owners(c).as_slice() {
-        [(s, _)] if description.submechanisms[*s].kind == SubmechanismKind::ParallelogramChain => SubmechanismKind::ParallelogramChain,
+        [(s, _)] if description.submechanisms[*s].kind == SubmechanismKind::ParallelogramChain => {
+            SubmechanismKind::ParallelogramChain
+        }
         _ => assembly.kind(description, c),
     }
 }

@@ -1,4 +1,5 @@
-//! What is read off a cluster before its closure is chosen: its size, and its couplings if it is tied by nothing else; linear relations.
+//! What is read off a cluster before its closure is chosen: its size, and its couplings if it is
+//! tied by nothing else; linear relations.
 
 use nalgebra::Vector3;
 
@@ -7,7 +8,8 @@ use crate::closure::Coupling;
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::Pose;
 
-/// Mean distance of a cluster's joint origins and cuts from its parent body's nearest point: the size of the mechanism.
+/// Mean distance of a cluster's joint origins and cuts from its parent body's nearest point: the
+/// size of the mechanism.
 pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> f64 {
     let mut pose = vec![Pose::identity()];
     for j in 0..cluster.n {
@@ -36,22 +38,28 @@ pub(super) struct Relation {
     pub(super) offset: Dd,
 }
 
-/// What contradicting or repeated relations may leave, relative to their coefficients: numbers in files are rounded.
+/// What contradicting or repeated relations may leave, relative to their coefficients: numbers in
+/// files are rounded.
 const ROUNDING: f64 = 1e-12;
 
-/// M and b of a cluster whose every row is a coupling; `None` for others and where the couplings do not determine the dependents.
+/// M and b of a cluster whose every row is a coupling; `None` for others and where the couplings do
+/// not determine the dependents.
 pub(super) fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
     if cluster.n_q != cluster.n {
         return None;
     }
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
-    let relations: Option<Vec<Relation>> =
-        rows.map(|row| (!row.terms.is_empty()).then(|| Relation { terms: row.terms.clone(), offset: row.offset })).collect();
+    let relations: Option<Vec<Relation>> = rows
+        .map(|row| {
+            (!row.terms.is_empty())
+                .then(|| Relation { terms: row.terms.clone(), offset: row.offset })
+        })
+        .collect();
     solve(cluster, &relations?)
 }
 
-/// The dependents from relations that may hold in any order and at once, by elimination with full pivoting; relations that repeat others
-/// are allowed, those that contradict them are not.
+/// The dependents from relations that may hold in any order and at once, by elimination with full
+/// pivoting; relations that repeat others are allowed, those that contradict them are not.
 pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Coupling<Dd>> {
     let (n, m, d) = (cluster.n, cluster.n_vy, cluster.dependent.len());
     let (rows, width) = (relations.len(), d + m + 1);
@@ -60,7 +68,8 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
     for (r, relation) in relations.iter().enumerate() {
         for (j, c) in &relation.terms {
             let dependent = cluster.dependent.iter().position(|x| x == j);
-            let column = dependent.or(cluster.independent.iter().position(|x| x == j).map(|k| d + k))?;
+            let column =
+                dependent.or(cluster.independent.iter().position(|x| x == j).map(|k| d + k))?;
             A[r * width + column] += *c;
         }
         A[r * width + width - 1] = relation.offset;
@@ -72,7 +81,8 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
             row.iter_mut().for_each(|x| *x = *x / Dd::from(size));
         }
     }
-    let (mut free, mut row_of): (Vec<usize>, Vec<usize>) = ((0..rows).collect(), vec![usize::MAX; d]);
+    let (mut free, mut row_of): (Vec<usize>, Vec<usize>) =
+        ((0..rows).collect(), vec![usize::MAX; d]);
     for _ in 0..d {
         let open = (0..d).filter(|a| row_of[*a] == usize::MAX);
         let candidates = open.flat_map(|a| free.iter().map(move |r| (*r, a)));
@@ -96,7 +106,10 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
         row_of[a] = r;
     }
     // what is left over must say nothing new
-    if free.iter().any(|r| A[r * width..(r + 1) * width].iter().any(|x| x.to_f64().abs() > ROUNDING)) {
+    if free
+        .iter()
+        .any(|r| A[r * width..(r + 1) * width].iter().any(|x| x.to_f64().abs() > ROUNDING))
+    {
         return None;
     }
     let mut coupling = Coupling { M: vec![Dd::ZERO; n * m], b: vec![Dd::ZERO; n], polish: None };

@@ -1,10 +1,13 @@
-//! The freedoms of joints: what moves, along which axis, the pose that coordinates give, and how a step changes them.
+//! The freedoms of joints: what moves, along which axis, the pose that coordinates give, and how a
+//! step changes them.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::Body;
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z};
+use crate::spatial::{
+    Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z,
+};
 
 /// What motion a body's joint allows, along or about its z axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,11 +74,14 @@ impl Freedom {
     }
 }
 
-/// Pose of a body in its parent from the turn and the coordinates of its joint, which come first in `q`.
+/// Pose of a body in its parent from the turn and the coordinates of its joint, which come first in
+/// `q`.
 #[inline(always)]
 pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], turn: (T, T)) -> Pose<T> {
     match body.motion {
-        Motion::Revolute | Motion::Prismatic => single_pose(body, &Pose { R: lift_mat(&body.E), p: lift(&body.r) }, q[0], turn),
+        Motion::Revolute | Motion::Prismatic => {
+            single_pose(body, &Pose { R: lift_mat(&body.E), p: lift(&body.r) }, q[0], turn)
+        }
         Motion::Spherical | Motion::Floating => free_pose(body, q),
     }
 }
@@ -93,7 +99,12 @@ fn free_pose<T: Real>(body: &Body<T::Const>, q: &[T]) -> Pose<T> {
 
 /// Pose of a body with one freedom from that at zero of its joint.
 #[inline(always)]
-pub(crate) fn single_pose<T: Real>(body: &Body<T::Const>, base: &Pose<T>, q: T, turn: (T, T)) -> Pose<T> {
+pub(crate) fn single_pose<T: Real>(
+    body: &Body<T::Const>,
+    base: &Pose<T>,
+    q: T,
+    turn: (T, T),
+) -> Pose<T> {
     if body.motion == Motion::Revolute {
         Pose { R: turn_z(&base.R, turn.0, turn.1), p: base.p }
     } else {
@@ -101,7 +112,8 @@ pub(crate) fn single_pose<T: Real>(body: &Body<T::Const>, base: &Pose<T>, q: T, 
     }
 }
 
-/// Moves one freedom of a joint by a step; `q` starts with the joint's coordinates. Quaternions stay of unit length.
+/// Moves one freedom of a joint by a step; `q` starts with the joint's coordinates. Quaternions
+/// stay of unit length.
 #[inline(never)]
 fn advance<T: Real>(motion: Motion, k: usize, q: &mut [T], step: T) {
     match (motion, k) {

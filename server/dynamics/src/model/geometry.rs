@@ -61,8 +61,12 @@ pub(crate) fn onto_z(z: &Vector3<Dd>) -> Matrix3<Dd> {
     Matrix3::from_columns(&[x, y, *z])
 }
 
-/// Mass, first moment and inertia about a body's origin of a link's inertial, the link at `x_body_link`.
-pub(crate) fn inertia(inertial: &Inertial, x_body_link: &Pose<Dd>) -> (Dd, Vector3<Dd>, Matrix3<Dd>) {
+/// Mass, first moment and inertia about a body's origin of a link's inertial, the link at
+/// `x_body_link`.
+pub(crate) fn inertia(
+    inertial: &Inertial,
+    x_body_link: &Pose<Dd>,
+) -> (Dd, Vector3<Dd>, Matrix3<Dd>) {
     let at = x_body_link.then(&pose(&inertial.origin));
     let [xx, xy, xz, yy, yz, zz] = inertial.inertia.map(Dd::from_f64);
     let of_center = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);

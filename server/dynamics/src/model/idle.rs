@@ -1,8 +1,9 @@
 //! Idle freedoms: rods that may spin between their ball joints while everything else stands still.
 //!
-//! A motion of the dependents at y = const is idle where nothing of it passes a cut or leaves the cluster: both points of every cut stand
-//! still, each side of a cut satisfies its rows alone, no actuator and no coupled joint moves, and every body that moves turns about a line
-//! through a centre of its own that stands still: a cut point on it, or the point where two of its axes meet.
+//! A motion of the dependents at y = const is idle where nothing of it passes a cut or leaves the
+//! cluster: both points of every cut stand still, each side of a cut satisfies its rows alone, no
+//! actuator and no coupled joint moves, and every body that moves turns about a line through a
+//! centre of its own that stands still: a cut point on it, or the point where two of its axes meet.
 
 use nalgebra::Vector3;
 
@@ -21,7 +22,8 @@ pub(super) struct Drift<'a> {
     pub(super) bodies: &'a [Body<f64>],
     /// Pose of each local body; 0 is the cluster's parent body.
     pub(super) pose: &'a [Pose<f64>],
-    /// Rates of the local velocities, of about unit size; and the scaled K with rows × n_v entries times them.
+    /// Rates of the local velocities, of about unit size; and the scaled K with rows × n_v entries
+    /// times them.
     pub(super) rate: Vec<f64>,
     pub(super) K: &'a [f64],
 }
@@ -32,10 +34,13 @@ impl Drift<'_> {
         let cluster = self.cluster;
         let still = |v: usize| self.rate[v].abs() < STILL * column_unit(cluster, v);
         let coupled = cluster.cuts.iter().flat_map(|cut| &cut.rows).flat_map(|row| &row.terms);
-        if !cluster.active.iter().all(|(_, v)| still(*v)) || !coupled.into_iter().all(|(v, _)| still(*v)) {
+        if !cluster.active.iter().all(|(_, v)| still(*v))
+            || !coupled.into_iter().all(|(v, _)| still(*v))
+        {
             return false;
         }
-        self.passes_no_cut() && (0..cluster.n).all(|b| !self.moves(b) || !carries[b] && self.turns_about_a_centre(b))
+        self.passes_no_cut()
+            && (0..cluster.n).all(|b| !self.moves(b) || !carries[b] && self.turns_about_a_centre(b))
     }
 
     /// Both points of every cut stand still, and each side satisfies the rows alone.
@@ -44,14 +49,20 @@ impl Drift<'_> {
         let mut r = 0;
         for cut in &cluster.cuts {
             let ends = [(cut.predecessor, &cut.x_p_cut), (cut.successor, &cut.x_s_cut)];
-            if ends.iter().any(|(body, x)| self.velocity(*body, &self.pose[*body].point(&x.p)).norm() > STILL * cluster.length) {
+            if ends.iter().any(|(body, x)| {
+                self.velocity(*body, &self.pose[*body].point(&x.p)).norm() > STILL * cluster.length
+            }) {
                 return false;
             }
             for _ in &cut.rows {
                 for side in [false, true] {
                     let on_side = cut.path.iter().filter(|(_, of)| *of == side);
                     // rates are those of the scaling's columns
-                    let sum: f64 = on_side.map(|(v, _)| self.K[r * n_v + v] * self.rate[*v] / column_unit(cluster, *v)).sum();
+                    let sum: f64 = on_side
+                        .map(|(v, _)| {
+                            self.K[r * n_v + v] * self.rate[*v] / column_unit(cluster, *v)
+                        })
+                        .sum();
                     if sum.abs() > STILL {
                         return false;
                     }
@@ -64,11 +75,14 @@ impl Drift<'_> {
 
     fn moves(&self, b: usize) -> bool {
         let p = self.pose[b + 1].p;
-        self.spin(b + 1).norm() > STILL || self.velocity(b + 1, &p).norm() > STILL * self.cluster.length
+        self.spin(b + 1).norm() > STILL
+            || self.velocity(b + 1, &p).norm() > STILL * self.cluster.length
     }
 
     fn turns_about_a_centre(&self, b: usize) -> bool {
-        self.centres(b).iter().any(|centre| self.velocity(b + 1, centre).norm() < STILL * self.cluster.length)
+        self.centres(b)
+            .iter()
+            .any(|centre| self.velocity(b + 1, centre).norm() < STILL * self.cluster.length)
     }
 
     /// Cut points on a body, and where its joint's axis meets that of its parent or of a child.
@@ -103,7 +117,9 @@ impl Drift<'_> {
         let (u, v, d) = (x.R.column(2).into_owned(), y.R.column(2).into_owned(), y.p - x.p);
         let normal = u.cross(&v);
         let square = normal.norm_squared();
-        if square < APART * APART || d.dot(&normal).abs() > STILL * self.cluster.length * square.sqrt() {
+        if square < APART * APART
+            || d.dot(&normal).abs() > STILL * self.cluster.length * square.sqrt()
+        {
             return None;
         }
         Some(x.p + u * (d.cross(&v).dot(&normal) / square))
@@ -120,12 +136,22 @@ impl Drift<'_> {
     }
 
     /// Sum over the joints that move a body, of what each does: (ω, v of its origin, its origin).
-    fn sum(&self, body: usize, of: impl Fn(Vector3<f64>, Vector3<f64>, Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
+    fn sum(
+        &self,
+        body: usize,
+        of: impl Fn(Vector3<f64>, Vector3<f64>, Vector3<f64>) -> Vector3<f64>,
+    ) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         let mut at = body;
         while at != 0 {
             let pose = &self.pose[at];
-            for (v, freedom) in self.cluster.freedoms.iter().enumerate().filter(|(_, freedom)| freedom.body == at - 1) {
+            for (v, freedom) in self
+                .cluster
+                .freedoms
+                .iter()
+                .enumerate()
+                .filter(|(_, freedom)| freedom.body == at - 1)
+            {
                 let (zero, rate) = (Vector3::zeros(), self.rate[v]);
                 let axis = |k: usize| pose.R.column(k).into_owned() * rate;
                 sum += match self.bodies[at - 1].motion {

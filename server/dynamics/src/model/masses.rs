@@ -1,8 +1,9 @@
 //! Whether the masses of a robot let its motion be computed, judged at load.
 //!
-//! The diagonal of M_y is what an independent joint has to accelerate while the others stand still, the pivots Δ of the recursion what it has to
-//! while the others behind it are free. Their ratio has no unit, and its digits are lost in forward dynamics: a heavy hand on light
-//! links has a large one.
+//! The diagonal of M_y is what an independent joint has to accelerate while the others stand still,
+//! the pivots Δ of the recursion what it has to while the others behind it are free. Their ratio
+//! has no unit, and its digits are lost in forward dynamics: a heavy hand on light links has a
+//! large one.
 
 use sarrus_proto::Status;
 
@@ -14,15 +15,22 @@ use crate::fault::{Fault, Site};
 use crate::workspace::Workspace;
 use crate::{plan, tree};
 
-/// Least Δ against the joint's own inertia, and against the largest of the robot, that is told from rounding.
+/// Least Δ against the joint's own inertia, and against the largest of the robot, that is told from
+/// rounding.
 const NOTHING: f64 = 1e-15;
 const LEAST: f64 = 1e-18;
 /// From this ratio on a user is told.
 pub(crate) const UNEQUAL: f64 = 1e6;
 
-/// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it nearly is not. Returns the largest inertia of
-/// each independent among these poses, in internal order; zero where no pose could be closed.
-pub(super) fn check(model: &Model<f64>, description: &Description, errors: &mut Vec<Fault>, warnings: &mut Vec<Fault>) -> Vec<f64> {
+/// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it
+/// nearly is not. Returns the largest inertia of each independent among these poses, in internal
+/// order; zero where no pose could be closed.
+pub(super) fn check(
+    model: &Model<f64>,
+    description: &Description,
+    errors: &mut Vec<Fault>,
+    warnings: &mut Vec<Fault>,
+) -> Vec<f64> {
     let mut ws = Workspace::for_plans(model, []);
     let n = model.meta.sizes.n_vy;
     let (mut typical, mut worst) = (vec![0.0; n], vec![0.0; n]);
@@ -30,7 +38,14 @@ pub(super) fn check(model: &Model<f64>, description: &Description, errors: &mut 
         if !set_pose(model, &mut ws, k) {
             break;
         }
-        let inertia = tree::own_inertias(model, &ws.motion, &ws.G, &mut ws.composite, &mut ws.inside, &mut ws.columns);
+        let inertia = tree::own_inertias(
+            model,
+            &ws.motion,
+            &ws.G,
+            &mut ws.composite,
+            &mut ws.inside,
+            &mut ws.columns,
+        );
         let pivots = tree::pivots(model, &mut ws);
         let largest = inertia.iter().copied().fold(0.0, f64::max);
         let least = |i: usize| f64::max(inertia[i] * NOTHING, largest * LEAST);
@@ -69,7 +84,11 @@ pub(super) fn check(model: &Model<f64>, description: &Description, errors: &mut 
 fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Site, String) {
     let name = |i: &usize| model.meta.independent[model.order.vy_external[*i]].as_str();
     let first = which.first().map(name);
-    let site = description.joints.iter().position(|joint| Some(joint.name.as_str()) == first).map_or(Site::Robot, Site::Joint);
+    let site = description
+        .joints
+        .iter()
+        .position(|joint| Some(joint.name.as_str()) == first)
+        .map_or(Site::Robot, Site::Joint);
     (site, which.iter().map(name).collect::<Vec<_>>().join(", "))
 }
 
@@ -85,7 +104,10 @@ fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
     for &c in &model.tied {
         let cluster = &model.clusters[c];
         let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-        if crate::closure::close(cluster, bodies, &mut plan::local(cluster, ws), Level::Velocity).status != Status::Ok {
+        if crate::closure::close(cluster, bodies, &mut plan::local(cluster, ws), Level::Velocity)
+            .status
+            != Status::Ok
+        {
             return false;
         }
     }

@@ -1,7 +1,8 @@
 //! The compiled robot: flat arrays, immutable, shared by every plan.
 //!
-//! Bodies are numbered from 1 in depth-first order over clusters; body 0 is the world. Every joint moves along or about the z axis
-//! of its body: the frames of the bodies are turned at load so that it does, and a link's own frame survives as a [`Frame`].
+//! Bodies are numbered from 1 in depth-first order over clusters; body 0 is the world. Every joint
+//! moves along or about the z axis of its body: the frames of the bodies are turned at load so that
+//! it does, and a link's own frame survives as a [`Frame`].
 
 mod analysis;
 mod assemble;
@@ -47,7 +48,8 @@ pub struct Model<C = f64> {
     pub(crate) bodies: Vec<Body<C>>,
     /// Clusters in the order of their bodies.
     pub(crate) clusters: Vec<Cluster<C>>,
-    /// The clusters that have something to close, and the free revolute joints as (body, tree coordinate).
+    /// The clusters that have something to close, and the free revolute joints as (body, tree
+    /// coordinate).
     pub(crate) tied: Vec<usize>,
     pub(crate) free: Vec<(usize, usize)>,
     /// The cluster of each body; 0 (the world) has none.
@@ -62,7 +64,8 @@ pub struct Model<C = f64> {
     pub(crate) branches: Branches,
     /// Bodies that carry another cluster, or a body of their own that does.
     pub(crate) carries: Vec<bool>,
-    /// Largest inertia of each independent at the poses that were tried at load, in internal order (n_vy).
+    /// Largest inertia of each independent at the poses that were tried at load, in internal order
+    /// (n_vy).
     pub(crate) inertia: Vec<f64>,
     /// What acts in joints besides their actuators.
     pub(crate) terms: JointTerms<C>,
@@ -108,14 +111,16 @@ pub(crate) struct Order {
     /// Internal index of each tree coordinate and tree velocity.
     pub(crate) q: Vec<usize>,
     pub(crate) v: Vec<usize>,
-    /// For each independent coordinate its tree coordinate; for each independent velocity its tree velocity and its internal number.
+    /// For each independent coordinate its tree coordinate; for each independent velocity its tree
+    /// velocity and its internal number.
     pub(crate) qy_q: Vec<usize>,
     pub(crate) vy_v: Vec<usize>,
     pub(crate) vy: Vec<usize>,
     /// For each actuator its tree coordinate and velocity.
     pub(crate) u_q: Vec<usize>,
     pub(crate) u_v: Vec<usize>,
-    /// Back again: place of each internal tree and independent velocity in the external order; and the identity.
+    /// Back again: place of each internal tree and independent velocity in the external order; and
+    /// the identity.
     pub(crate) v_external: Vec<usize>,
     pub(crate) vy_external: Vec<usize>,
     pub(crate) vy_internal: Vec<usize>,
@@ -167,7 +172,8 @@ pub(crate) struct Cluster<C> {
     pub(crate) n_vy: usize,
     /// First number of the cluster's G block (n_v × n_vy, row-major).
     pub(crate) g: usize,
-    /// Local velocities that are independent, in the order of y, and the others; and the same of the local coordinates.
+    /// Local velocities that are independent, in the order of y, and the others; and the same of
+    /// the local coordinates.
     pub(crate) independent: Vec<usize>,
     pub(crate) dependent: Vec<usize>,
     pub(crate) independent_q: Vec<usize>,
@@ -179,7 +185,8 @@ pub(crate) struct Cluster<C> {
     /// Actuators: (index in u, local velocity).
     pub(crate) active: Vec<(usize, usize)>,
     pub(crate) cuts: Vec<Cut<C>>,
-    /// External index of each local constraint row; the rows that, with the dependents, make the square system.
+    /// External index of each local constraint row; the rows that, with the dependents, make the
+    /// square system.
     pub(crate) rows: Vec<usize>,
     pub(crate) used: Vec<usize>,
     pub(crate) closure: Closure<C>,
@@ -200,9 +207,11 @@ pub struct ClosureInfo {
     pub rows: usize,
     /// How many of them are independent.
     pub rank: usize,
-    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value that they start with.
+    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value
+    /// that they start with.
     pub idle: Vec<String>,
-    /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without loops.
+    /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without
+    /// loops.
     pub length: f64,
     /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
     pub misfit: f64,
@@ -278,7 +287,8 @@ impl<C> Model<C> {
     pub fn loop_names(&self) -> &[String] {
         &self.meta.loops
     }
-    /// Names of what has a branch: the submechanism of each tied cluster that is not a pure coupling (n_branches).
+    /// Names of what has a branch: the submechanism of each tied cluster that is not a pure
+    /// coupling (n_branches).
     pub fn branch_names(&self) -> &[String] {
         &self.meta.branches
     }
@@ -290,7 +300,8 @@ impl<C> Model<C> {
     pub fn closures(&self) -> &[ClosureInfo] {
         &self.meta.closures
     }
-    /// The cluster of each actuator, in the order of u (n_u): actuators of one number act on one closed mechanism.
+    /// The cluster of each actuator, in the order of u (n_u): actuators of one number act on one
+    /// closed mechanism.
     pub fn actuator_clusters(&self) -> Vec<usize> {
         let mut clusters = vec![0; self.meta.active.len()];
         for (c, cluster) in self.clusters.iter().enumerate() {
@@ -305,7 +316,8 @@ impl<C> Model<C> {
 }
 
 impl<C: Real> Model<C> {
-    /// The same model over another scalar, every constant converted by `f`; a new scalar needs no new compilation. Allocates.
+    /// The same model over another scalar, every constant converted by `f`; a new scalar needs no
+    /// new compilation. Allocates.
     pub fn convert<D: Real>(&self, f: impl Fn(C) -> D + Copy) -> Model<D> {
         self.map(f)
     }
@@ -335,7 +347,14 @@ impl<C: Copy> Model<C> {
             free: self.free.clone(),
             cluster_of: self.cluster_of.clone(),
             cluster_of_v: self.cluster_of_v.clone(),
-            frames: self.frames.iter().map(|frame| Frame { body: frame.body, x_body_frame: map_pose(&frame.x_body_frame, f) }).collect(),
+            frames: self
+                .frames
+                .iter()
+                .map(|frame| Frame {
+                    body: frame.body,
+                    x_body_frame: map_pose(&frame.x_body_frame, f),
+                })
+                .collect(),
             n_g: self.n_g,
             branches: self.branches.clone(),
             carries: self.carries.clone(),
@@ -350,7 +369,10 @@ impl<C: Copy> Model<C> {
 }
 
 /// A pose with every number converted.
-pub(crate) fn map_pose<C: nalgebra::Scalar + Copy, D: nalgebra::Scalar>(pose: &Pose<C>, f: impl Fn(C) -> D + Copy) -> Pose<D> {
+pub(crate) fn map_pose<C: nalgebra::Scalar + Copy, D: nalgebra::Scalar>(
+    pose: &Pose<C>,
+    f: impl Fn(C) -> D + Copy,
+) -> Pose<D> {
     Pose { R: pose.R.map(f), p: pose.p.map(f) }
 }
 

@@ -1,4 +1,5 @@
-//! The orders that users see: names, limits and the way from each external index to the internal one.
+//! The orders that users see: names, limits and the way from each external index to the internal
+//! one.
 
 use super::Limit;
 use super::Motion;
@@ -28,8 +29,12 @@ impl Builder<'_> {
                 if let Some((freedoms, parts)) = parts(body.motion) {
                     order.q.extend(body.q..body.q + parts.len());
                     order.v.extend(body.v..body.v + freedoms.len());
-                    self.names.tree.extend(freedoms.iter().map(|part| format!("{}/{part}", joint.name)));
-                    self.names.tree_q.extend(parts.iter().map(|part| format!("{}/{part}", joint.name)));
+                    self.names
+                        .tree
+                        .extend(freedoms.iter().map(|part| format!("{}/{part}", joint.name)));
+                    self.names
+                        .tree_q
+                        .extend(parts.iter().map(|part| format!("{}/{part}", joint.name)));
                     self.names.limits.extend(freedoms.iter().map(|_| None));
                     continue;
                 }
@@ -40,8 +45,11 @@ impl Builder<'_> {
                 self.names.limits.push(joint.limits);
                 if let Some(limits) = joint.limits {
                     let written::Limits { lower, upper, velocity, .. } = limits;
-                    let (lower, upper) =
-                        if joint.kind == JointKind::Continuous { (f64::NEG_INFINITY, f64::INFINITY) } else { (lower, upper) };
+                    let (lower, upper) = if joint.kind == JointKind::Continuous {
+                        (f64::NEG_INFINITY, f64::INFINITY)
+                    } else {
+                        (lower, upper)
+                    };
                     self.model.limits.push(Limit { q: body.q, v: body.v, lower, upper, velocity });
                 }
             }
@@ -53,13 +61,21 @@ impl Builder<'_> {
                 let i = self.body_of[moving_of[j]];
                 let body = &self.model.bodies[i];
                 let cluster = &self.model.clusters[self.model.cluster_of[i]];
-                let k = cluster.independent.iter().position(|local| *local == body.v - cluster.v).unwrap_or(0);
+                let k = cluster
+                    .independent
+                    .iter()
+                    .position(|local| *local == body.v - cluster.v)
+                    .unwrap_or(0);
                 if let Some((freedoms, parts)) = parts(body.motion) {
                     order.qy_q.extend(body.q..body.q + parts.len());
                     order.vy_v.extend(body.v..body.v + freedoms.len());
                     order.vy.extend(cluster.vy + k..cluster.vy + k + freedoms.len());
-                    self.names.independent.extend(freedoms.iter().map(|part| format!("{name}/{part}")));
-                    self.names.independent_q.extend(parts.iter().map(|part| format!("{name}/{part}")));
+                    self.names
+                        .independent
+                        .extend(freedoms.iter().map(|part| format!("{name}/{part}")));
+                    self.names
+                        .independent_q
+                        .extend(parts.iter().map(|part| format!("{name}/{part}")));
                     continue;
                 }
                 order.qy_q.push(body.q);
@@ -84,15 +100,17 @@ impl Builder<'_> {
         order.vy_internal = (0..order.vy.len()).collect();
     }
 
-    /// Names of the tied clusters that are not pure couplings, in the order of their submechanisms; the second of one submechanism is
-    /// `name/2`.
+    /// Names of the tied clusters that are not pure couplings, in the order of their submechanisms;
+    /// the second of one submechanism is `name/2`.
     pub(super) fn branches(&mut self) -> Vec<String> {
         let mut owned: Vec<(usize, usize)> = self
             .model
             .tied
             .iter()
             .filter(|c| !matches!(self.model.clusters[**c].closure, Closure::Coupling(_)))
-            .map(|c| (self.submechanism_of[self.skeleton.moving[self.partition.members[*c][0]]], *c))
+            .map(|c| {
+                (self.submechanism_of[self.skeleton.moving[self.partition.members[*c][0]]], *c)
+            })
             .collect();
         owned.sort_unstable();
         self.model.order.branches = owned.iter().map(|(_, c)| *c).collect();

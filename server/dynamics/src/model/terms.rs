@@ -43,10 +43,15 @@ impl<C: Copy> JointTerms<C> {
 
     /// The same terms with every constant converted.
     pub(super) fn map<D>(&self, f: impl Fn(C) -> D + Copy) -> JointTerms<D> {
-        let spring = |x: &Spring<C>| Spring { q: x.q, v: x.v, stiffness: f(x.stiffness), rest: f(x.rest) };
+        let spring =
+            |x: &Spring<C>| Spring { q: x.q, v: x.v, stiffness: f(x.stiffness), rest: f(x.rest) };
         JointTerms {
             springs: self.springs.iter().map(spring).collect(),
-            dampers: self.dampers.iter().map(|x| Damper { v: x.v, damping: f(x.damping) }).collect(),
+            dampers: self
+                .dampers
+                .iter()
+                .map(|x| Damper { v: x.v, damping: f(x.damping) })
+                .collect(),
             rotors: self.rotors.iter().map(|x| Rotor { v: x.v, inertia: f(x.inertia) }).collect(),
         }
     }
@@ -55,14 +60,22 @@ impl<C: Copy> JointTerms<C> {
 impl Builder<'_> {
     /// Reads the terms off the joints; those of a joint of several freedoms are a fault.
     pub(super) fn terms(&mut self, moving_of: &[usize], errors: &mut Vec<Fault>) {
-        let joints = self.description.joints.iter().enumerate().filter(|(_, joint)| joint.terms != Terms::default());
+        let joints = self
+            .description
+            .joints
+            .iter()
+            .enumerate()
+            .filter(|(_, joint)| joint.terms != Terms::default());
         for (j, joint) in joints.filter(|(j, _)| moving_of[*j] != usize::MAX) {
             let body = &self.model.bodies[self.body_of[moving_of[j]]];
             let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = joint.terms;
             if body.motion.n_v() > 1 {
                 errors.push(Fault {
                     site: Site::Joint(j),
-                    found: format!("damping, a spring or a rotor in the joint {} of several freedoms", joint.name),
+                    found: format!(
+                        "damping, a spring or a rotor in the joint {} of several freedoms",
+                        joint.name
+                    ),
                     expected: "these in joints of one freedom".into(),
                     help: "take them out, or write the freedoms as joints of their own".into(),
                 });
@@ -72,7 +85,12 @@ impl Builder<'_> {
             let inertia = number(gear_ratio) * number(gear_ratio) * number(rotor_inertia);
             let terms = &mut self.model.terms;
             if stiffness != 0.0 {
-                terms.springs.push(Spring { q, v, stiffness: number(stiffness), rest: number(rest) });
+                terms.springs.push(Spring {
+                    q,
+                    v,
+                    stiffness: number(stiffness),
+                    rest: number(rest),
+                });
             }
             if damping != 0.0 {
                 terms.dampers.push(Damper { v, damping: number(damping) });

@@ -1,4 +1,5 @@
-//! The spanning tree of moving joints: fixed joints merged away, clusters found, everything put in depth-first order.
+//! The spanning tree of moving joints: fixed joints merged away, clusters found, everything put in
+//! depth-first order.
 
 use crate::description::{Description, Joint, JointKind};
 use crate::fault::{Fault, Site};
@@ -11,7 +12,8 @@ use super::geometry::pose;
 pub(super) struct Skeleton {
     /// Joints of the description that move.
     pub(super) moving: Vec<usize>,
-    /// Moving joint that carries each link (`None`: the world), and the link's pose in that joint's child link.
+    /// Moving joint that carries each link (`None`: the world), and the link's pose in that joint's
+    /// child link.
     pub(super) carrier: Vec<Option<usize>>,
     pub(super) x_carrier_link: Vec<Pose<Dd>>,
     /// For each moving joint the moving joint below it on the way to the root, and its frame there.
@@ -26,22 +28,36 @@ impl Skeleton {
         let mut joint_of = vec![None; n_links];
         for (j, joint) in description.joints.iter().enumerate() {
             if joint.parent >= n_links || joint.child >= n_links || joint.parent == joint.child {
-                return Err(fault(Site::Joint(j), "a joint between links that do not exist", "two links of the robot"));
+                return Err(fault(
+                    Site::Joint(j),
+                    "a joint between links that do not exist",
+                    "two links of the robot",
+                ));
             }
             if joint_of[joint.child].replace(j).is_some() {
-                return Err(fault(Site::Link(joint.child), "a link that is the child of two joints", "one parent joint"));
+                return Err(fault(
+                    Site::Link(joint.child),
+                    "a link that is the child of two joints",
+                    "one parent joint",
+                ));
             }
         }
         let mut roots = (0..n_links).filter(|link| joint_of[*link].is_none());
         let (Some(root), None) = (roots.next(), roots.next()) else {
-            return Err(fault(Site::Robot, "no root link or several", "exactly one link that is no joint's child"));
+            return Err(fault(
+                Site::Robot,
+                "no root link or several",
+                "exactly one link that is no joint's child",
+            ));
         };
         let mut children = vec![Vec::new(); n_links];
         for (j, joint) in description.joints.iter().enumerate() {
             children[joint.parent].push(j);
         }
 
-        let moving = (0..description.joints.len()).filter(|j| description.joints[*j].kind != JointKind::Fixed).collect::<Vec<_>>();
+        let moving = (0..description.joints.len())
+            .filter(|j| description.joints[*j].kind != JointKind::Fixed)
+            .collect::<Vec<_>>();
         let mut place = vec![usize::MAX; description.joints.len()];
         moving.iter().enumerate().for_each(|(m, j)| place[*j] = m);
         let mut skeleton = Skeleton {
@@ -69,7 +85,11 @@ impl Skeleton {
             }
         }
         if seen != n_links {
-            return Err(fault(Site::Robot, "links that the root does not reach: the joints form a cycle", "a tree of joints"));
+            return Err(fault(
+                Site::Robot,
+                "links that the root does not reach: the joints form a cycle",
+                "a tree of joints",
+            ));
         }
         Ok(skeleton)
     }
@@ -84,7 +104,8 @@ impl Skeleton {
         chain
     }
 
-    /// The moving joints between two links, below the joint that carries both: (on the first's side, on the second's side).
+    /// The moving joints between two links, below the joint that carries both: (on the first's
+    /// side, on the second's side).
     pub(super) fn between(&self, a: usize, b: usize) -> (Vec<usize>, Vec<usize>) {
         let (mut a, mut b) = (self.chain(self.carrier[a]), self.chain(self.carrier[b]));
         while let (Some(x), Some(y)) = (a.last(), b.last()) {
@@ -100,7 +121,12 @@ impl Skeleton {
 
 /// A fault that only a description made by hand can have.
 fn fault(site: Site, found: &str, expected: &str) -> Fault {
-    Fault { site, found: found.into(), expected: expected.into(), help: "correct the description".into() }
+    Fault {
+        site,
+        found: found.into(),
+        expected: expected.into(),
+        help: "correct the description".into(),
+    }
 }
 
 /// Partition of the moving joints into clusters, in depth-first order.
@@ -112,7 +138,8 @@ pub(super) struct Partition {
 }
 
 impl Partition {
-    /// Ties the joints of each group together, and whatever lies between them, so that each cluster hangs from one body.
+    /// Ties the joints of each group together, and whatever lies between them, so that each cluster
+    /// hangs from one body.
     pub(super) fn new(skeleton: &Skeleton, ties: &[Vec<usize>]) -> Partition {
         let n = skeleton.moving.len();
         let mut leader = (0..n).collect::<Vec<_>>();
@@ -126,7 +153,11 @@ impl Partition {
                 let members = (0..n).filter(|m| find(&leader, *m) == c).collect::<Vec<_>>();
                 let hang = common_parent(skeleton, &members);
                 for &m in &members {
-                    for between in skeleton.chain(skeleton.parent[m]).into_iter().take_while(|x| Some(*x) != hang) {
+                    for between in skeleton
+                        .chain(skeleton.parent[m])
+                        .into_iter()
+                        .take_while(|x| Some(*x) != hang)
+                    {
                         if find(&leader, between) != find(&leader, m) {
                             join(&mut leader, between, m);
                             changed = true;
@@ -139,8 +170,12 @@ impl Partition {
             }
         }
         let leaders = (0..n).filter(|m| find(&leader, *m) == *m).collect::<Vec<_>>();
-        let groups = leaders.iter().map(|c| (0..n).filter(|m| find(&leader, *m) == *c).collect::<Vec<_>>()).collect::<Vec<_>>();
-        let hang = groups.iter().map(|members| common_parent(skeleton, members)).collect::<Vec<_>>();
+        let groups = leaders
+            .iter()
+            .map(|c| (0..n).filter(|m| find(&leader, *m) == *c).collect::<Vec<_>>())
+            .collect::<Vec<_>>();
+        let hang =
+            groups.iter().map(|members| common_parent(skeleton, members)).collect::<Vec<_>>();
 
         // depth-first over clusters
         let mut partition = Partition { members: Vec::new(), hangs_from: Vec::new() };
@@ -193,8 +228,12 @@ fn parents_first(skeleton: &Skeleton, members: &[usize]) -> Vec<usize> {
     sorted.sort_by_key(|m| (skeleton.chain(Some(*m)).len(), *m));
     // a depth-first order keeps the legs together
     let mut ordered: Vec<usize> = Vec::with_capacity(sorted.len());
-    let mut stack: Vec<usize> =
-        sorted.iter().rev().copied().filter(|m| skeleton.parent[*m].is_none_or(|p| !members.contains(&p))).collect();
+    let mut stack: Vec<usize> = sorted
+        .iter()
+        .rev()
+        .copied()
+        .filter(|m| skeleton.parent[*m].is_none_or(|p| !members.contains(&p)))
+        .collect();
     while let Some(m) = stack.pop() {
         ordered.push(m);
         stack.extend(sorted.iter().rev().copied().filter(|x| skeleton.parent[*x] == Some(m)));

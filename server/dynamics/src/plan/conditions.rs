@@ -1,16 +1,21 @@
-//! What is asked rarely about the loops of a closed state: K and k, residual, conditions, loop-closure forces.
+//! What is asked rarely about the loops of a closed state: K and k, residual, conditions,
+//! loop-closure forces.
 
 use sarrus_proto::{Field, Status};
 
 use super::{Plan, singular};
 use crate::closure::{self, Scratch, column_unit, dependents_range, row_unit, scaled};
-use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses, local_rates};
+use crate::closure::{
+    constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses,
+    local_rates,
+};
 use crate::linear::{column_square, decompose, singular_range, solve_pivoted};
 use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
-/// Component of a row's unit vector in the null space of K_dᵀ from which on redundant rows share its reaction; as rank is judged at load.
+/// Component of a row's unit vector in the null space of K_dᵀ from which on redundant rows share
+/// its reaction; as rank is judged at load.
 const SHARED: f64 = 1e-4;
 
 /// The figures of a closed state.
@@ -24,12 +29,19 @@ pub(super) struct Conditions<T> {
 }
 
 impl Plan {
-    /// Evaluates the rows of every tied cluster at the closed state; writes K, k and λ straight to the output.
-    pub(super) fn conditions<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, output: &mut [T]) -> Result<Conditions<T>, Status> {
+    /// Evaluates the rows of every tied cluster at the closed state; writes K, k and λ straight to
+    /// the output.
+    pub(super) fn conditions<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        output: &mut [T],
+    ) -> Result<Conditions<T>, Status> {
         let sizes = model.sizes();
         let slot = |field| self.want().slot(field).map(|slot| slot.range());
         let (K, k_bias, lambda) = (slot(Field::K), slot(Field::KBias), slot(Field::Lambda));
-        let (branch, determinate, good) = (slot(Field::Branch), slot(Field::LambdaDeterminate), slot(Field::GoodIndependents));
+        let (branch, determinate, good) =
+            (slot(Field::Branch), slot(Field::LambdaDeterminate), slot(Field::GoodIndependents));
         if let Some(range) = &K {
             output[range.clone()].fill(T::ZERO);
         }
@@ -44,7 +56,13 @@ impl Plan {
             let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
             let scratch = &mut ws.scratch;
             let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-            local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + cluster.n], &mut scratch.pose);
+            local_poses(
+                cluster,
+                bodies,
+                q,
+                &mut ws.turn[cluster.body..cluster.body + cluster.n],
+                &mut scratch.pose,
+            );
 
             constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
@@ -68,13 +86,21 @@ impl Plan {
                 unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
                 scaled.add(dependents_range(cluster, scratch));
             }
-            if let (Some(range), Some(place)) = (&branch, model.order.branches.iter().position(|of| *of == c)) {
+            if let (Some(range), Some(place)) =
+                (&branch, model.order.branches.iter().position(|of| *of == c))
+            {
                 output[range.start + place] = closure::branch(cluster, scratch);
             }
             if let Some(range) = &good {
                 // where none is good by this measure those declared stand, which did close the loop
                 let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
-                singular::good_independents(model, cluster, &scratch.K, dense, &mut output[range.clone()]);
+                singular::good_independents(
+                    model,
+                    cluster,
+                    &scratch.K,
+                    dense,
+                    &mut output[range.clone()],
+                );
             }
             if let Some(range) = &lambda {
                 loop_forces(cluster, &ws.loop_q[v..v + n], scratch, &mut output[range.clone()])?;
@@ -128,9 +154,15 @@ fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
     singular_range(A, m, m)
 }
 
-/// λ from K_dᵀ λ = rest_d, the tree forces of the dependents that nothing else supplies. Where rows are redundant λ is the one of least norm
-/// in the scaling: with K_d = U Σ Vᵀ scaled, λ_s = U Σ⁻¹ Vᵀ rest.
-fn loop_forces<T: Scalar>(cluster: &Cluster<T>, rest: &[T], scratch: &mut Scratch<T>, lambda: &mut [T]) -> Result<(), Status> {
+/// λ from K_dᵀ λ = rest_d, the tree forces of the dependents that nothing else supplies. Where rows
+/// are redundant λ is the one of least norm in the scaling: with K_d = U Σ Vᵀ scaled, λ_s = U Σ⁻¹
+/// Vᵀ rest.
+fn loop_forces<T: Scalar>(
+    cluster: &Cluster<T>,
+    rest: &[T],
+    scratch: &mut Scratch<T>,
+    lambda: &mut [T],
+) -> Result<(), Status> {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     if rows == m {
         for (a, &j) in cluster.dependent.iter().enumerate() {
@@ -157,15 +189,22 @@ fn loop_forces<T: Scalar>(cluster: &Cluster<T>, rest: &[T], scratch: &mut Scratc
         }
         scratch.step[a] = along / square;
     }
-    for (r, (row, of)) in cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate() {
+    for (r, (row, of)) in
+        cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate()
+    {
         let x = (0..m).fold(T::ZERO, |sum, a| A[r * m + a].mul_add(scratch.step[a], sum));
         lambda[*row] = x * T::from_f64(row_unit(cluster, of));
     }
     Ok(())
 }
 
-/// 1 for each row whose λ every solution of K_dᵀ λ = rest_d shares: its unit vector lies in the range of K_d.
-fn determinate_forces<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, determinate: &mut [T]) {
+/// 1 for each row whose λ every solution of K_dᵀ λ = rest_d shares: its unit vector lies in the
+/// range of K_d.
+fn determinate_forces<T: Scalar>(
+    cluster: &Cluster<T>,
+    scratch: &mut Scratch<T>,
+    determinate: &mut [T],
+) {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     if rows == m {
         return cluster.rows.iter().for_each(|row| determinate[*row] = T::ONE);

@@ -1,11 +1,13 @@
-//! What a failed closure still tells: residual, distance to singularity, good independents, the nearest y.
+//! What a failed closure still tells: residual, distance to singularity, good independents, the
+//! nearest y.
 
 use sarrus_proto::{Field, Status};
 
 use super::run::Findings;
 use super::{Plan, local, nearest, singular};
 use crate::closure::{
-    Closure, Level, between, close, constraint_jacobian, constraint_residual, dependents_range, largest_residual, local_poses,
+    Closure, Level, between, close, constraint_jacobian, constraint_residual, dependents_range,
+    largest_residual, local_poses,
 };
 use crate::model::{Body, Cluster, Model};
 use crate::scalar::Scalar;
@@ -13,11 +15,13 @@ use crate::workspace::Workspace;
 
 /// Halvings of the path to an unreachable target.
 const BISECTIONS: u32 = 50;
-/// Residual, in cluster lengths, up to which a pose counts as closed, or where that is more 64 unit roundoffs.
+/// Residual, in cluster lengths, up to which a pose counts as closed, or where that is more 64 unit
+/// roundoffs.
 const CLOSED: f64 = 1e-8;
 
 impl Plan {
-    /// Notes what is wanted of a cluster that could not be closed, whose independents in q are those that were asked.
+    /// Notes what is wanted of a cluster that could not be closed, whose independents in q are
+    /// those that were asked.
     pub(super) fn remember_failure<T: Scalar>(
         &self,
         model: &Model<T>,
@@ -67,10 +71,21 @@ impl Plan {
         }
     }
 
-    /// The least distance to singularity among the clusters that were closed and the one that was not.
-    pub(super) fn distance_after<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, found: &Findings<T>) -> T {
+    /// The least distance to singularity among the clusters that were closed and the one that was
+    /// not.
+    pub(super) fn distance_after<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        found: &Findings<T>,
+    ) -> T {
         let mut least = found.sigma_min;
-        if !self.wants(Field::SigmaMin) || matches!(found.status, Status::NonFiniteInput | Status::WrongSize | Status::BadRequest) {
+        if !self.wants(Field::SigmaMin)
+            || matches!(
+                found.status,
+                Status::NonFiniteInput | Status::WrongSize | Status::BadRequest
+            )
+        {
             return T::from_f64(f64::NAN);
         }
         for &c in &model.tied[..found.closed] {
@@ -86,7 +101,8 @@ impl Plan {
     }
 }
 
-/// Largest scaled residual of one cluster at whatever pose stands in q; leaves its poses in the scratch.
+/// Largest scaled residual of one cluster at whatever pose stands in q; leaves its poses in the
+/// scratch.
 fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) -> T {
     let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
     let turn = &mut ws.turn[cluster.body..cluster.body + cluster.n];
@@ -95,8 +111,8 @@ fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Worksp
     largest_residual(cluster, &ws.scratch.phi)
 }
 
-/// Puts into q the last closed pose of one cluster on the straight path to those in the scratch's `last`: a numerical closure has just
-/// followed it, a closed form is bisected.
+/// Puts into q the last closed pose of one cluster on the straight path to those in the scratch's
+/// `last`: a numerical closure has just followed it, a closed form is bisected.
 fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) {
     let at = cluster.q..cluster.q + cluster.n_q;
     if matches!(cluster.closure, Closure::Numerical(_)) {
@@ -108,7 +124,13 @@ fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Wo
     ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
     for _ in 0..BISECTIONS {
         let part = 0.5 * (low + high);
-        between(cluster, &ws.start[at.clone()], &ws.scratch.last, T::from_f64(part), &mut ws.q[at.clone()]);
+        between(
+            cluster,
+            &ws.start[at.clone()],
+            &ws.scratch.last,
+            T::from_f64(part),
+            &mut ws.q[at.clone()],
+        );
         if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
             low = part;
             ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);

@@ -33,7 +33,15 @@ impl Plan {
         }
         if self.steps.newton_euler {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-            tree::newton_euler(model, &ws.q, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+            tree::newton_euler(
+                model,
+                &ws.q,
+                &ws.qd,
+                &ws.qdd,
+                wrench,
+                &mut ws.motion,
+                &mut ws.tau_q,
+            );
             to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
@@ -51,7 +59,8 @@ impl Plan {
         Ok(())
     }
 
-    /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g; without loops tree and independent velocities are numbered alike.
+    /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g; without loops tree and independent velocities
+    /// are numbered alike.
     pub(super) fn forward_dynamics<T: Scalar>(
         &self,
         model: &Model<T>,
@@ -82,7 +91,8 @@ impl Plan {
             (positive, unequal(model, model.branches.diagonal().map(|at| ws.factor[at])))
         } else {
             let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
-            let positive = tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
+            let positive =
+                tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
             (positive, unequal(model, embedding.inverses(model)))
         };
         found.warn_if(unequal);
@@ -105,14 +115,27 @@ impl Plan {
         if self.wants(Field::Lambda) {
             // τ_q of the motion less the given forces is what the loops supply
             let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
-            tree::newton_euler(model, &ws.q, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.loop_q);
+            tree::newton_euler(
+                model,
+                &ws.q,
+                &ws.qd,
+                &ws.qdd,
+                wrench,
+                &mut ws.motion,
+                &mut ws.loop_q,
+            );
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
     }
 
     /// q̈ of the tree under its constraints.
-    fn tree_forward_dynamics<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> Result<(), Status> {
+    fn tree_forward_dynamics<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+    ) -> Result<(), Status> {
         let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
         tree::newton_euler(model, &ws.q, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.tau_q);
@@ -121,8 +144,8 @@ impl Plan {
         self.kkt(model, ws)
     }
 
-    /// True where ÿ of the whole system balances the given forces along every independent motion up to rounding, or so nearly that M_y makes
-    /// little of what is left.
+    /// True where ÿ of the whole system balances the given forces along every independent motion up
+    /// to rounding, or so nearly that M_y makes little of what is left.
     fn balanced<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
         let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
         // q̈ = G ÿ + g: that of the system need not keep the loops closed
@@ -132,12 +155,15 @@ impl Plan {
             let cluster = &model.clusters[c];
             for &j in &cluster.dependent {
                 let row = ws.G[cluster.g + j * cluster.n_vy..].iter().zip(&cluster.independent);
-                qdd[cluster.v + j] = row.fold(ws.g[cluster.v + j], |sum, (g, i)| g.mul_add(ws.qdd[cluster.v + i], sum));
+                qdd[cluster.v + j] = row
+                    .fold(ws.g[cluster.v + j], |sum, (g, i)| g.mul_add(ws.qdd[cluster.v + i], sum));
             }
         }
         tree::newton_euler(model, &ws.q, &ws.qd, &qdd, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.start_rate = qdd;
-        let size = |tau: &[T]| tau.iter().fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size));
+        let size = |tau: &[T]| {
+            tau.iter().fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size))
+        };
         let mut largest = size(&ws.tau_q);
         self.each_given_force(model, input, |v, tau| {
             largest = T::select(largest.lt(tau.abs()), tau.abs(), largest);
@@ -149,14 +175,24 @@ impl Plan {
         }
         let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
         let positive = tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
-        let given = model.order.vy_v.iter().fold(T::ZERO, |size, v| T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size));
+        let given =
+            model.order.vy_v.iter().fold(T::ZERO, |size, v| {
+                T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size)
+            });
         positive && size(&ws.ydd).lt(given * T::from_f64(WORTH))
     }
 
     /// The given forces by internal tree velocity; a force on an independent is one on its joint.
-    fn each_given_force<T: Scalar>(&self, model: &Model<T>, input: &[T], mut each: impl FnMut(usize, T)) {
+    fn each_given_force<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        input: &[T],
+        mut each: impl FnMut(usize, T),
+    ) {
         let order = &model.order;
-        for (field, order) in [(Field::TauU, &order.u_v), (Field::TauY, &order.vy_v), (Field::TauQ, &order.v)] {
+        for (field, order) in
+            [(Field::TauU, &order.u_v), (Field::TauY, &order.vy_v), (Field::TauQ, &order.v)]
+        {
             if let Some(slot) = self.given.slot(field) {
                 input[slot.range()].iter().zip(order).for_each(|(tau, v)| each(*v, *tau));
                 return;
@@ -182,9 +218,16 @@ impl Plan {
     }
 
     /// C_y = Gᵀ (C + M g), with the wrenches on the left-hand side where they are to be counted.
-    fn bias_force<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], with_wrenches: bool) {
+    fn bias_force<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        with_wrenches: bool,
+    ) {
         // q̈ = g
-        let wrench = (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
+        let wrench =
+            (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
         tree::newton_euler(model, &ws.q, &ws.qd, &ws.g, wrench, &mut ws.motion, &mut ws.tau_q);
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
     }
@@ -214,14 +257,26 @@ impl Plan {
     /// The given wrenches on their bodies; false where there are none.
     fn wrenches<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
         let Some(slot) = self.given.slot(Field::Wrenches) else { return false };
-        wrenches_on_bodies(model, ws, &self.wrench_bodies, &self.wrench_links, &input[slot.range()]);
+        wrenches_on_bodies(
+            model,
+            ws,
+            &self.wrench_bodies,
+            &self.wrench_links,
+            &input[slot.range()],
+        );
         true
     }
 }
 
-/// Wrenches on links, `[n; f]` in world axes at their frames' origins, as those on bodies; `bodies` carry the links, and their poses in their
-/// parents are known.
-pub(crate) fn wrenches_on_bodies<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, bodies: &[usize], links: &[usize], wrenches: &[T]) {
+/// Wrenches on links, `[n; f]` in world axes at their frames' origins, as those on bodies; `bodies`
+/// carry the links, and their poses in their parents are known.
+pub(crate) fn wrenches_on_bodies<T: Scalar>(
+    model: &Model<T>,
+    ws: &mut Workspace<T>,
+    bodies: &[usize],
+    links: &[usize],
+    wrenches: &[T],
+) {
     tree::world_poses(model, bodies, &ws.motion, &mut ws.world);
     ws.wrench.fill((zero(), zero()));
     for (link, wrench) in links.iter().zip(wrenches.chunks_exact(6)) {
@@ -250,8 +305,9 @@ fn to_independent<T: Scalar>(model: &Model<T>, G: &[T], tau_q: &[T], tau_y: &mut
     }
 }
 
-/// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as independents, of least norm where there are
-/// more, and where there are fewer the best, with the remainder in `tau_rest`.
+/// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as
+/// independents, of least norm where there are more, and where there are fewer the best, with the
+/// remainder in `tau_rest`.
 fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bool, Status> {
     let mut weak = false;
     ws.tau_rest.fill(T::ZERO);
@@ -271,7 +327,8 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bo
         } else if (m, n_u) == (1, 1) {
             let (u, j) = cluster.active[0];
             let (G, i) = (ws.G[cluster.g + j], cluster.independent[0]);
-            weak |= (G.abs() * T::from_f64(column_unit(cluster, i))).lt(T::from_f64(WEAK * column_unit(cluster, j)));
+            weak |= (G.abs() * T::from_f64(column_unit(cluster, i)))
+                .lt(T::from_f64(WEAK * column_unit(cluster, j)));
             let tau = ws.tau_y[cluster.vy] / G;
             if !tau.is_finite() {
                 return Err(Status::SingularActuation);
@@ -279,7 +336,8 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bo
             ws.tau_u[u] = tau;
         } else if n_u == m {
             actuator_matrix(cluster, ws);
-            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
+                .ok_or(Status::SingularActuation)?;
             weak |= solved.least.lt(T::from_f64(WEAK));
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 if !(ws.dense_rhs[r].is_finite()) {
@@ -289,7 +347,8 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bo
             }
         } else {
             actuator_matrix(cluster, ws);
-            least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u).ok_or(Status::SingularActuation)?;
+            least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u)
+                .ok_or(Status::SingularActuation)?;
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 ws.tau_u[*u] = ws.dense_spare[r];
             }
@@ -325,9 +384,10 @@ fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [
     }
 }
 
-/// True where a joint's inertia is as good as gone, given the inverses of what is left of each in internal order.
+/// True where a joint's inertia is as good as gone, given the inverses of what is left of each in
+/// internal order.
 fn unequal<T: Scalar>(model: &Model<T>, inverses: impl Iterator<Item = T>) -> bool {
-    inverses
-        .zip(&model.inertia)
-        .fold(false, |unequal, (inverse, inertia)| unequal | T::from_f64(UNEQUAL).lt(inverse * T::from_f64(*inertia)))
+    inverses.zip(&model.inertia).fold(false, |unequal, (inverse, inertia)| {
+        unequal | T::from_f64(UNEQUAL).lt(inverse * T::from_f64(*inertia))
+    })
 }

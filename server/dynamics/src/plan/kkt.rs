@@ -1,17 +1,20 @@
-//! Forward dynamics with the loops as constraints of the whole tree: an oracle that shares neither G nor a recursion with the other methods
-//! (Featherstone 2008, section 8.5, equation 8.26).
+//! Forward dynamics with the loops as constraints of the whole tree: an oracle that shares neither
+//! G nor a recursion with the other methods (Featherstone 2008, section 8.5, equation 8.26).
 //!
 //! ```text
 //! [ M  Kᵀ ] [ q̈ ]   [ τ_q − C ]
 //! [ K  0  ] [−λ ] = [    k    ]      with the rows of K that were kept at load
 //! ```
 //!
-//! solved with exchanges after rows and columns were scaled alike: q̈ by M_ii^−½, each row of K by its largest entry. Idle joints stand still.
+//! solved with exchanges after rows and columns were scaled alike: q̈ by M_ii^−½, each row of K by
+//! its largest entry. Idle joints stand still.
 
 use sarrus_proto::Status;
 
 use super::Plan;
-use crate::closure::{constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates, row_unit};
+use crate::closure::{
+    constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates, row_unit,
+};
 use crate::linear::solve_pivoted;
 use crate::model::{Cluster, Model};
 use crate::scalar::Scalar;
@@ -26,8 +29,13 @@ pub(crate) struct Drift<T> {
 }
 
 impl Plan {
-    /// q̈, and the forces of the loops on the tree into `loop_q`, from the forces given on the tree; needs the closed state and C in `tau_q`.
-    pub(super) fn kkt<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
+    /// q̈, and the forces of the loops on the tree into `loop_q`, from the forces given on the
+    /// tree; needs the closed state and C in `tau_q`.
+    pub(super) fn kkt<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+    ) -> Result<(), Status> {
         let ended = tree_under_constraints(model, ws, None);
 
         // Kᵀ λ
@@ -52,8 +60,9 @@ impl Plan {
 
 /// q̈ into `qdd`, and −λ of the kept rows in the order of the tied clusters behind it in `kkt_rhs`.
 ///
-/// Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a stabilisation (α, β) the state need not be closed:
-/// K q̈ = k − 2 α K q̇ − β² φ (Baumgarte 1972); how far from closed it is then goes into `drift`.
+/// Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a
+/// stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ (Baumgarte 1972);
+/// how far from closed it is then goes into `drift`.
 pub(crate) fn tree_under_constraints<T: Scalar>(
     model: &Model<T>,
     ws: &mut Workspace<T>,
@@ -100,7 +109,8 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
         }
     }
 
-    // the scaled system; its determinant has the sign of (−1)^rows where M is positive along the loops
+    // the scaled system; its determinant has the sign of (−1)^rows where M is positive along the
+    // loops
     for i in 0..n {
         x[i] *= scale[i];
         for j in 0..n {
@@ -108,7 +118,8 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
         }
     }
     let sign = solve_pivoted(&mut A, &mut x, n, 1);
-    let positive = sign.is_some_and(|sign| T::ZERO.lt(if n_rows.is_multiple_of(2) { sign } else { -sign }));
+    let positive =
+        sign.is_some_and(|sign| T::ZERO.lt(if n_rows.is_multiple_of(2) { sign } else { -sign }));
     x.iter_mut().zip(&scale).for_each(|(x, scale)| *x *= *scale);
     ws.qdd.copy_from_slice(&x[..n_v]);
     (ws.kkt, ws.kkt_rhs, ws.kkt_scale) = (A, x, scale);
@@ -119,7 +130,13 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
 fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
     let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-    local_poses(cluster, bodies, q, &mut ws.turn[cluster.body..cluster.body + cluster.n], &mut ws.scratch.pose);
+    local_poses(
+        cluster,
+        bodies,
+        q,
+        &mut ws.turn[cluster.body..cluster.body + cluster.n],
+        &mut ws.scratch.pose,
+    );
     constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
 }
 
@@ -142,14 +159,22 @@ pub(crate) fn drift_of<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Dr
 }
 
 /// k − 2 α K q̇ − β² φ in place of k, and how large these are.
-fn stabilise<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>, alpha: T, beta: T, drift: &mut Drift<T>) {
-    let (q, qd) = (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);
+fn stabilise<T: Scalar>(
+    cluster: &Cluster<T>,
+    ws: &mut Workspace<T>,
+    alpha: T,
+    beta: T,
+    drift: &mut Drift<T>,
+) {
+    let (q, qd) =
+        (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);
     let scratch = &mut ws.scratch;
     let phi = &mut scratch.B[..cluster.rows.len()];
     constraint_residual(cluster, &scratch.pose, q, phi);
     for (r, row) in cluster.cuts.iter().flat_map(|cut| &cut.rows).enumerate() {
         let of_row = &scratch.K[r * cluster.n_v..(r + 1) * cluster.n_v];
-        let phi_dot = of_row.iter().zip(qd).fold(T::ZERO, |sum, (entry, qd)| entry.mul_add(*qd, sum));
+        let phi_dot =
+            of_row.iter().zip(qd).fold(T::ZERO, |sum, (entry, qd)| entry.mul_add(*qd, sum));
         let damping = (alpha + alpha).mul_add(phi_dot, beta * beta * phi[r]);
         scratch.phi[r] -= damping;
         let unit = T::from_f64(row_unit(cluster, row));

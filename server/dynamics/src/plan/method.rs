@@ -1,7 +1,8 @@
 //! How forward dynamics is done, and which way is the fastest on a robot.
 //!
-//! Both fast methods are made of the same few operations; how often each one runs follows from the robot's structure, and what it takes was
-//! measured once for all robots. `sarrus-benches --forward` prints the prediction beside the measurement.
+//! Both fast methods are made of the same few operations; how often each one runs follows from the
+//! robot's structure, and what it takes was measured once for all robots. `sarrus-benches
+//! --forward` prints the prediction beside the measurement.
 
 use crate::model::{Cluster, Model};
 
@@ -51,17 +52,26 @@ struct Count {
 impl Count {
     fn cost(&self) -> f64 {
         let Count { rigid, articulated, force, update, entry } = *self;
-        rigid * NS.rigid + articulated * NS.articulated + force * NS.force + update * NS.update + entry * NS.entry
+        rigid * NS.rigid
+            + articulated * NS.articulated
+            + force * NS.force
+            + update * NS.update
+            + entry * NS.entry
     }
 }
 
 impl<C> Model<C> {
     /// The method with the least predicted cost; it depends on the robot's structure alone.
     pub fn forward_method(&self) -> Method {
-        if self.recursion().cost() < self.projection().cost() { Method::Recursion } else { Method::Projection }
+        if self.recursion().cost() < self.projection().cost() {
+            Method::Recursion
+        } else {
+            Method::Projection
+        }
     }
 
-    /// Predicted nanoseconds of M_y ÿ = b by a method on the machine of the calibration; the oracle has no prediction.
+    /// Predicted nanoseconds of M_y ÿ = b by a method on the machine of the calibration; the oracle
+    /// has no prediction.
     pub fn predicted_cost(&self, method: Method) -> Option<f64> {
         match method {
             Method::Recursion => Some(self.recursion().cost()),
@@ -108,7 +118,8 @@ impl<C> Model<C> {
             while at != 0 {
                 let body = &self.bodies[at];
                 count.force += m;
-                count.entry += m * (body.motion.n_v() * self.clusters[self.cluster_of[at]].n_vy) as f64;
+                count.entry +=
+                    m * (body.motion.n_v() * self.clusters[self.cluster_of[at]].n_vy) as f64;
                 at = body.parent;
             }
         }

@@ -64,7 +64,8 @@ pub struct Plan {
     steps: Steps,
     /// How forward dynamics is done.
     method: Method,
-    /// Links whose frames are asked, bodies on the way to them and to the links with wrenches; parents first.
+    /// Links whose frames are asked, bodies on the way to them and to the links with wrenches;
+    /// parents first.
     frames: Vec<usize>,
     wrench_links: Vec<usize>,
     frame_bodies: Vec<usize>,
@@ -102,37 +103,59 @@ struct Steps {
 /// How a request ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer {
-    /// The status; with anything but `Ok` the wanted numbers are NaN, but for the fields that survive a failure.
+    /// The status; with anything but `Ok` the wanted numbers are NaN, but for the fields that
+    /// survive a failure.
     pub status: Status,
     /// Remarks that change neither status nor numbers.
     pub warnings: Warnings,
 }
 
 impl Plan {
-    /// The plan for `wanted` on `model`. Forward dynamics goes by the model's choice ([`Model::forward_method`]), or by projection where M_y is
-    /// wanted too. Allocates; errors name the field that does not fit.
+    /// The plan for `wanted` on `model`. Forward dynamics goes by the model's choice
+    /// ([`Model::forward_method`]), or by projection where M_y is wanted too. Allocates; errors
+    /// name the field that does not fit.
     pub fn new<C>(model: &Model<C>, wanted: &Wanted) -> Result<Plan, WantedError> {
         let with_mass_matrix = wanted.want.has_any(&[Field::MY, Field::CondMy]);
-        Plan::with_method(model, wanted, if with_mass_matrix { Method::Projection } else { model.forward_method() })
+        Plan::with_method(
+            model,
+            wanted,
+            if with_mass_matrix { Method::Projection } else { model.forward_method() },
+        )
     }
 
-    /// The plan for `wanted` on `model` with forward dynamics by this method; [`Method::Kkt`] needs [`crate::Workspace::for_plans`].
-    pub fn with_method<C>(model: &Model<C>, wanted: &Wanted, method: Method) -> Result<Plan, WantedError> {
+    /// The plan for `wanted` on `model` with forward dynamics by this method; [`Method::Kkt`] needs
+    /// [`crate::Workspace::for_plans`].
+    pub fn with_method<C>(
+        model: &Model<C>,
+        wanted: &Wanted,
+        method: Method,
+    ) -> Result<Plan, WantedError> {
         use Field::*;
         let request = wanted.check(model.meta.links.len())?;
         let sizes = model.meta.sizes;
         let (given, want) = (wanted.given, wanted.want);
         let space = |y, q, u| {
-            [(y, Space::Independent), (q, Space::Tree), (u, Space::Actuation)].into_iter().find(|(field, _)| given.has(*field)).map(|x| x.1)
+            [(y, Space::Independent), (q, Space::Tree), (u, Space::Actuation)]
+                .into_iter()
+                .find(|(field, _)| given.has(*field))
+                .map(|x| x.1)
         };
         let position = space(Y, Q, U).unwrap_or(Space::Independent);
         let velocity = space(Yd, Qd, Ud);
         let acceleration = space(Ydd, Qdd, Udd);
 
         let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
-        let frames =
-            wanted.n_frames > 0 && want.has_any(&[FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator]);
-        let conditions = want.has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy])
+        let frames = wanted.n_frames > 0
+            && want.has_any(&[
+                FramePose,
+                FrameTwist,
+                FrameAcc,
+                JacobianTree,
+                JacobianIndependent,
+                JacobianActuator,
+            ]);
+        let conditions = want
+            .has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy])
             || want.has_any(&[Branch, LambdaDeterminate, GoodIndependents, Uncontrolled]);
         let wants_velocity = want.has_any(&[Qd, Yd, Ud, FrameTwist, FrameAcc, KBias]);
         let wants_acceleration = want.has_any(&[Qdd, Ydd, Udd, FrameAcc]);
@@ -152,15 +175,19 @@ impl Plan {
         } else {
             Level::Position
         };
-        let mass_matrix = want.has_any(&[MY, CondMy]) || request == Request::ForwardDynamics && method == Method::Projection;
-        let newton_euler =
-            dynamics && (request == Request::ForwardDynamics || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));
+        let mass_matrix = want.has_any(&[MY, CondMy])
+            || request == Request::ForwardDynamics && method == Method::Projection;
+        let newton_euler = dynamics
+            && (request == Request::ForwardDynamics
+                || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));
         let steps = Steps {
             position,
             velocity,
             acceleration,
             level,
-            tree_acceleration: wants_acceleration || request == Request::InverseDynamics || want.has(Lambda),
+            tree_acceleration: wants_acceleration
+                || request == Request::InverseDynamics
+                || want.has(Lambda),
             poses: frames || dynamics && (newton_euler || mass_matrix),
             frames,
             frame_velocities: want.has(FrameTwist),

@@ -3,14 +3,19 @@
 //! ```text
 //!   min ½ Σ ((y − y*) / unit)²   over φ(q) = 0
 //! ```
-//! by Newton's method on the closed poses: with T the null space of the scaled K and μ the multipliers, Kᵀμ = −∇f,
+//! by Newton's method on the closed poses: with T the null space of the scaled K and μ the
+//! multipliers, Kᵀμ = −∇f,
 //!
 //! ```text
 //!   Tᵀ (∇²f + Σ μ ∇²φ) T s = −Tᵀ ∇f        q ← project(q + T s)
 //! ```
-//! (Nocedal and Wright, Numerical Optimization, 18.1). Needs no independents, so it works where these fail, which is where it is needed.
+//! (Nocedal and Wright, Numerical Optimization, 18.1). Needs no independents, so it works where
+//! these fail, which is where it is needed.
 
-use crate::closure::{branch, column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses, row_unit, scaled};
+use crate::closure::{
+    branch, column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses,
+    row_unit, scaled,
+};
 use crate::linear::{column_square, decompose};
 use crate::model::{Body, Cluster};
 use crate::scalar::Scalar;
@@ -25,7 +30,8 @@ const LONGEST: f64 = 0.2;
 /// Least curvature of a step.
 const CURVATURE: f64 = 1e-9;
 
-/// One cluster, its numbers in the workspace, and the unscaled parts of the scratch that the search shares out.
+/// One cluster, its numbers in the workspace, and the unscaled parts of the scratch that the search
+/// shares out.
 struct Search<'a, T> {
     cluster: &'a Cluster<T>,
     bodies: &'a [Body<T>],
@@ -36,7 +42,11 @@ struct Search<'a, T> {
 }
 
 /// Moves the closed pose in q to the one whose independents are nearest to those in `step_y`.
-pub(super) fn nearest_pose<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) {
+pub(super) fn nearest_pose<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    ws: &mut Workspace<T>,
+) {
     // a quaternion has no distance from y* in its own coordinates
     if cluster.independent.iter().any(|v| !cluster.freedoms[*v].single) {
         return;
@@ -83,7 +93,13 @@ impl<T: Scalar> Search<'_, T> {
 
     fn poses(&self, ws: &mut Workspace<T>) {
         let Cluster { q, n_q, body, n, .. } = *self.cluster;
-        local_poses(self.cluster, self.bodies, &ws.q[q..q + n_q], &mut ws.turn[body..body + n], &mut ws.scratch.pose);
+        local_poses(
+            self.cluster,
+            self.bodies,
+            &ws.q[q..q + n_q],
+            &mut ws.turn[body..body + n],
+            &mut ws.scratch.pose,
+        );
     }
 
     /// Scaled K as U Σ in `dense` and V in `dense_rhs`, the null space first.
@@ -106,7 +122,8 @@ impl<T: Scalar> Search<'_, T> {
         }
     }
 
-    /// s into the scratch's `step`, no longer than allowed; false where there is nothing left to gain.
+    /// s into the scratch's `step`, no longer than allowed; false where there is nothing left to
+    /// gain.
     fn newton_step(&self, ws: &mut Workspace<T>) -> bool {
         let Search { cluster, m, n, rows, .. } = *self;
         // H, then μ and Kᵀμ against a turned pose
@@ -117,7 +134,8 @@ impl<T: Scalar> Search<'_, T> {
         mu.fill(T::ZERO);
         for b in m..n {
             let square = column_square(&ws.dense, rows, n, b);
-            let along = (0..m).fold(T::ZERO, |sum, k| ws.dense_rhs[k * n + b].mul_add(self.miss(ws, k), sum));
+            let along = (0..m)
+                .fold(T::ZERO, |sum, k| ws.dense_rhs[k * n + b].mul_add(self.miss(ws, k), sum));
             let part = if T::ZERO.lt(square) { -(along / square) } else { T::ZERO };
             (0..rows).for_each(|r| mu[r] = ws.dense[r * n + b].mul_add(part, mu[r]));
         }
@@ -131,13 +149,18 @@ impl<T: Scalar> Search<'_, T> {
                 self.jacobian(ws);
                 let part = side / (h + h);
                 let of = &ws.scratch.K;
-                scaled(cluster, of, 0..rows, &cluster.independent, |r, i, x| w[i] = (mu[r] * part).mul_add(x, w[i]));
-                scaled(cluster, of, 0..rows, &cluster.dependent, |r, i, x| w[m + i] = (mu[r] * part).mul_add(x, w[m + i]));
+                scaled(cluster, of, 0..rows, &cluster.independent, |r, i, x| {
+                    w[i] = (mu[r] * part).mul_add(x, w[i])
+                });
+                scaled(cluster, of, 0..rows, &cluster.dependent, |r, i, x| {
+                    w[m + i] = (mu[r] * part).mul_add(x, w[m + i])
+                });
             }
             for b in 0..m {
                 let V = &ws.dense_rhs;
                 let curved = (0..n).fold(T::ZERO, |sum, i| w[i].mul_add(V[i * n + b], sum));
-                H[a * m + b] = (0..m).fold(curved, |sum, k| V[k * n + a].mul_add(V[k * n + b], sum));
+                H[a * m + b] =
+                    (0..m).fold(curved, |sum, k| V[k * n + a].mul_add(V[k * n + b], sum));
             }
         }
         ws.q[cluster.q..cluster.q + cluster.n_q].copy_from_slice(&base[..cluster.n_q]);
@@ -149,7 +172,8 @@ impl<T: Scalar> Search<'_, T> {
                     let x = (H[a * m + b] + H[b * m + a]) * T::from_f64(0.5);
                     ws.scratch.B[a * m + b] = if a == b { x + shift } else { x };
                 }
-                ws.scratch.step[a] = -(0..m).fold(T::ZERO, |sum, k| ws.dense_rhs[k * n + a].mul_add(self.miss(ws, k), sum));
+                ws.scratch.step[a] = -(0..m)
+                    .fold(T::ZERO, |sum, k| ws.dense_rhs[k * n + a].mul_add(self.miss(ws, k), sum));
             }
             if solve_positive(&mut ws.scratch.B, &mut ws.scratch.step, m) {
                 break true;
@@ -163,7 +187,9 @@ impl<T: Scalar> Search<'_, T> {
         // clamped in every coordinate
         let mut size = T::ZERO;
         for i in 0..n {
-            let x = (0..m).fold(T::ZERO, |sum, a| ws.dense_rhs[i * n + a].mul_add(ws.scratch.step[a], sum)).abs();
+            let x = (0..m)
+                .fold(T::ZERO, |sum, a| ws.dense_rhs[i * n + a].mul_add(ws.scratch.step[a], sum))
+                .abs();
             size = T::select(size.lt(x), x, size);
         }
         if size > T::from_f64(LONGEST) {
@@ -182,7 +208,8 @@ impl<T: Scalar> Search<'_, T> {
         }
     }
 
-    /// Goes along the step, or a half, a quarter of it, to a closed pose of the same branch that is nearer; false where there is none.
+    /// Goes along the step, or a half, a quarter of it, to a closed pose of the same branch that is
+    /// nearer; false where there is none.
     fn advance(&self, ws: &mut Workspace<T>, sign: T) -> bool {
         let Search { cluster, m, n, .. } = *self;
         let before = self.cost(ws);
@@ -193,7 +220,9 @@ impl<T: Scalar> Search<'_, T> {
         let mut part = T::ONE;
         let mut nearer = false;
         for _ in 0..HALVINGS {
-            self.turn(ws, base, |i, V| (0..m).fold(T::ZERO, |sum, a| V[i * n + a].mul_add(step[a] * part, sum)));
+            self.turn(ws, base, |i, V| {
+                (0..m).fold(T::ZERO, |sum, a| V[i * n + a].mul_add(step[a] * part, sum))
+            });
             if self.project(ws) && self.cost(ws) < before {
                 self.jacobian(ws);
                 if branch(cluster, &mut ws.scratch) == sign {
@@ -239,7 +268,8 @@ impl<T: Scalar> Search<'_, T> {
                 let along = if T::ZERO.lt(square) { along / square } else { T::ZERO };
                 for (i, v) in self.columns().enumerate() {
                     let step = -(ws.dense_rhs[i * n + b] * along) * self.unit(v);
-                    cluster.freedoms[v].advance(&mut ws.q[cluster.q..cluster.q + cluster.n_q], step);
+                    cluster.freedoms[v]
+                        .advance(&mut ws.q[cluster.q..cluster.q + cluster.n_q], step);
                 }
             }
         }
@@ -257,7 +287,8 @@ fn solve_positive<T: Scalar>(H: &mut [T], b: &mut [T], m: usize) -> bool {
         let root = d.sqrt();
         H[j * m + j] = root;
         for i in j + 1..m {
-            H[i * m + j] = (0..j).fold(H[i * m + j], |x, k| (-H[i * m + k]).mul_add(H[j * m + k], x)) / root;
+            H[i * m + j] =
+                (0..j).fold(H[i * m + j], |x, k| (-H[i * m + k]).mul_add(H[j * m + k], x)) / root;
         }
     }
     for i in 0..m {

@@ -12,7 +12,13 @@ use crate::workspace::Workspace;
 
 impl Plan {
     /// Writes every wanted field.
-    pub(super) fn write<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, found: &Findings<T>, output: &mut [T]) -> Status {
+    pub(super) fn write<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        found: &Findings<T>,
+        output: &mut [T],
+    ) -> Status {
         if self.steps.frames {
             tree::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
             if self.steps.frame_velocities {
@@ -52,13 +58,24 @@ impl Plan {
 
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     fn check_overflow<T: Scalar>(&self, output: &[T]) -> Status {
-        let may_be_infinite = |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
+        let may_be_infinite =
+            |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
-        if slots.all(|slot| output[slot.range()].iter().all(|x| x.is_finite())) { Status::Ok } else { Status::NonFiniteInput }
+        if slots.all(|slot| output[slot.range()].iter().all(|x| x.is_finite())) {
+            Status::Ok
+        } else {
+            Status::NonFiniteInput
+        }
     }
 
     /// NaN everywhere, but for what survives a failure.
-    pub(super) fn write_failure<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, found: &Findings<T>, output: &mut [T]) {
+    pub(super) fn write_failure<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        found: &Findings<T>,
+        output: &mut [T],
+    ) {
         output.fill(T::from_f64(f64::NAN));
         let slot = |field| self.want().slot(field).map(Slot::range);
         if let (Some(range), true) = (slot(Field::NearestY), found.nearest) {
@@ -70,7 +87,8 @@ impl Plan {
         if let (Some(range), true) = (slot(Field::GoodIndependents), found.failed) {
             output[range].copy_from_slice(&ws.loop_q);
         }
-        if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), found.status) {
+        if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), found.status)
+        {
             // the one that failed was closed as far as it matters here
             singular::uncontrolled(model, ws, found.closed + 1, &mut output[range]);
         }
@@ -82,9 +100,17 @@ impl Plan {
         }
     }
 
-    fn write_field<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, slot: &Slot, out: &mut [T]) -> Status {
+    fn write_field<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        slot: &Slot,
+        out: &mut [T],
+    ) -> Status {
         let order = &model.order;
-        let gather = |out: &mut [T], from: &[T], order: &[usize]| out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i]);
+        let gather = |out: &mut [T], from: &[T], order: &[usize]| {
+            out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i])
+        };
         match slot.field {
             Field::Y | Field::NearestY => gather(out, &ws.q, &order.qy_q),
             Field::Yd => gather(out, &ws.qd, &order.vy_v),
@@ -103,24 +129,35 @@ impl Plan {
             Field::GBias => gather(out, &ws.g, &order.v),
             Field::GUBias => gather(out, &ws.g, &order.u_v),
             Field::G => self.write_G(model, ws, out, |v| Some(order.v_external[v])),
-            Field::GU => self.write_G(model, ws, out, |v| order.u_v.iter().position(|of_u| *of_u == v)),
+            Field::GU => {
+                self.write_G(model, ws, out, |v| order.u_v.iter().position(|of_u| *of_u == v))
+            }
             Field::MY => {
                 let n = order.vy.len();
                 for (i, &a) in order.vy.iter().enumerate() {
                     for (j, &b) in order.vy.iter().enumerate() {
-                        out[i * n + j] = model.branches.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
+                        out[i * n + j] =
+                            model.branches.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
                     }
                 }
             }
-            Field::FramePose => self.each_frame(model, out, 7, |frame, out| out.copy_from_slice(&tree::frame_pose(frame, &ws.world))),
+            Field::FramePose => self.each_frame(model, out, 7, |frame, out| {
+                out.copy_from_slice(&tree::frame_pose(frame, &ws.world))
+            }),
             Field::FrameTwist => {
-                self.each_frame(model, out, 6, |frame, out| out.copy_from_slice(&tree::frame_twist(frame, &ws.world, &ws.motion)));
+                self.each_frame(model, out, 6, |frame, out| {
+                    out.copy_from_slice(&tree::frame_twist(frame, &ws.world, &ws.motion))
+                });
             }
             Field::FrameAcc => {
                 tree::rates(model, &self.frame_bodies, &ws.qd, &ws.qdd, &mut ws.motion);
-                self.each_frame(model, out, 6, |frame, out| out.copy_from_slice(&tree::frame_acceleration(frame, &ws.world, &ws.motion)));
+                self.each_frame(model, out, 6, |frame, out| {
+                    out.copy_from_slice(&tree::frame_acceleration(frame, &ws.world, &ws.motion))
+                });
             }
-            Field::JacobianTree => self.each_frame(model, out, 6 * order.v.len(), |frame, out| tree_jacobian(model, ws, frame, out)),
+            Field::JacobianTree => self.each_frame(model, out, 6 * order.v.len(), |frame, out| {
+                tree_jacobian(model, ws, frame, out)
+            }),
             Field::JacobianIndependent => {
                 self.each_frame(model, out, 6 * order.vy.len(), |frame, out| {
                     independent_jacobian(model, ws, frame, out, &order.vy_external)
@@ -133,28 +170,46 @@ impl Plan {
         Status::Ok
     }
 
-    fn each_frame<T: Scalar>(&self, model: &Model<T>, out: &mut [T], len: usize, mut write: impl FnMut(&Frame<T>, &mut [T])) {
+    fn each_frame<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        out: &mut [T],
+        len: usize,
+        mut write: impl FnMut(&Frame<T>, &mut [T]),
+    ) {
         for (link, out) in self.frames.iter().zip(out.chunks_exact_mut(len.max(1))) {
             write(&model.frames[*link], out);
         }
     }
 
     /// Rows of G; `row_of` gives the row of an internal velocity, if it has one.
-    fn write_G<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>, out: &mut [T], row_of: impl Fn(usize) -> Option<usize>) {
+    fn write_G<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        out: &mut [T],
+        row_of: impl Fn(usize) -> Option<usize>,
+    ) {
         let n_vy = model.sizes().n_vy;
         out.fill(T::ZERO);
         for cluster in &model.clusters {
             for j in 0..cluster.n_v {
                 let Some(row) = row_of(cluster.v + j) else { continue };
                 for k in 0..cluster.n_vy {
-                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] = ws.G[cluster.g + j * cluster.n_vy + k];
+                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] =
+                        ws.G[cluster.g + j * cluster.n_vy + k];
                 }
             }
         }
     }
 
     /// J over u̇ = J over ẏ · G_u⁻¹, cluster by cluster.
-    fn actuator_jacobians<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, out: &mut [T]) -> Status {
+    fn actuator_jacobians<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        out: &mut [T],
+    ) -> Status {
         let (n_u, n_vy) = (model.sizes().n_u, model.sizes().n_vy);
         out.fill(T::ZERO);
         for (link, out) in self.frames.iter().zip(out.chunks_exact_mut((6 * n_u).max(1))) {
@@ -211,7 +266,13 @@ fn tree_jacobian<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T
 }
 
 /// Jacobian over the independent velocities (6 × n_vy), J G, with the columns in the given order.
-fn independent_jacobian<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T>, out: &mut [T], order: &[usize]) {
+fn independent_jacobian<T: Scalar>(
+    model: &Model<T>,
+    ws: &Workspace<T>,
+    frame: &Frame<T>,
+    out: &mut [T],
+    order: &[usize],
+) {
     let n_vy = model.sizes().n_vy;
     out.fill(T::ZERO);
     tree::frame_jacobian(model, frame, &ws.world, |v, column| {

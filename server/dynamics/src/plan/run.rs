@@ -14,7 +14,8 @@ pub(super) struct Findings<T> {
     pub(super) iterations: u32,
     pub(super) warnings: Warnings,
     pub(super) residual: T,
-    /// Distance to singularity of the cluster that could not be closed, if there is one; its good independents are in the workspace.
+    /// Distance to singularity of the cluster that could not be closed, if there is one; its good
+    /// independents are in the workspace.
     pub(super) sigma_min: T,
     pub(super) failed: bool,
     /// How many of the tied clusters were closed.
@@ -50,10 +51,17 @@ impl<T: Scalar> Findings<T> {
 impl Plan {
     /// Answers one request.
     ///
-    /// `input` holds the given fields packed by [`Plan::given`], `output` receives the wanted fields packed by [`Plan::want`]. The answer
-    /// depends on model, plan and input alone. A workspace without room for the plan is of the wrong size. Allocates never; panics never. A
+    /// `input` holds the given fields packed by [`Plan::given`], `output` receives the wanted
+    /// fields packed by [`Plan::want`]. The answer depends on model, plan and input alone. A
+    /// workspace without room for the plan is of the wrong size. Allocates never; panics never. A
     /// failed answer is NaN wherever its status forbids a number.
-    pub fn run<T: Scalar>(&self, model: &Model<T>, workspace: &mut Workspace<T>, input: &[T], output: &mut [T]) -> Answer {
+    pub fn run<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        workspace: &mut Workspace<T>,
+        input: &[T],
+        output: &mut [T],
+    ) -> Answer {
         if input.len() != self.given.len() || output.len() != self.want.len() {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
@@ -84,7 +92,13 @@ impl Plan {
         Answer { status: Status::Ok, warnings: found.warnings }
     }
 
-    fn compute<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T], found: &mut Findings<T>) -> Result<(), Status> {
+    fn compute<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        found: &mut Findings<T>,
+    ) -> Result<(), Status> {
         if !input.iter().all(|x| x.is_finite()) {
             return Err(Status::NonFiniteInput);
         }
@@ -107,7 +121,8 @@ impl Plan {
     /// Where a position, velocity or actuator force lies outside the model's limits.
     fn limits<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Warnings {
         let mut warnings = Warnings::NONE;
-        let velocities = self.steps.velocity.is_some() && self.steps.level >= crate::closure::Level::Velocity;
+        let velocities =
+            self.steps.velocity.is_some() && self.steps.level >= crate::closure::Level::Velocity;
         for limit in &model.limits {
             let q = ws.q[limit.q].to_f64();
             let mut outside = q < limit.lower || q > limit.upper;
@@ -116,7 +131,8 @@ impl Plan {
                 warnings |= Warnings::LIMITS_EXCEEDED;
             }
         }
-        if self.request == Request::InverseDynamics && self.wants_any(&[sarrus_proto::Field::TauU]) {
+        if self.request == Request::InverseDynamics && self.wants_any(&[sarrus_proto::Field::TauU])
+        {
             for (tau, effort) in ws.tau_u.iter().zip(&model.effort) {
                 if tau.to_f64().abs() > *effort {
                     warnings |= Warnings::LIMITS_EXCEEDED;

@@ -6,7 +6,8 @@ use crate::model::{Cluster, Model};
 use crate::scalar::{Real, Scalar};
 use crate::workspace::Workspace;
 
-/// Least size of a scaled pivot of K, against the first, with which a dependent is determined by the others.
+/// Least size of a scaled pivot of K, against the first, with which a dependent is determined by
+/// the others.
 const DETERMINED: f64 = 1e-4;
 
 /// 1 at the tree velocities that are declared independent.
@@ -15,9 +16,9 @@ pub(super) fn declared_independents<T: Scalar>(model: &Model<T>, good: &mut [T])
     model.order.vy_v.iter().for_each(|v| good[model.order.v_external[*v]] = T::ONE);
 }
 
-/// A set of good independents of one cluster at a pose: those that pivoted QR of the scaled K leaves over when it takes, one after the other,
-/// the column that stands farthest off those before as a dependent. False where K has lost rank, so that no set is good; nothing is written
-/// then.
+/// A set of good independents of one cluster at a pose: those that pivoted QR of the scaled K
+/// leaves over when it takes, one after the other, the column that stands farthest off those before
+/// as a dependent. False where K has lost rank, so that no set is good; nothing is written then.
 pub(super) fn good_independents<T: Scalar>(
     model: &Model<T>,
     cluster: &Cluster<T>,
@@ -31,7 +32,9 @@ pub(super) fn good_independents<T: Scalar>(
         scaled(cluster, K, 0..rows, &[v], |r, _, x| A[v * rows + r] = x);
         taken[v] = if cluster.locked.contains(&v) { -T::ONE } else { T::ZERO };
     }
-    let square = |A: &[T], v: usize| (0..rows).fold(T::ZERO, |sum, r| A[v * rows + r].mul_add(A[v * rows + r], sum));
+    let square = |A: &[T], v: usize| {
+        (0..rows).fold(T::ZERO, |sum, r| A[v * rows + r].mul_add(A[v * rows + r], sum))
+    };
     let (mut first, mut sound) = (T::ZERO, true);
     for k in 0..cluster.dependent.len() {
         let mut best = 0;
@@ -48,21 +51,30 @@ pub(super) fn good_independents<T: Scalar>(
         sound &= (first * T::from_f64(DETERMINED * DETERMINED)).lt(largest);
         taken[best] = T::ONE;
         for v in (0..n).filter(|v| taken[*v] == T::ZERO) {
-            let share = (0..rows).fold(T::ZERO, |sum, r| A[best * rows + r].mul_add(A[v * rows + r], sum)) / largest;
+            let share = (0..rows)
+                .fold(T::ZERO, |sum, r| A[best * rows + r].mul_add(A[v * rows + r], sum))
+                / largest;
             for r in 0..rows {
                 A[v * rows + r] = (-share).mul_add(A[best * rows + r], A[v * rows + r]);
             }
         }
     }
     for v in (0..n).filter(|_| sound) {
-        good[model.order.v_external[cluster.v + v]] = if taken[v] == T::ZERO { T::ONE } else { T::ZERO };
+        good[model.order.v_external[cluster.v + v]] =
+            if taken[v] == T::ZERO { T::ONE } else { T::ZERO };
     }
     sound
 }
 
-/// The direction of ẏ, of unit length, that the actuators move least in the scaling: the last right singular vector of the scaled G_u of the
-/// cluster in which it is smallest, of those that nothing ties and the first `closed` of the tied ones.
-pub(super) fn uncontrolled<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, closed: usize, direction: &mut [T]) {
+/// The direction of ẏ, of unit length, that the actuators move least in the scaling: the last right
+/// singular vector of the scaled G_u of the cluster in which it is smallest, of those that nothing
+/// ties and the first `closed` of the tied ones.
+pub(super) fn uncontrolled<T: Scalar>(
+    model: &Model<T>,
+    ws: &mut Workspace<T>,
+    closed: usize,
+    direction: &mut [T],
+) {
     let mut least = T::from_f64(f64::INFINITY);
     let open = &model.tied[closed.min(model.tied.len())..];
     for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {

@@ -30,7 +30,9 @@ impl Plan {
     ) -> Result<(), Status> {
         let order = &model.order;
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
-        let scatter = |from: &[T], to: &mut [T], order: &[usize]| from.iter().zip(order).for_each(|(x, i)| to[*i] = *x);
+        let scatter = |from: &[T], to: &mut [T], order: &[usize]| {
+            from.iter().zip(order).for_each(|(x, i)| to[*i] = *x)
+        };
 
         // where closures start: the guess, or the given q itself, or their own zero
         let start = slot(Field::Q).or(slot(Field::QGuess));
@@ -44,7 +46,8 @@ impl Plan {
 
         // from actuators the guess moves on the way, and its velocity means nothing any more
         ws.tangent = false;
-        if let (Some(rate), true) = (slot(Field::QdGuess), self.steps.position != Space::Actuation) {
+        if let (Some(rate), true) = (slot(Field::QdGuess), self.steps.position != Space::Actuation)
+        {
             scatter(rate, &mut ws.start_rate, &order.v);
             ws.tangent = true;
         }
@@ -71,15 +74,23 @@ impl Plan {
             ws.g.fill(T::ZERO);
         }
         match self.steps.velocity {
-            Some(Space::Independent) => scatter(slot(Field::Yd).unwrap_or(&[]), &mut ws.qd, &order.vy_v),
+            Some(Space::Independent) => {
+                scatter(slot(Field::Yd).unwrap_or(&[]), &mut ws.qd, &order.vy_v)
+            }
             Some(Space::Tree) => scatter(slot(Field::Qd).unwrap_or(&[]), &mut ws.qd, &order.v),
-            Some(Space::Actuation) => scatter(slot(Field::Ud).unwrap_or(&[]), &mut ws.qd, &order.u_v),
+            Some(Space::Actuation) => {
+                scatter(slot(Field::Ud).unwrap_or(&[]), &mut ws.qd, &order.u_v)
+            }
             None => {}
         }
         match self.steps.acceleration {
-            Some(Space::Independent) => scatter(slot(Field::Ydd).unwrap_or(&[]), &mut ws.qdd, &order.vy_v),
+            Some(Space::Independent) => {
+                scatter(slot(Field::Ydd).unwrap_or(&[]), &mut ws.qdd, &order.vy_v)
+            }
             Some(Space::Tree) => scatter(slot(Field::Qdd).unwrap_or(&[]), &mut ws.qdd, &order.v),
-            Some(Space::Actuation) => scatter(slot(Field::Udd).unwrap_or(&[]), &mut ws.qdd, &order.u_v),
+            Some(Space::Actuation) => {
+                scatter(slot(Field::Udd).unwrap_or(&[]), &mut ws.qdd, &order.u_v)
+            }
             None => {}
         }
 
@@ -98,14 +109,20 @@ impl Plan {
     }
 
     fn actuated_rates(&self) -> bool {
-        self.steps.velocity == Some(Space::Actuation) || self.steps.acceleration == Some(Space::Actuation)
+        self.steps.velocity == Some(Space::Actuation)
+            || self.steps.acceleration == Some(Space::Actuation)
     }
 
-    /// Actuators can only tell the state of joints that they move; a free joint without one needs its coordinate otherwise.
+    /// Actuators can only tell the state of joints that they move; a free joint without one needs
+    /// its coordinate otherwise.
     fn check_unactuated<T: Scalar>(&self, model: &Model<T>) -> Result<(), Status> {
         let guessed = self.given.slot(Field::QGuess).is_some();
         let driven = |cluster: &Cluster<T>| cluster.active.len() == cluster.n_vy;
-        if guessed || model.clusters.iter().all(driven) { Ok(()) } else { Err(Status::SingularActuation) }
+        if guessed || model.clusters.iter().all(driven) {
+            Ok(())
+        } else {
+            Err(Status::SingularActuation)
+        }
     }
 
     /// Closes one cluster, from whatever space its numbers come.
@@ -117,7 +134,8 @@ impl Plan {
         input: &[T],
         found: &mut Findings<T>,
     ) -> Result<(), Status> {
-        let given = |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
+        let given =
+            |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
         let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
         let actuated = self.steps.position == Space::Actuation;
         hold_idle(cluster, ws);
@@ -154,13 +172,19 @@ impl Plan {
     }
 
     /// All levels at the closed pose that was just found.
-    fn close_again<T: Scalar>(&self, cluster: &Cluster<T>, bodies: &[crate::model::Body<T>], ws: &mut Workspace<T>) -> Outcome {
+    fn close_again<T: Scalar>(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[crate::model::Body<T>],
+        ws: &mut Workspace<T>,
+    ) -> Outcome {
         let at = cluster.q..cluster.q + cluster.n_q;
         ws.start[at.clone()].copy_from_slice(&ws.q[at]);
         close(cluster, bodies, &mut local(cluster, ws), self.steps.level)
     }
 
-    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; true where the actuators nearly lose control.
+    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; true
+    /// where the actuators nearly lose control.
     fn independent_rates<T: Scalar>(
         &self,
         cluster: &Cluster<T>,
@@ -180,7 +204,8 @@ impl Plan {
             // the closure has overwritten what stood at dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
-        let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+        let solved =
+            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
             to[cluster.v + j] = ws.dense_rhs[k];
@@ -224,7 +249,8 @@ pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Works
     }
 }
 
-/// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's method from the start.
+/// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's
+/// method from the start.
 fn from_actuators<T: Scalar>(
     cluster: &Cluster<T>,
     bodies: &[crate::model::Body<T>],
@@ -258,12 +284,22 @@ fn from_actuators<T: Scalar>(
             }
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.freedoms[j].q];
         }
-        let solved = if outcome.status == Status::Ok { solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1) } else { None };
+        let solved = if outcome.status == Status::Ok {
+            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
+        } else {
+            None
+        };
         let at = cluster.q..cluster.q + cluster.n_q;
         let weak = solved.is_some_and(|solved| solved.least.lt(T::from_f64(WEAK)));
         match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the way from the last good one
-            None if k == 0 => return if outcome.status == Status::Ok { Err(Status::SingularActuation) } else { Ok(outcome) },
+            None if k == 0 => {
+                return if outcome.status == Status::Ok {
+                    Err(Status::SingularActuation)
+                } else {
+                    Ok(outcome)
+                };
+            }
             Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
                 (sign, damping) = (det, T::ONE);
                 ws.start[at.clone()].copy_from_slice(&ws.q[at]);
@@ -297,8 +333,14 @@ fn from_actuators<T: Scalar>(
 }
 
 /// Quaternions within 1e-6 of unit length are normalised, others refused.
-fn normalise_quaternions<T: Scalar>(model: &Model<T>, q: &mut [T], of: impl Fn(usize) -> bool) -> Result<(), Status> {
-    for (_, body) in model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && of(*i)) {
+fn normalise_quaternions<T: Scalar>(
+    model: &Model<T>,
+    q: &mut [T],
+    of: impl Fn(usize) -> bool,
+) -> Result<(), Status> {
+    for (_, body) in
+        model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && of(*i))
+    {
         let of = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
         let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
         if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {

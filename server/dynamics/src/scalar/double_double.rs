@@ -1,4 +1,5 @@
-//! Double-double: the sum of two doubles, about 32 decimal digits. The truth that the other scalars are measured against.
+//! Double-double: the sum of two doubles, about 32 decimal digits. The truth that the other scalars
+//! are measured against.
 
 mod angle;
 mod decimal;
@@ -11,12 +12,14 @@ use super::{Real, Scalar};
 
 /// hi + lo with |lo| ≤ ulp(hi) / 2, about 106 bits.
 ///
-/// With u = 2⁻⁵³ the relative error of a sum or difference is at most 3 u², of a product 4 u², of a square root 25/8 u² (proven).
-/// A quotient, sine, cosine and arc tangent stay below 4 u² too (not proven; the largest seen: 1.6, 1.9, 1.9 and 3.1 u²). All this
-/// holds while no part underflows, |x| > 1e-270. Infinite operands and overflow give NaN.
+/// With u = 2⁻⁵³ the relative error of a sum or difference is at most 3 u², of a product 4 u², of a
+/// square root 25/8 u² (proven). A quotient, sine, cosine and arc tangent stay below 4 u² too (not
+/// proven; the largest seen: 1.6, 1.9, 1.9 and 3.1 u²). All this holds while no part underflows,
+/// |x| > 1e-270. Infinite operands and overflow give NaN.
 ///
-/// Sources: Hida, Li, Bailey, *Algorithms for quad-double precision floating point arithmetic* (2001); Joldes, Muller, Popescu,
-/// *Tight and rigorous error bounds for basic building blocks of double-word arithmetic* (2017), "JMP" below.
+/// Sources: Hida, Li, Bailey, *Algorithms for quad-double precision floating point arithmetic*
+/// (2001); Joldes, Muller, Popescu, *Tight and rigorous error bounds for basic building blocks of
+/// double-word arithmetic* (2017), "JMP" below.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Dd {
     pub(crate) hi: f64,
@@ -178,7 +181,8 @@ impl Real for Dd {
     fn mul_add(self, a: Dd, b: Dd) -> Dd {
         self * a + b
     }
-    /// The double root and one correction from its exact residual (Lefèvre et al. 2023, algorithm SQRTDWtoDW).
+    /// The double root and one correction from its exact residual (Lefèvre et al. 2023, algorithm
+    /// SQRTDWtoDW).
     fn sqrt(self) -> Dd {
         if self.hi == 0.0 {
             return self;
@@ -242,7 +246,8 @@ mod tests {
 
     #[test]
     fn cancelling_signs_keep_the_relative_error() {
-        // (1 + 2⁻⁵³ + 2⁻¹⁰⁶) − (1 + 2⁻⁵³) and its like, where a sum without the trailing parts' own error loses all digits
+        // (1 + 2⁻⁵³ + 2⁻¹⁰⁶) − (1 + 2⁻⁵³) and its like, where a sum without the trailing parts' own
+        // error loses all digits
         let (h, l) = (2.0_f64.powi(-53), 2.0_f64.powi(-106));
         assert_eq!(Dd { hi: 1.0, lo: h + l } - Dd { hi: 1.0, lo: h }, Dd::from(0.0));
         assert_eq!(Dd { hi: 1.0, lo: h } - Dd { hi: 1.0, lo: -h }, Dd::from(2.0 * h));
@@ -266,7 +271,11 @@ mod tests {
     fn zero_and_faults_are_told_apart() {
         let zero = Dd::ZERO;
         assert_eq!(zero.sqrt(), zero);
-        assert!(!(-Dd::ONE).sqrt().is_finite() && !(Dd::ONE / zero).is_finite() && !Dd::from(f64::INFINITY).is_finite());
+        assert!(
+            !(-Dd::ONE).sqrt().is_finite()
+                && !(Dd::ONE / zero).is_finite()
+                && !Dd::from(f64::INFINITY).is_finite()
+        );
         assert!(Real::lt(Dd::ONE, Dd { hi: 1.0, lo: 1e-20 }) && !Real::lt(Dd::ONE, Dd::ONE));
         assert_eq!(Dd { hi: -1.0, lo: 1e-20 }.abs(), Dd { hi: 1.0, lo: -1e-20 });
     }

@@ -5,20 +5,24 @@ use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use super::{Real, Scalar};
 
-/// re + ε du: a number and its derivative, carried through every operation alike. A dual of duals carries two directions and the mixed
-/// second derivative.
+/// re + ε du: a number and its derivative, carried through every operation alike. A dual of duals
+/// carries two directions and the mixed second derivative.
 ///
 /// ```text
 ///   f(a + ε b) = f(a) + ε f′(a) b,   ε² = 0
 /// ```
-/// Comparisons, equality among them, see the value alone: a kernel takes the same decisions and gives the same values as over the plain
-/// scalar. A number is finite where both parts are. At a kink, as of |x| at 0, the derivative is that of the side which a comparison takes.
+/// Comparisons, equality among them, see the value alone: a kernel takes the same decisions and
+/// gives the same values as over the plain scalar. A number is finite where both parts are. At a
+/// kink, as of |x| at 0, the derivative is that of the side which a comparison takes.
 ///
-/// A model over duals is [`crate::Model::convert`] with [`Dual::constant`]. Closed forms then give γ(y + ε ẏ) at once. A numerical closure
-/// stops by its values, so Newton's method runs over the plain scalar first and its q is the guess of the dual request: the one step that
-/// is taken from a closed pose makes the first derivative. Each further closure from the q of the one before makes one order more.
+/// A model over duals is [`crate::Model::convert`] with [`Dual::constant`]. Closed forms then give
+/// γ(y + ε ẏ) at once. A numerical closure stops by its values, so Newton's method runs over the
+/// plain scalar first and its q is the guess of the dual request: the one step that is taken from a
+/// closed pose makes the first derivative. Each further closure from the q of the one before makes
+/// one order more.
 ///
-/// Source: Griewank, Walther, *Evaluating Derivatives* (2008), chapter 3, the forward mode. Allocates never.
+/// Source: Griewank, Walther, *Evaluating Derivatives* (2008), chapter 3, the forward mode.
+/// Allocates never.
 ///
 /// ```
 /// use sarrus_dynamics::scalar::{Dual, Real};
@@ -136,7 +140,10 @@ impl<S: Scalar> Real for Dual<S> {
         Dual::constant(S::from_f64(x))
     }
     fn mul_add(self, a: Dual<S>, b: Dual<S>) -> Dual<S> {
-        Dual { re: self.re.mul_add(a.re, b.re), du: self.re.mul_add(a.du, self.du.mul_add(a.re, b.du)) }
+        Dual {
+            re: self.re.mul_add(a.re, b.re),
+            du: self.re.mul_add(a.du, self.du.mul_add(a.re, b.du)),
+        }
     }
     fn sqrt(self) -> Dual<S> {
         let re = self.re.sqrt();
@@ -192,7 +199,11 @@ mod tests {
             let second = (at(h) - at(0.0) - at(0.0) + at(-h)) / Dd::from(h * h);
             assert_eq!(dual.re.re, f(x));
             for (got, want) in [(dual.re.du, first), (dual.du.re, first), (dual.du.du, second)] {
-                assert!((got - want.to_f64()).abs() < 1e-13 * (1.0 + want.to_f64().abs()), "f at {x}: {got} instead of {}", want.to_f64());
+                assert!(
+                    (got - want.to_f64()).abs() < 1e-13 * (1.0 + want.to_f64().abs()),
+                    "f at {x}: {got} instead of {}",
+                    want.to_f64()
+                );
             }
         }
     }

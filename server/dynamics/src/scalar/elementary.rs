@@ -1,13 +1,16 @@
-//! Sine, cosine and the arc tangent as one fixed sequence of IEEE operations, the same in every lane and on every machine.
+//! Sine, cosine and the arc tangent as one fixed sequence of IEEE operations, the same in every
+//! lane and on every machine.
 //!
-//! No branch, no table: [`Lane`] adds to [`Real`] the few operations on the sign bit that the kernels need. An implementation
-//! whose `mul_add` is fused and whose other operations round to nearest gives the bits of the `f64` one.
+//! No branch, no table: [`Lane`] adds to [`Real`] the few operations on the sign bit that the
+//! kernels need. An implementation whose `mul_add` is fused and whose other operations round to
+//! nearest gives the bits of the `f64` one.
 
 use super::Real;
 
 /// A scalar in IEEE double lanes: what the kernels need beyond [`Real`].
 pub(super) trait Lane: Real {
-    /// A number whose sign bit is bit `k` of this one's representation; its other bits mean nothing.
+    /// A number whose sign bit is bit `k` of this one's representation; its other bits mean
+    /// nothing.
     fn sign_from_bit(self, k: u32) -> Self;
     /// This number, negated where `sign` has its sign bit set.
     fn xor_sign(self, sign: Self) -> Self;
@@ -26,17 +29,20 @@ impl Lane for f64 {
 
 const SIGN_BIT: u64 = 1 << 63;
 
-/// From this |x| on, the answer is not a number: the error of a / (π/2) would carry |r| past the polynomials' 0.79.
+/// From this |x| on, the answer is not a number: the error of a / (π/2) would carry |r| past the
+/// polynomials' 0.79.
 pub(super) const RANGE: f64 = (1_u64 << 45) as f64;
 
 /// 1.5 · 2⁵²: the sum with a number below 2⁵¹ has that number's nearest integer in its low bits.
 const INTEGER: f64 = 6_755_399_441_055_744.0;
 
 /// π/2 in three doubles.
-const HALF_PI: [f64; 3] = [core::f64::consts::FRAC_PI_2, 6.123233995736766e-17, -1.4973849048591698e-33];
+const HALF_PI: [f64; 3] =
+    [core::f64::consts::FRAC_PI_2, 6.123233995736766e-17, -1.4973849048591698e-33];
 
-/// (sin r − r) / r³ as a polynomial in r², |r| ≤ 0.79: minimax for the relative error of sin (Remez exchange in 60 digits,
-/// coefficients rounded from the lowest up, the rest fitted again after each), 2⁻⁵⁷·⁷.
+/// (sin r − r) / r³ as a polynomial in r², |r| ≤ 0.79: minimax for the relative error of sin (Remez
+/// exchange in 60 digits, coefficients rounded from the lowest up, the rest fitted again after
+/// each), 2⁻⁵⁷·⁷.
 const SIN: [f64; 6] = [
     -0.16666666666666627,
     0.008333333333321128,
@@ -58,11 +64,12 @@ const COS: [f64; 6] = [
 
 /// (sin x, cos x), x in radians.
 ///
-/// Within 0.8 ulp (the largest error seen among 6·10⁷ angles is 0.784) for |x| < 2⁴⁵, next to multiples of π/2 too; in [−1, 1].
-/// NaN from 2⁴⁵ on, where neighbouring doubles are 0.008 rad and more apart: such an angle says nothing.
-/// sin(−x) = −sin x and cos(−x) = cos x to the bit.
+/// Within 0.8 ulp (the largest error seen among 6·10⁷ angles is 0.784) for |x| < 2⁴⁵, next to
+/// multiples of π/2 too; in [−1, 1]. NaN from 2⁴⁵ on, where neighbouring doubles are 0.008 rad and
+/// more apart: such an angle says nothing. sin(−x) = −sin x and cos(−x) = cos x to the bit.
 ///
-/// Reduction: Cody, Waite, *Software Manual for the Elementary Functions* (1980), with fused products.
+/// Reduction: Cody, Waite, *Software Manual for the Elementary Functions* (1980), with fused
+/// products.
 #[inline(always)]
 pub(super) fn sin_cos<T: Lane>(x: T) -> (T, T) {
     let k = T::from_f64;
@@ -75,7 +82,8 @@ pub(super) fn sin_cos<T: Lane>(x: T) -> (T, T) {
     let t = a.mul_add(k(core::f64::consts::FRAC_2_PI), k(INTEGER));
     let n = t - k(INTEGER);
 
-    // PRECISION: r + dr = a − n π/2; the first product is exact because a and n π/2 are multiples of 2⁻⁵³ that nearly cancel
+    // PRECISION: r + dr = a − n π/2; the first product is exact because a and n π/2 are multiples
+    // of 2⁻⁵³ that nearly cancel
     let r1 = (-n).mul_add(k(HALF_PI[0]), a);
     let p = n * k(HALF_PI[1]);
     let r = r1 - p;
@@ -89,7 +97,8 @@ pub(super) fn sin_cos<T: Lane>(x: T) -> (T, T) {
         pair(4).mul_add(z2, pair(2)).mul_add(z2, pair(0))
     };
 
-    // PRECISION: w + e = 1 − r²/2 without its rounding; dr enters as dr cos r, −dr sin r to first order
+    // PRECISION: w + e = 1 − r²/2 without its rounding; dr enters as dr cos r, −dr sin r to first
+    // order
     let h = r * k(-0.5);
     let w = h.mul_add(r, T::ONE);
     let e = h.mul_add(r, T::ONE - w);
@@ -130,13 +139,14 @@ const ATAN: [f64; 20] = [
 
 /// The angle of the point (x, y) in [−π, π], with the signed zeros and infinities of IEEE 754.
 ///
-/// Within 1.4 ulp (the largest error seen among 7·10⁷ points is 1.341, near the diagonals; 0.6 near the axes) for all sizes of x
-/// and y. atan2(−y, x) = −atan2(y, x) to the bit.
+/// Within 1.4 ulp (the largest error seen among 7·10⁷ points is 1.341, near the diagonals; 0.6 near
+/// the axes) for all sizes of x and y. atan2(−y, x) = −atan2(y, x) to the bit.
 #[inline(always)]
 pub(super) fn atan2<T: Lane>(y: T, x: T) -> T {
     let k = T::from_f64;
 
-    // the shorter and the longer coordinate; at the origin and at infinity a point in the same direction, NaN kept
+    // the shorter and the longer coordinate; at the origin and at infinity a point in the same
+    // direction, NaN kept
     let (ay, ax) = (y.abs(), x.abs());
     let steep = ax.lt(ay);
     let (short, long) = (T::select(steep, ax, ay), T::select(steep, ay, ax));
@@ -145,7 +155,8 @@ pub(super) fn atan2<T: Lane>(y: T, x: T) -> T {
     let short = T::select(edge, T::select(largest.lt(short), T::ONE, short * T::ZERO), short);
     let long = T::select(edge, T::ONE, long);
 
-    // t = the tangent of the angle to the nearest axis; the quotient's rounding error times atan′ = 1 / (1 + t²), ± 4 %
+    // t = the tangent of the angle to the nearest axis; the quotient's rounding error times atan′ =
+    // 1 / (1 + t²), ± 4 %
     let t = short / long;
     let z = t * t;
     let dt = ((-t).mul_add(long, short) / long) * z.mul_add(k(-0.5), k(0.957));
@@ -182,7 +193,8 @@ mod tests {
 
     const SEED: u64 = 20_250_117;
 
-    /// Largest error in ulp of sine and cosine, measured by double-double, over angles given by `next`.
+    /// Largest error in ulp of sine and cosine, measured by double-double, over angles given by
+    /// `next`.
     fn worst_sin_cos(count: usize, mut next: impl FnMut() -> f64) -> (f64, f64) {
         (0..count).fold((0.0, 0.0), |worst, _| {
             let x = next();
@@ -205,7 +217,10 @@ mod tests {
         for [y, x, hi, lo] in ATAN2 {
             let angle = atan2(y, x);
             let error = ulps(angle, Dd { hi, lo });
-            assert!(error <= 1.4 && angle.is_sign_negative() == y.is_sign_negative(), "atan2({y:e}, {x:e}): {error} ulp");
+            assert!(
+                error <= 1.4 && angle.is_sign_negative() == y.is_sign_negative(),
+                "atan2({y:e}, {x:e}): {error} ulp"
+            );
         }
     }
 
@@ -219,7 +234,9 @@ mod tests {
             let n = (random.unit() * 1e6).round();
             n * core::f64::consts::FRAC_PI_2 * (1.0 + random.spread(-60.0, -20.0))
         });
-        println!("seed {SEED}, largest errors in ulp (sin, cos): {turn:?} {million:?} {range:?} {multiple:?}");
+        println!(
+            "seed {SEED}, largest errors in ulp (sin, cos): {turn:?} {million:?} {range:?} {multiple:?}"
+        );
         for (s, c) in [turn, million, range, multiple] {
             assert!(s <= 0.8 && c <= 0.8);
         }
@@ -235,7 +252,11 @@ mod tests {
             let axis = (random.spread(-20.0, 20.0), random.spread(-3.0, 3.0));
             for (worst, (y, x)) in worst.iter_mut().zip([near, wide, axis]) {
                 let truth = Dd::from(y).atan2(Dd::from(x));
-                *worst = if truth.hi.abs() > 1e-290 { ulps(atan2(y, x), truth).max(*worst) } else { *worst };
+                *worst = if truth.hi.abs() > 1e-290 {
+                    ulps(atan2(y, x), truth).max(*worst)
+                } else {
+                    *worst
+                };
             }
         }
         println!("seed {SEED}, largest errors in ulp: {worst:?}");
@@ -265,9 +286,14 @@ mod tests {
         assert!(sin_cos(RANGE.next_down()).0.is_finite());
 
         let values = [0.0, 5e-324, 1.0, f64::MAX, f64::INFINITY, f64::NAN].map(|v: f64| [v, -v]);
-        for (&y, &x) in values.iter().flatten().flat_map(|y| values.iter().flatten().map(move |x| (y, x))) {
+        for (&y, &x) in
+            values.iter().flatten().flat_map(|y| values.iter().flatten().map(move |x| (y, x)))
+        {
             let (own, std) = (atan2(y, x), f64::atan2(y, x));
-            assert!(own.to_bits() == std.to_bits() || (own.is_nan() && std.is_nan()), "atan2({y:e}, {x:e}) = {own:e}, not {std:e}");
+            assert!(
+                own.to_bits() == std.to_bits() || (own.is_nan() && std.is_nan()),
+                "atan2({y:e}, {x:e}) = {own:e}, not {std:e}"
+            );
         }
     }
 }

@@ -11,9 +11,11 @@ pub use dual::Dual;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
 
-/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, and later SIMD lanes.
+/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, and later SIMD
+/// lanes.
 ///
-/// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by [`Real::select`].
+/// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by
+/// [`Real::select`].
 pub trait Real:
     Copy
     + Debug
@@ -65,7 +67,9 @@ pub trait Real:
 }
 
 /// The outcome of a comparison, one bit for each lane.
-pub trait Mask: Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> {
+pub trait Mask:
+    Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self>
+{
     /// The same outcome in all lanes.
     fn splat(value: bool) -> Self;
     /// Set in every lane.

@@ -1,11 +1,14 @@
-//! Single precision: about seven decimal digits, for robots that are asked to be fast rather than exact, and to see what that costs.
+//! Single precision: about seven decimal digits, for robots that are asked to be fast rather than
+//! exact, and to see what that costs.
 
 use super::{Real, Scalar, elementary};
 
-/// From this |x| on, sine and cosine are not numbers: neighbouring angles are 0.008 rad and more apart, as at the end of the range in double.
+/// From this |x| on, sine and cosine are not numbers: neighbouring angles are 0.008 rad and more
+/// apart, as at the end of the range in double.
 const RANGE: f32 = (1_u32 << 16) as f32;
 
-/// The elementary functions are those of `f64`, rounded: within 0.5001 ulp, the same bits on every machine.
+/// The elementary functions are those of `f64`, rounded: within 0.5001 ulp, the same bits on every
+/// machine.
 impl Real for f32 {
     type Mask = bool;
     type Const = f32;
@@ -89,7 +92,10 @@ mod tests {
             let (x, y) = ((random.unit() * size) as f32, random.unit() as f32);
             let [wide_x, wide_y] = [x, y].map(|x| Dd::from(f64::from(x)));
             let ((s, c), (true_s, true_c)) = (Real::sin_cos(x), wide_x.sin_cos());
-            worst = worst.max(ulps(s, true_s)).max(ulps(c, true_c)).max(ulps(Real::atan2(y, x), wide_y.atan2(wide_x)));
+            worst = worst
+                .max(ulps(s, true_s))
+                .max(ulps(c, true_c))
+                .max(ulps(Real::atan2(y, x), wide_y.atan2(wide_x)));
         }
         println!("seed {SEED}, largest error {worst} ulp");
         assert!(worst < 0.5001);

@@ -1,7 +1,9 @@
-//! One cluster as a single joint: its force columns and its block of the mass matrix, from the inertia that each of its bodies carries.
+//! One cluster as a single joint: its force columns and its block of the mass matrix, from the
+//! inertia that each of its bodies carries.
 //!
-//! With S_i the axes of body i, I_i the inertia that it carries, and G_i the rows of G at its joint, a unit acceleration of the independents
-//! takes on body i the forces (Jain 2012, constraint embedding; Featherstone 2008, section 6.2, with columns joined by G)
+//! With S_i the axes of body i, I_i the inertia that it carries, and G_i the rows of G at its
+//! joint, a unit acceleration of the independents takes on body i the forces (Jain 2012, constraint
+//! embedding; Featherstone 2008, section 6.2, with columns joined by G)
 //!
 //! ```text
 //! F_i = Σ_children X F + I_i S_i G_i          at the parent body: U = Σ X F
@@ -21,8 +23,8 @@ use crate::workspace::{BodyState, Composite};
 /// A moment and a force, in body axes at the body's origin.
 pub(crate) type Force<T> = (Vector3<T>, Vector3<T>);
 
-/// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world). `column` gives I_i s for freedom k of local
-/// body i; `F` is scratch for m columns of each body.
+/// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
+/// `column` gives I_i s for freedom k of local body i; `F` is scratch for m columns of each body.
 #[inline(always)]
 pub(super) fn join<T: Real>(
     model: &Model<T::Const>,
@@ -118,12 +120,21 @@ impl<T: Real> Composite<T> {
     pub(super) fn column(&self, motion: Motion, k: usize) -> Force<T> {
         let Composite { mass, h, inertia } = self;
         match motion {
-            Motion::Revolute => (Vector3::new(inertia[2], inertia[4], inertia[5]), Vector3::new(-h[1], h[0], T::ZERO)),
-            Motion::Prismatic => (Vector3::new(h[1], -h[0], T::ZERO), Vector3::new(T::ZERO, T::ZERO, *mass)),
+            Motion::Revolute => (
+                Vector3::new(inertia[2], inertia[4], inertia[5]),
+                Vector3::new(-h[1], h[0], T::ZERO),
+            ),
+            Motion::Prismatic => {
+                (Vector3::new(h[1], -h[0], T::ZERO), Vector3::new(T::ZERO, T::ZERO, *mass))
+            }
             Motion::Spherical | Motion::Floating => {
                 let axis = |i: usize| if k % 3 == i { T::ONE } else { T::ZERO };
                 let e = Vector3::new(axis(0), axis(1), axis(2));
-                if k < 3 { (turn_by(inertia, &e), cross_add(&e, h, &zero())) } else { (cross_add(h, &e, &zero()), e * *mass) }
+                if k < 3 {
+                    (turn_by(inertia, &e), cross_add(&e, h, &zero()))
+                } else {
+                    (cross_add(h, &e, &zero()), e * *mass)
+                }
             }
         }
     }
@@ -137,16 +148,26 @@ impl<T: Real> Composite<T> {
         let rows = [Vector3::new(xx, xy, xz), Vector3::new(xy, yy, yz), Vector3::new(xz, yz, zz)];
         // A = R I, then entries of A Rᵀ
         let A = rows.map(|row| mul(R, &row));
-        let entry = |i: usize, j: usize| A[0][i].mul_add(R[(j, 0)], A[1][i].mul_add(R[(j, 1)], A[2][i] * R[(j, 2)]));
+        let entry = |i: usize, j: usize| {
+            A[0][i].mul_add(R[(j, 0)], A[1][i].mul_add(R[(j, 1)], A[2][i] * R[(j, 2)]))
+        };
         let h = mul(R, &self.h);
         let half = self.mass * T::from_f64(0.5);
-        let b = Vector3::new(half.mul_add(p[0], h[0]), half.mul_add(p[1], h[1]), half.mul_add(p[2], h[2]));
+        let b = Vector3::new(
+            half.mul_add(p[0], h[0]),
+            half.mul_add(p[1], h[1]),
+            half.mul_add(p[2], h[2]),
+        );
         let products = [b[0] * p[0], b[1] * p[1], b[2] * p[2]];
         let mixed = |i: usize, j: usize| -(b[i].mul_add(p[j], p[i] * b[j]));
         let two = T::from_f64(2.0);
         Composite {
             mass: self.mass,
-            h: Vector3::new(self.mass.mul_add(p[0], h[0]), self.mass.mul_add(p[1], h[1]), self.mass.mul_add(p[2], h[2])),
+            h: Vector3::new(
+                self.mass.mul_add(p[0], h[0]),
+                self.mass.mul_add(p[1], h[1]),
+                self.mass.mul_add(p[2], h[2]),
+            ),
             inertia: [
                 two.mul_add(products[1] + products[2], entry(0, 0)),
                 entry(0, 1) + mixed(0, 1),

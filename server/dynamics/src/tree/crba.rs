@@ -1,5 +1,6 @@
-//! The reduced mass matrix M_y = Gᵀ M G by composite rigid bodies over clusters (Featherstone 2008, section 6.2, with the columns of a
-//! cluster joined by its G before they are carried to the root, so that ancestors meet n_vy columns and not n_v).
+//! The reduced mass matrix M_y = Gᵀ M G by composite rigid bodies over clusters (Featherstone 2008,
+//! section 6.2, with the columns of a cluster joined by its G before they are carried to the root,
+//! so that ancestors meet n_vy columns and not n_v).
 
 use super::columns::{Force, carry_force, component, join};
 use super::terms::add_rotors;
@@ -7,8 +8,9 @@ use crate::model::{Cluster, Model, Rotor};
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite};
 
-/// M_y, packed by `model.branches`. Needs the joint poses and G. `columns` is scratch for the widest cluster, `inside` for n_vy columns of
-/// each body of a cluster, `block` for a block n_vy × n_vy.
+/// M_y, packed by `model.branches`. Needs the joint poses and G. `columns` is scratch for the
+/// widest cluster, `inside` for n_vy columns of each body of a cluster, `block` for a block n_vy ×
+/// n_vy.
 pub(crate) fn reduced_mass_matrix<T: Real>(
     model: &Model<T::Const>,
     motion: &[BodyState<T>],
@@ -28,7 +30,17 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
     for cluster in model.clusters.iter().rev() {
         let m = cluster.n_vy;
         let of_cluster = &G[cluster.g..cluster.g + cluster.n_v * m];
-        own_block(model, cluster, motion, of_cluster, composite, inside, columns, &mut rotors, block);
+        own_block(
+            model,
+            cluster,
+            motion,
+            of_cluster,
+            composite,
+            inside,
+            columns,
+            &mut rotors,
+            block,
+        );
         for k in 0..m {
             let last = model.branches.start[cluster.vy + k] + model.branches.depth[cluster.vy + k];
             M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
@@ -38,7 +50,8 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
     }
 }
 
-/// The diagonal of M_y, in internal order, at a cost linear in the number of bodies. Needs the joint poses and G. Allocates.
+/// The diagonal of M_y, in internal order, at a cost linear in the number of bodies. Needs the
+/// joint poses and G. Allocates.
 pub(crate) fn own_inertias<T: Real>(
     model: &Model<T::Const>,
     motion: &[BodyState<T>],
@@ -55,7 +68,17 @@ pub(crate) fn own_inertias<T: Real>(
         let m = cluster.n_vy;
         block.resize(m * m, T::ZERO);
         let of_cluster = &G[cluster.g..cluster.g + cluster.n_v * m];
-        own_block(model, cluster, motion, of_cluster, composite, inside, columns, &mut rotors, &mut block);
+        own_block(
+            model,
+            cluster,
+            motion,
+            of_cluster,
+            composite,
+            inside,
+            columns,
+            &mut rotors,
+            &mut block,
+        );
         (0..m).for_each(|k| diagonal[cluster.vy + k] = block[k * m + k]);
     }
     diagonal
@@ -79,14 +102,27 @@ fn own_block<T: Real>(
         single_body(model, cluster, motion, &composite[cluster.body], columns, block);
     } else {
         let carried = &composite[cluster.body..];
-        join(model, cluster, G, motion, |i, joint, k| carried[i].column(joint, k), inside, columns, block);
+        join(
+            model,
+            cluster,
+            G,
+            motion,
+            |i, joint, k| carried[i].column(joint, k),
+            inside,
+            columns,
+            block,
+        );
     }
     add_rotors::<T>(rotors, cluster.v, G, block, m);
 }
 
 /// What each body carries, as if rigid.
 #[inline]
-pub(super) fn composite_inertias<T: Real>(model: &Model<T::Const>, motion: &[BodyState<T>], composite: &mut [Composite<T>]) {
+pub(super) fn composite_inertias<T: Real>(
+    model: &Model<T::Const>,
+    motion: &[BodyState<T>],
+    composite: &mut [Composite<T>],
+) {
     for (of_body, body) in composite.iter_mut().zip(&model.bodies).skip(1) {
         *of_body = Composite::of(body);
     }
@@ -115,7 +151,8 @@ fn single_body<T: Real>(
         for j in 0..=k {
             block[k * m + j] = component(joint, j, &force);
         }
-        columns[k] = if cluster.parent == 0 { force } else { carry_force(&force, &motion[cluster.body]) };
+        columns[k] =
+            if cluster.parent == 0 { force } else { carry_force(&force, &motion[cluster.body]) };
     }
 }
 

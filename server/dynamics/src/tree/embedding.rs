@@ -1,8 +1,10 @@
-//! Articulated bodies over clusters: M_y ÿ = b in O(n) by constraint embedding (Jain 2012, "Multibody graph transformations and analysis";
-//! base document, chapter 5, equations 5.4 to 5.8; a single joint is Featherstone 2008, section 7.3).
+//! Articulated bodies over clusters: M_y ÿ = b in O(n) by constraint embedding (Jain 2012,
+//! "Multibody graph transformations and analysis"; base document, chapter 5, equations 5.4 to 5.8;
+//! a single joint is Featherstone 2008, section 7.3).
 //!
-//! The velocity and gravity terms are taken out first by Newton-Euler at q̈ = g, so that only M_y ÿ = b is left. Each cluster is one joint
-//! with the independents ÿ, the columns U and the matrix D of [`super::columns`], where the inertias that its bodies carry are articulated:
+//! The velocity and gravity terms are taken out first by Newton-Euler at q̈ = g, so that only M_y ÿ
+//! = b is left. Each cluster is one joint with the independents ÿ, the columns U and the matrix D
+//! of [`super::columns`], where the inertias that its bodies carry are articulated:
 //!
 //! ```text
 //! r   = b − Σ_i G_iᵀ S_iᵀ p_i                         D = L Δ Lᵀ,  Y = L⁻¹ Uᵀ
@@ -10,8 +12,9 @@
 //! ÿ   = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p)                       a_i = Xᵀ a_parent + S_i G_i ÿ
 //! ```
 //!
-//! What is factorised is m×m for m independents, whatever the number of bodies. A body that carries no other cluster stays rigid. An
-//! articulated inertia is kept as the blocks of n = J α + H a, f = Hᵀ α + M a.
+//! What is factorised is m×m for m independents, whatever the number of bodies. A body that carries
+//! no other cluster stays rigid. An articulated inertia is kept as the blocks of n = J α + H a, f =
+//! Hᵀ α + M a.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -51,17 +54,23 @@ pub(crate) struct Embedding<T> {
 impl<T: Real> Embedding<T> {
     pub(crate) fn new(model: &Model<T::Const>) -> Embedding<T> {
         let bodies = vec![Articulated::none(); model.bodies.len()];
-        Embedding { bodies, Y: vec![(zero(), zero()); model.meta.sizes.n_vy], factor: vec![T::ZERO; model.n_g] }
+        Embedding {
+            bodies,
+            Y: vec![(zero(), zero()); model.meta.sizes.n_vy],
+            factor: vec![T::ZERO; model.n_g],
+        }
     }
 
     /// 1/Δ of each independent after [`embedded_solve`], in internal order.
     pub(crate) fn inverses<'a, C>(&'a self, model: &'a Model<C>) -> impl Iterator<Item = T> + 'a {
-        model.clusters.iter().flat_map(|cluster| (0..cluster.n_vy).map(|k| self.factor[cluster.g + k * cluster.n_vy + k]))
+        model.clusters.iter().flat_map(|cluster| {
+            (0..cluster.n_vy).map(|k| self.factor[cluster.g + k * cluster.n_vy + k])
+        })
     }
 }
 
-/// Solves M_y ÿ = b; `b` becomes ÿ. Needs the joint poses and G; `inside` is scratch for n_vy columns of each body of a cluster. The mask
-/// tells where every D was positive.
+/// Solves M_y ÿ = b; `b` becomes ÿ. Needs the joint poses and G; `inside` is scratch for n_vy
+/// columns of each body of a cluster. The mask tells where every D was positive.
 pub(crate) fn embedded_solve<T: Real>(
     model: &Model<T::Const>,
     motion: &[BodyState<T>],
@@ -88,10 +97,32 @@ pub(crate) fn embedded_solve<T: Real>(
         let (vy, g, m) = (cluster.vy, cluster.g, cluster.n_vy);
         let (Y, b) = (&mut Y[vy..vy + m], &mut b[vy..vy + m]);
         let sound = if cluster.n_v == 1 && m == 1 {
-            single_joint(model, cluster, motion, &mut rotors, composite, bodies, &mut Y[0], &mut factor[g], &mut b[0])
+            single_joint(
+                model,
+                cluster,
+                motion,
+                &mut rotors,
+                composite,
+                bodies,
+                &mut Y[0],
+                &mut factor[g],
+                &mut b[0],
+            )
         } else {
             let of_cluster = &G[g..g + cluster.n_v * m];
-            several_joints(model, cluster, motion, of_cluster, &mut rotors, composite, bodies, inside, Y, &mut factor[g..], b)
+            several_joints(
+                model,
+                cluster,
+                motion,
+                of_cluster,
+                &mut rotors,
+                composite,
+                bodies,
+                inside,
+                Y,
+                &mut factor[g..],
+                b,
+            )
         };
         positive = positive & sound;
     }
@@ -128,7 +159,8 @@ pub(crate) fn embedded_solve<T: Real>(
             let mut qdd = [T::ZERO; 6];
             for k in 0..body.motion.n_v() {
                 let G_i = &G[g + (body.v - cluster.v + k) * m..][..m];
-                qdd[k] = G_i.iter().zip(b.iter()).fold(T::ZERO, |sum, (g, ydd)| g.mul_add(*ydd, sum));
+                qdd[k] =
+                    G_i.iter().zip(b.iter()).fold(T::ZERO, |sum, (g, ydd)| g.mul_add(*ydd, sum));
             }
             accelerate(body.motion, &qdd, &mut alpha, &mut a);
             (bodies[i].alpha, bodies[i].a) = (alpha, a);
@@ -137,8 +169,8 @@ pub(crate) fn embedded_solve<T: Real>(
     positive
 }
 
-/// What the recursion divides by at each independent, in internal order: the inertia that is left of it where everything behind it is free.
-/// Needs the joint poses and G. Allocates.
+/// What the recursion divides by at each independent, in internal order: the inertia that is left
+/// of it where everything behind it is free. Needs the joint poses and G. Allocates.
 pub(crate) fn pivots<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Vec<T> {
     let mut b = vec![T::ZERO; model.meta.sizes.n_vy];
     let Workspace { motion, G, composite, inside, embedding, .. } = ws;
@@ -223,7 +255,11 @@ fn several_joints<T: Real>(
     // D and U
     let (of_bodies, rigid) = (&bodies[cluster.body..], &composite[cluster.body..]);
     let column = |i: usize, joint, k| {
-        if model.carries[cluster.body + i] { of_bodies[i].column(joint, k) } else { rigid[i].column(joint, k) }
+        if model.carries[cluster.body + i] {
+            of_bodies[i].column(joint, k)
+        } else {
+            rigid[i].column(joint, k)
+        }
     };
     join(model, cluster, G, motion, column, inside, Y, D);
     add_rotors::<T>(rotors, cluster.v, G, D, m);
@@ -262,7 +298,15 @@ impl<T: Real> Articulated<T> {
     #[inline(always)]
     fn none() -> Articulated<T> {
         let none = [T::ZERO; 6];
-        Articulated { J: none, H: Matrix3::from_element(T::ZERO), M: none, n: zero(), f: zero(), alpha: zero(), a: zero() }
+        Articulated {
+            J: none,
+            H: Matrix3::from_element(T::ZERO),
+            M: none,
+            n: zero(),
+            f: zero(),
+            alpha: zero(),
+            a: zero(),
+        }
     }
 
     /// Adds a rigid inertia.
@@ -282,8 +326,12 @@ impl<T: Real> Articulated<T> {
     #[inline(always)]
     fn column(&self, joint: Motion, k: usize) -> Force<T> {
         let H = &self.H;
-        let turn = |k: usize| (symmetric_column(&self.J, k), Vector3::new(H[(k, 0)], H[(k, 1)], H[(k, 2)]));
-        let slide = |k: usize| (Vector3::new(H[(0, k)], H[(1, k)], H[(2, k)]), symmetric_column(&self.M, k));
+        let turn = |k: usize| {
+            (symmetric_column(&self.J, k), Vector3::new(H[(k, 0)], H[(k, 1)], H[(k, 2)]))
+        };
+        let slide = |k: usize| {
+            (Vector3::new(H[(0, k)], H[(1, k)], H[(2, k)]), symmetric_column(&self.M, k))
+        };
         match joint {
             Motion::Revolute => turn(2),
             Motion::Prismatic => slide(2),
@@ -308,7 +356,8 @@ impl<T: Real> Articulated<T> {
         (self.n, self.f) = (scale_add(&n_d, -r, &self.n), scale_add(&f_d, -r, &self.f));
     }
 
-    /// Adds inertia and bias force to the parent's: M' = R M Rᵀ, H' = R H Rᵀ + [p]× M', J' = R J Rᵀ + [p]× H'ᵀ + ([p]× (R H Rᵀ)ᵀ)ᵀ.
+    /// Adds inertia and bias force to the parent's: M' = R M Rᵀ, H' = R H Rᵀ + [p]× M', J' = R J Rᵀ
+    /// + [p]× H'ᵀ + ([p]× (R H Rᵀ)ᵀ)ᵀ.
     #[inline(always)]
     fn carry(&self, x: &BodyState<T>, parent: &mut Articulated<T>) {
         let (R, p) = (&x.R, &x.p);
@@ -318,9 +367,17 @@ impl<T: Real> Articulated<T> {
         let across = |k: usize| cross(p, &symmetric_column(&M, k));
         let shifted = H + Matrix3::from_columns(&[across(0), across(1), across(2)]);
         // columns of the two products
-        let (a0, a1, a2) = (cross(p, &row(&shifted, 0)), cross(p, &row(&shifted, 1)), cross(p, &row(&shifted, 2)));
+        let (a0, a1, a2) =
+            (cross(p, &row(&shifted, 0)), cross(p, &row(&shifted, 1)), cross(p, &row(&shifted, 2)));
         let (b0, b1, b2) = (cross(p, &row(&H, 0)), cross(p, &row(&H, 1)), cross(p, &row(&H, 2)));
-        let both = [a0[0] + b0[0], a1[0] + b0[1], a2[0] + b0[2], a1[1] + b1[1], a2[1] + b1[2], a2[2] + b2[2]];
+        let both = [
+            a0[0] + b0[0],
+            a1[0] + b0[1],
+            a2[0] + b0[2],
+            a1[1] + b1[1],
+            a2[1] + b1[2],
+            a2[2] + b2[2],
+        ];
         for k in 0..6 {
             parent.J[k] += J[k] + both[k];
             parent.M[k] += M[k];
@@ -357,6 +414,7 @@ fn symmetric_column<T: Real>(A: &[T; 6], k: usize) -> Vector3<T> {
 fn turned<T: Real>(R: &Matrix3<T>, A: &[T; 6]) -> [T; 6] {
     let column = |k: usize| mul(R, &symmetric_column(A, k));
     let (x, y, z) = (column(0), column(1), column(2));
-    let entry = |i: usize, j: usize| x[i].mul_add(R[(j, 0)], y[i].mul_add(R[(j, 1)], z[i] * R[(j, 2)]));
+    let entry =
+        |i: usize, j: usize| x[i].mul_add(R[(j, 0)], y[i].mul_add(R[(j, 1)], z[i] * R[(j, 2)]));
     [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)]
 }

@@ -5,11 +5,18 @@ use nalgebra::Vector3;
 use super::rnea::accelerate;
 use crate::model::{Frame, Model, Motion};
 use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, lift, lift_mat, mul, mul_mat, t_mul, to_quaternion, zero};
+use crate::spatial::{
+    Pose, column, cross, cross_add, lift, lift_mat, mul, mul_mat, t_mul, to_quaternion, zero,
+};
 use crate::workspace::BodyState;
 
 /// Pose of the given bodies in the root frame; parents come before their children.
-pub(crate) fn world_poses<T: Real>(model: &Model<T::Const>, bodies: &[usize], motion: &[BodyState<T>], world: &mut [Pose<T>]) {
+pub(crate) fn world_poses<T: Real>(
+    model: &Model<T::Const>,
+    bodies: &[usize],
+    motion: &[BodyState<T>],
+    world: &mut [Pose<T>],
+) {
     for &i in bodies {
         let in_parent = Pose { R: motion[i].R, p: motion[i].p };
         let parent = model.bodies[i].parent;
@@ -18,7 +25,12 @@ pub(crate) fn world_poses<T: Real>(model: &Model<T::Const>, bodies: &[usize], mo
 }
 
 /// ω and v of the given bodies, in their own axes.
-pub(crate) fn velocities<T: Real>(model: &Model<T::Const>, bodies: &[usize], qd: &[T], motion: &mut [BodyState<T>]) {
+pub(crate) fn velocities<T: Real>(
+    model: &Model<T::Const>,
+    bodies: &[usize],
+    qd: &[T],
+    motion: &mut [BodyState<T>],
+) {
     (motion[0].w, motion[0].v) = (zero(), zero());
     for &i in bodies {
         let body = &model.bodies[i];
@@ -28,7 +40,9 @@ pub(crate) fn velocities<T: Real>(model: &Model<T::Const>, bodies: &[usize], qd:
         match body.motion {
             Motion::Revolute => state.w[2] += qd[body.v],
             Motion::Prismatic => state.v[2] += qd[body.v],
-            Motion::Spherical => state.w += Vector3::new(qd[body.v], qd[body.v + 1], qd[body.v + 2]),
+            Motion::Spherical => {
+                state.w += Vector3::new(qd[body.v], qd[body.v + 1], qd[body.v + 2])
+            }
             Motion::Floating => {
                 let of = &qd[body.v..body.v + 6];
                 state.w += Vector3::new(of[0], of[1], of[2]);
@@ -39,7 +53,13 @@ pub(crate) fn velocities<T: Real>(model: &Model<T::Const>, bodies: &[usize], qd:
 }
 
 /// ω, α and the classical acceleration of the given bodies, in their own axes, without gravity.
-pub(crate) fn rates<T: Real>(model: &Model<T::Const>, bodies: &[usize], qd: &[T], qdd: &[T], motion: &mut [BodyState<T>]) {
+pub(crate) fn rates<T: Real>(
+    model: &Model<T::Const>,
+    bodies: &[usize],
+    qd: &[T],
+    qdd: &[T],
+    motion: &mut [BodyState<T>],
+) {
     (motion[0].w, motion[0].alpha, motion[0].a) = (zero(), zero(), zero());
     for &i in bodies {
         let body = &model.bodies[i];
@@ -56,21 +76,30 @@ pub(crate) fn frame_pose<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>]) ->
 }
 
 /// [ω; v] of a frame after [`velocities`].
-pub(crate) fn frame_twist<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>], motion: &[BodyState<T>]) -> [T; 6] {
+pub(crate) fn frame_twist<T: Real>(
+    frame: &Frame<T::Const>,
+    world: &[Pose<T>],
+    motion: &[BodyState<T>],
+) -> [T; 6] {
     let (state, R) = (&motion[frame.body], &world[frame.body].R);
     let v = cross_add(&state.w, &lift(&frame.x_body_frame.p), &state.v);
     pack(&mul(R, &state.w), &mul(R, &v))
 }
 
 /// [α; a] of a frame after [`rates`].
-pub(crate) fn frame_acceleration<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>], motion: &[BodyState<T>]) -> [T; 6] {
+pub(crate) fn frame_acceleration<T: Real>(
+    frame: &Frame<T::Const>,
+    world: &[Pose<T>],
+    motion: &[BodyState<T>],
+) -> [T; 6] {
     let (state, R) = (&motion[frame.body], &world[frame.body].R);
     let arm = lift(&frame.x_body_frame.p);
     let a = cross_add(&state.w, &cross(&state.w, &arm), &cross_add(&state.alpha, &arm, &state.a));
     pack(&mul(R, &state.alpha), &mul(R, &a))
 }
 
-/// Columns of a frame's Jacobian over the tree velocities: calls `each(internal velocity, column)` for the joints that carry it.
+/// Columns of a frame's Jacobian over the tree velocities: calls `each(internal velocity, column)`
+/// for the joints that carry it.
 pub(crate) fn frame_jacobian<T: Real>(
     model: &Model<T::Const>,
     frame: &Frame<T::Const>,
@@ -102,8 +131,13 @@ pub(crate) fn frame_jacobian<T: Real>(
     }
 }
 
-/// A wrench `[n; f]` in world axes at a frame's origin, as (n, f) in the axes of the frame's body at its origin.
-pub(crate) fn frame_wrench<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>], wrench: &[T]) -> (Vector3<T>, Vector3<T>) {
+/// A wrench `[n; f]` in world axes at a frame's origin, as (n, f) in the axes of the frame's body
+/// at its origin.
+pub(crate) fn frame_wrench<T: Real>(
+    frame: &Frame<T::Const>,
+    world: &[Pose<T>],
+    wrench: &[T],
+) -> (Vector3<T>, Vector3<T>) {
     let R = &world[frame.body].R;
     let n = t_mul(R, &Vector3::new(wrench[0], wrench[1], wrench[2]));
     let f = t_mul(R, &Vector3::new(wrench[3], wrench[4], wrench[5]));

@@ -1,4 +1,5 @@
-//! The mass matrix M of the tree by composite rigid bodies (Featherstone 2008, section 6.2, Table 6.2): no loop, no G.
+//! The mass matrix M of the tree by composite rigid bodies (Featherstone 2008, section 6.2, Table
+//! 6.2): no loop, no G.
 
 use super::columns::{carry_force, component};
 use super::crba::composite_inertias;
@@ -6,7 +7,8 @@ use crate::model::Model;
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite};
 
-/// M (n_v × n_v row-major, internal order, both triangles) into rows of length `stride`. Needs the joint poses.
+/// M (n_v × n_v row-major, internal order, both triangles) into rows of length `stride`. Needs the
+/// joint poses.
 pub(crate) fn tree_mass_matrix<T: Real>(
     model: &Model<T::Const>,
     motion: &[BodyState<T>],

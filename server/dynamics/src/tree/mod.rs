@@ -11,6 +11,9 @@ mod terms;
 pub(crate) use columns::Force;
 pub(crate) use crba::{own_inertias, reduced_mass_matrix};
 pub(crate) use embedding::{Embedding, embedded_solve, pivots};
-pub(crate) use frames::{frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities, world_poses};
+pub(crate) use frames::{
+    frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities,
+    world_poses,
+};
 pub(crate) use mass_matrix::tree_mass_matrix;
 pub(crate) use rnea::{joint_poses, newton_euler};

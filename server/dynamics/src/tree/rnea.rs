@@ -1,7 +1,9 @@
-//! Recursive Newton-Euler: forces from motion (Luh, Walker, Paul 1980; Featherstone 2008, section 5.3, in classical accelerations).
+//! Recursive Newton-Euler: forces from motion (Luh, Walker, Paul 1980; Featherstone 2008, section
+//! 5.3, in classical accelerations).
 //!
-//! Every joint moves along or about z of its body, so that a joint's motion touches single components. Vectors are in body axes at the
-//! body's origin; accelerations are classical, and the world accelerates against gravity.
+//! Every joint moves along or about z of its body, so that a joint's motion touches single
+//! components. Vectors are in body axes at the body's origin; accelerations are classical, and the
+//! world accelerates against gravity.
 
 use nalgebra::Vector3;
 
@@ -13,14 +15,20 @@ use crate::workspace::{BodyState, Rates};
 
 /// Pose of every body in its parent, from the coordinates and the turns.
 #[inline]
-pub(crate) fn joint_poses<T: Real>(model: &Model<T::Const>, q: &[T], turn: &[(T, T)], motion: &mut [BodyState<T>]) {
+pub(crate) fn joint_poses<T: Real>(
+    model: &Model<T::Const>,
+    q: &[T],
+    turn: &[(T, T)],
+    motion: &mut [BodyState<T>],
+) {
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
         let pose = joint_pose(body, &q[body.q..], turn[i]);
         (motion[i].R, motion[i].p) = (pose.R, pose.p);
     }
 }
 
-/// τ = M q̈ + C − Σ Jᵀ w for the tree. Needs [`joint_poses`]; `wrench` holds what acts on each body, `None` where nothing does.
+/// τ = M q̈ + C − Σ Jᵀ w for the tree. Needs [`joint_poses`]; `wrench` holds what acts on each
+/// body, `None` where nothing does.
 #[inline]
 pub(crate) fn newton_euler<T: Real>(
     model: &Model<T::Const>,
@@ -79,15 +87,28 @@ pub(crate) fn newton_euler<T: Real>(
 
 /// ω, α, a of a body from those of its parent and the rates of its joint.
 #[inline(always)]
-pub(super) fn accelerate<T: Real>(body: &Body<T::Const>, p: &Rates<T>, qd: &[T], qdd: &[T], state: &mut BodyState<T>) {
+pub(super) fn accelerate<T: Real>(
+    body: &Body<T::Const>,
+    p: &Rates<T>,
+    qd: &[T],
+    qdd: &[T],
+    state: &mut BodyState<T>,
+) {
     let w = t_mul(&state.R, &p.w);
     let alpha = t_mul(&state.R, &p.alpha);
-    let a = t_mul(&state.R, &cross_add(&p.w, &cross(&p.w, &state.p), &cross_add(&p.alpha, &state.p, &p.a)));
+    let a = t_mul(
+        &state.R,
+        &cross_add(&p.w, &cross(&p.w, &state.p), &cross_add(&p.alpha, &state.p, &p.a)),
+    );
     match body.motion {
         Motion::Revolute => {
             let (v, vd) = (qd[body.v], qdd[body.v]);
             state.w = Vector3::new(w[0], w[1], w[2] + v);
-            state.alpha = Vector3::new(w[1].mul_add(v, alpha[0]), (-w[0]).mul_add(v, alpha[1]), alpha[2] + vd);
+            state.alpha = Vector3::new(
+                w[1].mul_add(v, alpha[0]),
+                (-w[0]).mul_add(v, alpha[1]),
+                alpha[2] + vd,
+            );
             state.a = a;
         }
         Motion::Prismatic => {
@@ -115,7 +136,12 @@ pub(super) fn accelerate<T: Real>(body: &Body<T::Const>, p: &Rates<T>, qd: &[T],
 
 /// n = I α + ω × I ω + h × a and f = m a + α × h + ω × (ω × h).
 #[inline(always)]
-fn inertial_force<T: Real>(body: &Body<T::Const>, w: &Vector3<T>, alpha: &Vector3<T>, a: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+fn inertial_force<T: Real>(
+    body: &Body<T::Const>,
+    w: &Vector3<T>,
+    alpha: &Vector3<T>,
+    a: &Vector3<T>,
+) -> (Vector3<T>, Vector3<T>) {
     let h = lift(&body.h);
     let inertia = body.inertia.map(T::lift);
     let n = cross_add(w, &turn_by(&inertia, w), &cross_add(&h, a, &turn_by(&inertia, alpha)));

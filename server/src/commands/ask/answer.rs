@@ -18,8 +18,8 @@ pub(super) fn bad_request(out: &mut Vec<u8>, remark: &Remark) {
     foot(out, Some(remark));
 }
 
-/// The answer to a request: `numbers` are packed as `layout` says, wanted fields that are not in it are null; `tree` names the tree
-/// velocities.
+/// The answer to a request: `numbers` are packed as `layout` says, wanted fields that are not in it
+/// are null; `tree` names the tree velocities.
 pub(super) fn answer(
     out: &mut Vec<u8>,
     asked: &Asked,
@@ -35,7 +35,8 @@ pub(super) fn answer(
         let slot = layout.slot(field)?;
         let numbers = numbers.get(slot.range())?;
         // a failed answer has numbers only where they survived
-        let there = answer.status == Status::Ok || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
+        let there = answer.status == Status::Ok
+            || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
         there.then_some((slot, numbers))
     };
     for output in &asked.outputs {
@@ -47,22 +48,38 @@ pub(super) fn answer(
             },
             Output::Frames => {
                 let parts = [("p", Field::FramePose, 0..3), ("quat", Field::FramePose, 3..7)];
-                let parts = parts.into_iter().chain([("twist", Field::FrameTwist, 0..6), ("acc", Field::FrameAcc, 0..6)]);
-                let parts: Option<Vec<_>> = parts.map(|(name, field, range)| Some((name, of(field)?, range))).collect();
+                let parts = parts
+                    .into_iter()
+                    .chain([("twist", Field::FrameTwist, 0..6), ("acc", Field::FrameAcc, 0..6)]);
+                let parts: Option<Vec<_>> =
+                    parts.map(|(name, field, range)| Some((name, of(field)?, range))).collect();
                 by_link(out, asked, parts.as_deref(), |out, k, (slot, numbers), range| {
-                    list(out, numbers.iter().skip(k * slot.columns + range.start).take(range.len()), number);
+                    list(
+                        out,
+                        numbers.iter().skip(k * slot.columns + range.start).take(range.len()),
+                        number,
+                    );
                 });
             }
             Output::Jacobians => {
-                let parts = [("tree", Field::JacobianTree), ("independent", Field::JacobianIndependent)];
-                let parts: Option<Vec<_>> = parts.into_iter().map(|(name, field)| Some((name, Some(of(field)?), ()))).collect();
+                let parts =
+                    [("tree", Field::JacobianTree), ("independent", Field::JacobianIndependent)];
+                let parts: Option<Vec<_>> = parts
+                    .into_iter()
+                    .map(|(name, field)| Some((name, Some(of(field)?), ())))
+                    .collect();
                 // the actuators may not determine the motion although everything else does
                 let parts = parts.map(|mut parts| {
                     parts.push(("actuator", of(Field::JacobianActuator), ()));
                     parts
                 });
                 by_link(out, asked, parts.as_deref(), |out, k, jacobian, ()| match jacobian {
-                    Some((slot, numbers)) => rows(out, 6, slot.columns, numbers.get(6 * k * slot.columns..).unwrap_or_default()),
+                    Some((slot, numbers)) => rows(
+                        out,
+                        6,
+                        slot.columns,
+                        numbers.get(6 * k * slot.columns..).unwrap_or_default(),
+                    ),
                     None => null(out),
                 });
             }
@@ -140,7 +157,11 @@ fn rows(out: &mut Vec<u8>, n_rows: usize, columns: usize, numbers: &[f64]) {
     list(out, 0..n_rows, |out, k| list(out, row(k).iter(), number));
 }
 
-fn list<I: IntoIterator>(out: &mut Vec<u8>, items: I, mut write_item: impl FnMut(&mut Vec<u8>, I::Item)) {
+fn list<I: IntoIterator>(
+    out: &mut Vec<u8>,
+    items: I,
+    mut write_item: impl FnMut(&mut Vec<u8>, I::Item),
+) {
     out.push(b'[');
     for (k, item) in items.into_iter().enumerate() {
         if k > 0 {

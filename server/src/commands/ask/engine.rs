@@ -2,11 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use sarrus_client::{Answer, ConnectError, ConnectOptions, Door, Error, Robot, Status, Wanted, Warnings};
+use sarrus_client::{
+    Answer, ConnectError, ConnectOptions, Door, Error, Robot, Status, Wanted, Warnings,
+};
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::ServerName;
 
-/// Plans that are kept in process: scripts use few, and one that uses a new one for each line must not fill the memory.
+/// Plans that are kept in process: scripts use few, and one that uses a new one for each line must
+/// not fill the memory.
 const PLANS: usize = 64;
 /// How long a server that is gone is not looked for again.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -52,19 +55,27 @@ impl Here {
 
     fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
         let known = self.plans.iter().position(|plan| plan.wanted() == wanted);
-        let index = match known.map_or_else(|| Plan::new(&self.model, wanted).map(Some), |_| Ok(None)) {
-            Err(error) => return Reply::failed(Status::BadRequest, error.to_string()),
-            Ok(Some(plan)) => {
-                if self.plans.len() == PLANS {
-                    self.plans.clear();
+        let index =
+            match known.map_or_else(|| Plan::new(&self.model, wanted).map(Some), |_| Ok(None)) {
+                Err(error) => return Reply::failed(Status::BadRequest, error.to_string()),
+                Ok(Some(plan)) => {
+                    if self.plans.len() == PLANS {
+                        self.plans.clear();
+                    }
+                    self.plans.push(plan);
+                    self.plans.len() - 1
                 }
-                self.plans.push(plan);
-                self.plans.len() - 1
-            }
-            Ok(None) => known.unwrap_or(0),
-        };
-        let answer = self.plans.get(index).map(|plan| plan.run(&self.model, &mut self.workspace, input, output));
-        Reply { answer: answer.unwrap_or(Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }), words: None }
+                Ok(None) => known.unwrap_or(0),
+            };
+        let answer = self
+            .plans
+            .get(index)
+            .map(|plan| plan.run(&self.model, &mut self.workspace, input, output));
+        Reply {
+            answer: answer
+                .unwrap_or(Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }),
+            words: None,
+        }
     }
 }
 
@@ -82,31 +93,36 @@ impl There {
         // a bad name is told before anything is made
         ServerName::new(name)?;
         let robot = match Robot::connect(name) {
-            Err(ConnectError::FullHouse { .. }) => {
-                Robot::connect_with(name, ConnectOptions { door: Door::Requests, ..ConnectOptions::default() })
-            }
+            Err(ConnectError::FullHouse { .. }) => Robot::connect_with(
+                name,
+                ConnectOptions { door: Door::Requests, ..ConnectOptions::default() },
+            ),
             outcome => outcome,
         };
         Ok(There { robot: robot?, lost: None, was_lost: false })
     }
 
     fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
-        // each look for a lost server takes a second: the lines between two looks are answered at once
+        // each look for a lost server takes a second: the lines between two looks are answered at
+        // once
         if let Some((since, status, words)) = &self.lost
             && since.elapsed() < PAUSE
         {
             return Reply::failed(*status, words.clone());
         }
-        let error = match self.robot.prepare(wanted).and_then(|plan| self.robot.ask(plan, input, output)) {
-            Ok(answer) => {
-                self.lost = None;
-                return Reply { answer, words: None };
-            }
-            Err(error) => error,
-        };
+        let error =
+            match self.robot.prepare(wanted).and_then(|plan| self.robot.ask(plan, input, output)) {
+                Ok(answer) => {
+                    self.lost = None;
+                    return Reply { answer, words: None };
+                }
+                Err(error) => error,
+            };
         let words = error.to_string();
         let status = match error {
-            Error::Wanted(_) | Error::TooLarge { .. } => return Reply::failed(Status::BadRequest, words),
+            Error::Wanted(_) | Error::TooLarge { .. } => {
+                return Reply::failed(Status::BadRequest, words);
+            }
             Error::TooManyPlans { .. } => return Reply::failed(Status::Overloaded, words),
             Error::NoAnswer { .. } => Status::Overloaded,
             Error::Connect(ConnectError::WrongModel { .. }) => Status::WrongModel,

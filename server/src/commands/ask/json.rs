@@ -13,7 +13,8 @@ pub(super) struct Fault {
     pub(super) words: String,
 }
 
-/// A value, as it was written. Nothing in it is decoded before somebody asks, so depth and length cost nothing.
+/// A value, as it was written. Nothing in it is decoded before somebody asks, so depth and length
+/// cost nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Value<'a> {
     text: &'a str,
@@ -28,7 +29,8 @@ impl<'a> Value<'a> {
             Ok(raw) => Ok(Value { text: line, offset: 0 }.inner(raw)),
             Err(error) => {
                 let (words, column) = (error.to_string(), error.column());
-                let words = words.rsplit_once(" at line ").map_or(words.as_str(), |(words, _)| words);
+                let words =
+                    words.rsplit_once(" at line ").map_or(words.as_str(), |(words, _)| words);
                 Err(Fault { offset: column.saturating_sub(1), words: format!("not JSON: {words}") })
             }
         }
@@ -37,18 +39,25 @@ impl<'a> Value<'a> {
     /// A value within this one.
     fn inner(&self, raw: &'a RawValue) -> Value<'a> {
         let text = raw.get();
-        Value { text, offset: self.offset + text.as_ptr().addr().saturating_sub(self.text.as_ptr().addr()) }
+        Value {
+            text,
+            offset: self.offset + text.as_ptr().addr().saturating_sub(self.text.as_ptr().addr()),
+        }
     }
 
-    /// Keys and values of an object, up to `most`; what follows was checked but is not needed by anybody.
+    /// Keys and values of an object, up to `most`; what follows was checked but is not needed by
+    /// anybody.
     pub(super) fn members(&self, most: usize) -> Option<Vec<(Value<'a>, Value<'a>)>> {
-        let members = serde_json::Deserializer::from_str(self.text).deserialize_map(Members { most }).ok()?;
+        let members =
+            serde_json::Deserializer::from_str(self.text).deserialize_map(Members { most }).ok()?;
         Some(members.into_iter().map(|(key, value)| (self.inner(key), self.inner(value))).collect())
     }
 
     /// The values of a list: each one goes to `take`, which says whether it wants more.
     pub(super) fn items(&self, take: impl FnMut(Value<'a>) -> bool) -> Option<()> {
-        serde_json::Deserializer::from_str(self.text).deserialize_seq(Items { list: *self, take }).ok()
+        serde_json::Deserializer::from_str(self.text)
+            .deserialize_seq(Items { list: *self, take })
+            .ok()
     }
 
     /// The text of a string.
@@ -131,22 +140,37 @@ mod tests {
         let line = r#" {"a" : [1, -2.5e3 ,{}], "ü": "x"} "#;
         let root = Value::parse(line).unwrap();
         let members = root.members(8).unwrap();
-        let places: Vec<&str> = members.iter().flat_map(|(key, value)| [&line[key.offset..], &line[value.offset..]]).collect();
-        assert!(places[0].starts_with(r#""a""#) && places[1].starts_with("[1") && places[2].starts_with(r#""ü""#));
+        let places: Vec<&str> = members
+            .iter()
+            .flat_map(|(key, value)| [&line[key.offset..], &line[value.offset..]])
+            .collect();
+        assert!(
+            places[0].starts_with(r#""a""#)
+                && places[1].starts_with("[1")
+                && places[2].starts_with(r#""ü""#)
+        );
         let mut items = Vec::new();
         members[0].1.items(|item| {
             items.push((item.number(), item.kind(), item.offset));
             items.len() < 3
         });
-        assert_eq!(items, [(Some(1.0), "a number", 9), (Some(-2500.0), "a number", 12), (None, "an object", 20)]);
+        assert_eq!(
+            items,
+            [(Some(1.0), "a number", 9), (Some(-2500.0), "a number", 12), (None, "an object", 20)]
+        );
         assert_eq!(members[1].0.string().as_deref(), Some("ü"));
-        assert!(root.items(|_| true).is_none() && root.string().is_none() && root.kind() == "an object");
+        assert!(
+            root.items(|_| true).is_none() && root.string().is_none() && root.kind() == "an object"
+        );
     }
 
     #[test]
     fn numbers_beyond_a_double_are_infinite_and_nothing_else_is_a_number() {
         let number = |text| Value::parse(text).unwrap().number();
-        assert_eq!([number("1e999"), number("-1e999"), number("-0.0")], [Some(f64::INFINITY), Some(f64::NEG_INFINITY), Some(0.0)]);
+        assert_eq!(
+            [number("1e999"), number("-1e999"), number("-0.0")],
+            [Some(f64::INFINITY), Some(f64::NEG_INFINITY), Some(0.0)]
+        );
         assert_eq!([number("\"1\""), number("true"), number("null")], [None; 3]);
         for text in ["NaN", "Infinity", "01", "+1", ".5", "1.", "[1,]", "{\"a\":1,}", "", "{} {}"] {
             assert!(Value::parse(text).is_err(), "{text}");
@@ -156,7 +180,10 @@ mod tests {
     #[test]
     fn faults_of_syntax_have_their_place() {
         let fault = |text| Value::parse(text).map(|value| value.offset).unwrap_err();
-        assert_eq!(fault(r#"{"y":[0.1 0.2]}"#), Fault { offset: 10, words: "not JSON: expected `,` or `]`".to_owned() });
+        assert_eq!(
+            fault(r#"{"y":[0.1 0.2]}"#),
+            Fault { offset: 10, words: "not JSON: expected `,` or `]`".to_owned() }
+        );
         assert_eq!(fault(r#"{"y":[0.1]"#).words, "not JSON: EOF while parsing an object");
     }
 

@@ -33,7 +33,8 @@ impl<R: BufRead> Lines<R> {
         loop {
             self.line.clear();
             self.line.shrink_to(USUAL);
-            let read = (&mut self.source).take(LONGEST as u64 + 1).read_until(b'\n', &mut self.line)?;
+            let read =
+                (&mut self.source).take(LONGEST as u64 + 1).read_until(b'\n', &mut self.line)?;
             if read == 0 {
                 return Ok(Line::End);
             }

@@ -1,9 +1,11 @@
 //! `sarrus ask`: JSON lines in, JSON lines out, one for one.
 //!
-//! A line that is no valid request gets `bad_request` with a column and a reason, and the command ends with 1. A list of the wrong
-//! length (`wrong_size`) or a number beyond the range of a double (`non_finite_input`) is a failed state of a request that is
-//! otherwise a good one: its wanted fields are null, column and reason follow them. When a server goes away, the lines that it
-//! leaves get `shutting_down` (`wrong_model` when another robot came back in its place) until it is back; the command ends with 2.
+//! A line that is no valid request gets `bad_request` with a column and a reason, and the command
+//! ends with 1. A list of the wrong length (`wrong_size`) or a number beyond the range of a double
+//! (`non_finite_input`) is a failed state of a request that is otherwise a good one: its wanted
+//! fields are null, column and reason follow them. When a server goes away, the lines that it
+//! leaves get `shutting_down` (`wrong_model` when another robot came back in its place) until it is
+//! back; the command ends with 2.
 
 mod answer;
 mod engine;
@@ -16,7 +18,9 @@ use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use sarrus_client::{Answer, Error, Field, FieldSet, Layout, ModelInfo, Request, Status, Warnings, describe};
+use sarrus_client::{
+    Answer, Error, Field, FieldSet, Layout, ModelInfo, Request, Status, Warnings, describe,
+};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 
 use super::robot::{RobotFlags, refuse};
@@ -66,7 +70,11 @@ impl Ask {
         let request = self.request.request();
         let session = match &self.connect {
             Some(name) => match There::connect(name) {
-                Ok(there) => Session { request, model: there.robot.model().clone(), engine: Engine::There(Box::new(there)) },
+                Ok(there) => Session {
+                    request,
+                    model: there.robot.model().clone(),
+                    engine: Engine::There(Box::new(there)),
+                },
                 Err(error) => {
                     eprintln!("sarrus ask: {error}");
                     return ExitCode::from(2);
@@ -75,7 +83,11 @@ impl Ask {
             None => match self.robot.load() {
                 Ok(loaded) => {
                     let model = describe(&loaded);
-                    Session { request, model, engine: Engine::Here(Box::new(Here::new(loaded.compiled.model))) }
+                    Session {
+                        request,
+                        model,
+                        engine: Engine::Here(Box::new(Here::new(loaded.compiled.model))),
+                    }
                 }
                 Err(error) => return refuse("ask", &error),
             },
@@ -134,12 +146,20 @@ impl Session {
         let valid = std::str::from_utf8(line);
         let text = match valid {
             Ok(text) => text,
-            Err(error) => std::str::from_utf8(line.get(..error.valid_up_to()).unwrap_or_default()).unwrap_or_default(),
+            Err(error) => std::str::from_utf8(line.get(..error.valid_up_to()).unwrap_or_default())
+                .unwrap_or_default(),
         };
-        let remark = |Problem { offset, words, .. }: Problem| Remark { column: Some(column(text, offset)), words };
+        let remark = |Problem { offset, words, .. }: Problem| Remark {
+            column: Some(column(text, offset)),
+            words,
+        };
         let asked = match valid {
             Ok(text) => read::read(self.request, &self.model, text),
-            Err(_) => Err(Problem { status: Status::BadRequest, offset: line.len(), words: "a byte that is no UTF-8".to_owned() }),
+            Err(_) => Err(Problem {
+                status: Status::BadRequest,
+                offset: line.len(),
+                words: "a byte that is no UTF-8".to_owned(),
+            }),
         };
         let mut asked = match asked {
             Ok(asked) => asked,
@@ -152,8 +172,19 @@ impl Session {
         // a state that fails before anybody computes
         if let Some(problem) = asked.doubt.take() {
             let failed = Answer { status: problem.status, warnings: Warnings::NONE };
-            let nothing = Layout::of_want(&sarrus_client::Wanted::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY), &self.model.sizes());
-            answer::answer(out, &asked, &self.model.tree, failed, &nothing, &[], Some(&remark(problem)));
+            let nothing = Layout::of_want(
+                &sarrus_client::Wanted::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
+                &self.model.sizes(),
+            );
+            answer::answer(
+                out,
+                &asked,
+                &self.model.tree,
+                failed,
+                &nothing,
+                &[],
+                Some(&remark(problem)),
+            );
             return failed.status;
         }
 
@@ -161,12 +192,29 @@ impl Session {
         if reply.answer.status == Status::BadRequest {
             // numbers that are no state: the place is that of the positions
             let positions = [Field::Y, Field::Q, Field::QGuess];
-            let place = asked.given.iter().find(|given| positions.contains(&given.field)).map_or(0, |given| given.offset);
-            let words = reply.words.unwrap_or_else(|| "a quaternion is not of unit length, expected one within 1e-6 of it".to_owned());
-            answer::bad_request(out, &remark(Problem { status: Status::BadRequest, offset: place, words }));
+            let place = asked
+                .given
+                .iter()
+                .find(|given| positions.contains(&given.field))
+                .map_or(0, |given| given.offset);
+            let words = reply.words.unwrap_or_else(|| {
+                "a quaternion is not of unit length, expected one within 1e-6 of it".to_owned()
+            });
+            answer::bad_request(
+                out,
+                &remark(Problem { status: Status::BadRequest, offset: place, words }),
+            );
         } else {
             let remark = reply.words.map(|words| Remark { column: None, words });
-            answer::answer(out, &asked, &self.model.tree, reply.answer, &layout, &numbers, remark.as_ref());
+            answer::answer(
+                out,
+                &asked,
+                &self.model.tree,
+                reply.answer,
+                &layout,
+                &numbers,
+                remark.as_ref(),
+            );
         }
         reply.answer.status
     }
@@ -185,13 +233,21 @@ impl Session {
             let (n_in, n_out) = (given.len(), want.len());
             if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
                 // in process it could be answered; the same line gets the same answer everywhere
-                let error = Error::TooLarge { n_in, n_out, max_in: MAX_NUMBERS_IN, max_out: MAX_NUMBERS_OUT };
+                let error = Error::TooLarge {
+                    n_in,
+                    n_out,
+                    max_in: MAX_NUMBERS_IN,
+                    max_out: MAX_NUMBERS_OUT,
+                };
                 return (Reply::failed(Status::BadRequest, error.to_string()), want, Vec::new());
             }
             let mut numbers = vec![f64::NAN; n_out];
             let reply = self.engine.ask(&asked.wanted, &input, &mut numbers);
-            if reply.answer.status == Status::SingularActuation && asked.wanted.want.has(Field::JacobianActuator) {
-                asked.wanted.want = FieldSet(asked.wanted.want.0 & !FieldSet::of(&[Field::JacobianActuator]).0);
+            if reply.answer.status == Status::SingularActuation
+                && asked.wanted.want.has(Field::JacobianActuator)
+            {
+                asked.wanted.want =
+                    FieldSet(asked.wanted.want.0 & !FieldSet::of(&[Field::JacobianActuator]).0);
                 continue;
             }
             return (reply, want, numbers);

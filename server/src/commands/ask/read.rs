@@ -11,8 +11,17 @@ const MOST: usize = 64;
 /// Reads a line for one kind of request on one model.
 pub(super) fn read(request: Request, model: &ModelInfo, line: &str) -> Result<Asked, Problem> {
     let root = Value::parse(line)?;
-    let members = root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
-    let mut reader = Reader { model, keys: Vec::new(), want: None, frames: None, wrenches: Vec::new(), given: Vec::new(), doubt: None };
+    let members =
+        root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
+    let mut reader = Reader {
+        model,
+        keys: Vec::new(),
+        want: None,
+        frames: None,
+        wrenches: Vec::new(),
+        given: Vec::new(),
+        doubt: None,
+    };
     for (key, value) in members {
         reader.member(key, value)?;
     }
@@ -48,7 +57,10 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!("{}, wrenches, frames, want", known.join(", "));
-                    return Err(key.fault(format!("{} is no key of a request, expected one of {known}", shown(&name))));
+                    return Err(key.fault(format!(
+                        "{} is no key of a request, expected one of {known}",
+                        shown(&name)
+                    )));
                 }
             },
         }
@@ -63,7 +75,9 @@ impl Reader<'_> {
             match item.number() {
                 Some(number) if count < n => {
                     if !number.is_finite() {
-                        self.doubt(Status::NonFiniteInput, item.offset, || format!("{what} has a number beyond the range of a double"));
+                        self.doubt(Status::NonFiniteInput, item.offset, || {
+                            format!("{what} has a number beyond the range of a double")
+                        });
                     }
                     numbers.push(number);
                 }
@@ -75,10 +89,16 @@ impl Reader<'_> {
         });
         match (is_list, other) {
             (Some(()), None) => {}
-            (_, item) => return Err(item.unwrap_or(value).is_no(&format!("{what} as a list of {n} numbers"))),
+            (_, item) => {
+                return Err(item
+                    .unwrap_or(value)
+                    .is_no(&format!("{what} as a list of {n} numbers")));
+            }
         }
         if count != n {
-            self.doubt(Status::WrongSize, value.offset, || format!("{what} has {count} numbers, expected {n}"));
+            self.doubt(Status::WrongSize, value.offset, || {
+                format!("{what} has {count} numbers, expected {n}")
+            });
         }
         Ok(numbers)
     }
@@ -105,10 +125,12 @@ impl Reader<'_> {
 
     fn read_wrenches(&mut self, value: Value<'_>) -> Result<Vec<(u16, Vec<f64>)>, Problem> {
         let expected = "wrenches as an object such as {\"link\": [nx,ny,nz,fx,fy,fz]}";
-        let members = value.members(self.model.links.len() + 1).ok_or_else(|| value.is_no(expected))?;
+        let members =
+            value.members(self.model.links.len() + 1).ok_or_else(|| value.is_no(expected))?;
         let mut wrenches: Vec<(u16, Vec<f64>)> = Vec::new();
         for (key, value) in members {
-            let name = key.string().ok_or_else(|| key.fault("a link that is no text".to_owned()))?;
+            let name =
+                key.string().ok_or_else(|| key.fault("a link that is no text".to_owned()))?;
             let link = self.link(&name, key)?;
             if wrenches.iter().any(|(known, _)| *known == link) {
                 return Err(key.fault(format!("`{name}` stands here twice")));
@@ -122,22 +144,34 @@ impl Reader<'_> {
 
     fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
         let n = self.model.links.len();
-        self.model.link(name).ok_or_else(|| at.fault(format!("{} is none of the {n} links of {}", shown(name), self.model.robot)))
+        self.model.link(name).ok_or_else(|| {
+            at.fault(format!("{} is none of the {n} links of {}", shown(name), self.model.robot))
+        })
     }
 
     fn finish(self, request: Request, root: Value<'_>) -> Result<Asked, Problem> {
         // what the answer holds
         let mut outputs = match self.want {
             Some(want) => want,
-            None => request.default_want().iter().map(|field| (Output::Field(field), root.offset)).collect(),
+            None => request
+                .default_want()
+                .iter()
+                .map(|field| (Output::Field(field), root.offset))
+                .collect(),
         };
-        let of_frames = |(output, _): &&(Output, usize)| matches!(output, Output::Frames | Output::Jacobians);
+        let of_frames =
+            |(output, _): &&(Output, usize)| matches!(output, Output::Frames | Output::Jacobians);
         match outputs.iter().find(of_frames) {
             Some((output, offset)) if self.frames.is_none() => {
-                let words = format!("`{}` is wanted of no link, expected \"frames\": [\"link\"] beside it", output.name());
+                let words = format!(
+                    "`{}` is wanted of no link, expected \"frames\": [\"link\"] beside it",
+                    output.name()
+                );
                 return Err(Fault { offset: *offset, words }.into());
             }
-            _ if self.frames.is_some() && !outputs.iter().any(|(output, _)| *output == Output::Frames) => {
+            _ if self.frames.is_some()
+                && !outputs.iter().any(|(output, _)| *output == Output::Frames) =>
+            {
                 outputs.push((Output::Frames, root.offset));
             }
             _ => {}
@@ -145,21 +179,27 @@ impl Reader<'_> {
 
         // what the plan is made for
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, given| set.with(given.field));
-        let want = outputs.iter().fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
+        let want = outputs
+            .iter()
+            .fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
         let mut wanted = Wanted::new(request, given, want);
         let frames = self.frames.unwrap_or_default();
         wanted = wanted.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
         if !self.wrenches.is_empty() {
-            wanted = wanted.with_wrenches(&self.wrenches.iter().map(|(link, _)| *link).collect::<Vec<u16>>());
+            wanted = wanted
+                .with_wrenches(&self.wrenches.iter().map(|(link, _)| *link).collect::<Vec<u16>>());
         }
-        let key = |name: &str| self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset);
+        let key = |name: &str| {
+            self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset)
+        };
         wanted.check(self.model.links.len()).map_err(|error| {
             let place = match error {
                 WantedError::NotAnInput(field) => key(field.name()),
                 WantedError::Conflict(a, b) => key(a.name()).max(key(b.name())),
-                WantedError::NotAnOutput(field) => {
-                    outputs.iter().find(|(output, _)| *output == Output::Field(field)).map(|(_, offset)| *offset)
-                }
+                WantedError::NotAnOutput(field) => outputs
+                    .iter()
+                    .find(|(output, _)| *output == Output::Field(field))
+                    .map(|(_, offset)| *offset),
                 WantedError::TooMany { what, .. } => key(what),
                 _ => None,
             };
@@ -185,8 +225,16 @@ fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {
     let mut wants: Vec<(Output, usize)> = Vec::new();
     for (name, item) in names(value, MOST, "want as a list of names")? {
         let output = Output::from_name(&name).ok_or_else(|| {
-            let known: Vec<&str> = Field::ALL.iter().map(|field| field.name()).filter(|name| Output::from_name(name).is_some()).collect();
-            item.fault(format!("{} cannot be wanted, expected some of {}, frames, jacobians", shown(&name), known.join(", ")))
+            let known: Vec<&str> = Field::ALL
+                .iter()
+                .map(|field| field.name())
+                .filter(|name| Output::from_name(name).is_some())
+                .collect();
+            item.fault(format!(
+                "{} cannot be wanted, expected some of {}, frames, jacobians",
+                shown(&name),
+                known.join(", ")
+            ))
         })?;
         if wants.iter().any(|(known, _)| *known == output) {
             return Err(item.fault(format!("`{name}` stands here twice")));
@@ -197,7 +245,11 @@ fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {
 }
 
 /// A list of strings and where each stands; up to `most`.
-fn names<'a>(value: Value<'a>, most: usize, expected: &str) -> Result<Vec<(String, Value<'a>)>, Problem> {
+fn names<'a>(
+    value: Value<'a>,
+    most: usize,
+    expected: &str,
+) -> Result<Vec<(String, Value<'a>)>, Problem> {
     let (mut names, mut other) = (Vec::new(), None);
     let is_list = value.items(|item| {
         match item.string() {

@@ -65,7 +65,8 @@ pub(super) const INPUTS: [Field; 14] = [
     Field::TauQ,
 ];
 const FRAMES: [Field; 3] = [Field::FramePose, Field::FrameTwist, Field::FrameAcc];
-const JACOBIANS: [Field; 3] = [Field::JacobianTree, Field::JacobianIndependent, Field::JacobianActuator];
+const JACOBIANS: [Field; 3] =
+    [Field::JacobianTree, Field::JacobianIndependent, Field::JacobianActuator];
 
 impl Output {
     /// The name that scripts see.
@@ -83,7 +84,9 @@ impl Output {
             "frames" => Some(Output::Frames),
             "jacobians" => Some(Output::Jacobians),
             // frames come by link
-            _ => Field::from_name(name).filter(|field| !FRAMES.contains(field) && !JACOBIANS.contains(field)).map(Output::Field),
+            _ => Field::from_name(name)
+                .filter(|field| !FRAMES.contains(field) && !JACOBIANS.contains(field))
+                .map(Output::Field),
         }
     }
 

@@ -18,7 +18,8 @@ pub(super) fn in_words(of: &AssemblyReport) -> String {
         let Moved { name, given, found } = moved;
         vec![name.clone(), given.to_string(), found.to_string(), format!("{:+.3e}", found - given)]
     };
-    text += &table(&["joint", "given", "found", "moved"], &of.q.iter().map(row).collect::<Vec<_>>());
+    text +=
+        &table(&["joint", "given", "found", "moved"], &of.q.iter().map(row).collect::<Vec<_>>());
     if of.error.is_some() {
         return text;
     }
@@ -30,11 +31,19 @@ pub(super) fn in_words(of: &AssemblyReport) -> String {
     text += "\nto make it the zero pose, write these origins into the URDF and take off what each joint moved from its limits and its spring's rest\n";
     let list = |x: [f64; 3], between: &str| x.map(|x| x.to_string()).join(between);
     for (joint, origin) in &of.new_zero.origins {
-        text += &format!("  {joint}: <origin xyz=\"{}\" rpy=\"{}\"/>\n", list(origin.xyz, " "), list(origin.rpy, " "));
+        text += &format!(
+            "  {joint}: <origin xyz=\"{}\" rpy=\"{}\"/>\n",
+            list(origin.xyz, " "),
+            list(origin.rpy, " ")
+        );
     }
     let yaml = |key: &str, placements: &[(String, Placement)]| {
         let line = |(name, at): &(String, Placement)| {
-            format!("  {name}: {key}: {{xyz: [{}], rpy: [{}]}}\n", list(at.xyz, ", "), list(at.rpy, ", "))
+            format!(
+                "  {name}: {key}: {{xyz: [{}], rpy: [{}]}}\n",
+                list(at.xyz, ", "),
+                list(at.rpy, ", ")
+            )
         };
         placements.iter().map(line).collect::<String>()
     };

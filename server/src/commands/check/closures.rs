@@ -6,11 +6,24 @@ use crate::commands::output::table;
 
 /// One row for each submechanism, then what has names: redundant rows, idle joints, singular poses.
 pub(super) fn in_words(closures: &[ClosureReport]) -> String {
-    let heads = ["submechanism", "type", "closure", "rows", "rank", "redundant", "idle", "branch", "misfit", "sigma", "cond"];
+    let heads = [
+        "submechanism",
+        "type",
+        "closure",
+        "rows",
+        "rank",
+        "redundant",
+        "idle",
+        "branch",
+        "misfit",
+        "sigma",
+        "cond",
+    ];
     let rows: Vec<Vec<String>> = closures.iter().map(row).collect();
     let mut text = table(&heads, &rows);
     for closure in closures {
-        let mut line = |what: &str, words: &str| text += &format!("{}: {what}: {words}\n", closure.name);
+        let mut line =
+            |what: &str, words: &str| text += &format!("{}: {what}: {words}\n", closure.name);
         if !closure.redundant.is_empty() {
             line("redundant rows", &closure.redundant.join(", "));
         }
@@ -49,6 +62,10 @@ fn row(closure: &ClosureReport) -> Vec<String> {
         if branch.is_empty() { "-".to_owned() } else { branch },
         if closure.misfit == 0.0 { "0".to_owned() } else { format!("{:.1e}", closure.misfit) },
         when_tied(format!("{:.2e}", closure.sigma_min)),
-        when_tied(if closure.cond.is_finite() { format!("{:.1e}", closure.cond) } else { "singular".to_owned() }),
+        when_tied(if closure.cond.is_finite() {
+            format!("{:.1e}", closure.cond)
+        } else {
+            "singular".to_owned()
+        }),
     ]
 }

@@ -20,22 +20,27 @@ pub(crate) struct Check {
     robot: RobotFlags,
     #[command(flatten)]
     format: FormatFlag,
-    /// Find a closed pose near the given one and print it; also for files whose loops are open at the zero pose.
+    /// Find a closed pose near the given one and print it; also for files whose loops are open at
+    /// the zero pose.
     #[arg(long)]
     assemble: bool,
-    /// The pose: q=X,Y,… in the order of `tree_q`, NAME=X,… (zero elsewhere), or a JSON file: a list, an object by name, or one with a `q`.
-    /// Default: the zero pose.
+    /// The pose: q=X,Y,… in the order of `tree_q`, NAME=X,… (zero elsewhere), or a JSON file: a
+    /// list, an object by name, or one with a `q`. Default: the zero pose.
     #[arg(long, value_name = "FILE|q=…", requires = "assemble", allow_hyphen_values = true)]
     near: Option<Numbers>,
-    /// What each joint's way costs: NAME=W,… (1 elsewhere), W,W,… in the order of `tree`, or a JSON file. 0: free, inf: kept fixed.
+    /// What each joint's way costs: NAME=W,… (1 elsewhere), W,W,… in the order of `tree`, or a JSON
+    /// file. 0: free, inf: kept fixed.
     #[arg(long, value_name = "FILE|NAME=W,…", requires = "assemble", allow_hyphen_values = true)]
     weights: Option<Numbers>,
 }
 
 impl Check {
     pub(crate) fn run(self) -> ExitCode {
-        let report =
-            if self.assemble { self.assembled() } else { CheckReport::new(&self.robot.load()).map_err(|error| refuse("check", &error)) };
+        let report = if self.assemble {
+            self.assembled()
+        } else {
+            CheckReport::new(&self.robot.load()).map_err(|error| refuse("check", &error))
+        };
         let report = match report {
             Ok(report) => report,
             Err(code) => return code,
@@ -49,7 +54,8 @@ impl Check {
             Format::Json => json_line(&report),
             Format::Text if report.errors.is_empty() => in_words(&report),
             Format::Text => {
-                findings(&report.errors, &report.warnings) + &report.assembled.as_ref().map(assembled::in_words).unwrap_or_default()
+                findings(&report.errors, &report.warnings)
+                    + &report.assembled.as_ref().map(assembled::in_words).unwrap_or_default()
             }
         };
         finish("check", &results, code)
@@ -57,14 +63,20 @@ impl Check {
 
     /// The report with an assembly, or the code of what stands in its way.
     fn assembled(&self) -> Result<CheckReport, ExitCode> {
-        let near = |names: &[String], zero: Vec<f64>| self.near.as_ref().map_or(Ok(zero.clone()), |near| near.resolve(names, zero));
+        let near = |names: &[String], zero: Vec<f64>| {
+            self.near.as_ref().map_or(Ok(zero.clone()), |near| near.resolve(names, zero))
+        };
         let weights = |names: &[String]| {
             let ones = vec![1.0; names.len()];
-            let weights = self.weights.as_ref().map_or(Ok(ones.clone()), |weights| weights.resolve(names, ones))?;
+            let weights = self
+                .weights
+                .as_ref()
+                .map_or(Ok(ones.clone()), |weights| weights.resolve(names, ones))?;
             match weights.iter().zip(names).find(|(weight, _)| **weight < 0.0) {
-                Some((weight, name)) => {
-                    Err(self.weights.as_ref().map(|of| of.fault(&format!("weight {weight} of {name}, expected 0 or more"))))
-                }
+                Some((weight, name)) => Err(self
+                    .weights
+                    .as_ref()
+                    .map(|of| of.fault(&format!("weight {weight} of {name}, expected 0 or more")))),
                 None => Ok(weights),
             }
         };
@@ -80,10 +92,14 @@ impl Check {
     }
 }
 
-/// A valid robot: what it is called, what it has and in which order, how it is closed, what is remarkable.
+/// A valid robot: what it is called, what it has and in which order, how it is closed, what is
+/// remarkable.
 fn in_words(report: &CheckReport) -> String {
     let mut text = format!("robot        {}\n", report.robot.as_deref().unwrap_or_default());
-    text += &format!("fingerprint  {}\n\n", report.fingerprint.as_deref().unwrap_or("none, the files are open at zero"));
+    text += &format!(
+        "fingerprint  {}\n\n",
+        report.fingerprint.as_deref().unwrap_or("none, the files are open at zero")
+    );
     text += &names("tree", &report.tree);
     if report.tree_q.len() != report.tree.len() {
         text += &names("tree q", &report.tree_q);

@@ -33,7 +33,11 @@ impl FromStr for Numbers {
 
 impl Numbers {
     /// One number for each name; those that are not named stay as in `rest`.
-    pub(super) fn resolve(&self, names: &[String], rest: Vec<f64>) -> Result<Vec<f64>, Option<Fault>> {
+    pub(super) fn resolve(
+        &self,
+        names: &[String],
+        rest: Vec<f64>,
+    ) -> Result<Vec<f64>, Option<Fault>> {
         let written = match self.in_flag() {
             Some(written) => written,
             None => self.in_file()?,
@@ -42,13 +46,23 @@ impl Numbers {
         match written {
             Written::List(list) if list.len() == names.len() => numbers = list,
             Written::List(list) => {
-                return Err(Some(self.fault(&format!("{} numbers, expected {}", list.len(), names.len()))));
+                return Err(Some(self.fault(&format!(
+                    "{} numbers, expected {}",
+                    list.len(),
+                    names.len()
+                ))));
             }
             Written::Named(named) => {
                 for (name, number) in named {
-                    match names.iter().position(|of| *of == name).and_then(|at| numbers.get_mut(at)) {
+                    match names.iter().position(|of| *of == name).and_then(|at| numbers.get_mut(at))
+                    {
                         Some(to) => *to = number,
-                        None => return Err(Some(self.fault(&format!("no joint `{name}`, expected one of {}", names.join(", "))))),
+                        None => {
+                            return Err(Some(self.fault(&format!(
+                                "no joint `{name}`, expected one of {}",
+                                names.join(", ")
+                            ))));
+                        }
                     }
                 }
             }
@@ -58,7 +72,10 @@ impl Numbers {
 
     /// A fault of the numbers: wrong flags end with 2, the content of files with 1.
     pub(super) fn fault(&self, words: &str) -> Fault {
-        Fault { code: if self.in_flag().is_some() { 2 } else { 1 }, words: format!("{}: {words}", self.0) }
+        Fault {
+            code: if self.in_flag().is_some() { 2 } else { 1 },
+            words: format!("{}: {words}", self.0),
+        }
     }
 
     /// Numbers in the flag itself; `None` for the name of a file.
@@ -69,20 +86,32 @@ impl Numbers {
         if let Some(list) = list(self.0.strip_prefix("q=").unwrap_or(&self.0)) {
             return Some(Written::List(list));
         }
-        let pair = |part: &str| part.rsplit_once('=').and_then(|(name, number)| Some((name.trim().to_owned(), parse(number)?)));
+        let pair = |part: &str| {
+            part.rsplit_once('=')
+                .and_then(|(name, number)| Some((name.trim().to_owned(), parse(number)?)))
+        };
         self.0.split(',').map(pair).collect::<Option<_>>().map(Written::Named)
     }
 
     fn in_file(&self) -> Result<Written, Option<Fault>> {
-        let text = std::fs::read_to_string(&self.0)
-            .map_err(|error| Some(Fault { code: 2, words: format!("cannot read {}: {error}; give numbers or a readable file", self.0) }))?;
-        let value: Value = serde_json::from_str(&text).map_err(|error| Some(self.fault(&format!("not JSON: {error}"))))?;
+        let text = std::fs::read_to_string(&self.0).map_err(|error| {
+            Some(Fault {
+                code: 2,
+                words: format!("cannot read {}: {error}; give numbers or a readable file", self.0),
+            })
+        })?;
+        let value: Value = serde_json::from_str(&text)
+            .map_err(|error| Some(self.fault(&format!("not JSON: {error}"))))?;
         let value = value.get("assembled").unwrap_or(&value);
         // an answer, or what an assembly printed
         let value = value.get("q").filter(|q| q.is_array() || q.is_object()).unwrap_or(value);
         let written = match value {
             Value::Array(list) => list.iter().map(number).collect::<Option<_>>().map(Written::List),
-            Value::Object(map) => map.iter().map(|(name, x)| Some((name.clone(), number(x)?))).collect::<Option<_>>().map(Written::Named),
+            Value::Object(map) => map
+                .iter()
+                .map(|(name, x)| Some((name.clone(), number(x)?)))
+                .collect::<Option<_>>()
+                .map(Written::Named),
             _ => None,
         };
         written.ok_or_else(|| Some(self.fault("expected a list of numbers or numbers by name")))

@@ -13,7 +13,10 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use hdrhistogram::Histogram;
-use sarrus_client::{Answer, ConnectError, ConnectOptions, Door, Error, LoadError, Options, Patience, Robot, Source, Status, describe};
+use sarrus_client::{
+    Answer, ConnectError, ConnectOptions, Door, Error, LoadError, Options, Patience, Robot, Source,
+    Status, describe,
+};
 use sarrus_dynamics::{Plan, Workspace};
 use sarrus_models::{bundled, load};
 use sarrus_server::Wait;
@@ -78,7 +81,9 @@ impl Demo {
         };
         let results = match self.format.format {
             Format::Json => json_line(&report),
-            Format::Text => report.in_words(bundled().find(|(name, _)| *name == ROBOT).map_or("", |(_, about)| about)),
+            Format::Text => report.in_words(
+                bundled().find(|(name, _)| *name == ROBOT).map_or("", |(_, about)| about),
+            ),
         };
         finish("demo", &results, if report.good { 0 } else { 1 })
     }
@@ -86,7 +91,8 @@ impl Demo {
 
 fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, stop.clone()).map_err(|source| DemoError::Signal { signal, source })?;
+        signal_hook::flag::register(signal, stop.clone())
+            .map_err(|source| DemoError::Signal { signal, source })?;
     }
     let mut progress = Progress::new();
     let mut go_on = |what: &str, done: f64| {
@@ -98,7 +104,9 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
     let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())?;
     let info = describe(&loaded);
     let trajectory = Trajectory::new(&info);
-    let truth = Truth::compute(&loaded.compiled.exact, &trajectory, |done| go_on("in double-double", 0.2 * done));
+    let truth = Truth::compute(&loaded.compiled.exact, &trajectory, |done| {
+        go_on("in double-double", 0.2 * done)
+    });
     let truth = truth.ok_or(DemoError::Stopped)?;
     let course = Course { trajectory, truth, counts: counts(&info) };
 
@@ -106,8 +114,11 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
     let model = loaded.compiled.model;
     let plan = Plan::new(&model, &WANTED).map_err(Error::Wanted)?;
     let mut workspace = Workspace::new(&model);
-    let in_process = |input: &[f64], output: &mut [f64]| Ok(plan.run(&model, &mut workspace, input, output));
-    let alone = course.ask("in process, no server", SHORT, in_process, |done| go_on("in process", 0.2 + 0.1 * done))?;
+    let in_process =
+        |input: &[f64], output: &mut [f64]| Ok(plan.run(&model, &mut workspace, input, output));
+    let alone = course.ask("in process, no server", SHORT, in_process, |done| {
+        go_on("in process", 0.2 + 0.1 * done)
+    })?;
 
     // the server, through both doors
     let name = format!("demo-{}", std::process::id());
@@ -118,12 +129,21 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
     let _server = ServerProcess::start(ROBOT, &name, wait).map_err(DemoError::Server)?;
     processors.iter().try_for_each(Processors::take_controllers).map_err(DemoError::Server)?;
     let mut ways = Vec::new();
-    for (k, (door, way)) in [(Door::Lane, "lane"), (Door::Requests, "requests door")].into_iter().enumerate() {
-        let options = ConnectOptions { door, timeout: TIMEOUT, patience, fingerprint: Some(info.fingerprint) };
+    for (k, (door, way)) in
+        [(Door::Lane, "lane"), (Door::Requests, "requests door")].into_iter().enumerate()
+    {
+        let options = ConnectOptions {
+            door,
+            timeout: TIMEOUT,
+            patience,
+            fingerprint: Some(info.fingerprint),
+        };
         let mut robot = Robot::connect_with(&name, options)?;
         let plan = robot.prepare(&WANTED)?;
         let through = |input: &[f64], output: &mut [f64]| robot.ask(plan, input, output);
-        ways.push(course.ask(way, LONG, through, |done| go_on(way, 0.3 + 0.35 * (k as f64 + done)))?);
+        ways.push(
+            course.ask(way, LONG, through, |done| go_on(way, 0.3 + 0.35 * (k as f64 + done)))?,
+        );
     }
     ways.push(alone);
     Ok(Report::new(&info, course.counts, course.truth.failed == 0, ways))
@@ -147,7 +167,8 @@ impl Course {
     ) -> Result<Way, DemoError> {
         let (mut input, mut output) = (vec![0.0; self.counts.0], vec![0.0; self.counts.1]);
         // up to an hour, to a thousandth
-        let mut times = Histogram::<u64>::new_with_bounds(1, 3_600_000_000_000, 3).map_err(|_| DemoError::Histogram)?;
+        let mut times = Histogram::<u64>::new_with_bounds(1, 3_600_000_000_000, 3)
+            .map_err(|_| DemoError::Histogram)?;
         let (mut failed, mut worst) = (0, 0.0_f64);
         let begin = Instant::now();
         let mut passes = 0;
@@ -159,7 +180,9 @@ impl Course {
                 times.saturating_record(start.elapsed().as_nanos() as u64);
                 failed += u64::from(answer.status != Status::Ok);
                 worst = worst.max(self.truth.error(k, &output));
-                if k % 64 == 0 && !go_on((begin.elapsed().as_secs_f64() / time.as_secs_f64()).min(1.0)) {
+                if k % 64 == 0
+                    && !go_on((begin.elapsed().as_secs_f64() / time.as_secs_f64()).min(1.0))
+                {
                     return Err(DemoError::Stopped);
                 }
             }

@@ -28,15 +28,24 @@ impl ServerProcess {
             Wait::Sleep => "sleep",
         };
         let mut command = Command::new(std::env::current_exe()?);
-        command.args(["serve", "--robot", robot, "--name", name, "--wait", wait]).stdin(Stdio::null()).stdout(Stdio::piped());
+        command
+            .args(["serve", "--robot", robot, "--name", name, "--wait", wait])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped());
         // Ctrl-C goes to the demo alone, which stops the server in order
         command.process_group(0);
         let mut child = command.spawn()?;
-        let Some(stdout) = child.stdout.take() else { return Err(io::Error::other("its output cannot be read")) };
+        let Some(stdout) = child.stdout.take() else {
+            return Err(io::Error::other("its output cannot be read"));
+        };
         let mut server = ServerProcess { child, _stdout: BufReader::new(stdout) };
         let mut ready = String::new();
         server._stdout.read_line(&mut ready)?;
-        if ready.starts_with("ready ") { Ok(server) } else { Err(io::Error::other("it ended before it was ready")) }
+        if ready.starts_with("ready ") {
+            Ok(server)
+        } else {
+            Err(io::Error::other("it ended before it was ready"))
+        }
     }
 }
 

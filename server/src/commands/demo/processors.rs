@@ -1,4 +1,5 @@
-//! Processors for the controller and its server: neighbours on one of them would only wait for each other.
+//! Processors for the controller and its server: neighbours on one of them would only wait for each
+//! other.
 
 use std::io;
 
@@ -11,7 +12,8 @@ pub(super) struct Processors {
 }
 
 impl Processors {
-    /// The last processor for the controller, the others for the server; `None` where there is one only.
+    /// The last processor for the controller, the others for the server; `None` where there is one
+    /// only.
     pub(super) fn split() -> Option<Processors> {
         let mut server = sched_getaffinity(None).ok()?;
         let last = (0..CpuSet::MAX_CPU).rev().find(|processor| server.is_set(*processor))?;

@@ -23,10 +23,16 @@ impl Progress {
 
     /// Shows what is being done and how much of everything is done.
     pub(super) fn show(&mut self, what: &str, done: f64) {
-        let due = self.drawn.map_or(self.start.elapsed() > PATIENCE, |drawn| drawn.elapsed() > PAUSE);
+        let due =
+            self.drawn.map_or(self.start.elapsed() > PATIENCE, |drawn| drawn.elapsed() > PAUSE);
         if self.terminal && due {
             let full = ((done * WIDTH as f64) as usize).min(WIDTH);
-            eprint!("\r\x1b[K[{}{}] {:3.0} %  {what}", "#".repeat(full), " ".repeat(WIDTH - full), 100.0 * done.min(1.0));
+            eprint!(
+                "\r\x1b[K[{}{}] {:3.0} %  {what}",
+                "#".repeat(full),
+                " ".repeat(WIDTH - full),
+                100.0 * done.min(1.0)
+            );
             let _ = io::stderr().flush();
             self.drawn = Some(Instant::now());
         }

@@ -45,7 +45,12 @@ pub(super) struct Way {
 }
 
 impl Way {
-    pub(super) fn new(way: &'static str, times_ns: &Histogram<u64>, failed: u64, worst_error: f64) -> Way {
+    pub(super) fn new(
+        way: &'static str,
+        times_ns: &Histogram<u64>,
+        failed: u64,
+        worst_error: f64,
+    ) -> Way {
         let at = |quantile| times_ns.value_at_quantile(quantile) as f64 / 1e3;
         Way {
             way,
@@ -62,7 +67,12 @@ impl Way {
 }
 
 impl Report {
-    pub(super) fn new(model: &ModelInfo, (numbers_in, numbers_out): (usize, usize), truth_is_whole: bool, ways: Vec<Way>) -> Report {
+    pub(super) fn new(
+        model: &ModelInfo,
+        (numbers_in, numbers_out): (usize, usize),
+        truth_is_whole: bool,
+        ways: Vec<Way>,
+    ) -> Report {
         let of_kind = |kind| model.closures.iter().filter(|closure| closure.kind == kind).count();
         let worst_error = ways.iter().fold(0.0, |worst: f64, way| worst.max(way.worst_error));
         Report {
@@ -73,7 +83,9 @@ impl Report {
             samples: SAMPLES,
             numbers_in,
             numbers_out,
-            good: truth_is_whole && worst_error < LIMIT && ways.iter().all(|way| way.failed == 0 && way.requests > 0),
+            good: truth_is_whole
+                && worst_error < LIMIT
+                && ways.iter().all(|way| way.failed == 0 && way.requests > 0),
             worst_error,
             ways,
         }
@@ -96,12 +108,27 @@ impl Report {
         );
         let row = |way: &Way| {
             let mut row = vec![way.way.to_owned(), way.requests.to_string()];
-            row.extend([way.p50_us, way.p90_us, way.p99_us, way.p999_us, way.max_us].map(|us| format!("{us:.2}")));
+            row.extend(
+                [way.p50_us, way.p90_us, way.p99_us, way.p999_us, way.max_us]
+                    .map(|us| format!("{us:.2}")),
+            );
             row.push(format!("{:.1e}", way.worst_error));
             row
         };
         let rows: Vec<Vec<String>> = self.ways.iter().map(row).collect();
-        text += &table(&["time per request, µs", "requests", "median", "90 %", "99 %", "99.9 %", "largest", "worst error"], &rows);
+        text += &table(
+            &[
+                "time per request, µs",
+                "requests",
+                "median",
+                "90 %",
+                "99 %",
+                "99.9 %",
+                "largest",
+                "worst error",
+            ],
+            &rows,
+        );
         let requests: u64 = self.ways.iter().map(|way| way.requests).sum();
         let failed: u64 = self.ways.iter().map(|way| way.failed).sum();
         text += &match failed {
@@ -109,6 +136,9 @@ impl Report {
             n => format!("\n{n} of {requests} answers FAILED. "),
         };
         let verdict = if self.worst_error < LIMIT { "within" } else { "OUTSIDE" };
-        text + &format!("Worst error {:.1e} of the largest force of its sample, {verdict} the limit of {LIMIT:.0e}.\n", self.worst_error)
+        text + &format!(
+            "Worst error {:.1e} of the largest force of its sample, {verdict} the limit of {LIMIT:.0e}.\n",
+            self.worst_error
+        )
     }
 }

@@ -9,12 +9,16 @@ pub(super) const DURATION: f64 = 5.0;
 /// Requests that a controller of 1 kHz makes in that time.
 pub(super) const SAMPLES: usize = 5001;
 
-/// How much of its range a joint moves through, around the middle: farther out the linear actuators reach their ends.
+/// How much of its range a joint moves through, around the middle: farther out the linear actuators
+/// reach their ends.
 pub(super) const REACH: f64 = 0.3;
 
 /// Motion in, actuator forces out.
-pub(super) const WANTED: Wanted =
-    Wanted::new(Request::InverseDynamics, FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]), FieldSet::of(&[Field::TauU]));
+pub(super) const WANTED: Wanted = Wanted::new(
+    Request::InverseDynamics,
+    FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
+    FieldSet::of(&[Field::TauU]),
+);
 
 /// Every independent joint through the middle of its range along a cycloid, all at the same time.
 pub(super) struct Trajectory {
@@ -29,17 +33,27 @@ impl Trajectory {
             .independent
             .iter()
             .map(|name| {
-                let limits = model.tree.iter().position(|of_tree| of_tree == name).and_then(|index| model.limits.get(index)?.as_ref());
-                limits.and_then(|limits| Some([limits.lower?, limits.upper?])).unwrap_or([-1.0, 1.0])
+                let limits = model
+                    .tree
+                    .iter()
+                    .position(|of_tree| of_tree == name)
+                    .and_then(|index| model.limits.get(index)?.as_ref());
+                limits
+                    .and_then(|limits| Some([limits.lower?, limits.upper?]))
+                    .unwrap_or([-1.0, 1.0])
             })
             .collect();
         Trajectory {
-            lower: ends.iter().map(|[lower, upper]| 0.5 * (lower + upper - REACH * (upper - lower))).collect(),
+            lower: ends
+                .iter()
+                .map(|[lower, upper]| 0.5 * (lower + upper - REACH * (upper - lower)))
+                .collect(),
             range: ends.iter().map(|[lower, upper]| REACH * (upper - lower)).collect(),
         }
     }
 
-    /// y, ẏ and ÿ of one sample, packed one after the other (thesis of the base document, 6.1 to 6.3).
+    /// y, ẏ and ÿ of one sample, packed one after the other (thesis of the base document, 6.1 to
+    /// 6.3).
     pub(super) fn sample(&self, k: usize, input: &mut [f64]) {
         let rate = 2.0 * std::f64::consts::PI / DURATION;
         let t = k as f64 * DURATION / (SAMPLES - 1) as f64;
@@ -67,7 +81,11 @@ pub(super) struct Truth {
 
 impl Truth {
     /// Computes it; `go_on` learns how far it is and says whether to go on.
-    pub(super) fn compute(exact: &Model<Dd>, trajectory: &Trajectory, mut go_on: impl FnMut(f64) -> bool) -> Option<Truth> {
+    pub(super) fn compute(
+        exact: &Model<Dd>,
+        trajectory: &Trajectory,
+        mut go_on: impl FnMut(f64) -> bool,
+    ) -> Option<Truth> {
         let plan = Plan::new(exact, &WANTED).ok()?;
         let mut workspace = Workspace::new(exact);
         let mut sample = vec![0.0; plan.given().len()];
@@ -77,7 +95,8 @@ impl Truth {
         for (k, forces) in truth.forces.chunks_exact_mut(n.max(1)).enumerate() {
             trajectory.sample(k, &mut sample);
             input.iter_mut().zip(&sample).for_each(|(exact, number)| *exact = Dd::from(*number));
-            truth.failed += usize::from(plan.run(exact, &mut workspace, &input, forces).status != Status::Ok);
+            truth.failed +=
+                usize::from(plan.run(exact, &mut workspace, &input, forces).status != Status::Ok);
             if !go_on(k as f64 / SAMPLES as f64) {
                 return None;
             }
@@ -85,14 +104,22 @@ impl Truth {
         Some(truth)
     }
 
-    /// The largest difference of an answer from the truth, relative to the largest force of the sample.
+    /// The largest difference of an answer from the truth, relative to the largest force of the
+    /// sample.
     pub(super) fn error(&self, k: usize, answer: &[f64]) -> f64 {
         let truth = self.forces.get(k * self.n..(k + 1) * self.n).unwrap_or_default();
         let size = truth.iter().fold(0.0_f64, |size, force| size.max(force.hi().abs()));
         let difference = |(answer, truth): (&f64, &Dd)| (Dd::from(*answer) - *truth).hi().abs();
-        let worst =
-            answer.iter().zip(truth).map(difference).fold(0.0, |worst: f64, x| if x.is_nan() { f64::INFINITY } else { worst.max(x) });
-        if truth.len() != answer.len() || size.is_nan() { f64::INFINITY } else { worst / size.max(f64::MIN_POSITIVE) }
+        let worst = answer
+            .iter()
+            .zip(truth)
+            .map(difference)
+            .fold(0.0, |worst: f64, x| if x.is_nan() { f64::INFINITY } else { worst.max(x) });
+        if truth.len() != answer.len() || size.is_nan() {
+            f64::INFINITY
+        } else {
+            worst / size.max(f64::MIN_POSITIVE)
+        }
     }
 }
 

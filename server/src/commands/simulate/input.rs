@@ -14,9 +14,15 @@ pub(super) struct Numbers(pub(super) Vec<f64>);
 /// Reads a list of numbers.
 pub(super) fn numbers(text: &str) -> Result<Numbers, String> {
     let number = |part: &str| {
-        part.trim().parse::<f64>().map_err(|_| format!("`{}` is no number, expected numbers separated by commas", part.trim()))
+        part.trim().parse::<f64>().map_err(|_| {
+            format!("`{}` is no number, expected numbers separated by commas", part.trim())
+        })
     };
-    if text.trim().is_empty() { Ok(Numbers(Vec::new())) } else { text.split(',').map(number).collect::<Result<_, _>>().map(Numbers) }
+    if text.trim().is_empty() {
+        Ok(Numbers(Vec::new()))
+    } else {
+        text.split(',').map(number).collect::<Result<_, _>>().map(Numbers)
+    }
 }
 
 /// Flags of what acts on the robot.
@@ -28,7 +34,8 @@ pub(super) struct ForceFlags {
     /// Constant forces on the independents.
     #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
     tau_y: Option<Numbers>,
-    /// Forces over time: a first line `time,NAME,...` of actuators or independents, then a row for each time, with straight lines between.
+    /// Forces over time: a first line `time,NAME,...` of actuators or independents, then a row for
+    /// each time, with straight lines between.
     #[arg(long, value_name = "FILE.csv")]
     input: Option<PathBuf>,
     /// Stiffness towards the target: one number, or one for each joint.
@@ -43,8 +50,8 @@ pub(super) struct ForceFlags {
     /// Which joints kp and kd act on.
     #[arg(long, value_enum, value_name = "SPACE", default_value = "y")]
     control: SpaceFlag,
-    /// A spring with a damper between two points of links, such as `--spring base:0,0,0.1 hand 500,5,0.2`: stiffness N/m, damping N s/m,
-    /// rest length m; may stand several times.
+    /// A spring with a damper between two points of links, such as `--spring base:0,0,0.1 hand
+    /// 500,5,0.2`: stiffness N/m, damping N s/m, rest length m; may stand several times.
     #[arg(long, num_args = 3, value_names = ["LINK:X,Y,Z", "LINK:X,Y,Z", "K,C,L0"], allow_hyphen_values = true)]
     spring: Vec<String>,
 }
@@ -71,7 +78,11 @@ impl ForceFlags {
     pub(super) fn inputs(&self, model: &Model<f64>) -> Result<Vec<Input>, String> {
         let mut inputs = Vec::new();
         for (space, forces) in [(Space::Actuator, &self.tau_u), (Space::Independent, &self.tau_y)] {
-            inputs.extend(forces.as_ref().map(|forces| Input { space, source: Source::Constant(forces.0.clone()) }));
+            inputs.extend(
+                forces
+                    .as_ref()
+                    .map(|forces| Input { space, source: Source::Constant(forces.0.clone()) }),
+            );
         }
         if let Some(path) = &self.input {
             inputs.push(table(path, model)?);
@@ -83,12 +94,19 @@ impl ForceFlags {
                 Space::Actuator => model.active_names().len(),
             };
             // one number stands for all
-            let spread = |numbers: &Option<Numbers>| match numbers.as_ref().map(|numbers| numbers.0.as_slice()) {
+            let spread = |numbers: &Option<Numbers>| match numbers
+                .as_ref()
+                .map(|numbers| numbers.0.as_slice())
+            {
                 None => vec![0.0; n],
                 Some([one]) => vec![*one; n],
                 Some(each) => each.to_vec(),
             };
-            let source = Source::Gains { stiffness: spread(&self.kp), damping: spread(&self.kd), target: spread(&self.target) };
+            let source = Source::Gains {
+                stiffness: spread(&self.kp),
+                damping: spread(&self.kd),
+                target: spread(&self.target),
+            };
             inputs.push(Input { space, source });
         }
         Ok(inputs)
@@ -97,12 +115,21 @@ impl ForceFlags {
     /// Every spring.
     pub(super) fn springs(&self, model: &Model<f64>) -> Result<Vec<Spring>, String> {
         let spring = |words: &[String]| {
-            let [from, to, constants] = words else { return Err("--spring takes two points and three constants".to_owned()) };
+            let [from, to, constants] = words else {
+                return Err("--spring takes two points and three constants".to_owned());
+            };
             match numbers(constants)?.0.as_slice() {
-                [stiffness, damping, rest] => {
-                    Ok(Spring { from: point(from, model)?, to: point(to, model)?, stiffness: *stiffness, damping: *damping, rest: *rest })
-                }
-                other => Err(format!("--spring {constants}: found {} number(s), expected stiffness, damping and rest length", other.len())),
+                [stiffness, damping, rest] => Ok(Spring {
+                    from: point(from, model)?,
+                    to: point(to, model)?,
+                    stiffness: *stiffness,
+                    damping: *damping,
+                    rest: *rest,
+                }),
+                other => Err(format!(
+                    "--spring {constants}: found {} number(s), expected stiffness, damping and rest length",
+                    other.len()
+                )),
             }
         };
         self.spring.chunks(3).map(spring).collect()
@@ -118,23 +145,34 @@ fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
     }
     let (name, at) = text.rsplit_once(':').unwrap_or((text, "0,0,0"));
     let Some(link) = place(name) else {
-        return Err(format!("--spring {text}: there is no link `{name}`, expected one of {}", model.link_names().join(", ")));
+        return Err(format!(
+            "--spring {text}: there is no link `{name}`, expected one of {}",
+            model.link_names().join(", ")
+        ));
     };
     let at = numbers(at).map_err(|words| format!("--spring {text}: {words}"))?.0;
     let found = at.len();
-    let at = at.try_into().map_err(|_| format!("--spring {text}: found {found} number(s), expected x,y,z"))?;
+    let at = at
+        .try_into()
+        .map_err(|_| format!("--spring {text}: found {found} number(s), expected x,y,z"))?;
     Ok(Point { link, at })
 }
 
 /// Forces over time from a file.
 fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
     let file = path.display();
-    let text = fs::read_to_string(path).map_err(|error| format!("cannot read {file}: {error}; give the path of a readable file"))?;
+    let text = fs::read_to_string(path).map_err(|error| {
+        format!("cannot read {file}: {error}; give the path of a readable file")
+    })?;
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let cells = |line: &str| line.split(',').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
     let heads = lines.next().map(|(_, line)| cells(line)).unwrap_or_default();
-    let Some((first, names)) = heads.split_first().filter(|(first, _)| first.as_str() == "time") else {
-        return Err(format!("{file}:1: found {:?}, expected a first line `time,NAME,...`", heads.join(",")));
+    let Some((first, names)) = heads.split_first().filter(|(first, _)| first.as_str() == "time")
+    else {
+        return Err(format!(
+            "{file}:1: found {:?}, expected a first line `time,NAME,...`",
+            heads.join(",")
+        ));
     };
     debug_assert_eq!(first, "time");
     // all of one space
@@ -144,27 +182,44 @@ fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
     };
     let fits = |space: &Space| names.iter().all(|name| of(*space).contains(name));
     let Some(space) = [Space::Actuator, Space::Independent].into_iter().find(fits) else {
-        let unknown = names.iter().find(|name| !of(Space::Actuator).contains(name) && !of(Space::Independent).contains(name));
-        let found = unknown.map_or("names of actuators and of independents".to_owned(), |name| format!("the name `{name}`"));
+        let unknown = names.iter().find(|name| {
+            !of(Space::Actuator).contains(name) && !of(Space::Independent).contains(name)
+        });
+        let found = unknown.map_or("names of actuators and of independents".to_owned(), |name| {
+            format!("the name `{name}`")
+        });
         let (u, y) = (of(Space::Actuator).join(", "), of(Space::Independent).join(", "));
-        return Err(format!("{file}:1: found {found}, expected actuators ({u}) or independents ({y})"));
+        return Err(format!(
+            "{file}:1: found {found}, expected actuators ({u}) or independents ({y})"
+        ));
     };
     let (mut times, mut forces) = (Vec::new(), Vec::new());
     for (k, line) in lines {
         let row = cells(line);
         let at = |column: usize| format!("{file}:{}:{}", k + 1, column + 1);
         if row.len() != heads.len() {
-            return Err(format!("{}: found {} cell(s), expected {}", at(0), row.len(), heads.len()));
+            return Err(format!(
+                "{}: found {} cell(s), expected {}",
+                at(0),
+                row.len(),
+                heads.len()
+            ));
         }
         let mut numbers = Vec::new();
         for (column, cell) in row.iter().enumerate() {
             let number = cell.parse::<f64>().ok().filter(|x| x.is_finite());
-            numbers.push(
-                number.ok_or_else(|| format!("{}: found `{cell}` in column `{}`, expected a finite number", at(column), heads[column]))?,
-            );
+            numbers.push(number.ok_or_else(|| {
+                format!(
+                    "{}: found `{cell}` in column `{}`, expected a finite number",
+                    at(column),
+                    heads[column]
+                )
+            })?);
         }
         // joints without a column feel nothing
-        let of_joint = |name: &String| names.iter().position(|of| of == name).map_or(0.0, |column| numbers[column + 1]);
+        let of_joint = |name: &String| {
+            names.iter().position(|of| of == name).map_or(0.0, |column| numbers[column + 1])
+        };
         forces.push(of(space).iter().map(of_joint).collect());
         times.push(numbers[0]);
     }

@@ -119,15 +119,18 @@ impl Simulate {
             Ok(loaded) => loaded,
             Err(error) => return refuse("simulate", &error),
         };
-        let outcome = self
-            .simulate(&loaded)
-            .and_then(|run| output::write(&self.out, &loaded, &run, self.settings().method).map(|files| (run, files)));
+        let outcome = self.simulate(&loaded).and_then(|run| {
+            output::write(&self.out, &loaded, &run, self.settings().method)
+                .map(|files| (run, files))
+        });
         match outcome {
             Ok((run, files)) => {
                 let code = u8::from(!run.end.is_finished());
                 let results = match self.format.format {
                     Format::Text => output::summary(&loaded, &run, self.settings().method, &files),
-                    Format::Json => json_line(&output::value(&loaded, &run, self.settings().method, &files)),
+                    Format::Json => {
+                        json_line(&output::value(&loaded, &run, self.settings().method, &files))
+                    }
                 };
                 finish("simulate", &results, code)
             }
@@ -142,10 +145,17 @@ impl Simulate {
         let model = &loaded.compiled.model;
         let inputs = self.forces.inputs(model)?;
         let springs = self.forces.springs(model)?;
-        let setup = Setup { description: &loaded.description, compiled: &loaded.compiled, springs: &springs, inputs: &inputs };
+        let setup = Setup {
+            description: &loaded.description,
+            compiled: &loaded.compiled,
+            springs: &springs,
+            inputs: &inputs,
+        };
         let progress = Progress::silent();
         let settings = self.settings();
-        let run = simulate(&setup, &self.start.start(loaded), &settings, &mut |time| progress.show("simulating", time / settings.duration));
+        let run = simulate(&setup, &self.start.start(loaded), &settings, &mut |time| {
+            progress.show("simulating", time / settings.duration)
+        });
         progress.clear();
         run.map_err(|error: SimulationError| error.to_string())
     }
@@ -177,10 +187,15 @@ impl StartFlags {
         let model = &loaded.compiled.model;
         let given = |numbers: &Option<Numbers>| numbers.as_ref().map(|numbers| numbers.0.clone());
         if let Some(q) = given(&self.q) {
-            return Start::Tree { q, qd: given(&self.qd).unwrap_or_else(|| vec![0.0; model.sizes().n_v]) };
+            return Start::Tree {
+                q,
+                qd: given(&self.qd).unwrap_or_else(|| vec![0.0; model.sizes().n_v]),
+            };
         }
         // a quaternion at rest is 0 0 0 1
-        let rest = |names: &[String]| names.iter().map(|name| f64::from(u8::from(name.ends_with("/qw")))).collect();
+        let rest = |names: &[String]| {
+            names.iter().map(|name| f64::from(u8::from(name.ends_with("/qw")))).collect()
+        };
         Start::Independent {
             y: given(&self.y).unwrap_or_else(|| rest(model.independent_q_names())),
             yd: given(&self.yd).unwrap_or_else(|| vec![0.0; model.sizes().n_vy]),

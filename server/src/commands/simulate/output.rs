@@ -13,10 +13,17 @@ use serde_json::{Value, json};
 const CURVES: usize = 8;
 
 /// Writes motion.csv and motion.html; returns their paths.
-pub(super) fn write(folder: &Path, loaded: &Loaded, run: &Run, method: Method) -> Result<Vec<String>, String> {
-    fs::create_dir_all(folder).map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
+pub(super) fn write(
+    folder: &Path,
+    loaded: &Loaded,
+    run: &Run,
+    method: Method,
+) -> Result<Vec<String>, String> {
+    fs::create_dir_all(folder)
+        .map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
     let table = folder.join("motion.csv");
-    fs::write(&table, csv(loaded, run)).map_err(|error| format!("cannot write {}: {error}", table.display()))?;
+    fs::write(&table, csv(loaded, run))
+        .map_err(|error| format!("cannot write {}: {error}", table.display()))?;
     let pictures = Pictures {
         title: format!("{}, {}, {} s", loaded.description.name, method.name(), run.time),
         lines: summary(loaded, run, method, &[]).lines().map(str::to_owned).collect(),
@@ -42,7 +49,10 @@ fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
     ];
     for (what, names, list) in lists {
         for (k, name) in names.iter().enumerate() {
-            columns.push((format!("{what}.{name}"), Box::new(move |sample| list(sample).get(k).copied().unwrap_or(f64::NAN))));
+            columns.push((
+                format!("{what}.{name}"),
+                Box::new(move |sample| list(sample).get(k).copied().unwrap_or(f64::NAN)),
+            ));
         }
     }
     let figures: [(&str, fn(&Sample) -> f64); 4] = [
@@ -51,15 +61,24 @@ fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
         ("work", |sample| sample.work),
         ("residual", |sample| sample.energy.residual),
     ];
-    columns.extend(figures.into_iter().map(|(name, of)| -> Column<'a> { (name.to_owned(), Box::new(of)) }));
+    columns.extend(
+        figures.into_iter().map(|(name, of)| -> Column<'a> { (name.to_owned(), Box::new(of)) }),
+    );
     columns
 }
 
 fn csv(loaded: &Loaded, run: &Run) -> String {
     let columns = columns(loaded);
     // a name with a comma is no second column
-    let quoted = |name: &String| if name.contains([',', '"', '\n']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.clone() };
-    let mut text = columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n";
+    let quoted = |name: &String| {
+        if name.contains([',', '"', '\n']) {
+            format!("\"{}\"", name.replace('"', "\"\""))
+        } else {
+            name.clone()
+        }
+    };
+    let mut text =
+        columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n";
     for sample in &run.samples {
         let row: Vec<String> = columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
         text += &(row.join(",") + "\n");
@@ -75,7 +94,11 @@ fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
         name: name.to_owned(),
         line: true,
         front: false,
-        points: run.samples.iter().map(|sample| Point { x: sample.time, y: of(sample), label: String::new() }).collect(),
+        points: run
+            .samples
+            .iter()
+            .map(|sample| Point { x: sample.time, y: of(sample), label: String::new() })
+            .collect(),
     };
     let figure = |id: &str, title: &str, y: Axis, series: Vec<Series>| Figure {
         id: id.to_owned(),
@@ -86,13 +109,25 @@ fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
         ..Figure::default()
     };
     let curves = |names: &[String], list: fn(&Sample) -> &[f64]| -> Vec<Series> {
-        let one = |(k, name): (usize, &String)| series(name, &|sample| list(sample).get(k).copied().unwrap_or(f64::NAN));
+        let one = |(k, name): (usize, &String)| {
+            series(name, &|sample| list(sample).get(k).copied().unwrap_or(f64::NAN))
+        };
         names.iter().enumerate().take(CURVES).map(one).collect()
     };
     let start = run.samples.first().map_or(0.0, Sample::balance);
     vec![
-        figure("position", "Independent coordinates", axis("rad, m", false), curves(model.independent_q_names(), |sample| &sample.y)),
-        figure("velocity", "Independent velocities", axis("rad/s, m/s", false), curves(model.independent_names(), |sample| &sample.yd)),
+        figure(
+            "position",
+            "Independent coordinates",
+            axis("rad, m", false),
+            curves(model.independent_q_names(), |sample| &sample.y),
+        ),
+        figure(
+            "velocity",
+            "Independent velocities",
+            axis("rad/s, m/s", false),
+            curves(model.independent_names(), |sample| &sample.yd),
+        ),
         figure(
             "energy",
             "Energy and work",
@@ -122,17 +157,36 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
     let mut line = |words: String| {
         let _ = writeln!(text, "{words}");
     };
-    line(format!("{}, {}: {} at {} s", loaded.description.name, method.name(), run.end.name(), run.time));
+    line(format!(
+        "{}, {}: {} at {} s",
+        loaded.description.name,
+        method.name(),
+        run.end.name(),
+        run.time
+    ));
     line(format!(
         "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), Jacobians {}, factorisations {}",
-        counts.steps, counts.rejected, counts.failed, counts.evaluations, counts.precise, counts.jacobians, counts.factorisations
+        counts.steps,
+        counts.rejected,
+        counts.failed,
+        counts.evaluations,
+        counts.precise,
+        counts.jacobians,
+        counts.factorisations
     ));
-    line(format!("energy drift {:.2e} of the largest energy, loop residual {:.2e}", run.drift(), run.residual()));
+    line(format!(
+        "energy drift {:.2e} of the largest energy, loop residual {:.2e}",
+        run.drift(),
+        run.residual()
+    ));
     if let Some([y, yd]) = run.error_estimate {
         line(format!("estimated error y {y:.2e}, yd {yd:.2e}"));
     }
     if run.correction.iter().any(|x| *x != 0.0) {
-        line(format!("the start was moved by {:.2e} in q and {:.2e} in qd to close the loops", run.correction[0], run.correction[1]));
+        line(format!(
+            "the start was moved by {:.2e} in q and {:.2e} in qd to close the loops",
+            run.correction[0], run.correction[1]
+        ));
     }
     for event in &run.events {
         line(format!("at {} s: {}", event.time, words(&event.kind)));
@@ -153,9 +207,13 @@ fn words(kind: &EventKind) -> String {
             to.join(", "),
             from.join(", ")
         ),
-        EventKind::NotSwitched { to, why } => format!("the independents {} would be better, but {why}", to.join(", ")),
+        EventKind::NotSwitched { to, why } => {
+            format!("the independents {} would be better, but {why}", to.join(", "))
+        }
         EventKind::Shortened { status } => format!("a step was shortened: {status} on its way"),
-        EventKind::NearSingular { distance } => format!("ended near a singularity (distance {distance:.2e})"),
+        EventKind::NearSingular { distance } => {
+            format!("ended near a singularity (distance {distance:.2e})")
+        }
         EventKind::Stiff => "stiff for an explicit method; radau5 takes longer steps".to_owned(),
         other => format!("{other:?}"),
     }
@@ -164,10 +222,19 @@ fn words(kind: &EventKind) -> String {
 /// For scripts.
 pub(super) fn value(loaded: &Loaded, run: &Run, method: Method, files: &[String]) -> Value {
     let counts = &run.counts;
-    let events: Vec<Value> = run.events.iter().map(|event| json!({"time": event.time, "event": words(&event.kind)})).collect();
+    let events: Vec<Value> = run
+        .events
+        .iter()
+        .map(|event| json!({"time": event.time, "event": words(&event.kind)}))
+        .collect();
     let named = |names: &[String], list: fn(&Sample) -> &[f64]| -> Value {
         let numbers = run.last().map_or(&[] as &[f64], list);
-        names.iter().zip(numbers).map(|(name, x)| (name.clone(), json!(x))).collect::<serde_json::Map<_, _>>().into()
+        names
+            .iter()
+            .zip(numbers)
+            .map(|(name, x)| (name.clone(), json!(x)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
     };
     let model = &loaded.compiled.model;
     json!({

@@ -1,8 +1,10 @@
-//! SocketCAN of a real kernel: Linux in a process of its own (user-mode Linux), which sees this computer's files and has the modules of CAN.
+//! SocketCAN of a real kernel: Linux in a process of its own (user-mode Linux), which sees this
+//! computer's files and has the modules of CAN.
 //!
-//! Not run, and told so, where `linux.uml`, `busybox`, `cansend`, `candump`, `cangen`, `slcand`, `ip` or `cc` are missing: on Debian
-//! `apt-get install user-mode-linux busybox-static can-utils iproute2 gcc`. Its clock counts hundredths of seconds: these tests are about what
-//! is right and never about time.
+//! Not run, and told so, where `linux.uml`, `busybox`, `cansend`, `candump`, `cangen`, `slcand`,
+//! `ip` or `cc` are missing: on Debian `apt-get install user-mode-linux busybox-static can-utils
+//! iproute2 gcc`. Its clock counts hundredths of seconds: these tests are about what is right and
+//! never about time.
 
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
@@ -18,7 +20,8 @@ const WHOLE_STATE: &str = include_str!("whole_state.c");
 /// The first process of the virtual machine begins with this.
 const START: &str = include_str!("start.sh");
 
-const TOOLS: [&str; 8] = ["linux.uml", "busybox", "cansend", "candump", "cangen", "slcand", "ip", "cc"];
+const TOOLS: [&str; 8] =
+    ["linux.uml", "busybox", "cansend", "candump", "cangen", "slcand", "ip", "cc"];
 
 const MIT: &str = "offset: 0, limits: {effort: 10, velocity: 5}, watchdog_ms: WATCHDOG, watchdog: believed, drive: {protocol: mit, \
     variant: robstride, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, \
@@ -37,11 +40,20 @@ fn frames_states_and_full_queues_of_a_real_kernel() {
     // classic and FD frames pass, in both directions
     assert!(step("enable").contains("vcan0 003#FFFFFFFFFFFFFFFC"), "{said}");
     assert!(step("enable").contains("vcan0 013#037FFF"), "{said}");
-    for expected in ["vcan0 003#FFFFFFFFFFFFFFFC", "vcan0 013#037FFF", "vcan0 1ABCDEF0##10011223344556677", "\"event\":\"power\""] {
+    for expected in [
+        "vcan0 003#FFFFFFFFFFFFFFFC",
+        "vcan0 013#037FFF",
+        "vcan0 1ABCDEF0##10011223344556677",
+        "\"event\":\"power\"",
+    ] {
         assert!(step("heard").contains(expected), "{expected}:\n{said}");
     }
     // what cannot be is said
-    assert!(step("classic").contains("carries no CAN FD") && step("classic").contains("none cannot be opened"), "{said}");
+    assert!(
+        step("classic").contains("carries no CAN FD")
+            && step("classic").contains("none cannot be opened"),
+        "{said}"
+    );
     assert_eq!(step("classic").matches("code 2").count(), 2, "{said}");
     // the kernel's error frames
     for state in ["ErrorWarning", "ErrorPassive", "ErrorActive", "BusOff"] {
@@ -66,12 +78,24 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
         said.has("term", "code 0");
         said.powers("term", false);
         let Said(text) = &said;
-        assert!(reports(step(text, "term")).iter().all(|report| report["motors"][0]["tripped"] == false), "{front:?} {text}");
+        assert!(
+            reports(step(text, "term"))
+                .iter()
+                .all(|report| report["motors"][0]["tripped"] == false),
+            "{front:?} {text}"
+        );
         // down and up; removed and added; what error frames tell
-        for (gone, back, again) in [("down", "up", "reset"), ("removed", "removed", "added"), ("told", "told", "told")] {
+        for (gone, back, again) in
+            [("down", "up", "reset"), ("removed", "removed", "added"), ("told", "told", "told")]
+        {
             said.refused(gone, "bus_off");
             said.refused(back, "bus_off");
-            assert!(reports(step(text, back)).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{front:?} {back}:\n{text}");
+            assert!(
+                reports(step(text, back))
+                    .iter()
+                    .any(|report| report["motors"][0]["frame"] == DISABLE),
+                "{front:?} {back}:\n{text}"
+            );
             said.has(again, "reset\nenabled\ncode 0");
         }
         said.powers("reset", true);
@@ -87,13 +111,22 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
     // the functions of the other script, without its steps
     let functions = BRIDGE.split("echo \"step").next().unwrap_or_default();
     for front in FRONTS {
-        let Some(said) = boot(front, &(functions.to_owned() + include_str!("rates.sh"))) else { return };
+        let Some(said) = boot(front, &(functions.to_owned() + include_str!("rates.sh"))) else {
+            return;
+        };
         let said = Said(said);
-        // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or passive
-        said.has("rate", "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+        // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or
+        // passive
+        said.has(
+            "rate",
+            "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2",
+        );
         said.has("rate", "slcan0 has a bit rate of 500000 bit/s, expected 1000000");
         said.has("rate", "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
-        said.has("rate", "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1");
+        said.has(
+            "rate",
+            "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1",
+        );
         said.has("same", "enabled\ncode 0");
         said.powers("same", true);
         // the kernel's own bus-off, after which the motors' watchdogs are left
@@ -102,7 +135,10 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
         said.has("off", "code 2");
         said.refused("on", "bus_off");
         let Said(text) = &said;
-        assert!(reports(step(text, "on")).iter().any(|report| report["motors"][0]["frame"] == DISABLE), "{text}");
+        assert!(
+            reports(step(text, "on")).iter().any(|report| report["motors"][0]["frame"] == DISABLE),
+            "{text}"
+        );
         said.has("on", "reset\nenabled\ncode 0");
         said.powers("on", true);
         said.has("last", "code 0");
@@ -124,10 +160,13 @@ impl Said {
         self.has(name, "actuators have power\ncode 1");
     }
 
-    /// What the motors last said in a step: all with power, or all without it since the bridge took it.
+    /// What the motors last said in a step: all with power, or all without it since the bridge took
+    /// it.
     fn powers(&self, name: &str, power: bool) {
         let said = &self.0;
-        let report = reports(step(said, name)).pop().unwrap_or_else(|| panic!("no report in {name}:\n{said}"));
+        let report = reports(step(said, name))
+            .pop()
+            .unwrap_or_else(|| panic!("no report in {name}:\n{said}"));
         for motor in report["motors"].as_array().unwrap() {
             assert_eq!(motor["power"], power, "{name}: {motor}\n{said}");
             assert_eq!(motor["setpoint"].is_object(), power, "{name}: {motor}\n{said}");
@@ -139,13 +178,20 @@ impl Said {
 
 /// What a step gave.
 fn step<'a>(said: &'a str, name: &str) -> &'a str {
-    let from = said.split(&format!("step {name}\n")).nth(1).unwrap_or_else(|| panic!("no step {name}:\n{said}"));
+    let from = said
+        .split(&format!("step {name}\n"))
+        .nth(1)
+        .unwrap_or_else(|| panic!("no step {name}:\n{said}"));
     from.split("step ").next().unwrap_or_default()
 }
 
 /// The reports of simulated motors among lines.
 fn reports(lines: &str) -> Vec<Value> {
-    lines.lines().filter_map(|line| serde_json::from_str(line).ok()).filter(|value: &Value| value["event"] == "report").collect()
+    lines
+        .lines()
+        .filter_map(|line| serde_json::from_str(line).ok())
+        .filter(|value: &Value| value["event"] == "report")
+        .collect()
 }
 
 fn find(tool: &str) -> Option<std::path::PathBuf> {
@@ -157,7 +203,9 @@ fn find(tool: &str) -> Option<std::path::PathBuf> {
 /// A command as a shell takes it, with its environment.
 fn words(command: &Command) -> String {
     let word = |text: &std::ffi::OsStr| format!("'{}'", text.to_string_lossy());
-    let set = command.get_envs().filter_map(|(name, value)| Some(format!("{}={}", name.to_string_lossy(), word(value?))));
+    let set = command
+        .get_envs()
+        .filter_map(|(name, value)| Some(format!("{}={}", name.to_string_lossy(), word(value?))));
     let arguments = std::iter::once(command.get_program()).chain(command.get_args()).map(word);
     std::iter::once("env".to_owned()).chain(set).chain(arguments).collect::<Vec<_>>().join(" ")
 }
@@ -166,7 +214,10 @@ fn words(command: &Command) -> String {
 fn boot(front: Front, script: &str) -> Option<String> {
     let missing: Vec<&str> = TOOLS.into_iter().filter(|tool| find(tool).is_none()).collect();
     if !missing.is_empty() {
-        eprintln!("NOT RUN: the test of SocketCAN in a real kernel, for want of {}", missing.join(", "));
+        eprintln!(
+            "NOT RUN: the test of SocketCAN in a real kernel, for want of {}",
+            missing.join(", ")
+        );
         return None;
     }
     let stage = Stage::new();
@@ -174,40 +225,74 @@ fn boot(front: Front, script: &str) -> Option<String> {
     let write = |name: &str, text: &str| std::fs::write(path(name), text).unwrap();
     let bus = |interface: &str, channel: &str, more: &str| {
         let times = "rate_hz: 50\nramp_ms: 200\ntimeouts: {damping_ms: 1000, disable_ms: 3000, feedback_ms: 2000, arming_ms: 10000}\n";
-        format!("{times}buses: [{{name: arm, interface: {interface}, channel: {channel}, bitrate: 1000000{more}}}]\nmotors:\n")
+        format!(
+            "{times}buses: [{{name: arm, interface: {interface}, channel: {channel}, bitrate: 1000000{more}}}]\nmotors:\n"
+        )
     };
-    let motor = |actuator: &str, text: &str| format!("- {{actuator: {actuator}, bus: arm, {text}}}\n");
-    // a bridge that lost its bus is to find the motors with power; on the bus that is off their watchdogs take it away
-    let [patient, quick] = ["10000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
-    write("vcan.yml", &(bus("socketcan", "vcan0", ", data_bitrate: 5000000") + &patient + &motor("wrist", MOTEUS)));
+    let motor =
+        |actuator: &str, text: &str| format!("- {{actuator: {actuator}, bus: arm, {text}}}\n");
+    // a bridge that lost its bus is to find the motors with power; on the bus that is off their
+    // watchdogs take it away
+    let [patient, quick] =
+        ["10000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
+    write(
+        "vcan.yml",
+        &(bus("socketcan", "vcan0", ", data_bitrate: 5000000")
+            + &patient
+            + &motor("wrist", MOTEUS)),
+    );
     write("slcan.yml", &(bus("slcan", &path("bus").display().to_string(), "") + &quick));
     write("kernel.yml", &(bus("socketcan", "slcan0", "") + &quick));
     write("whole_state.c", WHOLE_STATE);
     let tool = |name: &str| find(name).unwrap().display().to_string();
     let program = |path: &std::path::Path| path.display().to_string();
     let init = format!("{START}{script}$B poweroff -f\n");
-    let init = init.replace("BUSYBOX", &tool("busybox")).replace("IPROUTE", &tool("ip")).replace("PROGRAM", &program(sarrus_can()));
+    let init = init
+        .replace("BUSYBOX", &tool("busybox"))
+        .replace("IPROUTE", &tool("ip"))
+        .replace("PROGRAM", &program(sarrus_can()));
     let bridging = match front {
         Front::Rust => Command::new(sarrus_can()),
         Front::Python => environment().can(&[]),
     };
-    let init = init.replace("FRONT", &words(&bridging)).replace("HOLD", &program(&sarrus_can().with_file_name("examples/hold")));
+    let init = init
+        .replace("FRONT", &words(&bridging))
+        .replace("HOLD", &program(&sarrus_can().with_file_name("examples/hold")));
     write("init", &init.replace("FOLDER", stage.folder.to_str().unwrap()));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(path("init"), executable).unwrap();
     let library = path("whole_state.so");
-    let built = Command::new("cc").args(["-O2", "-shared", "-fPIC", "-o"]).arg(&library).arg(path("whole_state.c")).status();
+    let built = Command::new("cc")
+        .args(["-O2", "-shared", "-fPIC", "-o"])
+        .arg(&library)
+        .arg(path("whole_state.c"))
+        .status();
     assert!(built.unwrap().success());
 
     let mut kernel = Command::new(find("linux.uml").unwrap());
-    kernel.args(["mem=512M", "rootfstype=hostfs", "rootflags=/", "rw", "con=null", "con0=fd:0,fd:1", "ssl=null", "quiet"]);
+    kernel.args([
+        "mem=512M",
+        "rootfstype=hostfs",
+        "rootflags=/",
+        "rw",
+        "con=null",
+        "con0=fd:0,fd:1",
+        "ssl=null",
+        "quiet",
+    ]);
     kernel.arg(format!("init={}", path("init").display())).env("LD_PRELOAD", &library);
     if std::path::Path::new("/dev/shm").is_dir() {
         kernel.env("TMPDIR", "/dev/shm");
     }
     // into a file: a kernel that is killed leaves processes behind that keep a pipe open
     let said = std::fs::File::create(path("said")).unwrap();
-    let mut child = kernel.stdin(Stdio::null()).stdout(said).stderr(Stdio::null()).process_group(0).spawn().unwrap();
+    let mut child = kernel
+        .stdin(Stdio::null())
+        .stdout(said)
+        .stderr(Stdio::null())
+        .process_group(0)
+        .spawn()
+        .unwrap();
     // a kernel that hangs is ended, and what it said tells where
     let end = Instant::now() + Duration::from_secs(240);
     while child.try_wait().unwrap().is_none() && Instant::now() < end {

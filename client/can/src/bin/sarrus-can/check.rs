@@ -29,13 +29,17 @@ pub(crate) enum Format {
 }
 
 impl Check {
-    /// 0 for a valid configuration, warnings allowed; 1 for faults, 2 for a file that cannot be opened.
+    /// 0 for a valid configuration, warnings allowed; 1 for faults, 2 for a file that cannot be
+    /// opened.
     pub(crate) fn run(&self) -> ExitCode {
         match Configuration::load(&self.config) {
             Ok(configuration) => {
                 match self.format {
                     Format::Text => {
-                        configuration.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+                        configuration
+                            .warnings
+                            .iter()
+                            .for_each(|warning| eprintln!("warning: {warning}"));
                         print!("{}", text(&configuration));
                     }
                     Format::Json => println!("{}", object(&configuration)),
@@ -45,7 +49,10 @@ impl Check {
             Err(ConfigurationError::Faults(report)) => {
                 match self.format {
                     Format::Text => tell(&report),
-                    Format::Json => println!("{}", json!({"errors": report.errors, "warnings": report.warnings})),
+                    Format::Json => println!(
+                        "{}",
+                        json!({"errors": report.errors, "warnings": report.warnings})
+                    ),
                 }
                 ExitCode::from(1)
             }
@@ -81,7 +88,9 @@ fn text(configuration: &Configuration) -> String {
         configuration.buses.len(),
         configuration.rate_hz
     );
-    let mut rows = vec![["bus", "channel", "bit rate", "frames", "longest", "load"].map(String::from).to_vec()];
+    let mut rows = vec![
+        ["bus", "channel", "bit rate", "frames", "longest", "load"].map(String::from).to_vec(),
+    ];
     for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
         let data = bus.data_bitrate.map(|rate| format!(" / {rate}")).unwrap_or_default();
         rows.push(vec![
@@ -96,17 +105,33 @@ fn text(configuration: &Configuration) -> String {
     table(&mut out, &rows);
     out.push('\n');
     let mut rows = vec![
-        ["actuator", "bus", "protocol", "mode", "sign", "gear", "offset", "effort", "watchdog", "stops with", "command of zeros"]
-            .map(String::from)
-            .to_vec(),
+        [
+            "actuator",
+            "bus",
+            "protocol",
+            "mode",
+            "sign",
+            "gear",
+            "offset",
+            "effort",
+            "watchdog",
+            "stops with",
+            "command of zeros",
+        ]
+        .map(String::from)
+        .to_vec(),
     ];
     for motor in &configuration.motors {
-        let name = |actuator: usize| configuration.actuators.get(actuator).cloned().unwrap_or_default();
+        let name =
+            |actuator: usize| configuration.actuators.get(actuator).cloned().unwrap_or_default();
         let mechanism = configuration.mechanisms.get(motor.actuator);
         let partners = configuration.motors.iter().map(|other| other.actuator);
-        let partners = partners.filter(|other| *other != motor.actuator && configuration.mechanisms.get(*other) == mechanism);
+        let partners = partners.filter(|other| {
+            *other != motor.actuator && configuration.mechanisms.get(*other) == mechanism
+        });
         let partners = partners.map(name).collect::<Vec<_>>().join(" ");
-        let frames = zero(motor).frames().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+        let frames =
+            zero(motor).frames().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
         rows.push(vec![
             name(motor.actuator),
             configuration.buses.get(motor.bus).map(|bus| bus.name.clone()).unwrap_or_default(),
@@ -116,7 +141,11 @@ fn text(configuration: &Configuration) -> String {
             motor.mapping.gear.to_string(),
             if motor.is_calibrated { motor.mapping.offset.to_string() } else { "none".to_owned() },
             motor.limits.effort.to_string(),
-            format!("{} ms{}", motor.common.watchdog_ms, if motor.watchdog_believed { ", believed" } else { "" }),
+            format!(
+                "{} ms{}",
+                motor.common.watchdog_ms,
+                if motor.watchdog_believed { ", believed" } else { "" }
+            ),
             if partners.is_empty() { "-".to_owned() } else { partners },
             frames,
         ]);
@@ -129,10 +158,17 @@ fn text(configuration: &Configuration) -> String {
 pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
     let columns = rows.first().map_or(0, Vec::len);
     let widths: Vec<usize> = (0..columns)
-        .map(|column| rows.iter().filter_map(|row| row.get(column)).map(|entry| entry.chars().count()).max().unwrap_or(0))
+        .map(|column| {
+            rows.iter()
+                .filter_map(|row| row.get(column))
+                .map(|entry| entry.chars().count())
+                .max()
+                .unwrap_or(0)
+        })
         .collect();
     for row in rows {
-        let line: Vec<String> = row.iter().zip(&widths).map(|(entry, width)| format!("{entry:<width$}")).collect();
+        let line: Vec<String> =
+            row.iter().zip(&widths).map(|(entry, width)| format!("{entry:<width$}")).collect();
         let _ = writeln!(out, "{}", line.join("  ").trim_end());
     }
 }

@@ -22,7 +22,8 @@ pub(crate) struct Listen {
     /// Network interface or serial port
     #[arg(long)]
     channel: String,
-    /// Bit rate [bit/s]; slcan takes 1000000 without it, and an interface of socketcan must have it if it is said
+    /// Bit rate [bit/s]; slcan takes 1000000 without it, and an interface of socketcan must have it
+    /// if it is said
     #[arg(long)]
     bitrate: Option<u32>,
     /// Data bit rate of CAN FD [bit/s]
@@ -33,8 +34,9 @@ pub(crate) struct Listen {
 /// Prints frames as `candump -L` does, and news of the bus on stderr, until it is told to stop.
 pub(crate) fn run(arguments: &Listen) -> ExitCode {
     let stop = Arc::new(AtomicBool::new(false));
-    let registered =
-        [SIGINT, SIGTERM].into_iter().try_for_each(|signal| signal_hook::flag::register(signal, Arc::clone(&stop)).map(|_| ()));
+    let registered = [SIGINT, SIGTERM]
+        .into_iter()
+        .try_for_each(|signal| signal_hook::flag::register(signal, Arc::clone(&stop)).map(|_| ()));
     if let Err(error) = registered {
         eprintln!("sarrus-can listen: signals: {error}");
         return ExitCode::from(2);
@@ -51,17 +53,26 @@ pub(crate) fn run(arguments: &Listen) -> ExitCode {
 fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
     let Listen { interface, channel, bitrate, data_bitrate } = arguments;
     let bitrate = bitrate.or((interface == "slcan").then_some(1_000_000));
-    let mut bus = Lasting::open(channel, Address { interface, channel, bitrate, data_bitrate: *data_bitrate, listen_only: true })?;
+    let mut bus = Lasting::open(
+        channel,
+        Address { interface, channel, bitrate, data_bitrate: *data_bitrate, listen_only: true },
+    )?;
     eprintln!("ready {channel}");
     while !stop.load(Ordering::Relaxed) {
-        bus::wait_for(&mut [PollFd::from_borrowed_fd(bus.readable(), PollFlags::IN)], Duration::from_millis(100))?;
+        bus::wait_for(
+            &mut [PollFd::from_borrowed_fd(bus.readable(), PollFlags::IN)],
+            Duration::from_millis(100),
+        )?;
         while let Some(heard) = bus.next()? {
             let now_ns = now_ns();
             let (seconds, micros) = (now_ns / 1_000_000_000, now_ns / 1000 % 1_000_000);
             match heard {
                 Heard::Frame(frame) => {
                     let mut out = io::stdout().lock();
-                    if writeln!(out, "({seconds}.{micros:06}) {channel} {frame}").and_then(|()| out.flush()).is_err() {
+                    if writeln!(out, "({seconds}.{micros:06}) {channel} {frame}")
+                        .and_then(|()| out.flush())
+                        .is_err()
+                    {
                         // nobody reads any more
                         return Ok(());
                     }

@@ -27,15 +27,18 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Read a configuration: every fault of it, or its motors, the loads of its buses and the frames of a command of zeros.
+    /// Read a configuration: every fault of it, or its motors, the loads of its buses and the
+    /// frames of a command of zeros.
     ///
-    /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid configuration, 1 for a faulty one, 2 for a file that cannot
-    /// be opened and wrong flags.
+    /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid configuration, 1 for
+    /// a faulty one, 2 for a file that cannot be opened and wrong flags.
     Check(check::Check),
     /// Run the bridge between controllers and motors.
     ///
-    /// Prints `ready NAME FINGERPRINT` when controllers can connect. The motors have no power until somebody arms, and lose it when commands stay away,
-    /// when a motor fails, and on every way out of this program. SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP and the other signals that would end or stop it are a clean end, with 0.
+    /// Prints `ready NAME FINGERPRINT` when controllers can connect. The motors have no power until
+    /// somebody arms, and lose it when commands stay away, when a motor fails, and on every way out
+    /// of this program. SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP and the other signals that would
+    /// end or stop it are a clean end, with 0.
     Run(run::Run),
     /// Give the motors power, as soon as everything is in order and a controller commands.
     Arm(operate::Operate),
@@ -67,7 +70,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// A configuration, or the end: every fault of it is told, and the code is 1 for faults and 2 for a file that cannot be opened.
+/// A configuration, or the end: every fault of it is told, and the code is 1 for faults and 2 for a
+/// file that cannot be opened.
 fn configuration(path: &Path) -> Result<Configuration, ExitCode> {
     Configuration::load(path).map_err(|error| {
         eprintln!("{error}");

@@ -20,7 +20,8 @@ pub(crate) struct Operate {
     timeout: f64,
 }
 
-/// A request may find a bridge that does not know of this program yet: it is repeated after this time.
+/// A request may find a bridge that does not know of this program yet: it is repeated after this
+/// time.
 const AGAIN: Duration = Duration::from_millis(50);
 /// After this time without a change a request to arm was refused at once.
 const REFUSED: Duration = Duration::from_millis(300);
@@ -110,8 +111,12 @@ struct Standings {
 impl Standings {
     fn of(state: &ActuatorState) -> Standings {
         let flags = state.flags.iter().zip(&state.standings).take(state.n_u as usize);
-        let with_motor: Vec<u32> = flags.filter(|(flags, _)| *flags & flag::NO_MOTOR == 0).map(|(_, standing)| *standing).collect();
-        let count = |standing: Standing| with_motor.iter().filter(|of| **of == standing as u32).count();
+        let with_motor: Vec<u32> = flags
+            .filter(|(flags, _)| *flags & flag::NO_MOTOR == 0)
+            .map(|(_, standing)| *standing)
+            .collect();
+        let count =
+            |standing: Standing| with_motor.iter().filter(|of| **of == standing as u32).count();
         Standings {
             all: with_motor.len(),
             enabled: count(Standing::Enabled),
@@ -127,6 +132,10 @@ impl core::fmt::Display for Standings {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let standing = Standing::from_code(self.standing).map_or("unknown", Standing::name);
         let reason = Reason::from_code(self.reason).map_or("unknown", Reason::name);
-        write!(f, "the bridge is {standing}: {reason}; {} of {} actuators have power", self.enabled, self.all)
+        write!(
+            f,
+            "the bridge is {standing}: {reason}; {} of {} actuators have power",
+            self.enabled, self.all
+        )
     }
 }

@@ -1,4 +1,5 @@
-//! `sarrus-can replay`: the rules on a recorded input, without buses. The frames go to stdout as `candump -L` writes them.
+//! `sarrus-can replay`: the rules on a recorded input, without buses. The frames go to stdout as
+//! `candump -L` writes them.
 
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::PathBuf;
@@ -13,8 +14,8 @@ use sarrus_can::log::{self, Line, What};
 pub(crate) struct Replay {
     /// The configuration of the robot's buses and motors
     config: PathBuf,
-    /// JSON lines `{"t": NS, "frame": "123#00", "bus": NAME}`, or with `"command": {…}`, `"operate": "arm"`, `"event": "bus_off"`,
-    /// `"cycle": true`
+    /// JSON lines `{"t": NS, "frame": "123#00", "bus": NAME}`, or with `"command": {…}`,
+    /// `"operate": "arm"`, `"event": "bus_off"`, `"cycle": true`
     log: PathBuf,
 }
 
@@ -28,17 +29,24 @@ impl Replay {
         let log = match std::fs::File::open(&self.log) {
             Ok(log) => log,
             Err(error) => {
-                eprintln!("sarrus-can replay: cannot open {}: {error}; give the path of a readable file", self.log.display());
+                eprintln!(
+                    "sarrus-can replay: cannot open {}: {error}; give the path of a readable file",
+                    self.log.display()
+                );
                 return ExitCode::from(2);
             }
         };
         let mut out = BufWriter::new(io::stdout().lock());
         let mut bridge = Bridge::new(configuration);
         let lines = BufReader::new(log).lines().enumerate();
-        let result = lines.map(|(number, line)| (number, line.map_err(Fault::Read))).try_for_each(|(number, line)| {
-            let line = line.and_then(|line| if line.trim().is_empty() { Ok(()) } else { step(&mut bridge, &line, &mut out) });
-            line.map_err(|fault| (number, fault))
-        });
+        let result = lines.map(|(number, line)| (number, line.map_err(Fault::Read))).try_for_each(
+            |(number, line)| {
+                let line = line.and_then(|line| {
+                    if line.trim().is_empty() { Ok(()) } else { step(&mut bridge, &line, &mut out) }
+                });
+                line.map_err(|fault| (number, fault))
+            },
+        );
         let flushed = out.flush();
         let written = match result {
             Ok(()) => flushed,
@@ -48,7 +56,10 @@ impl Replay {
                 return ExitCode::from(1);
             }
             Err((_, Fault::Read(error))) => {
-                eprintln!("sarrus-can replay: cannot read {}: {error}; give the path of a text file", self.log.display());
+                eprintln!(
+                    "sarrus-can replay: cannot read {}: {error}; give the path of a text file",
+                    self.log.display()
+                );
                 return ExitCode::from(2);
             }
         };
@@ -75,7 +86,9 @@ fn step(bridge: &mut Bridge, text: &str, out: &mut impl Write) -> Result<(), Fau
     let line = Line::read(text, bridge.configuration()).map_err(Fault::Line)?;
     line.apply(bridge);
     if line.what == What::Cycle {
-        log::sent(bridge, line.t).try_for_each(|frame| writeln!(out, "{frame}")).map_err(Fault::Output)?;
+        log::sent(bridge, line.t)
+            .try_for_each(|frame| writeln!(out, "{frame}"))
+            .map_err(Fault::Output)?;
     }
     Ok(())
 }

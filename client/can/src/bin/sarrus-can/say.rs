@@ -1,6 +1,7 @@
 //! What is said to people on stderr.
 //!
-//! While motors run nobody may wait for whoever reads it: a terminal that is stopped takes no lines. Then a thread of its own says them.
+//! While motors run nobody may wait for whoever reads it: a terminal that is stopped takes no
+//! lines. Then a thread of its own says them.
 
 use std::fmt::Arguments;
 use std::io::Write;
@@ -12,7 +13,8 @@ use std::time::Duration;
 
 /// Lines that may wait to be said; more are lost.
 const ROOM: usize = 64;
-/// Longest time that the end of the program waits for lines to be said, and the time between two looks.
+/// Longest time that the end of the program waits for lines to be said, and the time between two
+/// looks.
 const LAST: (Duration, Duration) = (Duration::from_millis(200), Duration::from_millis(5));
 
 static LINES: OnceLock<SyncSender<String>> = OnceLock::new();

@@ -62,7 +62,8 @@ impl Top {
                     Format::Text => text(state, statistics),
                     Format::Json => format!("{}\n", object(state, statistics)),
                 };
-                let clear = if is_live && self.format == Format::Text { "\x1b[2J\x1b[H" } else { "" };
+                let clear =
+                    if is_live && self.format == Format::Text { "\x1b[2J\x1b[H" } else { "" };
                 let mut out = std::io::stdout().lock();
                 if write!(out, "{clear}{text}").and_then(|()| out.flush()).is_err() || !is_live {
                     return Ok(());
@@ -82,7 +83,12 @@ fn reason(code: u32) -> &'static str {
 }
 
 fn flags(bits: u32) -> Vec<&'static str> {
-    flag::NAMES.into_iter().enumerate().filter(|(bit, _)| bits & (1 << bit) != 0).map(|(_, name)| name).collect()
+    flag::NAMES
+        .into_iter()
+        .enumerate()
+        .filter(|(bit, _)| bits & (1 << bit) != 0)
+        .map(|(_, name)| name)
+        .collect()
 }
 
 /// One actuator's numbers, by its place.
@@ -92,7 +98,14 @@ fn of<T: Copy + Default>(numbers: &[T], place: usize) -> T {
 
 fn times(name: &str, times: &Times) -> Vec<String> {
     let us = |ns: u64| format!("{:.1}", ns as f64 / 1e3);
-    vec![name.to_owned(), times.count.to_string(), us(times.p50), us(times.p99), us(times.p999), us(times.max)]
+    vec![
+        name.to_owned(),
+        times.count.to_string(),
+        us(times.p50),
+        us(times.p99),
+        us(times.p999),
+        us(times.max),
+    ]
 }
 
 fn row<const N: usize>(words: [&str; N]) -> Vec<String> {
@@ -104,27 +117,65 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     let s = statistics;
     let up = s.stamp_ns.saturating_sub(s.started_ns) as f64 * 1e-9;
     // writing to a string cannot fail
-    let _ =
-        writeln!(out, "{} ({})   process {}, {up:.0} s, {} cycles", standing(state.standing), reason(state.reason), s.process, s.cycles);
+    let _ = writeln!(
+        out,
+        "{} ({})   process {}, {up:.0} s, {} cycles",
+        standing(state.standing),
+        reason(state.reason),
+        s.process,
+        s.cycles
+    );
     let _ = writeln!(
         out,
         "commands: {} taken; refused: {} not finite, {} negative, {} old, {} ahead, {} of another model, {} of another size\n",
         s.accepted, s.not_finite, s.negative, s.old, s.ahead, s.wrong_model, s.wrong_size
     );
     let mut rows = vec![row(["µs", "count", "p50", "p99", "p99.9", "max"])];
-    rows.extend([times("wake", &s.wake), times("work", &s.work), times("command age", &s.age), times("reply", &s.reply)]);
+    rows.extend([
+        times("wake", &s.wake),
+        times("work", &s.work),
+        times("command age", &s.age),
+        times("reply", &s.reply),
+    ]);
     table(&mut out, &rows);
     out.push('\n');
-    let mut rows = vec![row(["bus", "state", "load", "sent", "received", "unknown", "malformed", "dropped", "overrun", "passive", "off"])];
+    let mut rows = vec![row([
+        "bus",
+        "state",
+        "load",
+        "sent",
+        "received",
+        "unknown",
+        "malformed",
+        "dropped",
+        "overrun",
+        "passive",
+        "off",
+    ])];
     for bus in s.buses.iter().take(s.n_buses as usize) {
-        let counts = [bus.sent, bus.received, bus.unknown, bus.malformed, bus.dropped, bus.overrun, bus.passive, bus.off];
-        let mut row = vec![bus.name.as_str().to_owned(), bus_state(bus.state).to_owned(), format!("{:.0} %", bus.load * 100.0)];
+        let counts = [
+            bus.sent,
+            bus.received,
+            bus.unknown,
+            bus.malformed,
+            bus.dropped,
+            bus.overrun,
+            bus.passive,
+            bus.off,
+        ];
+        let mut row = vec![
+            bus.name.as_str().to_owned(),
+            bus_state(bus.state).to_owned(),
+            format!("{:.0} %", bus.load * 100.0),
+        ];
         row.extend(counts.map(|count| count.to_string()));
         rows.push(row);
     }
     table(&mut out, &rows);
     out.push('\n');
-    let mut rows = vec![row(["actuator", "state", "reason", "position", "velocity", "effort", "°C", "fault", "flags"])];
+    let mut rows = vec![row([
+        "actuator", "state", "reason", "position", "velocity", "effort", "°C", "fault", "flags",
+    ])];
     for (place, name) in s.actuators.iter().enumerate().take(s.n_u as usize) {
         rows.push(vec![
             name.as_str().to_owned(),

@@ -18,7 +18,8 @@ pub(super) const MS: u64 = 1_000_000;
 /// What a motor was told.
 pub(super) type Told = std::sync::Arc<std::sync::Mutex<Vec<Wish>>>;
 
-/// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a fault; the answer likewise.
+/// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a
+/// fault; the answer likewise.
 #[derive(Debug)]
 struct Plain {
     id: u16,
@@ -33,7 +34,10 @@ impl Drive for Plain {
         if wish == Wish::Reset {
             self.state.fault = 0;
         }
-        out.push_some(Frame::classic(Id::Standard(self.id), &[u8::from(matches!(wish, Wish::On(_)))]));
+        out.push_some(Frame::classic(
+            Id::Standard(self.id),
+            &[u8::from(matches!(wish, Wish::On(_)))],
+        ));
     }
     fn encode(&self, _setpoint: &Setpoint, out: &mut FrameQueue) {
         out.push_some(Frame::classic(Id::Standard(self.id), &[1]));
@@ -45,10 +49,21 @@ impl Drive for Plain {
         if frame.id != Id::Standard(self.id + 16) {
             return Receipt::NotMine;
         }
-        let Some([is_on, fault, position]) = frame.exactly::<3>() else { return Receipt::Malformed };
+        let Some([is_on, fault, position]) = frame.exactly::<3>() else {
+            return Receipt::Malformed;
+        };
         let watchdog = Watchdog::Set(self.watchdog_ms.load(Ordering::Relaxed));
-        self.state = DriveState { power: if is_on == 1 { Power::On } else { Power::Off }, fault: u32::from(fault), watchdog };
-        Receipt::Measured(Measurement { position: f64::from(position) / 100.0, velocity: 0.0, torque: 0.0, temperature: 30.0 })
+        self.state = DriveState {
+            power: if is_on == 1 { Power::On } else { Power::Off },
+            fault: u32::from(fault),
+            watchdog,
+        };
+        Receipt::Measured(Measurement {
+            position: f64::from(position) / 100.0,
+            velocity: 0.0,
+            torque: 0.0,
+            temperature: 30.0,
+        })
     }
     fn state(&self) -> DriveState {
         self.state
@@ -65,9 +80,17 @@ impl Drive for Plain {
     fn probe(&mut self, _out: &mut FrameQueue) {}
 }
 
-static PLAIN: Protocol = Protocol { name: "plain", about: "", modes: &[Mode::Impedance], fd: false, keys: &[], make: |_, _, _| None };
+static PLAIN: Protocol = Protocol {
+    name: "plain",
+    about: "",
+    modes: &[Mode::Impedance],
+    fd: false,
+    keys: &[],
+    make: |_, _, _| None,
+};
 
-/// A bridge over three plain motors: the first two on one mechanism and bus, the third alone on another.
+/// A bridge over three plain motors: the first two on one mechanism and bus, the third alone on
+/// another.
 pub(super) struct Bench {
     pub(super) bridge: Bridge,
     pub(super) told: Vec<Told>,
@@ -85,7 +108,8 @@ pub(super) struct Bench {
 impl Bench {
     pub(super) fn new(change: impl Fn(&mut Configuration)) -> Bench {
         let told: Vec<Told> = (0..3).map(|_| std::sync::Arc::default()).collect();
-        let watchdog_ms: [std::sync::Arc<AtomicU32>; 3] = core::array::from_fn(|_| std::sync::Arc::new(AtomicU32::new(50)));
+        let watchdog_ms: [std::sync::Arc<AtomicU32>; 3] =
+            core::array::from_fn(|_| std::sync::Arc::new(AtomicU32::new(50)));
         let settings = || {
             let mut findings = Findings::new(false);
             let node = yaml::read("", b"{}".to_vec(), "settings", &mut findings).unwrap();
@@ -96,7 +120,12 @@ impl Bench {
             bus: i / 2,
             protocol: &PLAIN,
             settings: settings(),
-            common: Common { mode: Mode::Impedance, watchdog_ms: 50, torque_limit: 10.0, period_ns: 0 },
+            common: Common {
+                mode: Mode::Impedance,
+                watchdog_ms: 50,
+                torque_limit: 10.0,
+                period_ns: 0,
+            },
             drive: Box::new(Plain {
                 id: i as u16,
                 state: DriveState::default(),
@@ -106,7 +135,13 @@ impl Bench {
             mapping: Mapping::DIRECT,
             is_calibrated: true,
             watchdog_believed: false,
-            limits: Limits { lower: -1.0, upper: 1.0, velocity: 100.0, effort: 10.0, effort_rate: f64::INFINITY },
+            limits: Limits {
+                lower: -1.0,
+                upper: 1.0,
+                velocity: 100.0,
+                effort: 10.0,
+                effort_rate: f64::INFINITY,
+            },
             damping: 3.0,
         };
         let bus = |name: &str| BusConfig {
@@ -123,7 +158,12 @@ impl Bench {
             actuators: ["a", "b", "c"].map(String::from).to_vec(),
             mechanisms: vec![0, 0, 1],
             rate_hz: 1000.0,
-            timeouts: Timeouts { damping_ns: 20 * MS, disable_ns: 100 * MS, feedback_ns: 20 * MS, arming_ns: 500 * MS },
+            timeouts: Timeouts {
+                damping_ns: 20 * MS,
+                disable_ns: 100 * MS,
+                feedback_ns: 20 * MS,
+                arming_ns: 500 * MS,
+            },
             ramp_ns: 100 * MS,
             stop: Stop::Mechanism,
             buses: vec![bus("x"), bus("y")],
@@ -166,7 +206,12 @@ impl Bench {
         }
         self.bridge.cycle(self.now_ns);
         for i in 0..3_usize {
-            let sent = self.bridge.frames(i / 2).iter().find(|frame| frame.id == Id::Standard(i as u16)).copied();
+            let sent = self
+                .bridge
+                .frames(i / 2)
+                .iter()
+                .find(|frame| frame.id == Id::Standard(i as u16))
+                .copied();
             if let (Some(frame), true) = (sent, self.answers[i]) {
                 let answer = [frame.data()[0], self.fault[i], self.position];
                 let answer = Frame::classic(Id::Standard(i as u16 + 16), &answer).unwrap();

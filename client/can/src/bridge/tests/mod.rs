@@ -16,7 +16,9 @@ fn nothing_has_power_before_it_is_armed() {
     let mut bench = Bench::new(|_| {});
     bench.steps(50);
     assert_eq!(bench.standings(), [Standing::Disabled; 3]);
-    assert!(bench.told.iter().all(|told| told.lock().unwrap().iter().all(|wish| *wish == Wish::Off)));
+    assert!(
+        bench.told.iter().all(|told| told.lock().unwrap().iter().all(|wish| *wish == Wish::Off))
+    );
 }
 
 #[test]
@@ -26,13 +28,18 @@ fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(120);
     let told = bench.told[0].lock().unwrap().clone();
-    let setpoints: Vec<Setpoint> =
-        told.iter().filter_map(|wish| if let Wish::On(setpoint) = wish { Some(*setpoint) } else { None }).collect();
+    let setpoints: Vec<Setpoint> = told
+        .iter()
+        .filter_map(|wish| if let Wish::On(setpoint) = wish { Some(*setpoint) } else { None })
+        .collect();
     assert_eq!(setpoints[0], Setpoint { position: 0.2, ..Setpoint::default() });
     // from 0.2 to 0.5 in 100 ms, no step larger than its share
     for pair in setpoints.windows(2) {
         assert!(pair[1].position - pair[0].position <= 0.3 / 100.0 + 1e-12, "{pair:?}");
-        assert!(pair[1].stiffness >= pair[0].stiffness && pair[1].stiffness - pair[0].stiffness <= 2.0 / 100.0 + 1e-12);
+        assert!(
+            pair[1].stiffness >= pair[0].stiffness
+                && pair[1].stiffness - pair[0].stiffness <= 2.0 / 100.0 + 1e-12
+        );
     }
     let last = setpoints.last().unwrap();
     assert_eq!((last.position, last.torque, last.stiffness), (0.5, 1.0, 2.0));
@@ -52,7 +59,13 @@ fn arming_waits_for_every_motor_the_buses_and_a_command() {
         bench.steps(600);
         assert_eq!(bench.standings(), [Standing::Disabled; 3]);
         assert_eq!(bench.reason(0), reason);
-        assert!(bench.told.iter().all(|told| told.lock().unwrap().iter().all(|wish| *wish == Wish::Off)));
+        assert!(
+            bench.told.iter().all(|told| told
+                .lock()
+                .unwrap()
+                .iter()
+                .all(|wish| *wish == Wish::Off))
+        );
     };
     wait(&|bench| bench.answers[2] = false, Reason::FeedbackStale);
     wait(&|bench| bench.fault[1] = 9, Reason::MotorFault);
@@ -114,7 +127,13 @@ fn one_number_that_is_none_rejects_the_whole_command() {
         for field in 0..5 {
             bench.sequence += 1;
             let mut command = bench.command();
-            let fields = [&mut command.position, &mut command.velocity, &mut command.effort, &mut command.stiffness, &mut command.damping];
+            let fields = [
+                &mut command.position,
+                &mut command.velocity,
+                &mut command.effort,
+                &mut command.stiffness,
+                &mut command.damping,
+            ];
             fields[field][2] = number;
             assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::NotFinite);
         }
@@ -128,12 +147,20 @@ fn one_number_that_is_none_rejects_the_whole_command() {
 #[test]
 fn commands_of_the_past_the_future_and_other_robots_are_not_taken() {
     let mut bench = Bench::armed();
-    let good = ActuatorCommand { sequence: bench.sequence + 1, stamp_ns: bench.now_ns + 1, ..bench.command() };
+    let good = ActuatorCommand {
+        sequence: bench.sequence + 1,
+        stamp_ns: bench.now_ns + 1,
+        ..bench.command()
+    };
     let (last, now_ns) = (bench.sequence, bench.now_ns);
-    let judged = |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(now_ns + 1, &command);
+    let judged =
+        |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(now_ns + 1, &command);
     assert_eq!(judged(&mut bench, ActuatorCommand { sequence: last, ..good }), Verdict::Old);
     assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), Verdict::Old);
-    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: now_ns + 10 * MS, ..good }), Verdict::Ahead);
+    assert_eq!(
+        judged(&mut bench, ActuatorCommand { stamp_ns: now_ns + 10 * MS, ..good }),
+        Verdict::Ahead
+    );
     assert_eq!(judged(&mut bench, ActuatorCommand { fingerprint: 8, ..good }), Verdict::WrongModel);
     assert_eq!(judged(&mut bench, ActuatorCommand { n_u: 2, ..good }), Verdict::WrongSize);
     let mut negative = good;
@@ -171,20 +198,38 @@ fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
 fn requests_of_another_time_give_no_power_and_take_it_at_any_time() {
     let mut bench = Bench::new(|_| {});
     bench.steps(3000);
-    let request = |stamp_ns, operation: Operation| OperatorRequest { stamp_ns, operation: operation as u32, reserved: 0 };
+    let request = |stamp_ns, operation: Operation| OperatorRequest {
+        stamp_ns,
+        operation: operation as u32,
+        reserved: 0,
+    };
     let now_ns = bench.now_ns;
     assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 1001 * MS, Operation::Arm)), None);
     assert_eq!(bench.bridge.request(now_ns, &request(now_ns + 1001 * MS, Operation::Arm)), None);
-    assert_eq!(bench.bridge.request(now_ns, &OperatorRequest { stamp_ns: now_ns, operation: 99, reserved: 0 }), None);
-    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 999 * MS, Operation::Arm)), Some(Operation::Arm));
-    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 2000 * MS, Operation::Disarm)), Some(Operation::Disarm));
+    assert_eq!(
+        bench
+            .bridge
+            .request(now_ns, &OperatorRequest { stamp_ns: now_ns, operation: 99, reserved: 0 }),
+        None
+    );
+    assert_eq!(
+        bench.bridge.request(now_ns, &request(now_ns - 999 * MS, Operation::Arm)),
+        Some(Operation::Arm)
+    );
+    assert_eq!(
+        bench.bridge.request(now_ns, &request(now_ns - 2000 * MS, Operation::Disarm)),
+        Some(Operation::Disarm)
+    );
     bench.steps(5);
     assert_eq!(bench.standings(), [Standing::Disabled; 3]);
     // a later disarm that came before an earlier arm
     let now_ns = bench.now_ns;
     bench.bridge.request(now_ns, &request(now_ns - 1, Operation::Disarm));
     assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 2, Operation::Arm)), None);
-    assert_eq!(bench.bridge.request(now_ns, &request(now_ns, Operation::Arm)), Some(Operation::Arm));
+    assert_eq!(
+        bench.bridge.request(now_ns, &request(now_ns, Operation::Arm)),
+        Some(Operation::Arm)
+    );
 }
 
 #[test]
@@ -193,7 +238,10 @@ fn a_motor_whose_watchdog_is_not_as_configured_has_no_power() {
         let mut bench = Bench::armed();
         bench.watchdog_ms[1].store(ms, Ordering::Relaxed);
         bench.steps(3);
-        assert_eq!((bench.standings()[0], bench.reason(0), bench.last(0)), (Standing::Fault, reason, Wish::Off));
+        assert_eq!(
+            (bench.standings()[0], bench.reason(0), bench.last(0)),
+            (Standing::Fault, reason, Wish::Off)
+        );
         bench.bridge.operate(bench.now_ns, Operation::Reset);
         bench.bridge.operate(bench.now_ns, Operation::Arm);
         bench.steps(3);
@@ -280,8 +328,12 @@ fn spring_and_effort_together_stay_within_the_effort() {
         bench.step();
         let Setpoint { position, torque, stiffness, .. } = bench.setpoint(0);
         assert!((stiffness * (position - 0.2) + torque - 10.0).abs() < 1e-9);
-        // neither is large against the other: a motor that saturates one of them is not left with the rest
-        assert!((0.0..=10.0).contains(&torque) && (0.0..=10.0 / 0.3 + 1e-9).contains(&stiffness), "{torque} {stiffness}");
+        // neither is large against the other: a motor that saturates one of them is not left with
+        // the rest
+        assert!(
+            (0.0..=10.0).contains(&torque) && (0.0..=10.0 / 0.3 + 1e-9).contains(&stiffness),
+            "{torque} {stiffness}"
+        );
         assert_ne!(bench.bridge.state().flags[0] & flag::EFFORT_LIMITED, 0);
     }
 }
@@ -304,13 +356,18 @@ fn a_motor_that_follows_torques_gets_the_sum_no_faster_than_it_may_change() {
         })
         .collect();
     let expected = [2.6, 3.6, 4.6, 5.6, 6.6, 7.0, 7.0, 7.0, 7.0, 7.0];
-    assert!(torques.iter().zip(expected).all(|(torque, expected)| (torque - expected).abs() < 1e-5), "{torques:?}");
+    assert!(
+        torques.iter().zip(expected).all(|(torque, expected)| (torque - expected).abs() < 1e-5),
+        "{torques:?}"
+    );
 }
 
 #[test]
 fn a_mechanism_that_is_armed_does_not_disturb_another_that_follows() {
     let mut bench = Bench::new(|configuration| {
-        configuration.motors.iter_mut().for_each(|motor| motor.limits = Limits { velocity: 1.0, effort_rate: 100.0, ..motor.limits });
+        configuration.motors.iter_mut().for_each(|motor| {
+            motor.limits = Limits { velocity: 1.0, effort_rate: 100.0, ..motor.limits }
+        });
     });
     bench.arm();
     bench.fault[2] = 4;
@@ -333,7 +390,10 @@ fn every_way_out_has_a_frame_that_disables_each_motor() {
     bench.bridge.shutdown();
     for i in 0..3_u16 {
         let frames = bench.bridge.frames(usize::from(i) / 2);
-        assert!(frames.contains(&Frame::classic(Id::Standard(i), &[0]).unwrap()), "{i}: {frames:?}");
+        assert!(
+            frames.contains(&Frame::classic(Id::Standard(i), &[0]).unwrap()),
+            "{i}: {frames:?}"
+        );
         assert!(!frames.contains(&Frame::classic(Id::Standard(i), &[1]).unwrap()));
     }
 }

@@ -10,11 +10,14 @@
 //! | 600 + node, 580 + node | SDO, expedited |
 //! | 700 + node | heartbeat: 0 at start, 4 stopped, 5 operational, 7F pre-operational |
 //!
-//! The state machine of CiA 402 is in [`states`], the objects and the mappings of the PDOs in [`objects`]. A PDO works in the state
-//! operational only. When the master's heartbeat (object 1016) is late, EMCY 8130 comes, the drive does what object 6007 says and goes to
-//! pre-operational, as object 1029 has it by default; it stays there, and the next heartbeat brings EMCY 0000.
+//! The state machine of CiA 402 is in [`states`], the objects and the mappings of the PDOs in
+//! [`objects`]. A PDO works in the state operational only. When the master's heartbeat (object
+//! 1016) is late, EMCY 8130 comes, the drive does what object 6007 says and goes to
+//! pre-operational, as object 1029 has it by default; it stays there, and the next heartbeat brings
+//! EMCY 0000.
 //!
-//! Sources: CiA 301, *CANopen application layer*; CiA 402-2 and -3, *CANopen device profile for drives and motion control*.
+//! Sources: CiA 301, *CANopen application layer*; CiA 402-2 and -3, *CANopen device profile for
+//! drives and motion control*.
 
 mod objects;
 mod sdo;
@@ -92,7 +95,8 @@ impl Cia402 {
     fn measure(&mut self, body: &Body) {
         let per_rad = self.counts_per_turn / TAU;
         self.objects.position = (body.measured() * per_rad).round() as i32;
-        self.objects.velocity = (body.velocity * self.velocity_counts_per_turn / TAU).round() as i32;
+        self.objects.velocity =
+            (body.velocity * self.velocity_counts_per_turn / TAU).round() as i32;
         self.objects.torque = (body.torque / self.rated_torque * 1000.0).round() as i16;
         self.objects.status = self.drive.status_word();
         self.objects.error_code = body.fault as u16;
@@ -124,7 +128,10 @@ impl Cia402 {
                 let velocity = f64::from(self.objects.target_velocity) * rad_per_second + velocity;
                 Setpoint { velocity, torque, damping, ..Setpoint::default() }
             }
-            Some(Mode::Torque) => Setpoint { torque: f64::from(self.objects.target_torque) * per_mille + torque, ..Setpoint::default() },
+            Some(Mode::Torque) => Setpoint {
+                torque: f64::from(self.objects.target_torque) * per_mille + torque,
+                ..Setpoint::default()
+            },
             _ => Setpoint::default(),
         };
         body.follow(now_ns, law);
@@ -194,11 +201,16 @@ impl Cia402 {
     fn give(&self, pdo: &Pdo, out: &mut FrameQueue) {
         let (mut content, mut used) = (0u64, 0);
         for object in pdo.mapped() {
-            content |= (u64::from(self.objects.get(object)) & object.mask()).checked_shl(used).unwrap_or(0);
+            content |= (u64::from(self.objects.get(object)) & object.mask())
+                .checked_shl(used)
+                .unwrap_or(0);
             used += object.bits();
         }
         let bytes = content.to_le_bytes();
-        out.push_some(standard(pdo.id & 0x7FF, bytes.get(..used.div_ceil(8) as usize).unwrap_or_default()));
+        out.push_some(standard(
+            pdo.id & 0x7FF,
+            bytes.get(..used.div_ceil(8) as usize).unwrap_or_default(),
+        ));
     }
 
     fn sync(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue) {
@@ -248,7 +260,13 @@ impl Cia402 {
 }
 
 impl Firmware for Cia402 {
-    fn receive(&mut self, now_ns: u64, frame: &Frame, body: &mut Body, out: &mut FrameQueue) -> bool {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
         let Id::Standard(id) = frame.id else { return false };
         let (master, master_ms) = self.objects.consumer();
         if id == 0x700 + master && master_ms > 0 {
@@ -279,7 +297,11 @@ impl Firmware for Cia402 {
             }
             return true;
         }
-        let place = self.objects.receive.iter().position(|pdo| pdo.is_valid() && pdo.id & 0x7FF == u32::from(id));
+        let place = self
+            .objects
+            .receive
+            .iter()
+            .position(|pdo| pdo.is_valid() && pdo.id & 0x7FF == u32::from(id));
         let Some(place) = place else { return false };
         if self.network == Network::Operational {
             let is_synchronous = self.objects.receive.get(place).is_some_and(|pdo| pdo.kind <= 240);
@@ -301,7 +323,11 @@ impl Firmware for Cia402 {
         let (_, master_ms) = self.objects.consumer();
         body.watchdog_ns = u64::from(master_ms) * 1_000_000;
         // it is watched from its first heartbeat on
-        if self.master_ns.is_some_and(|master_ns| now_ns.saturating_sub(master_ns) > body.watchdog_ns) && master_ms > 0 {
+        if self
+            .master_ns
+            .is_some_and(|master_ns| now_ns.saturating_sub(master_ns) > body.watchdog_ns)
+            && master_ms > 0
+        {
             self.lose_heartbeat(now_ns, body, out);
         }
         if body.fault != self.told_fault {
@@ -311,12 +337,16 @@ impl Firmware for Cia402 {
                 body.stop();
             }
             let code = body.fault as u16;
-            out.push_some(standard(u32::from(0x80 + self.node), &emergency(code, u8::from(code != 0))));
+            out.push_some(standard(
+                u32::from(0x80 + self.node),
+                &emergency(code, u8::from(code != 0)),
+            ));
         }
         let status = self.objects.status;
         self.measure(body);
         if self.network == Network::Operational && status != self.objects.status {
-            let asynchronous = self.objects.transmit.into_iter().filter(|pdo| pdo.is_valid() && pdo.kind >= 254);
+            let asynchronous =
+                self.objects.transmit.into_iter().filter(|pdo| pdo.is_valid() && pdo.kind >= 254);
             asynchronous.for_each(|pdo| self.give(&pdo, out));
         }
     }

@@ -40,7 +40,10 @@ const MAPPABLE: [(Object, u16, u32, bool); 13] = [
 impl Object {
     /// The object of an index.
     pub(super) fn at(index: u16) -> Option<(Object, bool)> {
-        MAPPABLE.iter().find(|(_, known, ..)| *known == index).map(|(object, _, _, writable)| (*object, *writable))
+        MAPPABLE
+            .iter()
+            .find(|(_, known, ..)| *known == index)
+            .map(|(object, _, _, writable)| (*object, *writable))
     }
 
     pub(super) fn bits(self) -> u32 {
@@ -252,7 +255,13 @@ impl Objects {
     }
 
     /// Writes by SDO.
-    pub(super) fn download(&mut self, index: u16, sub: u8, value: u32, bytes: usize) -> Result<(), Abort> {
+    pub(super) fn download(
+        &mut self,
+        index: u16,
+        sub: u8,
+        value: u32,
+        bytes: usize,
+    ) -> Result<(), Abort> {
         let (_, wanted) = self.upload(index, sub)?;
         if bytes != wanted {
             return Err(WRONG_LENGTH);
@@ -269,8 +278,12 @@ impl Objects {
             (0x6072, 0, _) => self.max_torque = value as u16,
             (0x6076, 0, _) => self.rated_torque = value,
             (0x60C2, 1, _) => self.interpolation = value as u8,
-            (0x1400..=0x1403 | 0x1600..=0x1603, _, _) => return change(&mut self.receive, index, sub, value, true),
-            (0x1800..=0x1803 | 0x1A00..=0x1A03, _, _) => return change(&mut self.transmit, index, sub, value, false),
+            (0x1400..=0x1403 | 0x1600..=0x1603, _, _) => {
+                return change(&mut self.receive, index, sub, value, true);
+            }
+            (0x1800..=0x1803 | 0x1A00..=0x1A03, _, _) => {
+                return change(&mut self.transmit, index, sub, value, false);
+            }
             _ => return Err(READ_ONLY),
         }
         Ok(())
@@ -299,8 +312,15 @@ fn mapping(pdo: Pdo, sub: u8) -> Result<(u32, usize), Abort> {
     }
 }
 
-/// A PDO is switched off before its identifier or its mapping may change, and its mapping is empty while it changes.
-fn change(pdos: &mut [Pdo; 4], index: u16, sub: u8, value: u32, is_received: bool) -> Result<(), Abort> {
+/// A PDO is switched off before its identifier or its mapping may change, and its mapping is empty
+/// while it changes.
+fn change(
+    pdos: &mut [Pdo; 4],
+    index: u16,
+    sub: u8,
+    value: u32,
+    is_received: bool,
+) -> Result<(), Abort> {
     let pdo = pdos.get_mut(usize::from(index & 0xFF)).ok_or(NO_OBJECT)?;
     let is_off = pdo.id >> 31 == 1;
     if index & 0x0200 == 0 {
@@ -322,7 +342,11 @@ fn change(pdos: &mut [Pdo; 4], index: u16, sub: u8, value: u32, is_received: boo
         _ if !is_off => Err(NOT_NOW),
         0 => {
             pdo.count = value as u8;
-            if value > 8 || pdo.mapped().count() != value as usize || pdo.length_bits() > 64 { Err(TOO_LONG) } else { Ok(()) }
+            if value > 8 || pdo.mapped().count() != value as usize || pdo.length_bits() > 64 {
+                Err(TOO_LONG)
+            } else {
+                Ok(())
+            }
         }
         _ if pdo.count != 0 => Err(NOT_NOW),
         _ => {

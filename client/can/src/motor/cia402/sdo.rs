@@ -18,12 +18,17 @@ pub(super) fn answer(objects: &mut Objects, id: u32, frame: &Frame, out: &mut Fr
     let index = u16::from_le_bytes([low, high]);
     let said = u32::from_le_bytes([a, b, c, d]);
     let answer = match what {
-        0x40 => objects.upload(index, sub).map(|(value, bytes)| (0x43 | (4 - bytes as u8) << 2, cut(value, bytes))),
+        0x40 => objects
+            .upload(index, sub)
+            .map(|(value, bytes)| (0x43 | (4 - bytes as u8) << 2, cut(value, bytes))),
         0x23 | 0x27 | 0x2B | 0x2F => {
             let bytes = 4 - usize::from(what >> 2 & 3);
             objects.download(index, sub, cut(said, bytes), bytes).map(|()| (0x60, 0))
         }
-        0x22 => objects.upload(index, sub).and_then(|(_, bytes)| objects.download(index, sub, said, bytes)).map(|()| (0x60, 0)),
+        0x22 => objects
+            .upload(index, sub)
+            .and_then(|(_, bytes)| objects.download(index, sub, said, bytes))
+            .map(|()| (0x60, 0)),
         0x80 => return,
         _ => Err(UNKNOWN),
     };

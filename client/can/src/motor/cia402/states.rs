@@ -34,12 +34,16 @@ impl Drive {
         // bits: 0 switch on, 1 enable voltage, 2 quick stop (when 0), 3 enable operation
         self.state = match (self.state, word & 0x0F) {
             (_, bits) if bits & 0x02 == 0 => State::SwitchOnDisabled,
-            (State::OperationEnabled | State::QuickStop, bits) if bits & 0x04 == 0 => State::QuickStop,
+            (State::OperationEnabled | State::QuickStop, bits) if bits & 0x04 == 0 => {
+                State::QuickStop
+            }
             (_, bits) if bits & 0x04 == 0 => State::SwitchOnDisabled,
             (State::QuickStop, _) => State::QuickStop,
             (_, 0x06 | 0x0E) => State::ReadyToSwitchOn,
             (State::ReadyToSwitchOn, 0x07) => State::SwitchedOn,
-            (State::ReadyToSwitchOn | State::SwitchedOn | State::OperationEnabled, 0x0F) => State::OperationEnabled,
+            (State::ReadyToSwitchOn | State::SwitchedOn | State::OperationEnabled, 0x0F) => {
+                State::OperationEnabled
+            }
             (State::OperationEnabled, 0x07) => State::SwitchedOn,
             (state, _) => state,
         };

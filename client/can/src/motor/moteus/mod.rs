@@ -1,7 +1,8 @@
 //! moteus as the motor sees it: registers, read and written in sub-frames of CAN FD.
 //!
-//! Identifier: source 8 bits (highest bit: wants an answer), destination 8 bits; the answer goes back with both exchanged. A sub-frame is
-//! one byte of what and how many, the first register, and values for that and the following ones:
+//! Identifier: source 8 bits (highest bit: wants an answer), destination 8 bits; the answer goes
+//! back with both exchanged. A sub-frame is one byte of what and how many, the first register, and
+//! values for that and the following ones:
 //!
 //! | byte | what |
 //! |---|---|
@@ -10,12 +11,14 @@
 //! | 30, 31 | a write or a read failed: register, error |
 //! | 50 | nothing: fills up frames |
 //!
-//! Registers and counter values have seven bits in a byte and go on while the eighth is set. Whole numbers have a unit each (a position
-//! .01, .0001 or .00001 turns in int8, int16, int32), and their lowest value is NaN. Modes: 0 stopped, 1 fault, 3 starting, 10 position,
-//! 11 timeout, 12 zero velocity, 15 brake. A command counts if its frame sets the mode, after the answer. A timeout holds against turning
-//! until it is stopped. With a limit of velocity or acceleration, that of the command or the configured one, the position that is followed
-//! goes to the commanded one within the limit. Source: mjbots, *moteus reference*; its firmware of 2026 (moteus_controller.cc,
-//! bldc_servo_control.h).
+//! Registers and counter values have seven bits in a byte and go on while the eighth is set. Whole
+//! numbers have a unit each (a position .01, .0001 or .00001 turns in int8, int16, int32), and
+//! their lowest value is NaN. Modes: 0 stopped, 1 fault, 3 starting, 10 position, 11 timeout, 12
+//! zero velocity, 15 brake. A command counts if its frame sets the mode, after the answer. A
+//! timeout holds against turning until it is stopped. With a limit of velocity or acceleration,
+//! that of the command or the configured one, the position that is followed goes to the commanded
+//! one within the limit. Source: mjbots, *moteus reference*; its firmware of 2026
+//! (moteus_controller.cc, bldc_servo_control.h).
 
 mod registers;
 
@@ -37,11 +40,13 @@ const ZERO_VELOCITY: u8 = 12;
 const BRAKE: u8 = 15;
 /// `servo.default_timeout_s`.
 const DEFAULT_TIMEOUT: f64 = 0.1;
-/// `servo.default_accel_limit` as it is delivered `[turns/s²]`; `servo.default_velocity_limit` is none, and `servo.max_velocity` far away.
+/// `servo.default_accel_limit` as it is delivered `[turns/s²]`; `servo.default_velocity_limit` is
+/// none, and `servo.max_velocity` far away.
 const DEFAULT_ACCELERATION: f64 = 50.0;
 /// Damping of the timeout and of the brake `[N m s/rad]`.
 const HOLD: f64 = 0.5;
-/// Stiffness and damping at scale 1, `servo.pid_position`, unless the settings say `[N m/turn, N m s/turn]`.
+/// Stiffness and damping at scale 1, `servo.pid_position`, unless the settings say `[N m/turn, N m
+/// s/turn]`.
 const GAINS: [f64; 2] = [4.0, 0.05];
 
 #[derive(Debug)]
@@ -51,12 +56,14 @@ pub(super) struct Moteus {
     stiffness: f64,
     damping: f64,
     command: Command,
-    /// Its own set-point on the way to the commanded one, where there is a limit `[turns, turns/s]`.
+    /// Its own set-point on the way to the commanded one, where there is a limit `[turns,
+    /// turns/s]`.
     way: Option<(f64, f64)>,
     stepped_ns: u64,
 }
 
-/// The mode, and the registers 20 to 29 (hexadecimal), in their own units; NaN where they stand for something else.
+/// The mode, and the registers 20 to 29 (hexadecimal), in their own units; NaN where they stand for
+/// something else.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     mode: u8,
@@ -90,7 +97,9 @@ impl Command {
 impl Moteus {
     pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> Moteus {
         let [stiffness, damping] = GAINS;
-        let known = |key: &str, usual: f64| Some(settings.number(key)).filter(|gain| gain.is_finite()).unwrap_or(usual) / TAU;
+        let known = |key: &str, usual: f64| {
+            Some(settings.number(key)).filter(|gain| gain.is_finite()).unwrap_or(usual) / TAU
+        };
         body.watchdog_ns = (DEFAULT_TIMEOUT * 1e9) as u64;
         Moteus {
             id: settings.integer("id") as u8,
@@ -119,7 +128,10 @@ impl Moteus {
                 0x00 => {
                     let Some((count, first)) = parse() else { return };
                     for register in (first..).take(count as usize) {
-                        let Some(value) = kind.take(&mut rest, units(register).unwrap_or(COUNTS)) else { return };
+                        let Some(value) = kind.take(&mut rest, units(register).unwrap_or(COUNTS))
+                        else {
+                            return;
+                        };
                         commanded |= self.write(register, value, body, answer);
                     }
                 }
@@ -179,7 +191,11 @@ impl Moteus {
             mode @ (POSITION | ZERO_VELOCITY | BRAKE) if !matches!(self.mode, FAULT | TIMEOUT) => {
                 self.mode = if matches!(self.mode, STOPPED | STARTING) { STARTING } else { mode };
                 // 0 is the configured one, NaN is none
-                let timeout = if self.command.timeout == 0.0 { DEFAULT_TIMEOUT } else { self.command.timeout };
+                let timeout = if self.command.timeout == 0.0 {
+                    DEFAULT_TIMEOUT
+                } else {
+                    self.command.timeout
+                };
                 body.watchdog_ns = (timeout * 1e9) as u64;
                 let law = self.law(body);
                 body.follow(now_ns, law);
@@ -210,8 +226,13 @@ impl Moteus {
 
     /// Goes on towards the commanded position within the limits, if there are any.
     fn advance(&mut self, elapsed: f64, body: &Body) {
-        let limit =
-            |number: f64, usual: f64| if number < 0.0 { f64::INFINITY } else { Some(number).filter(|n| !n.is_nan()).unwrap_or(usual) };
+        let limit = |number: f64, usual: f64| {
+            if number < 0.0 {
+                f64::INFINITY
+            } else {
+                Some(number).filter(|n| !n.is_nan()).unwrap_or(usual)
+            }
+        };
         let most = limit(self.command.velocity_limit, f64::INFINITY);
         let acceleration = limit(self.command.acceleration_limit, DEFAULT_ACCELERATION);
         if most.is_infinite() && acceleration.is_infinite() {
@@ -219,8 +240,13 @@ impl Moteus {
             return;
         }
         let (position, velocity) = self.way.unwrap_or((body.measured() / TAU, body.velocity / TAU));
-        let rest = if self.command.position.is_nan() { 0.0 } else { self.command.position - position };
-        let wanted = (2.0 * acceleration * rest.abs()).sqrt().min(most).min(rest.abs() / elapsed).copysign(rest);
+        let rest =
+            if self.command.position.is_nan() { 0.0 } else { self.command.position - position };
+        let wanted = (2.0 * acceleration * rest.abs())
+            .sqrt()
+            .min(most)
+            .min(rest.abs() / elapsed)
+            .copysign(rest);
         let change = acceleration * elapsed;
         let velocity = wanted.clamp(velocity - change, velocity + change);
         self.way = Some((position + velocity * elapsed, velocity));
@@ -283,7 +309,13 @@ impl Moteus {
 }
 
 impl Firmware for Moteus {
-    fn receive(&mut self, now_ns: u64, frame: &Frame, body: &mut Body, out: &mut FrameQueue) -> bool {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
         let [_, _, source, destination] = frame.id.number().to_be_bytes();
         if frame.id.number() >> 16 != 0 || destination & 0x7F != self.id {
             return false;

@@ -27,7 +27,9 @@ pub(super) const COUNTS: Units = [1.0; 3];
 /// The units of a register.
 pub(super) fn units(register: u32) -> Option<Units> {
     Some(match register {
-        0x000 | 0x00B | 0x00C | 0x00F | 0x100 | 0x101 | 0x102 | 0x110 | 0x130 | 0x131 | 0x132 => COUNTS,
+        0x000 | 0x00B | 0x00C | 0x00F | 0x100 | 0x101 | 0x102 | 0x110 | 0x130 | 0x131 | 0x132 => {
+            COUNTS
+        }
         0x001 | 0x006 | 0x020 | 0x026 | 0x038 | 0x040 | 0x041 => TURNS,
         0x002 | 0x021 | 0x028 | 0x039 => SPEEDS,
         0x029 => ACCELERATIONS,
@@ -53,11 +55,19 @@ impl Kind {
 
     pub(super) fn take(self, rest: &mut &[u8], units: Units) -> Option<f64> {
         let [small, middle, large] = units;
-        let whole = |number: i64, least: i64, unit: f64| if number == least { f64::NAN } else { number as f64 * unit };
+        let whole = |number: i64, least: i64, unit: f64| {
+            if number == least { f64::NAN } else { number as f64 * unit }
+        };
         Some(match self {
-            Kind::Int8 => whole(i64::from(i8::from_le_bytes(chunk(rest)?)), i64::from(i8::MIN), small),
-            Kind::Int16 => whole(i64::from(i16::from_le_bytes(chunk(rest)?)), i64::from(i16::MIN), middle),
-            Kind::Int32 => whole(i64::from(i32::from_le_bytes(chunk(rest)?)), i64::from(i32::MIN), large),
+            Kind::Int8 => {
+                whole(i64::from(i8::from_le_bytes(chunk(rest)?)), i64::from(i8::MIN), small)
+            }
+            Kind::Int16 => {
+                whole(i64::from(i16::from_le_bytes(chunk(rest)?)), i64::from(i16::MIN), middle)
+            }
+            Kind::Int32 => {
+                whole(i64::from(i32::from_le_bytes(chunk(rest)?)), i64::from(i32::MIN), large)
+            }
             Kind::Float => f64::from(f32::from_le_bytes(chunk(rest)?)),
         })
     }
@@ -65,12 +75,21 @@ impl Kind {
     pub(super) fn put(self, number: f64, units: Units, answer: &mut Answer) {
         let [small, middle, large] = units;
         let whole = |unit: f64, least: i64, most: i64| {
-            if number.is_nan() { least } else { ((number / unit).round() as i64).clamp(least + 1, most) }
+            if number.is_nan() {
+                least
+            } else {
+                ((number / unit).round() as i64).clamp(least + 1, most)
+            }
         };
         match self {
-            Kind::Int8 => answer.put(&(whole(small, i64::from(i8::MIN), i64::from(i8::MAX)) as i8).to_le_bytes()),
-            Kind::Int16 => answer.put(&(whole(middle, i64::from(i16::MIN), i64::from(i16::MAX)) as i16).to_le_bytes()),
-            Kind::Int32 => answer.put(&(whole(large, i64::from(i32::MIN), i64::from(i32::MAX)) as i32).to_le_bytes()),
+            Kind::Int8 => answer
+                .put(&(whole(small, i64::from(i8::MIN), i64::from(i8::MAX)) as i8).to_le_bytes()),
+            Kind::Int16 => answer.put(
+                &(whole(middle, i64::from(i16::MIN), i64::from(i16::MAX)) as i16).to_le_bytes(),
+            ),
+            Kind::Int32 => answer.put(
+                &(whole(large, i64::from(i32::MIN), i64::from(i32::MAX)) as i32).to_le_bytes(),
+            ),
             Kind::Float => answer.put(&(number as f32).to_le_bytes()),
         }
     }
@@ -100,7 +119,9 @@ impl Answer {
 
     /// Filled up to a length that FD has, with sub-frames of nothing.
     pub(super) fn frame(&mut self, id: Id) -> Option<Frame> {
-        let length = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64].into_iter().find(|&length| length >= self.used)?;
+        let length = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64]
+            .into_iter()
+            .find(|&length| length >= self.used)?;
         let bytes = self.bytes.get_mut(..length)?;
         bytes.iter_mut().skip(self.used).for_each(|byte| *byte = 0x50);
         Frame::fd(id, true, bytes)

@@ -1,21 +1,29 @@
 //! CANopen drives of the profile CiA 402: cyclic synchronous position, velocity and torque.
 //!
-//! Sources: CiA 301 4.2.0 (NMT, SYNC, EMCY, SDO, PDO, heartbeat); CiA 402-2 4.0 (state machine, objects 6040 …).
+//! Sources: CiA 301 4.2.0 (NMT, SYNC, EMCY, SDO, PDO, heartbeat); CiA 402-2 4.0 (state machine,
+//! objects 6040 …).
 //!
-//! - 000 NMT: command, node (01 start, 80 pre-operational). 080 SYNC, empty, at the end of each cycle, once a bus. 080 + node EMCY: code u16,
-//!   register u8, five of the maker's. 600 + node and 580 + node SDO, expedited. 700 + node heartbeat, 0 when the drive booted.
-//! - 200 + node, sent: control word 6040 u16, then target position 607A i32, target velocity 60FF i32 or target torque 6071 i16; behind a
-//!   position or a velocity the torque offset 60B2 i16, if wanted. All little-endian, taken at SYNC.
-//! - 180 + node, received after SYNC: status word 6041 u16, position 6064 i32, torque 6077 i16. 280 + node: velocity 606C i32.
-//! - Positions in counts, `counts_per_turn` of them in a turn of the output; velocities in `velocity_counts_per_turn` units for one turn/s;
-//!   torques in thousandths of the rated torque 6076.
+//! - 000 NMT: command, node (01 start, 80 pre-operational). 080 SYNC, empty, at the end of each
+//!   cycle, once a bus. 080 + node EMCY: code u16, register u8, five of the maker's. 600 + node and
+//!   580 + node SDO, expedited. 700 + node heartbeat, 0 when the drive booted.
+//! - 200 + node, sent: control word 6040 u16, then target position 607A i32, target velocity 60FF
+//!   i32 or target torque 6071 i16; behind a position or a velocity the torque offset 60B2 i16, if
+//!   wanted. All little-endian, taken at SYNC.
+//! - 180 + node, received after SYNC: status word 6041 u16, position 6064 i32, torque 6077 i16. 280
+//!   + node: velocity 606C i32.
+//! - Positions in counts, `counts_per_turn` of them in a turn of the output; velocities in
+//!   `velocity_counts_per_turn` units for one turn/s; torques in thousandths of the rated torque
+//!   6076.
 //!
-//! Without power the drive is set up by SDO, one request at a time: PDOs, mode 6060 (8, 9, 10), the largest torque 6072, the heartbeat that it
-//! waits for 1016 with what it does when that is late 6007 (2: no voltage), and the time between set-points 60C2. The rated torque, the mode,
-//! the heartbeat and what follows from its loss are read back. All of it is done anew after a boot, and when a drive that should be
-//! operational is not: after a lost NMT command, or when it missed the heartbeat and went back by itself (1029).
+//! Without power the drive is set up by SDO, one request at a time: PDOs, mode 6060 (8, 9, 10), the
+//! largest torque 6072, the heartbeat that it waits for 1016 with what it does when that is late
+//! 6007 (2: no voltage), and the time between set-points 60C2. The rated torque, the mode, the
+//! heartbeat and what follows from its loss are read back. All of it is done anew after a boot, and
+//! when a drive that should be operational is not: after a lost NMT command, or when it missed the
+//! heartbeat and went back by itself (1029).
 //!
-//! The position goes on where its 32 bits begin again. A target cannot: in the mode position a drive outside them has a fault.
+//! The position goes on where its 32 bits begin again. A target cannot: in the mode position a
+//! drive outside them has a fault.
 
 mod setup;
 mod states;
@@ -24,7 +32,9 @@ use std::f64::consts::TAU;
 
 use super::number::{limited, steps};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared, Wish};
+use crate::drive::{
+    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared, Wish,
+};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use sarrus_models::Findings;
 use setup::{PARAMETERS, READABLE, Setup};
@@ -37,9 +47,24 @@ pub(super) const CIA402: Protocol = Protocol {
     modes: &[Mode::Torque, Mode::Position, Mode::Velocity],
     fd: false,
     keys: &[
-        Key { name: "node", kind: KeyKind::Integer(1, 126), default: None, about: "node of the drive" },
-        Key { name: "master", kind: KeyKind::Integer(1, 127), default: Some("127"), about: "node of this side, for its heartbeat" },
-        Key { name: "rated_torque", kind: KeyKind::Number(1e-3, 1e6), default: None, about: "object 6076 [N m], at the motor's output" },
+        Key {
+            name: "node",
+            kind: KeyKind::Integer(1, 126),
+            default: None,
+            about: "node of the drive",
+        },
+        Key {
+            name: "master",
+            kind: KeyKind::Integer(1, 127),
+            default: Some("127"),
+            about: "node of this side, for its heartbeat",
+        },
+        Key {
+            name: "rated_torque",
+            kind: KeyKind::Number(1e-3, 1e6),
+            default: None,
+            about: "object 6076 [N m], at the motor's output",
+        },
         Key {
             name: "counts_per_turn",
             kind: KeyKind::Number(1.0, 1e9),
@@ -52,8 +77,18 @@ pub(super) const CIA402: Protocol = Protocol {
             default: Some(""),
             about: "606C and 60FF at one turn a second; without it the counts of the position",
         },
-        Key { name: "torque_offset", kind: KeyKind::Flag, default: Some("false"), about: "torque beside position or velocity, by 60B2" },
-        Key { name: "velocity_feedback", kind: KeyKind::Flag, default: Some("true"), about: "the velocity in a second PDO" },
+        Key {
+            name: "torque_offset",
+            kind: KeyKind::Flag,
+            default: Some("false"),
+            about: "torque beside position or velocity, by 60B2",
+        },
+        Key {
+            name: "velocity_feedback",
+            kind: KeyKind::Flag,
+            default: Some("true"),
+            about: "the velocity in a second PDO",
+        },
         Key {
             name: "configure",
             kind: KeyKind::Flag,
@@ -102,12 +137,21 @@ struct Cia402 {
 fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
     let (node, master) = (settings.integer("node") as u16, settings.integer("master") as u16);
     if node == master {
-        findings.error(settings.place("master"), format!("`master` is {node} like `node`"), "another node", "give this side a free one");
+        findings.error(
+            settings.place("master"),
+            format!("`master` is {node} like `node`"),
+            "another node",
+            "give this side a free one",
+        );
         return None;
     }
     let counts = settings.number("counts_per_turn");
     let rated_torque = settings.number("rated_torque");
-    let velocity_counts = if settings.has("velocity_counts_per_turn") { settings.number("velocity_counts_per_turn") } else { counts };
+    let velocity_counts = if settings.has("velocity_counts_per_turn") {
+        settings.number("velocity_counts_per_turn")
+    } else {
+        counts
+    };
     let torque_offset = settings.flag("torque_offset") && common.mode != Mode::Torque;
     let velocity_feedback = settings.flag("velocity_feedback");
     let setup = Setup::new(setup::Wanted {
@@ -155,12 +199,15 @@ impl Cia402 {
     /// The control word with a set-point.
     fn command(&self, control: u16, wanted: &Setpoint) -> Option<Frame> {
         let per_mille = self.rated_torque / 1000.0;
-        let torque = (steps(limited(wanted.torque, self.torque_limit), per_mille, 32_767) as i16).to_le_bytes();
+        let torque = (steps(limited(wanted.torque, self.torque_limit), per_mille, 32_767) as i16)
+            .to_le_bytes();
         let [low, high] = control.to_le_bytes();
         let target = match self.mode {
             Mode::Position => steps(wanted.position, TAU / self.counts, i32::MAX),
             Mode::Velocity => steps(wanted.velocity, TAU / self.velocity_counts, i32::MAX),
-            Mode::Torque | Mode::Impedance => return self.frame(0x200, &[low, high, torque[0], torque[1]]),
+            Mode::Torque | Mode::Impedance => {
+                return self.frame(0x200, &[low, high, torque[0], torque[1]]);
+            }
         };
         let [a, b, c, d] = target.to_le_bytes();
         match self.torque_offset {
@@ -171,7 +218,10 @@ impl Cia402 {
 
     /// What keeps the motor where it is.
     fn neutral(&self) -> Setpoint {
-        Setpoint { position: self.counted.map_or(0.0, |(_, counts)| counts as f64 * TAU / self.counts), ..Setpoint::default() }
+        Setpoint {
+            position: self.counted.map_or(0.0, |(_, counts)| counts as f64 * TAU / self.counts),
+            ..Setpoint::default()
+        }
     }
 
     /// The heartbeat of this side, four times in the time that the drive waits for it.
@@ -185,7 +235,8 @@ impl Cia402 {
 
     /// Whether it should have told its status for this time.
     fn is_silent(&self, now_ns: u64, time_ns: u64) -> bool {
-        self.setup.is_done() && self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > time_ns)
+        self.setup.is_done()
+            && self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > time_ns)
     }
 
     /// It is not what it was set up to be any more.
@@ -230,7 +281,12 @@ impl Cia402 {
 
     fn measured(&self, velocity: f64) -> Receipt {
         let position = self.neutral().position;
-        Receipt::Measured(Measurement { position, velocity, torque: self.torque, temperature: f64::NAN })
+        Receipt::Measured(Measurement {
+            position,
+            velocity,
+            torque: self.torque,
+            temperature: f64::NAN,
+        })
     }
 }
 
@@ -269,7 +325,8 @@ impl Drive for Cia402 {
         out.push_some(self.command(ENABLE, setpoint));
     }
 
-    /// The control word by PDO with a SYNC that makes it count, and by SDO, which a drive takes in every network state but stopped.
+    /// The control word by PDO with a SYNC that makes it count, and by SDO, which a drive takes in
+    /// every network state but stopped.
     fn disable(&self, out: &mut FrameQueue) {
         out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
         out.push_some(self.sync());
@@ -289,7 +346,9 @@ impl Drive for Cia402 {
                 Receipt::Noted
             }
             // what a PDO holds is known once it is set up
-            (0x180, [_, _, _, _, _, _, _, _]) | (0x280, [_, _, _, _]) if !self.setup.is_done() => Receipt::Noted,
+            (0x180, [_, _, _, _, _, _, _, _]) | (0x280, [_, _, _, _]) if !self.setup.is_done() => {
+                Receipt::Noted
+            }
             (0x180, [low, high, a, b, c, d, e, f]) => {
                 (self.is_new, self.heard_ns) = (true, Some(now_ns));
                 self.status(u16::from_le_bytes([*low, *high]));
@@ -299,7 +358,9 @@ impl Drive for Cia402 {
             }
             (0x280, [a, b, c, d]) if self.velocity_feedback && self.is_new => {
                 self.is_new = false;
-                self.measured(f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts)
+                self.measured(
+                    f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts,
+                )
             }
             (0x280, [_, _, _, _]) => Receipt::Noted,
             (0x580, _) => match frame.exactly::<8>() {
@@ -331,7 +392,8 @@ impl Drive for Cia402 {
             Some(_) => Power::Off,
         };
         let is_faulty = self.state == Some(State::Faulty);
-        let is_beyond = self.mode == Mode::Position && self.counted.is_some_and(|(_, whole)| i32::try_from(whole).is_err());
+        let is_beyond = self.mode == Mode::Position
+            && self.counted.is_some_and(|(_, whole)| i32::try_from(whole).is_err());
         let fault = match self.emergency {
             code if code != 0 => u32::from(code),
             _ if is_faulty => fault::UNKNOWN,
@@ -355,17 +417,29 @@ impl Drive for Cia402 {
     }
 
     fn identifiers(&self) -> Vec<Id> {
-        [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700].map(|base| Id::Standard(base + self.node)).to_vec()
+        [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700]
+            .map(|base| Id::Standard(base + self.node))
+            .to_vec()
     }
 
     fn shared_identifiers(&self) -> Vec<Shared> {
         // what the master says to all
-        [0, SYNC, 0x700 + self.master].map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F }).to_vec()
+        [0, SYNC, 0x700 + self.master]
+            .map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F })
+            .to_vec()
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let reply = |base: u16, len| Reply { id: Id::Standard(base + self.node), kind: FrameKind::Classic, len };
-        if self.velocity_feedback { vec![reply(0x180, 8), reply(0x280, 4)] } else { vec![reply(0x180, 8)] }
+        let reply = |base: u16, len| Reply {
+            id: Id::Standard(base + self.node),
+            kind: FrameKind::Classic,
+            len,
+        };
+        if self.velocity_feedback {
+            vec![reply(0x180, 8), reply(0x280, 4)]
+        } else {
+            vec![reply(0x180, 8)]
+        }
     }
 
     fn sync(&self) -> Option<Frame> {

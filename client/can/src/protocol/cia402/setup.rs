@@ -77,7 +77,10 @@ pub(super) struct Setup {
 /// An expedited write of `len` bytes.
 pub(super) fn write(node: u16, index: u16, sub: u8, len: u8, value: u32) -> Option<Frame> {
     let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
-    Frame::classic(Id::Standard(0x600 + node), &[0x23 | (4 - len.clamp(1, 4)) << 2, low, high, sub, a, b, c, d])
+    Frame::classic(
+        Id::Standard(0x600 + node),
+        &[0x23 | (4 - len.clamp(1, 4)) << 2, low, high, sub, a, b, c, d],
+    )
 }
 
 /// A read.
@@ -98,12 +101,19 @@ const fn mode_of(mode: Mode) -> u8 {
 fn interpolation(period_ns: u64) -> (u8, i8) {
     let scaled = |exponent: i8| period_ns as f64 * 10_f64.powi(-9 - i32::from(exponent));
     let fits = |exponent: &i8| (0.5..255.5).contains(&scaled(*exponent));
-    let is_exact = |exponent: &i8| fits(exponent) && (scaled(*exponent) - scaled(*exponent).round()).abs() < 1e-6;
-    let exponent = [-3, -2, -1, 0, -4, -5, -6].into_iter().find(is_exact).or_else(|| (-6..=0).find(fits)).unwrap_or(-3);
+    let is_exact = |exponent: &i8| {
+        fits(exponent) && (scaled(*exponent) - scaled(*exponent).round()).abs() < 1e-6
+    };
+    let exponent = [-3, -2, -1, 0, -4, -5, -6]
+        .into_iter()
+        .find(is_exact)
+        .or_else(|| (-6..=0).find(fits))
+        .unwrap_or(-3);
     (scaled(exponent).round() as u8, exponent)
 }
 
-/// A PDO at `communication` and `mapping` that goes with SYNC and holds these objects; without any it is off.
+/// A PDO at `communication` and `mapping` that goes with SYNC and holds these objects; without any
+/// it is off.
 fn pdo(communication: u16, mapping: u16, id: u32, objects: &[u32], steps: &mut Vec<Step>) {
     const OFF: u32 = 1 << 31;
     if objects.is_empty() {
@@ -131,9 +141,21 @@ impl Setup {
             };
             let command = [0x6040_0010, target, 0x60B2_0010];
             let n_objects = if wanted.torque_offset { 3 } else { 2 };
-            pdo(0x1400, 0x1600, 0x200 + node, command.get(..n_objects).unwrap_or_default(), &mut steps);
+            pdo(
+                0x1400,
+                0x1600,
+                0x200 + node,
+                command.get(..n_objects).unwrap_or_default(),
+                &mut steps,
+            );
             pdo(0x1800, 0x1A00, 0x180 + node, &[0x6041_0010, 0x6064_0020, 0x6077_0010], &mut steps);
-            pdo(0x1801, 0x1A01, 0x280 + node, if wanted.velocity_feedback { &[0x606C_0020] } else { &[] }, &mut steps);
+            pdo(
+                0x1801,
+                0x1A01,
+                0x280 + node,
+                if wanted.velocity_feedback { &[0x606C_0020] } else { &[] },
+                &mut steps,
+            );
         }
         steps.push(Step::Write(0x6060, 0, 1, u32::from(mode_of(wanted.mode))));
         if wanted.period_ns > 0 && matches!(wanted.mode, Mode::Position | Mode::Velocity) {
@@ -146,7 +168,12 @@ impl Setup {
         }
         if wanted.watchdog_ms > 0 {
             steps.push(Step::Offer(0x6007, 0, 2, 2));
-            steps.push(Step::Write(0x1016, 1, 4, u32::from(wanted.master) << 16 | u32::from(wanted.watchdog_ms)));
+            steps.push(Step::Write(
+                0x1016,
+                1,
+                4,
+                u32::from(wanted.master) << 16 | u32::from(wanted.watchdog_ms),
+            ));
         }
         let read_back = [(0x1016, 1), (0x6007, 0), (0x6076, 0), (0x6061, 0)];
         steps.extend(read_back.map(|(index, sub)| Step::Read(index, sub)));
@@ -165,7 +192,9 @@ impl Setup {
 
     /// The next request, or the last one again when it was not answered.
     pub(super) fn request(&mut self, now_ns: u64) -> Option<Frame> {
-        if self.fault != 0 || self.sent_ns.is_some_and(|sent| now_ns.saturating_sub(sent) < PATIENCE_NS) {
+        if self.fault != 0
+            || self.sent_ns.is_some_and(|sent| now_ns.saturating_sub(sent) < PATIENCE_NS)
+        {
             return None;
         }
         let node = self.wanted.node;
@@ -175,7 +204,9 @@ impl Setup {
                 self.proceed();
                 Frame::classic(Id::Standard(0), &[command, node as u8])
             }
-            Step::Write(index, sub, len, value) | Step::Offer(index, sub, len, value) => write(node, index, sub, len, value),
+            Step::Write(index, sub, len, value) | Step::Offer(index, sub, len, value) => {
+                write(node, index, sub, len, value)
+            }
             Step::Read(index, sub) => read(node, index, sub),
         }
     }
@@ -194,14 +225,18 @@ impl Setup {
         let n_bytes = if command & 0x01 != 0 { 4 - (command >> 2 & 3) } else { 4 };
         let value = u32::from_le_bytes([a, b, c, d]) & (u32::MAX >> (8 * (4 - u32::from(n_bytes))));
         match self.steps.get(self.next) {
-            Some(Step::Write(i, s, ..)) if (*i, *s) == (index, sub) && (is_refused || command == 0x60) => {
+            Some(Step::Write(i, s, ..))
+                if (*i, *s) == (index, sub) && (is_refused || command == 0x60) =>
+            {
                 if is_refused {
                     self.fault = fault::SETTING_REFUSED;
                 } else {
                     self.proceed();
                 }
             }
-            Some(Step::Offer(i, s, _, value)) if (*i, *s) == (index, sub) && (is_refused || command == 0x60) => {
+            Some(Step::Offer(i, s, _, value))
+                if (*i, *s) == (index, sub) && (is_refused || command == 0x60) =>
+            {
                 // a number in a unit that the drive has not is no time: it keeps its own
                 let is_unit = (index, sub) == (0x60C2, 2) && *value != MILLISECONDS;
                 self.proceed();
@@ -209,7 +244,9 @@ impl Setup {
                     self.proceed();
                 }
             }
-            Some(Step::Read(i, s)) if (*i, *s) == (index, sub) && (is_refused || command & 0xE2 == 0x42) => {
+            Some(Step::Read(i, s))
+                if (*i, *s) == (index, sub) && (is_refused || command & 0xE2 == 0x42) =>
+            {
                 self.judge(index, (!is_refused).then_some(value));
                 self.proceed();
             }
@@ -218,7 +255,9 @@ impl Setup {
         if command & 0xE2 != 0x42 {
             return if is_refused || command == 0x60 { Receipt::Noted } else { Receipt::Malformed };
         }
-        let Some(parameter) = READABLE.iter().position(|(i, s, _)| (*i, *s) == (index, sub)) else { return Receipt::Noted };
+        let Some(parameter) = READABLE.iter().position(|(i, s, _)| (*i, *s) == (index, sub)) else {
+            return Receipt::Noted;
+        };
         let is_signed = READABLE.get(parameter).is_some_and(|(_, _, is_signed)| *is_signed);
         let unused = 8 * (4 - u32::from(n_bytes));
         let signed = (value << unused) as i32 >> unused;
@@ -229,20 +268,29 @@ impl Setup {
         match (index, value) {
             (0x1016, Some(value)) => {
                 let is_ours = value >> 16 & 0x7F == u32::from(self.wanted.master);
-                self.watchdog = if is_ours && value & 0xFFFF > 0 { Watchdog::Set(value & 0xFFFF) } else { Watchdog::Off };
+                self.watchdog = if is_ours && value & 0xFFFF > 0 {
+                    Watchdog::Set(value & 0xFFFF)
+                } else {
+                    Watchdog::Off
+                };
             }
             (0x1016, None) => self.watchdog = Watchdog::Unreadable,
-            // when the heartbeat is late: nothing; fault, no voltage or quick stop; what only the maker knows
+            // when the heartbeat is late: nothing; fault, no voltage or quick stop; what only the
+            // maker knows
             (0x6007, Some(0)) => self.watchdog = Watchdog::Off,
             (0x6007, Some(1..=3)) => {}
-            (0x6007, _) if matches!(self.watchdog, Watchdog::Set(_)) => self.watchdog = Watchdog::Unreadable,
+            (0x6007, _) if matches!(self.watchdog, Watchdog::Set(_)) => {
+                self.watchdog = Watchdog::Unreadable
+            }
             (0x6076, Some(value)) => {
                 let (read, configured) = (f64::from(value) / 1000.0, self.wanted.rated_torque);
                 if (read - configured).abs() > SAME_TORQUE * configured + 1e-3 {
                     self.fault = fault::RANGES_DIFFER;
                 }
             }
-            (0x6061, Some(value)) if value != u32::from(mode_of(self.wanted.mode)) => self.fault = fault::MODE_REFUSED,
+            (0x6061, Some(value)) if value != u32::from(mode_of(self.wanted.mode)) => {
+                self.fault = fault::MODE_REFUSED
+            }
             (0x6076 | 0x6061, None) => self.fault = fault::SETTING_REFUSED,
             _ => {}
         }

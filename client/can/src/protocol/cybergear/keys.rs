@@ -4,9 +4,24 @@ use crate::drive::Parameter;
 use crate::protocol::{Key, KeyKind};
 
 pub(super) const KEYS: &[Key] = &[
-    Key { name: "model", kind: KeyKind::Word(&["cybergear", "robstride"]), default: Some("cybergear"), about: "whose motor it is" },
-    Key { name: "id", kind: KeyKind::Integer(0, 127), default: None, about: "identifier of the motor" },
-    Key { name: "host_id", kind: KeyKind::Integer(0, 255), default: Some("253"), about: "identifier of this side" },
+    Key {
+        name: "model",
+        kind: KeyKind::Word(&["cybergear", "robstride"]),
+        default: Some("cybergear"),
+        about: "whose motor it is",
+    },
+    Key {
+        name: "id",
+        kind: KeyKind::Integer(0, 127),
+        default: None,
+        about: "identifier of the motor",
+    },
+    Key {
+        name: "host_id",
+        kind: KeyKind::Integer(0, 255),
+        default: Some("253"),
+        about: "identifier of this side",
+    },
     Key {
         name: "position_range",
         kind: KeyKind::Number(1e-3, 1e5),

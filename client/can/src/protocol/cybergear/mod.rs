@@ -1,17 +1,22 @@
 //! CyberGear, and RobStride motors in their private protocol.
 //!
-//! Sources: Xiaomi CyberGear instruction manual, chapter 4; RobStride 00 manual, "private communication protocol".
+//! Sources: Xiaomi CyberGear instruction manual, chapter 4; RobStride 00 manual, "private
+//! communication protocol".
 //!
 //! - Extended identifier: kind in bits 28 … 24, data in 23 … 8, receiver in 7 … 0. 8 data bytes.
-//! - 1 set-point: the identifier's data is the torque; bytes position, velocity, stiffness, damping, each 16 bits big-endian. Code 0 is the low
-//!   end of a range and FFFF the high end: ± `position_range` rad, ± `velocity_range` rad/s, ± `torque_range` N m, 0 … `stiffness_range`
-//!   N m/rad, 0 … `damping_range` N m s/rad. 3 power on, 4 power off (byte 0 = 1: forget faults), 6 zero here (byte 0 = 1), 17 read and 18
-//!   write a parameter: index u16, 0 0, value of 4 bytes, little-endian. There the identifier's data is the host.
-//! - 2 feedback to the host: data = mode (2 bits: 0 reset, 1 calibration, 2 runs), faults (6 bits), motor (8 bits); bytes position, velocity,
-//!   torque, temperature × 10, big-endian. 17 answers a read, 21 tells faults u32 and warnings u32, 0 answers who is there.
+//! - 1 set-point: the identifier's data is the torque; bytes position, velocity, stiffness,
+//!   damping, each 16 bits big-endian. Code 0 is the low end of a range and FFFF the high end: ±
+//!   `position_range` rad, ± `velocity_range` rad/s, ± `torque_range` N m, 0 … `stiffness_range` N
+//!   m/rad, 0 … `damping_range` N m s/rad. 3 power on, 4 power off (byte 0 = 1: forget faults), 6
+//!   zero here (byte 0 = 1), 17 read and 18 write a parameter: index u16, 0 0, value of 4 bytes,
+//!   little-endian. There the identifier's data is the host.
+//! - 2 feedback to the host: data = mode (2 bits: 0 reset, 1 calibration, 2 runs), faults (6 bits),
+//!   motor (8 bits); bytes position, velocity, torque, temperature × 10, big-endian. 17 answers a
+//!   read, 21 tells faults u32 and warnings u32, 0 answers who is there.
 //!
-//! Around zero a range has no code for zero: the two codes beside it are sent in turn. Beyond ± `position_range` the feedback is followed,
-//! and told as a fault. The motor's watchdog is the parameter canTimeout in units of 50 µs; it is off as motors are delivered.
+//! Around zero a range has no code for zero: the two codes beside it are sent in turn. Beyond ±
+//! `position_range` the feedback is followed, and told as a fault. The motor's watchdog is the
+//! parameter canTimeout in units of 50 µs; it is off as motors are delivered.
 
 mod keys;
 
@@ -20,7 +25,10 @@ use super::scale::Scale;
 use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
+use crate::drive::{
+    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
+    Wish,
+};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::{INDICES, KEYS, PARAMETERS, RUN_MODE};
 use sarrus_models::Findings;
@@ -100,7 +108,12 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
             *range = settings.number(key);
         } else if !is_cybergear {
             let found = format!("the drive has no `{key}`");
-            findings.error(settings.place("model"), found, "the range of this RobStride", "add it from the motor's manual");
+            findings.error(
+                settings.place("model"),
+                found,
+                "the range of this RobStride",
+                "add it from the motor's manual",
+            );
             good = false;
         }
     }
@@ -214,7 +227,11 @@ impl CyberGear {
         }
         if index == self.watchdog_index && index != 0 {
             if self.step == Step::ReadTimeout {
-                self.watchdog = if number == 0 { Watchdog::Off } else { Watchdog::Set((number / TIMEOUT_PER_MS).max(1)) };
+                self.watchdog = if number == 0 {
+                    Watchdog::Off
+                } else {
+                    Watchdog::Set((number / TIMEOUT_PER_MS).max(1))
+                };
                 let is_wanted = self.watchdog_ms == 0 || number == self.timeout();
                 self.step = if is_wanted { Step::Done } else { Step::WriteTimeout };
             }
@@ -222,7 +239,9 @@ impl CyberGear {
         }
         match INDICES.iter().position(|known| *known == index) {
             Some(0) => Receipt::Parameter(0, f64::from(a)),
-            Some(parameter) => Receipt::Parameter(parameter, f64::from(f32::from_le_bytes([a, b, c, d]))),
+            Some(parameter) => {
+                Receipt::Parameter(parameter, f64::from(f32::from_le_bytes([a, b, c, d])))
+            }
             None => Receipt::Noted,
         }
     }
@@ -298,14 +317,17 @@ impl Drive for CyberGear {
     fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
         let Id::Extended(id) = frame.id else { return Receipt::NotMine };
         let (kind, data, receiver) = (id >> 24, id >> 8 & 0xFFFF, id & 0xFF);
-        // a set-point has no room for the host's identifier: its answer goes to the one that the motor keeps, 0 as delivered
+        // a set-point has no room for the host's identifier: its answer goes to the one that the
+        // motor keeps, 0 as delivered
         let is_ours = receiver == self.host || (kind == FEEDBACK && receiver == 0);
         let is_answer = matches!(kind, FEEDBACK | READ | FAULTS) && is_ours;
         let is_who = kind == WHO && receiver == 0xFE;
         if data & 0xFF != self.id || !(is_answer || is_who) {
             return Receipt::NotMine;
         }
-        let Some(bytes) = frame.exactly::<8>().filter(|_| !frame.is_fd()) else { return Receipt::Malformed };
+        let Some(bytes) = frame.exactly::<8>().filter(|_| !frame.is_fd()) else {
+            return Receipt::Malformed;
+        };
         match kind {
             FEEDBACK => self.feedback(data, bytes),
             // the upper half of the data tells that the parameter does not exist
@@ -351,11 +373,18 @@ impl Drive for CyberGear {
 
     /// Power on, and feedback without faults: they stand for all kinds of frames of this motor.
     fn identifiers(&self) -> Vec<Id> {
-        vec![Id::Extended(POWER_ON << 24 | self.host << 8 | self.id), Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host)]
+        vec![
+            Id::Extended(POWER_ON << 24 | self.host << 8 | self.id),
+            Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host),
+        ]
     }
 
     fn replies(&self) -> Vec<Reply> {
-        vec![Reply { id: Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host), kind: FrameKind::Classic, len: 8 }]
+        vec![Reply {
+            id: Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host),
+            kind: FrameKind::Classic,
+            len: 8,
+        }]
     }
 
     fn probe(&mut self, out: &mut FrameQueue) {

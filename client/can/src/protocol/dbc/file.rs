@@ -1,7 +1,7 @@
 //! DBC files: the messages and signals in them.
 //!
-//! Source: Vector, "DBC File Format Documentation" 1.0.5: `BO_` messages, `SG_` signals, `SIG_VALTYPE_` floats. Everything else in a file is
-//! passed over.
+//! Source: Vector, "DBC File Format Documentation" 1.0.5: `BO_` messages, `SG_` signals,
+//! `SIG_VALTYPE_` floats. Everything else in a file is passed over.
 
 /// A message.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,8 @@ pub(super) struct Signal {
     pub(super) offset: f64,
 }
 
-/// The message under which tools keep signals of no message: it has no bytes, and an identifier that is none.
+/// The message under which tools keep signals of no message: it has no bytes, and an identifier
+/// that is none.
 const NO_MESSAGE: (&str, &str) = ("VECTOR__INDEPENDENT_SIG_MSG", "3221225472");
 
 /// A fault and its line.
@@ -63,13 +64,19 @@ pub(super) fn parse(text: &str) -> Result<Vec<Message>, Fault> {
             if !is_message {
                 continue;
             }
-            messages.push(message(rest).ok_or_else(|| told("`BO_` is not followed by identifier, name: and length"))?);
+            messages
+                .push(message(rest).ok_or_else(|| {
+                    told("`BO_` is not followed by identifier, name: and length")
+                })?);
         } else if let Some(rest) = line.strip_prefix("SG_ ") {
             if !is_message {
                 continue;
             }
-            let signal = signal(rest).ok_or_else(|| told("`SG_` is not followed by name : start|length@order (factor,offset)"))?;
-            let message = messages.last_mut().ok_or_else(|| told("a signal stands before all messages"))?;
+            let signal = signal(rest).ok_or_else(|| {
+                told("`SG_` is not followed by name : start|length@order (factor,offset)")
+            })?;
+            let message =
+                messages.last_mut().ok_or_else(|| told("a signal stands before all messages"))?;
             if !signal.fits(message.len) {
                 return Err(told("a signal does not fit into its message"));
             }
@@ -78,7 +85,8 @@ pub(super) fn parse(text: &str) -> Result<Vec<Message>, Fault> {
             if rest.split_whitespace().next() == Some(NO_MESSAGE.1) {
                 continue;
             }
-            float(rest, &mut messages).ok_or_else(|| told("`SIG_VALTYPE_` names no signal of 32 or 64 bits"))?;
+            float(rest, &mut messages)
+                .ok_or_else(|| told("`SIG_VALTYPE_` names no signal of 32 or 64 bits"))?;
         } else if line.starts_with("SG_MUL_VAL_ ") {
             return Err(told("switches of switches (`SG_MUL_VAL_`) are not known"));
         }
@@ -117,7 +125,11 @@ fn signal(rest: &str) -> Option<Signal> {
     let (factor, offset) = scale.split_once(')')?.0.split_once(',')?;
     let (factor, offset): (f64, f64) = (factor.trim().parse().ok()?, offset.trim().parse().ok()?);
     let (start, bits) = (start.trim().parse().ok()?, bits.trim().parse().ok()?);
-    let is_good = factor.is_finite() && factor != 0.0 && offset.is_finite() && (1..=64).contains(&bits) && start < 512;
+    let is_good = factor.is_finite()
+        && factor != 0.0
+        && offset.is_finite()
+        && (1..=64).contains(&bits)
+        && start < 512;
     is_good.then_some(Signal { name, multiplexing, start, bits, is_intel, kind, factor, offset })
 }
 
@@ -139,8 +151,8 @@ fn float(rest: &str, messages: &mut [Message]) -> Option<()> {
 impl Signal {
     /// Place of bit `i`, from the lowest: byte, and bit in it.
     ///
-    /// Intel counts on from the start bit, which is the lowest. With Motorola the start bit is the highest; the next lower ones follow down
-    /// in its byte and then from bit 7 of the next byte.
+    /// Intel counts on from the start bit, which is the lowest. With Motorola the start bit is the
+    /// highest; the next lower ones follow down in its byte and then from bit 7 of the next byte.
     fn place(&self, i: u32) -> (usize, u32) {
         if self.is_intel {
             let bit = self.start + i;
@@ -186,7 +198,8 @@ impl Signal {
         number * self.factor + self.offset
     }
 
-    /// Sets the physical value: the nearest one, or the end that it is beyond; NaN is the value of raw 0.
+    /// Sets the physical value: the nearest one, or the end that it is beyond; NaN is the value of
+    /// raw 0.
     pub(super) fn set_value(&self, value: f64, bytes: &mut [u8]) {
         let number = (value - self.offset) / self.factor;
         let number = if number.is_nan() { 0.0 } else { number };
@@ -194,9 +207,14 @@ impl Signal {
         let unused = 64 - self.bits;
         let raw = match self.kind {
             // casts saturate; ends of 64 bits are no singles of their own
-            Kind::Unsigned => (number.round().clamp(0.0, 2.0 * half) as u64).min(u64::MAX >> unused),
-            Kind::Signed => (number.round().clamp(-half, half) as i64).min((u64::MAX >> unused >> 1) as i64) as u64,
-            Kind::Single => u64::from((number.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32).to_bits()),
+            Kind::Unsigned => {
+                (number.round().clamp(0.0, 2.0 * half) as u64).min(u64::MAX >> unused)
+            }
+            Kind::Signed => (number.round().clamp(-half, half) as i64)
+                .min((u64::MAX >> unused >> 1) as i64) as u64,
+            Kind::Single => {
+                u64::from((number.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32).to_bits())
+            }
             Kind::Double => number.clamp(f64::MIN, f64::MAX).to_bits(),
         };
         self.set_raw(raw, bytes);

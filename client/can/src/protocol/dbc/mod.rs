@@ -1,21 +1,27 @@
 //! Any motor whose frames a DBC file describes.
 //!
-//! The settings say which of the file's signals, written `Message.Signal`, is what: set-points that are sent, and what the motor tells.
-//! Every message with a signal that is sent goes out in each cycle, once for each value of its switch that those signals need; its other
-//! signals are raw 0 unless `constants` says otherwise. Intel and Motorola, signed, scaled and IEEE 754 signals; values saturate.
-//! Units: `position_unit` and so on are how many rad, rad/s, N m, N m/rad and N m s/rad are 1 of the file.
+//! The settings say which of the file's signals, written `Message.Signal`, is what: set-points that
+//! are sent, and what the motor tells. Every message with a signal that is sent goes out in each
+//! cycle, once for each value of its switch that those signals need; its other signals are raw 0
+//! unless `constants` says otherwise. Intel and Motorola, signed, scaled and IEEE 754 signals;
+//! values saturate. Units: `position_unit` and so on are how many rad, rad/s, N m, N m/rad and N m
+//! s/rad are 1 of the file.
 //!
-//! The motor has power while `enable` has the value `enable_value`. Without power it is told the position that it measured, and nothing
-//! else; the first set-point goes out a cycle before power. In each cycle the frames with `enable` come last when they give power and first
-//! when they take it. What the motor told counts for `stale_ms`: later there is no velocity and torque, and where `fault` or `enabled` have
-//! stopped, that is a fault. A DBC file says nothing of a watchdog: it cannot be read.
+//! The motor has power while `enable` has the value `enable_value`. Without power it is told the
+//! position that it measured, and nothing else; the first set-point goes out a cycle before power.
+//! In each cycle the frames with `enable` come last when they give power and first when they take
+//! it. What the motor told counts for `stale_ms`: later there is no velocity and torque, and where
+//! `fault` or `enabled` have stopped, that is a fault. A DBC file says nothing of a watchdog: it
+//! cannot be read.
 
 mod file;
 mod signals;
 
 use super::number::limited;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
+use crate::drive::{
+    Drive, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog, Wish,
+};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use sarrus_models::Findings;
 use signals::{Finder, Named, Role, Sent, Told, frames, value};
@@ -36,7 +42,11 @@ pub(super) const DBC: Protocol = Protocol {
         signal("torque", Some(""), "signal of the wanted torque"),
         signal("stiffness", Some(""), "signal of the wanted stiffness"),
         signal("damping", Some(""), "signal of the wanted damping"),
-        signal("constants", Some(""), "values of other signals that are sent: Message.Signal=1, Message.Other=2"),
+        signal(
+            "constants",
+            Some(""),
+            "values of other signals that are sent: Message.Signal=1, Message.Other=2",
+        ),
         signal("measured_position", None, "signal of the measured position"),
         signal("measured_velocity", Some(""), "signal of the measured velocity"),
         signal("measured_torque", Some(""), "signal of the measured torque"),
@@ -107,13 +117,19 @@ struct Dbc {
 }
 
 const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
-const UNITS: [&str; 5] = ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
+const UNITS: [&str; 5] =
+    ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
 
 fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
     let messages = match file::parse(settings.text("file")) {
         Ok(messages) => messages,
         Err((line, what)) => {
-            findings.error(settings.place("file"), format!("line {line} of the DBC file: {what}"), "a DBC file", "mend it there");
+            findings.error(
+                settings.place("file"),
+                format!("line {line} of the DBC file: {what}"),
+                "a DBC file",
+                "mend it there",
+            );
             return None;
         }
     };
@@ -124,11 +140,21 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         wanted.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
     }
     for constant in settings.text("constants").split(',').filter(|text| !text.trim().is_empty()) {
-        match constant.split_once('=').map(|(name, value)| (name.trim(), value.trim().parse::<f64>())) {
+        match constant
+            .split_once('=')
+            .map(|(name, value)| (name.trim(), value.trim().parse::<f64>()))
+        {
             Some((name, Ok(value))) if value.is_finite() => {
-                wanted.extend(finder.named("constants", name).map(|named| (named, Role::Constant(value))));
+                wanted.extend(
+                    finder.named("constants", name).map(|named| (named, Role::Constant(value))),
+                );
             }
-            _ => finder.wrong("constants", format!("`{constant}` is no constant"), "Message.Signal=number", "correct it"),
+            _ => finder.wrong(
+                "constants",
+                format!("`{constant}` is no constant"),
+                "Message.Signal=number",
+                "correct it",
+            ),
         }
     }
     let needed: &[usize] = match common.mode {
@@ -145,9 +171,11 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
     }
     let position = finder.told("measured_position");
     let [velocity, torque, temperature, fault, enabled] =
-        ["measured_velocity", "measured_torque", "temperature", "fault", "enabled"].map(|key| finder.told(key));
+        ["measured_velocity", "measured_torque", "temperature", "fault", "enabled"]
+            .map(|key| finder.told(key));
     let units = UNITS.map(|key| settings.number(key));
-    if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key)) {
+    if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key))
+    {
         finder.wrong(key, format!("`{key}` is 0"), "what 1 of the file is", "correct it");
     }
     let sent = frames(wanted).unwrap_or_else(|switch| {
@@ -196,17 +224,26 @@ impl Dbc {
         };
         // no power before its set-point, and no set-point before power is gone
         for has_power in [!power, power] {
-            self.sent.iter().filter(|sent| sent.has_power() == has_power).for_each(|sent| out.push_some(sent.frame(value)));
+            self.sent
+                .iter()
+                .filter(|sent| sent.has_power() == has_power)
+                .for_each(|sent| out.push_some(sent.frame(value)));
         }
     }
 
     /// What keeps the motor where it is.
     fn neutral(&self) -> Setpoint {
-        Setpoint { position: if self.place.is_finite() { self.place } else { 0.0 }, ..Setpoint::default() }
+        Setpoint {
+            position: if self.place.is_finite() { self.place } else { 0.0 },
+            ..Setpoint::default()
+        }
     }
 
     fn told(&self) -> impl Iterator<Item = &Told> {
-        [&self.velocity, &self.torque, &self.temperature, &self.fault, &self.enabled].into_iter().flatten().chain([&self.position])
+        [&self.velocity, &self.torque, &self.temperature, &self.fault, &self.enabled]
+            .into_iter()
+            .flatten()
+            .chain([&self.position])
     }
 
     /// What the motor tells of its fault and power.
@@ -229,7 +266,9 @@ impl Dbc {
 impl Drive for Dbc {
     fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
         self.silent = self.is_silent(now_ns);
-        let is_ready = self.place.is_finite() && self.state().power != Power::Unknown && self.state().fault == 0;
+        let is_ready = self.place.is_finite()
+            && self.state().power != Power::Unknown
+            && self.state().fault == 0;
         match (wish, self.stage) {
             (Wish::On(wanted), Stage::Told | Stage::Asked) => {
                 self.stage = Stage::Asked;
@@ -256,7 +295,11 @@ impl Drive for Dbc {
     }
 
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
-        let Some(len) = self.told().find(|told| told.named.id == frame.id).map(|told| told.named.len) else { return Receipt::NotMine };
+        let Some(len) =
+            self.told().find(|told| told.named.id == frame.id).map(|told| told.named.len)
+        else {
+            return Receipt::NotMine;
+        };
         if frame.is_fd() || frame.data().len() != len {
             return Receipt::Malformed;
         }
@@ -267,14 +310,17 @@ impl Drive for Dbc {
         take(&mut self.temperature, 1.0);
         if let Some(value) = take(&mut self.fault, 1.0) {
             // any number that is not 0 is a fault, NaN too; larger ones are the drives' own
-            self.code = if value == 0.0 { 0 } else { (value.abs() as u32).clamp(1, i32::MAX as u32) };
+            self.code =
+                if value == 0.0 { 0 } else { (value.abs() as u32).clamp(1, i32::MAX as u32) };
         }
         if let Some(value) = take(&mut self.enabled, 1.0) {
             let is_on = value == self.enabled_value;
             self.powered(is_on);
         }
         self.silent = self.is_silent(now_ns);
-        let Some(position) = self.position.take(now_ns, frame, position_unit) else { return Receipt::Noted };
+        let Some(position) = self.position.take(now_ns, frame, position_unit) else {
+            return Receipt::Noted;
+        };
         self.not_finite = !position.is_finite();
         if self.not_finite {
             return Receipt::Malformed;
@@ -309,13 +355,22 @@ impl Drive for Dbc {
 
     fn forget(&mut self) {
         let Dbc { position, velocity, torque, temperature, fault, enabled, .. } = self;
-        [velocity, torque, temperature, fault, enabled].into_iter().flatten().chain([position]).for_each(Told::forget);
+        [velocity, torque, temperature, fault, enabled]
+            .into_iter()
+            .flatten()
+            .chain([position])
+            .for_each(Told::forget);
         (self.silent, self.place, self.code, self.not_finite) = (false, f64::NAN, 0, false);
         (self.power, self.stage) = (Power::Unknown, Stage::Off);
     }
 
     fn identifiers(&self) -> Vec<Id> {
-        let mut ids: Vec<Id> = self.sent.iter().map(|sent| sent.id).chain(self.told().map(|told| told.named.id)).collect();
+        let mut ids: Vec<Id> = self
+            .sent
+            .iter()
+            .map(|sent| sent.id)
+            .chain(self.told().map(|told| told.named.id))
+            .collect();
         ids.sort_unstable();
         ids.dedup();
         ids

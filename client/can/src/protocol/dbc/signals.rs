@@ -1,4 +1,5 @@
-//! The signals that settings name: those that are sent, frame by frame, and those that the motor tells, with when it told them.
+//! The signals that settings name: those that are sent, frame by frame, and those that the motor
+//! tells, with when it told them.
 
 use super::super::Settings;
 use super::file::{Message, Multiplexing, Signal};
@@ -56,21 +57,37 @@ impl Sent {
     }
 }
 
-/// The frames that hold all these signals: one for each value of a message's switch that they need. What is in the message whatever its
-/// switch says goes into each of them. The name of a signal that is a message's switch and cannot have a value of its own is the error.
+/// The frames that hold all these signals: one for each value of a message's switch that they need.
+/// What is in the message whatever its switch says goes into each of them. The name of a signal
+/// that is a message's switch and cannot have a value of its own is the error.
 pub(super) fn frames(wanted: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
-    let switched: Vec<Id> = wanted.iter().filter(|(named, _)| named.switch.is_some()).map(|(named, _)| named.id).collect();
+    let switched: Vec<Id> = wanted
+        .iter()
+        .filter(|(named, _)| named.switch.is_some())
+        .map(|(named, _)| named.id)
+        .collect();
     let is_switched = |named: &Named| switched.contains(&named.id);
-    let (everywhere, others): (Vec<_>, Vec<_>) = wanted.into_iter().partition(|(named, _)| named.switch.is_none() && is_switched(named));
-    if let Some((switch, _)) = everywhere.iter().find(|(named, _)| named.signal.multiplexing == Multiplexing::Switch) {
+    let (everywhere, others): (Vec<_>, Vec<_>) =
+        wanted.into_iter().partition(|(named, _)| named.switch.is_none() && is_switched(named));
+    if let Some((switch, _)) =
+        everywhere.iter().find(|(named, _)| named.signal.multiplexing == Multiplexing::Switch)
+    {
         return Err(switch.signal.name.clone());
     }
     let mut sent: Vec<Sent> = Vec::new();
     for (named, role) in others {
         let value = |switch: &Option<(Signal, u64)>| switch.as_ref().map(|(_, value)| *value);
-        match sent.iter_mut().find(|sent| sent.id == named.id && value(&sent.switch) == value(&named.switch)) {
+        match sent
+            .iter_mut()
+            .find(|sent| sent.id == named.id && value(&sent.switch) == value(&named.switch))
+        {
             Some(sent) => sent.signals.push((named.signal, role)),
-            None => sent.push(Sent { id: named.id, len: named.len, switch: named.switch, signals: vec![(named.signal, role)] }),
+            None => sent.push(Sent {
+                id: named.id,
+                len: named.len,
+                switch: named.switch,
+                signals: vec![(named.signal, role)],
+            }),
         }
     }
     for (named, role) in everywhere {
@@ -85,7 +102,8 @@ impl Told {
     /// Takes the value times a unit, if this frame holds it. A number that is not finite is none.
     pub(super) fn take(&mut self, now_ns: u64, frame: &Frame, unit: f64) -> Option<f64> {
         let Named { id, switch, signal, .. } = &self.named;
-        let is_there = switch.as_ref().is_none_or(|(switch, value)| switch.raw(frame.data()) == *value);
+        let is_there =
+            switch.as_ref().is_none_or(|(switch, value)| switch.raw(frame.data()) == *value);
         if frame.id != *id || !is_there {
             return None;
         }
@@ -141,19 +159,32 @@ impl Finder<'_> {
         let found = name.split_once('.').and_then(|(message, signal)| {
             let message = self.messages.iter().find(|known| known.name == message)?;
             let signal = message.signals.iter().find(|known| known.name == signal)?;
-            let switch = message.signals.iter().find(|known| known.multiplexing == Multiplexing::Switch);
+            let switch =
+                message.signals.iter().find(|known| known.multiplexing == Multiplexing::Switch);
             let switch = match signal.multiplexing {
                 Multiplexing::While(value) => Some((switch?.clone(), value)),
                 Multiplexing::Always | Multiplexing::Switch => None,
             };
-            let id = if message.id >> 31 == 1 { Id::Extended(message.id & 0x1FFF_FFFF) } else { Id::Standard(message.id as u16) };
+            let id = if message.id >> 31 == 1 {
+                Id::Extended(message.id & 0x1FFF_FFFF)
+            } else {
+                Id::Standard(message.id as u16)
+            };
             Some(Named { id, len: message.len, switch, signal: signal.clone() })
         });
         match found {
             Some(named) if named.len <= 8 => Some(named),
             _ => {
-                let found = format!("`{key}` names {}, which the DBC file has not", sarrus_models::yaml::quoted(name));
-                self.wrong(key, found, "Message.Signal of a message with at most 8 bytes", "correct the name");
+                let found = format!(
+                    "`{key}` names {}, which the DBC file has not",
+                    sarrus_models::yaml::quoted(name)
+                );
+                self.wrong(
+                    key,
+                    found,
+                    "Message.Signal of a message with at most 8 bytes",
+                    "correct the name",
+                );
                 None
             }
         }

@@ -1,7 +1,8 @@
 //! Registers of Damiao motors: read, written and compared while the motor has no power.
 //!
-//! Source: DM-J4310-2EC manual V1.1 and the register table of the debugging tool. Requests go to 7FF as [id low, id high, 33 read | 55
-//! write, register, 4 bytes little-endian]; the motor answers with the same 8 bytes on its reply identifier.
+//! Source: DM-J4310-2EC manual V1.1 and the register table of the debugging tool. Requests go to
+//! 7FF as [id low, id high, 33 read | 55 write, register, 4 bytes little-endian]; the motor answers
+//! with the same 8 bytes on its reply identifier.
 
 use crate::drive::{Parameter, Receipt, Watchdog};
 use crate::frame::{Frame, Id};
@@ -78,7 +79,14 @@ pub(super) struct Registers {
 impl Registers {
     /// For a motor whose ranges are said to be ± `ranges` of position, velocity and torque.
     pub(super) fn new(id: u16, watchdog_ms: u32, ranges: [f64; 3]) -> Registers {
-        Registers { id, watchdog_ms, ranges, step: Step::WriteMode, watchdog: Watchdog::Unknown, fault: 0 }
+        Registers {
+            id,
+            watchdog_ms,
+            ranges,
+            step: Step::WriteMode,
+            watchdog: Watchdog::Unknown,
+            fault: 0,
+        }
     }
 
     /// Begins again.
@@ -128,11 +136,14 @@ impl Registers {
 
     /// Takes the motor's answer; `None` when the bytes are none.
     ///
-    /// An answer looks like the feedback of a motor without power that stands at the lower end of its range. There every request's answer,
-    /// also a late one, must be taken for an answer: as feedback it would be a jump.
+    /// An answer looks like the feedback of a motor without power that stands at the lower end of
+    /// its range. There every request's answer, also a late one, must be taken for an answer: as
+    /// feedback it would be a jump.
     pub(super) fn receive(&mut self, bytes: [u8; 8]) -> Option<Receipt> {
         let [low, high, what, register, a, b, c, d] = bytes;
-        let mine = [low, high] == self.id.to_le_bytes() && matches!(what, READ | WRITE | SAVE) && register <= LAST;
+        let mine = [low, high] == self.id.to_le_bytes()
+            && matches!(what, READ | WRITE | SAVE)
+            && register <= LAST;
         if !mine {
             return None;
         }
@@ -141,9 +152,15 @@ impl Registers {
         let [position, velocity, torque] = self.ranges;
         let next = match (self.step, what, register) {
             (Step::WriteMode, WRITE, CONTROL_MODE) if self.watchdog_ms > 0 => Step::WriteTimeout,
-            (Step::WriteMode, WRITE, CONTROL_MODE) | (Step::WriteTimeout, WRITE, TIMEOUT) => Step::ReadTimeout,
+            (Step::WriteMode, WRITE, CONTROL_MODE) | (Step::WriteTimeout, WRITE, TIMEOUT) => {
+                Step::ReadTimeout
+            }
             (Step::ReadTimeout, READ, TIMEOUT) => {
-                self.watchdog = if number == 0 { Watchdog::Off } else { Watchdog::Set((number / TIMEOUT_PER_MS).max(1)) };
+                self.watchdog = if number == 0 {
+                    Watchdog::Off
+                } else {
+                    Watchdog::Set((number / TIMEOUT_PER_MS).max(1))
+                };
                 Step::ReadMode
             }
             (Step::ReadMode, READ, CONTROL_MODE) => {

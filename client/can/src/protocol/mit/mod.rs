@@ -1,21 +1,27 @@
-//! MIT mode: position, velocity, gains and torque in one classic frame of 8 bytes, the state in the reply.
+//! MIT mode: position, velocity, gains and torque in one classic frame of 8 bytes, the state in the
+//! reply.
 //!
-//! Sources: mini cheetah motor controller firmware (Katz, MIT, CAN_com); CubeMars AK series manual V1.0.8 (`t_motor`); Damiao DM-J4310-2EC
-//! manual V1.1 (`damiao`); RobStride 00 manual, chapter "MIT protocol" (`robstride`).
+//! Sources: mini cheetah motor controller firmware (Katz, MIT, CAN_com); CubeMars AK series manual
+//! V1.0.8 (`t_motor`); Damiao DM-J4310-2EC manual V1.1 (`damiao`); RobStride 00 manual, chapter
+//! "MIT protocol" (`robstride`).
 //!
-//! - Command, standard identifier = `id`, big-endian bits: position 16, velocity 12, stiffness 12, damping 12, torque 12. Code 0 is the low
-//!   end of a range and all ones the high end: ± `position_range` rad, ± `velocity_range` rad/s, 0 … `stiffness_range` N m/rad,
-//!   0 … `damping_range` N m s/rad, ± `torque_range` N m. Ranges belong to the motor's firmware; public tables for one motor differ.
-//! - Special commands: FF ×7, then FC power on, FD power off, FE zero here, FB forget faults (Damiao and RobStride only: the others would
-//!   take FB for a set-point).
-//! - Reply on `reply_id`: byte 0 the motor's id (Damiao: id in the low, state in the high half), position 16, velocity 12, torque 12; then
-//!   nothing (`mini_cheetah`, older `t_motor`), temperature + 40 °C and error (`t_motor`), temperatures of bridge and winding (`damiao`), or the
-//!   winding's temperature × 10 in 16 bits (`robstride`).
+//! - Command, standard identifier = `id`, big-endian bits: position 16, velocity 12, stiffness 12,
+//!   damping 12, torque 12. Code 0 is the low end of a range and all ones the high end: ±
+//!   `position_range` rad, ± `velocity_range` rad/s, 0 … `stiffness_range` N m/rad, 0 …
+//!   `damping_range` N m s/rad, ± `torque_range` N m. Ranges belong to the motor's firmware; public
+//!   tables for one motor differ.
+//! - Special commands: FF ×7, then FC power on, FD power off, FE zero here, FB forget faults
+//!   (Damiao and RobStride only: the others would take FB for a set-point).
+//! - Reply on `reply_id`: byte 0 the motor's id (Damiao: id in the low, state in the high half),
+//!   position 16, velocity 12, torque 12; then nothing (`mini_cheetah`, older `t_motor`),
+//!   temperature + 40 °C and error (`t_motor`), temperatures of bridge and winding (`damiao`), or
+//!   the winding's temperature × 10 in 16 bits (`robstride`).
 //!
-//! A set-point with all of position, velocity, gains at their maximum could be byte for byte a special command: then the torque code FFA is
-//! sent, and to a RobStride, which reads more such commands, a position one step lower. Around zero a range has no code for zero: the two
-//! codes beside it are sent in turn. Beyond ± `position_range` the feedback begins again at the other end: it is followed there, and told
-//! as a fault, since no set-point can be said there.
+//! A set-point with all of position, velocity, gains at their maximum could be byte for byte a
+//! special command: then the torque code FFA is sent, and to a RobStride, which reads more such
+//! commands, a position one step lower. Around zero a range has no code for zero: the two codes
+//! beside it are sent in turn. Beyond ± `position_range` the feedback begins again at the other
+//! end: it is followed there, and told as a fault, since no set-point can be said there.
 
 mod damiao;
 
@@ -24,7 +30,10 @@ use super::scale::Scale;
 use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared, Watchdog, Wish};
+use crate::drive::{
+    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared,
+    Watchdog, Wish,
+};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use damiao::Registers;
 use sarrus_models::Findings;
@@ -42,8 +51,18 @@ pub(super) const MIT: Protocol = Protocol {
             default: None,
             about: "whose MIT mode it is",
         },
-        Key { name: "id", kind: KeyKind::Integer(1, 0x7FE), default: None, about: "identifier of the motor's commands" },
-        Key { name: "reply_id", kind: KeyKind::Integer(0, 0x7FE), default: None, about: "identifier of the motor's replies" },
+        Key {
+            name: "id",
+            kind: KeyKind::Integer(1, 0x7FE),
+            default: None,
+            about: "identifier of the motor's commands",
+        },
+        Key {
+            name: "reply_id",
+            kind: KeyKind::Integer(0, 0x7FE),
+            default: None,
+            about: "identifier of the motor's replies",
+        },
         range("position_range", "position at the end of the range [rad]"),
         range("velocity_range", "velocity at the end of the range [rad/s]"),
         range("torque_range", "torque at the end of the range [N m]"),
@@ -70,7 +89,8 @@ enum Variant {
     RobStride,
 }
 
-/// Replies after which a motor that does not tell its state counts as having power: earlier ones may answer what was said before.
+/// Replies after which a motor that does not tell its state counts as having power: earlier ones
+/// may answer what was said before.
 const REPLIES_TO_POWER: u8 = 4;
 
 #[derive(Debug)]
@@ -104,10 +124,16 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
     let (id, reply_id) = (settings.integer("id") as u16, settings.integer("reply_id") as u16);
     if id == reply_id {
         let found = format!("`id` and `reply_id` are both {id}");
-        findings.error(settings.place("reply_id"), found, "two identifiers", "set the motor's reply to another one");
+        findings.error(
+            settings.place("reply_id"),
+            found,
+            "two identifiers",
+            "set the motor's reply to another one",
+        );
         return None;
     }
-    let ranges = ["position_range", "velocity_range", "torque_range"].map(|key| settings.number(key));
+    let ranges =
+        ["position_range", "velocity_range", "torque_range"].map(|key| settings.number(key));
     let [position, velocity, torque] = ranges;
     Some(Box::new(Mit {
         variant,
@@ -120,7 +146,8 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
         torque: Scale::around_zero(torque, 12),
         stiffness: Scale::from_zero(settings.number("stiffness_range"), 12),
         damping: Scale::from_zero(settings.number("damping_range"), 12),
-        registers: (variant == Variant::Damiao).then(|| Registers::new(id, common.watchdog_ms, ranges)),
+        registers: (variant == Variant::Damiao)
+            .then(|| Registers::new(id, common.watchdog_ms, ranges)),
         stage: Stage::Off,
         power: Power::Unknown,
         motor_fault: 0,
@@ -148,7 +175,8 @@ impl Mit {
         let [k_high, k_low] = self.stiffness.code(stiffness, odd).to_be_bytes();
         let [d_high, d_low] = (self.damping.code(damping, odd) << 4).to_be_bytes();
         let [t_high, t_low] = torque.to_be_bytes();
-        let mut bytes = [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
+        let mut bytes =
+            [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
         match (&mut bytes, self.variant) {
             ([0xFF, low @ 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ..], Variant::RobStride) => *low = 0xFE,
             ([0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last @ 0xFB..=0xFE], _) => *last = 0xFA,
@@ -163,13 +191,16 @@ impl Mit {
     }
 
     fn ready(&self) -> bool {
-        self.power != Power::Unknown && self.state().fault == 0 && self.registers.is_none_or(|registers| registers.done())
+        self.power != Power::Unknown
+            && self.state().fault == 0
+            && self.registers.is_none_or(|registers| registers.done())
     }
 
     /// Without power; what is to be set and read takes every other cycle.
     fn stay_off(&mut self, out: &mut FrameQueue) {
         self.turn = !self.turn;
-        let request = if self.turn { None } else { self.registers.and_then(|registers| registers.request()) };
+        let request =
+            if self.turn { None } else { self.registers.and_then(|registers| registers.request()) };
         out.push_some(request.or_else(|| self.special(POWER_OFF)));
     }
 
@@ -192,7 +223,9 @@ impl Mit {
             Variant::MiniCheetah | Variant::TMotor | Variant::RobStride => {
                 self.motor_fault = u32::from(error);
                 self.stage = match self.stage {
-                    Stage::Asked(replies) if replies + 1 < REPLIES_TO_POWER => Stage::Asked(replies + 1),
+                    Stage::Asked(replies) if replies + 1 < REPLIES_TO_POWER => {
+                        Stage::Asked(replies + 1)
+                    }
                     Stage::Asked(_) => Stage::On,
                     stage => stage,
                 };
@@ -272,7 +305,9 @@ impl Drive for Mit {
         if !expected {
             return Receipt::Malformed;
         }
-        if let Some(receipt) = self.registers.as_mut().and_then(|registers| registers.receive(bytes)) {
+        if let Some(receipt) =
+            self.registers.as_mut().and_then(|registers| registers.receive(bytes))
+        {
             return receipt;
         }
         let [state, p_high, p_low, v_high, v_low, t_low, g, h] = bytes;
@@ -315,7 +350,8 @@ impl Drive for Mit {
     }
 
     fn forget(&mut self) {
-        (self.stage, self.turn, self.power, self.motor_fault) = (Stage::Off, false, Power::Unknown, 0);
+        (self.stage, self.turn, self.power, self.motor_fault) =
+            (Stage::Off, false, Power::Unknown, 0);
         self.turns.forget();
         self.prepare();
     }
@@ -335,8 +371,8 @@ impl Drive for Mit {
         vec![Reply { id: Id::Standard(self.reply_id), kind: FrameKind::Classic, len }]
     }
 
-    /// Damiao motors are asked for a register; the others answer set-points and special commands only, of which power off is the one that
-    /// cannot do harm.
+    /// Damiao motors are asked for a register; the others answer set-points and special commands
+    /// only, of which power off is the one that cannot do harm.
     fn probe(&mut self, out: &mut FrameQueue) {
         match &self.registers {
             Some(registers) => out.push_some(registers.probe()),

@@ -1,22 +1,28 @@
 //! moteus: registers in sub-frames of CAN FD.
 //!
-//! Source: mjbots moteus documentation, "CAN protocol" and "registers" (mjbots.github.io/moteus), firmware of 2025.
+//! Source: mjbots moteus documentation, "CAN protocol" and "registers" (mjbots.github.io/moteus),
+//! firmware of 2025.
 //!
-//! - Identifier: source << 8 | destination, bit 15 asks for an answer; extended beyond 7FF. The answer has source and destination exchanged.
-//!   FD with its bit rate switch, filled up with 50.
-//! - Sub-frames: write 00, read 10, answer 20, each + 0 int8, 4 int16, 8 int32, C single, + a count of 1 to 3 (0: the count follows); then
-//!   the first register and, but for reads, the values, little-endian. 30, 31 tell errors.
-//! - Registers: 000 mode (0 stopped, 1 fault, 2 … 4 starts, 10 position, 11 timeout), 001 position, 002 velocity, 003 torque, 00E temperature,
-//!   00F fault, 020 position, 021 velocity, 022 torque, 023 and 024 scales of the motor's own gains, 025 largest torque, 027 watchdog (0: its
-//!   own default; NaN: none), 028 and 029 limits of velocity and acceleration. Positions in turns, velocities in turns/s, torques in N m, all
-//!   at the output.
+//! - Identifier: source << 8 | destination, bit 15 asks for an answer; extended beyond 7FF. The
+//!   answer has source and destination exchanged. FD with its bit rate switch, filled up with 50.
+//! - Sub-frames: write 00, read 10, answer 20, each + 0 int8, 4 int16, 8 int32, C single, + a count
+//!   of 1 to 3 (0: the count follows); then the first register and, but for reads, the values,
+//!   little-endian. 30, 31 tell errors.
+//! - Registers: 000 mode (0 stopped, 1 fault, 2 … 4 starts, 10 position, 11 timeout), 001 position,
+//!   002 velocity, 003 torque, 00E temperature, 00F fault, 020 position, 021 velocity, 022 torque,
+//!   023 and 024 scales of the motor's own gains, 025 largest torque, 027 watchdog (0: its own
+//!   default; NaN: none), 028 and 029 limits of velocity and acceleration. Positions in turns,
+//!   velocities in turns/s, torques in N m, all at the output.
 //!
-//! A command takes 34 bytes, which FD sends as 48: mode int8, position and velocity single, torque and largest torque int16 in .01 N m, scales
-//! int16 in 1/32767, watchdog int8 in .01 s, and both limits int8 below 0: with a limit, its own or servo.default_accel_limit, a motor would
-//! follow a way to the position and not the position. In the mode torque there is no position, and it takes 24. A motor with
-//! servo.bemf_feedforward takes no command without such a limit and says so by a fault. The answer takes 24: mode, position, velocity, torque
-//! single, voltage, temperature, fault int8. The motor makes the damping's scale no larger than the stiffness's: what is left of the damping
-//! is added as torque, at the bus's rate. What it does when its watchdog ends is servo.timeout_mode.
+//! A command takes 34 bytes, which FD sends as 48: mode int8, position and velocity single, torque
+//! and largest torque int16 in .01 N m, scales int16 in 1/32767, watchdog int8 in .01 s, and both
+//! limits int8 below 0: with a limit, its own or servo.default_accel_limit, a motor would follow a
+//! way to the position and not the position. In the mode torque there is no position, and it takes
+//! 24. A motor with servo.bemf_feedforward takes no command without such a limit and says so by a
+//! fault. The answer takes 24: mode, position, velocity, torque single, voltage, temperature, fault
+//! int8. The motor makes the damping's scale no larger than the stiffness's: what is left of the
+//! damping is added as torque, at the bus's rate. What it does when its watchdog ends is
+//! servo.timeout_mode.
 
 mod subframes;
 
@@ -24,7 +30,10 @@ use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog, Wish};
+use crate::drive::{
+    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
+    Wish,
+};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use sarrus_models::Findings;
 use subframes::{EMPTY, Payload, TEMPERATURE, value, varuint};
@@ -36,8 +45,18 @@ pub(super) const MOTEUS: Protocol = Protocol {
     modes: &[Mode::Torque, Mode::Impedance, Mode::Position],
     fd: true,
     keys: &[
-        Key { name: "id", kind: KeyKind::Integer(1, 126), default: None, about: "id.id of the controller" },
-        Key { name: "source", kind: KeyKind::Integer(0, 126), default: Some("0"), about: "identifier of this side" },
+        Key {
+            name: "id",
+            kind: KeyKind::Integer(1, 126),
+            default: None,
+            about: "id.id of the controller",
+        },
+        Key {
+            name: "source",
+            kind: KeyKind::Integer(0, 126),
+            default: Some("0"),
+            about: "identifier of this side",
+        },
         Key {
             name: "kp",
             kind: KeyKind::Number(1e-6, 1e6),
@@ -113,12 +132,22 @@ const LONGEST_WATCHDOG_MS: u32 = 1270;
 fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
     if common.mode == Mode::Impedance && !(settings.has("kp") && settings.has("kd")) {
         let found = "the drive has not both of `kp` and `kd`";
-        findings.error(settings.place("kp"), found, "the controller's own gains", "add servo.pid_position.kp and .kd");
+        findings.error(
+            settings.place("kp"),
+            found,
+            "the controller's own gains",
+            "add servo.pid_position.kp and .kd",
+        );
         return None;
     }
     if common.watchdog_ms > LONGEST_WATCHDOG_MS {
         let found = format!("a watchdog of {} ms", common.watchdog_ms);
-        findings.error(settings.place("id"), found, format!("at most {LONGEST_WATCHDOG_MS} with moteus"), "make `watchdog_ms` shorter");
+        findings.error(
+            settings.place("id"),
+            found,
+            format!("at most {LONGEST_WATCHDOG_MS} with moteus"),
+            "make `watchdog_ms` shorter",
+        );
         return None;
     }
     Some(Box::new(Moteus {
@@ -165,12 +194,14 @@ impl Moteus {
         let mut torque = wanted.torque;
         if self.mode == Mode::Impedance && self.velocity.is_finite() {
             let [_, own] = self.gains;
-            torque += (wanted.damping - kd * own / TAU).max(0.0) * (wanted.velocity - self.velocity);
+            torque +=
+                (wanted.damping - kd * own / TAU).max(0.0) * (wanted.velocity - self.velocity);
         }
         let torque = steps(limited(torque, self.torque_limit), TORQUE_STEP, WHOLE) as i16;
         // rounded towards less; the lowest value means the controller's own limit
         let most = (self.torque_limit / TORQUE_STEP).floor();
-        let most = if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
+        let most =
+            if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
         let scale = |gain: f64| (steps(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16).to_le_bytes();
         let payload = EMPTY.add(&[0x01, 0x00, POSITION]);
         let payload = match self.mode {
@@ -226,9 +257,13 @@ impl Moteus {
 
 impl Drive for Moteus {
     fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
-        let is_ready = self.servo_mode == Some(STOPPED) && self.watchdog != Watchdog::Unknown && self.state().fault == 0;
+        let is_ready = self.servo_mode == Some(STOPPED)
+            && self.watchdog != Watchdog::Unknown
+            && self.state().fault == 0;
         let wanted = match wish {
-            Wish::On(wanted) if is_ready || matches!(self.stage, Stage::Asked | Stage::On) => wanted,
+            Wish::On(wanted) if is_ready || matches!(self.stage, Stage::Asked | Stage::On) => {
+                wanted
+            }
             Wish::On(_) => return out.push_some(self.stop()),
             Wish::Off | Wish::Reset => {
                 self.stage = Stage::Off;
@@ -268,7 +303,9 @@ impl Drive for Moteus {
                     continue;
                 }
                 if matches!(kind, 0x30 | 0x31) {
-                    let Some((_, more)) = varuint(rest).and_then(|(_, more)| varuint(more)) else { return Receipt::Malformed };
+                    let Some((_, more)) = varuint(rest).and_then(|(_, more)| varuint(more)) else {
+                        return Receipt::Malformed;
+                    };
                     rest = more;
                     continue;
                 }
@@ -284,7 +321,9 @@ impl Drive for Moteus {
                 rest = more;
                 for i in 0..count {
                     let Some(register) = first.checked_add(i) else { return Receipt::Malformed };
-                    let Some((number, len)) = value(kind >> 2 & 3, register, rest) else { return Receipt::Malformed };
+                    let Some((number, len)) = value(kind >> 2 & 3, register, rest) else {
+                        return Receipt::Malformed;
+                    };
                     rest = rest.get(len..).unwrap_or_default();
                     if pass == 1 {
                         receipt = self.take(register, number, &mut measured).unwrap_or(receipt);
@@ -303,7 +342,12 @@ impl Drive for Moteus {
         }
         self.velocity = velocity * TAU;
         let torque = if torque.is_finite() { torque } else { f64::NAN };
-        Receipt::Measured(Measurement { position: position * TAU, velocity: self.velocity, torque, temperature })
+        Receipt::Measured(Measurement {
+            position: position * TAU,
+            velocity: self.velocity,
+            torque,
+            temperature,
+        })
     }
 
     fn state(&self) -> DriveState {
@@ -338,7 +382,10 @@ impl Drive for Moteus {
 
     fn identifiers(&self) -> Vec<Id> {
         let answer = self.id << 8 | self.source;
-        vec![Id::Extended(0x8000 | self.source << 8 | self.id), Id::standard(answer).unwrap_or(Id::Extended(answer))]
+        vec![
+            Id::Extended(0x8000 | self.source << 8 | self.id),
+            Id::standard(answer).unwrap_or(Id::Extended(answer)),
+        ]
     }
 
     fn replies(&self) -> Vec<Reply> {
@@ -364,7 +411,8 @@ impl Drive for Moteus {
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
         let Some(register) = READABLE.get(parameter) else { return };
         let [low, high] = [(register & 0x7F) as u8, (register >> 7) as u8];
-        let payload = if high == 0 { EMPTY.add(&[0x1D, low]) } else { EMPTY.add(&[0x1D, low | 0x80, high]) };
+        let payload =
+            if high == 0 { EMPTY.add(&[0x1D, low]) } else { EMPTY.add(&[0x1D, low | 0x80, high]) };
         out.push_some(self.frame(&payload));
     }
 }

@@ -29,12 +29,15 @@ impl Payload {
 /// A payload of nothing.
 pub(super) const EMPTY: Payload = Payload { bytes: [0x50; 64], len: 0 };
 
-/// The value of a register in the type of its sub-frame, in the register's unit; and how many bytes it takes.
+/// The value of a register in the type of its sub-frame, in the register's unit; and how many bytes
+/// it takes.
 pub(super) fn value(kind: u8, register: u32, bytes: &[u8]) -> Option<(f64, usize)> {
     let (whole, lowest, len) = match (kind, bytes) {
         (0, [a, ..]) => (i64::from(*a as i8), i64::from(i8::MIN), 1),
         (1, [a, b, ..]) => (i64::from(i16::from_le_bytes([*a, *b])), i64::from(i16::MIN), 2),
-        (2, [a, b, c, d, ..]) => (i64::from(i32::from_le_bytes([*a, *b, *c, *d])), i64::from(i32::MIN), 4),
+        (2, [a, b, c, d, ..]) => {
+            (i64::from(i32::from_le_bytes([*a, *b, *c, *d])), i64::from(i32::MIN), 4)
+        }
         (3, [a, b, c, d, ..]) => return Some((f64::from(f32::from_le_bytes([*a, *b, *c, *d])), 4)),
         _ => return None,
     };

@@ -3,7 +3,12 @@
 use crate::protocol::{Key, KeyKind};
 
 pub(super) const KEYS: &[Key] = &[
-    Key { name: "node", kind: KeyKind::Integer(0, 62), default: None, about: "node_id of the axis" },
+    Key {
+        name: "node",
+        kind: KeyKind::Integer(0, 62),
+        default: None,
+        about: "node_id of the axis",
+    },
     Key {
         name: "velocity_scale",
         kind: KeyKind::Number(1e-6, 1.0),
@@ -16,7 +21,12 @@ pub(super) const KEYS: &[Key] = &[
         default: Some("0.001"),
         about: "1 / input_torque_scale: one step of the torque beside a position [N m]",
     },
-    Key { name: "torque_feedback", kind: KeyKind::Flag, default: Some("false"), about: "whether the ODrive tells its torque every cycle" },
+    Key {
+        name: "torque_feedback",
+        kind: KeyKind::Flag,
+        default: Some("false"),
+        about: "whether the ODrive tells its torque every cycle",
+    },
     Key {
         name: "watchdog_timeout_endpoint",
         kind: KeyKind::Integer(1, 0xFFFF),

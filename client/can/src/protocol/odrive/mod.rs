@@ -1,18 +1,22 @@
 //! ODrive, CANSimple.
 //!
-//! Source: ODrive documentation 0.6.10, "CAN protocol" (docs.odriverobotics.com/v/latest/manual/can-protocol.html).
+//! Source: ODrive documentation 0.6.10, "CAN protocol"
+//! (docs.odriverobotics.com/v/latest/manual/can-protocol.html).
 //!
-//! - Standard identifier = `node` << 5 | command; numbers are little-endian, floats IEEE 754 singles. Positions in turns, velocities in
-//!   turns/s, torques in N m.
-//! - Sent: 07 state u32 (1 idle, 8 closed loop), 0B control and input mode u32 u32, 0C position f32, velocity i16 × `velocity_scale`
-//!   turns/s, torque i16 × `torque_scale` N m, 0D velocity f32, torque f32, 0E torque f32, 18 forget errors, 19 position is now f32, 04 write
-//!   or read an endpoint: u8 1 | 0, endpoint u16, 0, value.
-//! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last fall u32; 05 endpoint: 0, endpoint u16, 0,
-//!   value; 09 position f32, velocity f32; 15 temperatures of bridge and motor f32 f32; 1C torque wanted and estimated f32 f32.
+//! - Standard identifier = `node` << 5 | command; numbers are little-endian, floats IEEE 754
+//!   singles. Positions in turns, velocities in turns/s, torques in N m.
+//! - Sent: 07 state u32 (1 idle, 8 closed loop), 0B control and input mode u32 u32, 0C position
+//!   f32, velocity i16 × `velocity_scale` turns/s, torque i16 × `torque_scale` N m, 0D velocity
+//!   f32, torque f32, 0E torque f32, 18 forget errors, 19 position is now f32, 04 write or read an
+//!   endpoint: u8 1 | 0, endpoint u16, 0, value.
+//! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last
+//!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
+//!   temperatures of bridge and motor f32 f32; 1C torque wanted and estimated f32 f32.
 //!
-//! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if wanted) to the bridge's cycle. The
-//! velocity beside a position saturates at ± 32767 steps (32.8 turns/s) where other masters overflow. The endpoints of its watchdog have other
-//! numbers in each firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
+//! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
+//! wanted) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
+//! turns/s) where other masters overflow. The endpoints of its watchdog have other numbers in each
+//! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
 
 mod keys;
 mod setup;
@@ -21,7 +25,9 @@ use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps};
 use super::{Common, Protocol, Settings, fault};
-use crate::drive::{Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Wish};
+use crate::drive::{
+    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Wish,
+};
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::KEYS;
 use sarrus_models::Findings;
@@ -94,15 +100,21 @@ struct ODrive {
 
 fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
     let endpoint = |key| settings.has(key).then(|| settings.integer(key) as u16);
-    let endpoints = match (endpoint("watchdog_timeout_endpoint"), endpoint("enable_watchdog_endpoint")) {
-        (Some(timeout), Some(enable)) => Some((timeout, enable)),
-        (None, None) => None,
-        _ => {
-            let place = settings.place("watchdog_timeout_endpoint");
-            findings.error(place, "one of the watchdog's two endpoints", "both or none", "add the other one from flat_endpoints.json");
-            return None;
-        }
-    };
+    let endpoints =
+        match (endpoint("watchdog_timeout_endpoint"), endpoint("enable_watchdog_endpoint")) {
+            (Some(timeout), Some(enable)) => Some((timeout, enable)),
+            (None, None) => None,
+            _ => {
+                let place = settings.place("watchdog_timeout_endpoint");
+                findings.error(
+                    place,
+                    "one of the watchdog's two endpoints",
+                    "both or none",
+                    "add the other one from flat_endpoints.json",
+                );
+                return None;
+            }
+        };
     let node = settings.integer("node") as u16;
     Some(Box::new(ODrive {
         node,
@@ -154,10 +166,14 @@ impl ODrive {
 
     /// What keeps the motor where it is.
     fn neutral(&self) -> Setpoint {
-        Setpoint { position: if self.position.is_finite() { self.position } else { 0.0 }, ..Setpoint::default() }
+        Setpoint {
+            position: if self.position.is_finite() { self.position } else { 0.0 },
+            ..Setpoint::default()
+        }
     }
 
-    /// Sets the mode. Nothing answers it, so it is said again and again while the motor has no power.
+    /// Sets the mode. Nothing answers it, so it is said again and again while the motor has no
+    /// power.
     fn control_mode(&self) -> Option<Frame> {
         let mode: u32 = match self.mode {
             Mode::Torque | Mode::Impedance => 1,
@@ -168,7 +184,8 @@ impl ODrive {
         self.frame(CONTROL_MODE, &[a, b, c, d, e, f, g, h])
     }
 
-    /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is to be set and read, in turn.
+    /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is
+    /// to be set and read, in turn.
     fn stay_off(&mut self, out: &mut FrameQueue) {
         self.turn = (self.turn + 1) % 3;
         let frame = match self.turn {
@@ -269,7 +286,9 @@ impl Drive for ODrive {
                 self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
                 Receipt::Noted
             }
-            (ENDPOINT_REPLY, [_, low, high, _, value @ ..]) => self.setup.answered(u16::from_le_bytes([*low, *high]), value),
+            (ENDPOINT_REPLY, [_, low, high, _, value @ ..]) => {
+                self.setup.answered(u16::from_le_bytes([*low, *high]), value)
+            }
             (ESTIMATES, _) => {
                 let Some((position, velocity)) = pair(frame) else { return Receipt::Malformed };
                 self.not_finite = !(position.is_finite() && velocity.is_finite());
@@ -278,7 +297,12 @@ impl Drive for ODrive {
                 }
                 self.position = position * TAU;
                 let (torque, temperature) = (self.torque, self.temperature);
-                Receipt::Measured(Measurement { position: self.position, velocity: velocity * TAU, torque, temperature })
+                Receipt::Measured(Measurement {
+                    position: self.position,
+                    velocity: velocity * TAU,
+                    torque,
+                    temperature,
+                })
             }
             (TEMPERATURES, _) => pair(frame).map_or(Receipt::Malformed, |(bridge, motor)| {
                 self.temperature = bridge.max(motor);
@@ -329,8 +353,16 @@ impl Drive for ODrive {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let reply = |command| Reply { id: Id::Standard(self.node << 5 | command), kind: FrameKind::Classic, len: 8 };
-        if self.torque_feedback { vec![reply(ESTIMATES), reply(TORQUES)] } else { vec![reply(ESTIMATES)] }
+        let reply = |command| Reply {
+            id: Id::Standard(self.node << 5 | command),
+            kind: FrameKind::Classic,
+            len: 8,
+        };
+        if self.torque_feedback {
+            vec![reply(ESTIMATES), reply(TORQUES)]
+        } else {
+            vec![reply(ESTIMATES)]
+        }
     }
 
     /// Nothing: heartbeats come by themselves, every 100 ms as an ODrive is delivered.

@@ -6,8 +6,10 @@ use crate::protocol::number::single;
 
 const ENDPOINT: u16 = 0x04;
 
-pub(super) const PARAMETERS: &[Parameter] =
-    &[Parameter { name: "axis0.config.watchdog_timeout", unit: "s" }, Parameter { name: "axis0.config.enable_watchdog", unit: "" }];
+pub(super) const PARAMETERS: &[Parameter] = &[
+    Parameter { name: "axis0.config.watchdog_timeout", unit: "s" },
+    Parameter { name: "axis0.config.enable_watchdog", unit: "" },
+];
 
 /// What is set and read, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +34,8 @@ pub(super) struct Setup {
 }
 
 impl Setup {
-    /// A watchdog of `watchdog_ms`, 0 to leave it alone; without endpoints nothing can be set or read.
+    /// A watchdog of `watchdog_ms`, 0 to leave it alone; without endpoints nothing can be set or
+    /// read.
     pub(super) fn new(node: u16, endpoints: Option<(u16, u16)>, watchdog_ms: u32) -> Setup {
         let (step, watchdog) = match (endpoints, watchdog_ms) {
             (None, _) => (Step::Done, Watchdog::Unreadable),
@@ -102,8 +105,13 @@ impl Setup {
             [on, ..] if endpoint == enable => {
                 if self.step == Step::ReadEnable {
                     let ms = self.time * 1e3;
-                    self.watchdog = if *on != 0 && ms > 0.0 { Watchdog::Set((ms.round() as u32).max(1)) } else { Watchdog::Off };
-                    let is_wanted = self.watchdog_ms == 0 || self.watchdog == Watchdog::Set(self.watchdog_ms);
+                    self.watchdog = if *on != 0 && ms > 0.0 {
+                        Watchdog::Set((ms.round() as u32).max(1))
+                    } else {
+                        Watchdog::Off
+                    };
+                    let is_wanted =
+                        self.watchdog_ms == 0 || self.watchdog == Watchdog::Set(self.watchdog_ms);
                     self.step = if is_wanted { Step::Done } else { Step::WriteTimeout };
                 }
                 Receipt::Parameter(1, f64::from(*on))

@@ -4,7 +4,16 @@
 clock and people are this package's.
 """
 
-from sarrus._native import Bridge, Configuration, Controller, Drives, Frame, Service, Telemetry, protocols
+from sarrus._native import (
+    Bridge,
+    Configuration,
+    Controller,
+    Drives,
+    Frame,
+    Service,
+    Telemetry,
+    protocols,
+)
 from sarrus.can.adapters import Adapter, Address, BusError, open_bus
 
 __all__ = [

@@ -66,55 +66,122 @@ def tell(error: object, code: int) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """The flags, each defined once."""
-    top = argparse.ArgumentParser(prog="python -m sarrus.can", description="The CAN bridge under python-can, and commissioning of motors.")
+    top = argparse.ArgumentParser(
+        prog="python -m sarrus.can",
+        description="The CAN bridge under python-can, and commissioning of motors.",
+    )
     top.add_argument("--version", action="version", version=__version__)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
     where = argparse.ArgumentParser(add_help=False)
     where.add_argument("config", metavar="CONFIG", help="the robot's buses and motors")
-    where.add_argument("--interface", type=word, help="python-can's interface for all buses, instead of the configuration's")
-    where.add_argument("--channel", action="append", default=[], metavar="[BUS=]CHANNEL", help="another channel of a bus; may be repeated")
+    where.add_argument(
+        "--interface",
+        type=word,
+        help="python-can's interface for all buses, instead of the configuration's",
+    )
+    where.add_argument(
+        "--channel",
+        action="append",
+        default=[],
+        metavar="[BUS=]CHANNEL",
+        help="another channel of a bus; may be repeated",
+    )
     some = argparse.ArgumentParser(add_help=False)
-    some.add_argument("motor", nargs="?", metavar="ACTUATOR", help="one motor, by its actuator; without it all")
+    some.add_argument(
+        "motor", nargs="?", metavar="ACTUATOR", help="one motor, by its actuator; without it all"
+    )
     one = argparse.ArgumentParser(add_help=False)
     one.add_argument("motor", metavar="ACTUATOR", help="the motor, by its actuator")
-    one.add_argument("--yes", action="store_true", help="do not ask: somebody has looked after safety")
+    one.add_argument(
+        "--yes", action="store_true", help="do not ask: somebody has looked after safety"
+    )
 
-    command = commands.add_parser("run", parents=[where], help="run the bridge until SIGINT, SIGTERM or the end of its parent")
+    command = commands.add_parser(
+        "run", parents=[where], help="run the bridge until SIGINT, SIGTERM or the end of its parent"
+    )
     command.add_argument("--name", default="default", help="name under which controllers find it")
     command.add_argument("--seconds", type=positive, help="end after this time")
     command.add_argument("--dry-run", action="store_true", help="send nothing")
     command.add_argument("--record", metavar="FILE", help="record all frames: .blf, .asc or .log")
-    command.add_argument("--log", metavar="FILE", help="log everything that the bridge is given, as JSON lines for `replay`")
-    command.add_argument("--no-realtime", action="store_true", help="ask the system for no priority and no locked memory")
+    command.add_argument(
+        "--log",
+        metavar="FILE",
+        help="log everything that the bridge is given, as JSON lines for `replay`",
+    )
+    command.add_argument(
+        "--no-realtime",
+        action="store_true",
+        help="ask the system for no priority and no locked memory",
+    )
     command.set_defaults(command=run_bridge)
 
-    command = commands.add_parser("record", parents=[where], help="record the frames of all buses and send nothing")
-    command.add_argument("--out", metavar="FILE", required=True, help="the file: .blf, .asc or .log")
+    command = commands.add_parser(
+        "record", parents=[where], help="record the frames of all buses and send nothing"
+    )
+    command.add_argument(
+        "--out", metavar="FILE", required=True, help="the file: .blf, .asc or .log"
+    )
     command.add_argument("--seconds", type=positive, help="end after this time")
     command.set_defaults(command=record)
 
-    command = commands.add_parser("replay", help="what the bridge sends for an input log; no bus is opened")
+    command = commands.add_parser(
+        "replay", help="what the bridge sends for an input log; no bus is opened"
+    )
     command.add_argument("config", metavar="CONFIG", help="the robot's buses and motors")
-    command.add_argument("log", metavar="LOG", help="JSON lines of frames, events, commands, operations and cycles")
+    command.add_argument(
+        "log", metavar="LOG", help="JSON lines of frames, events, commands, operations and cycles"
+    )
     command.set_defaults(command=replay_log)
 
-    command = commands.add_parser("scan", parents=[where, some], help="which motors answer, and who else talks")
+    command = commands.add_parser(
+        "scan", parents=[where, some], help="which motors answer, and who else talks"
+    )
     command.add_argument("--seconds", type=positive, default=1.0, help="time to listen for answers")
     command.set_defaults(command=scan)
 
-    command = commands.add_parser("read", parents=[where, some], help="measurements, state and parameters of motors")
-    command.add_argument("--seconds", type=positive, default=0.1, help="time to wait for each parameter")
+    command = commands.add_parser(
+        "read", parents=[where, some], help="measurements, state and parameters of motors"
+    )
+    command.add_argument(
+        "--seconds", type=positive, default=0.1, help="time to wait for each parameter"
+    )
     command.set_defaults(command=read)
 
-    command = commands.add_parser("zero", parents=[where, one], help="make the present position the motor's zero, or find the offset")
-    command.add_argument("--at", type=finite, metavar="Q", help="the actuator is at Q now (rad or m): print the offset and change nothing")
+    command = commands.add_parser(
+        "zero",
+        parents=[where, one],
+        help="make the present position the motor's zero, or find the offset",
+    )
+    command.add_argument(
+        "--at",
+        type=finite,
+        metavar="Q",
+        help="the actuator is at Q now (rad or m): print the offset and change nothing",
+    )
     command.set_defaults(command=zero)
 
-    command = commands.add_parser("direction", parents=[where, one], help="move a little and back: direction, sign and scale")
-    command.add_argument("--distance", type=nonzero, required=True, help="how far, in rad or m of the actuator, with its sign")
-    command.add_argument("--stiffness", type=positive, required=True, help="stiffness at the actuator, N m/rad or N/m")
-    command.add_argument("--damping", type=positive, required=True, help="damping at the actuator, N m s/rad or N s/m")
+    command = commands.add_parser(
+        "direction", parents=[where, one], help="move a little and back: direction, sign and scale"
+    )
+    command.add_argument(
+        "--distance",
+        type=nonzero,
+        required=True,
+        help="how far, in rad or m of the actuator, with its sign",
+    )
+    command.add_argument(
+        "--stiffness",
+        type=positive,
+        required=True,
+        help="stiffness at the actuator, N m/rad or N/m",
+    )
+    command.add_argument(
+        "--damping",
+        type=positive,
+        required=True,
+        help="damping at the actuator, N m s/rad or N s/m",
+    )
     command.add_argument("--seconds", type=positive, default=2.0, help="time for one way")
     command.set_defaults(command=direction)
     return top
@@ -154,7 +221,9 @@ def nonzero(text: str) -> float:
     return number
 
 
-def addresses(options: argparse.Namespace, configuration: Configuration) -> Callable[[dict[str, Any]], Address]:
+def addresses(
+    options: argparse.Namespace, configuration: Configuration
+) -> Callable[[dict[str, Any]], Address]:
     """Where each bus is: what the flags say, else the configuration."""
     names = [bus["name"] for bus in configuration.buses]
     channels: dict[str, str] = {}
@@ -165,9 +234,13 @@ def addresses(options: argparse.Namespace, configuration: Configuration) -> Call
         if name not in names or not channel:
             near = [] if name in names else difflib.get_close_matches(name, names, 1)
             hint = f"; did you mean `{near[0]}`?" if near else ""
-            raise WrongFlags(f"--channel `{text}`, expected BUS=CHANNEL with one of the buses {', '.join(names)}{hint}")
+            raise WrongFlags(
+                f"--channel `{text}`, expected BUS=CHANNEL with one of the buses {', '.join(names)}{hint}"
+            )
         if name in channels:
-            raise WrongFlags(f"--channel `{text}`: {name} has the channel `{channels[name]}` already, expected one for each bus")
+            raise WrongFlags(
+                f"--channel `{text}`: {name} has the channel `{channels[name]}` already, expected one for each bus"
+            )
         channels[name] = channel
     return lambda bus: Address.of(bus, options.interface, channels.get(bus["name"]))
 
@@ -177,15 +250,22 @@ def opened(options: argparse.Namespace) -> Iterator[motors.Bench]:
     """The buses of the motors that are meant, until somebody asks for the end."""
     configuration = Configuration.load(options.config)
     address = addresses(options, configuration)
-    with ending(patient=False) as told, motors.Bench(configuration, address, told, options.motor) as bench:
+    with (
+        ending(patient=False) as told,
+        motors.Bench(configuration, address, told, options.motor) as bench,
+    ):
         yield bench
 
 
 def table(rows: list[list[str]]) -> None:
     """Print rows in columns."""
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))] if rows else []
+    widths = (
+        [max(len(row[column]) for row in rows) for column in range(len(rows[0]))] if rows else []
+    )
     for row in rows:
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        print(
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        )
 
 
 def run_bridge(options: argparse.Namespace) -> int:
@@ -233,7 +313,9 @@ def replay_log(options: argparse.Namespace) -> int:
             for line in replay(configuration, options.log, lines):
                 print(line)
         except UnicodeDecodeError as error:
-            raise OSError(f"cannot read {options.log}: {error}; give the path of a text file") from error
+            raise OSError(
+                f"cannot read {options.log}: {error}; give the path of a text file"
+            ) from error
     return 0
 
 
@@ -261,7 +343,8 @@ def zero(options: argparse.Namespace) -> int:
         motor = bench.chosen[0]
         if options.at is None:
             motors.confirm(
-                f"The present position of {options.motor} becomes the zero of its motor. It has no power; it must not move.", options.yes
+                f"The present position of {options.motor} becomes the zero of its motor. It has no power; it must not move.",
+                options.yes,
             )
             print(f"motor position {motors.zero(bench, motor):g} rad")
             return 0
@@ -273,16 +356,30 @@ def zero(options: argparse.Namespace) -> int:
 def direction(options: argparse.Namespace) -> int:
     """Move an actuator by a little."""
     with opened(options) as bench:
-        hazard = HAZARD.format(actuator=options.motor, distance=options.distance, seconds=2 * options.seconds)
+        hazard = HAZARD.format(
+            actuator=options.motor, distance=options.distance, seconds=2 * options.seconds
+        )
         motors.confirm(hazard, options.yes)
-        result = motors.direction(bench, bench.chosen[0], options.distance, options.stiffness, options.damping, options.seconds)
+        result = motors.direction(
+            bench,
+            bench.chosen[0],
+            options.distance,
+            options.stiffness,
+            options.damping,
+            options.seconds,
+        )
     print(
         f"from {result['start']:g} to {result['farthest']:g} and back to {result['end']:g}: {100 * result['share']:.0f} % of the distance"
     )
     if not 0.5 <= result["share"] <= 1.5:
-        print("it did not follow: stiffness too small for its load, or `gear` is wrong", file=sys.stderr)
+        print(
+            "it did not follow: stiffness too small for its load, or `gear` is wrong",
+            file=sys.stderr,
+        )
         return 1
-    print("if the actuator itself went the other way, turn `sign`; if it went another distance, correct `gear`")
+    print(
+        "if the actuator itself went the other way, turn `sign`; if it went another distance, correct `gear`"
+    )
     return 0
 
 

@@ -28,7 +28,14 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import can
 
-from sarrus._native import Frame, SlcanReader, check_interface, events_of_error_frame, interface_question, slcan_line
+from sarrus._native import (
+    Frame,
+    SlcanReader,
+    check_interface,
+    events_of_error_frame,
+    interface_question,
+    slcan_line,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -64,10 +71,14 @@ class Address:
     """Only to record: nothing is sent, and a bus that others can share belongs to whoever drives it."""
 
     @classmethod
-    def of(cls, bus: dict[str, Any], interface: str | None = None, channel: str | None = None) -> Address:
+    def of(
+        cls, bus: dict[str, Any], interface: str | None = None, channel: str | None = None
+    ) -> Address:
         """Address of a bus of a configuration, or another one for the same bus."""
         address = cls(**bus)
-        return replace(address, interface=interface or address.interface, channel=channel or address.channel)
+        return replace(
+            address, interface=interface or address.interface, channel=channel or address.channel
+        )
 
 
 class Adapter(Protocol):
@@ -101,7 +112,9 @@ def open_bus(address: Address) -> Adapter:
     except Exception as error:
         # each interface, and each driver behind one, fails in its own way
         why = " ".join(str(error).split()) or type(error).__name__
-        raise BusError(f"{address.name}: {address.interface} {address.channel} cannot be opened: {why}") from error
+        raise BusError(
+            f"{address.name}: {address.interface} {address.channel} cannot be opened: {why}"
+        ) from error
 
 
 def close_all(adapters: Iterable[Adapter]) -> None:
@@ -150,9 +163,14 @@ class Ownership:
         # a virtual bus lives in this process only
         if address.interface == "virtual" or (address.listen_only and address.interface != "slcan"):
             return
-        taken = BusError(f"{address.name}: {address.interface} {address.channel} is in use by another program; each bus has one owner")
+        taken = BusError(
+            f"{address.name}: {address.interface} {address.channel} is in use by another program; each bus has one owner"
+        )
         if address.interface == "slcan":
-            port = os.open(address.channel.split("@")[0], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+            port = os.open(
+                address.channel.split("@")[0],
+                os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC,
+            )
             self._marks.append(port)
             try:
                 fcntl.flock(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -194,13 +212,19 @@ class AnyAdapter:
             raise
 
     def _open(self) -> can.BusABC:
-        interface, channel, data_bitrate = self.address.interface, self.address.channel, self.address.data_bitrate
+        interface, channel, data_bitrate = (
+            self.address.interface,
+            self.address.channel,
+            self.address.data_bitrate,
+        )
         settings: dict[str, Any] = {"bitrate": self.address.bitrate}
         if data_bitrate is not None:
             settings |= {"fd": True, "data_bitrate": data_bitrate}
         # where an interface wants the same said otherwise
         if interface == "virtual":
-            settings["protocol"] = can.CanProtocol.CAN_20 if data_bitrate is None else can.CanProtocol.CAN_FD
+            settings["protocol"] = (
+                can.CanProtocol.CAN_20 if data_bitrate is None else can.CanProtocol.CAN_FD
+            )
         elif interface == "pcan" and data_bitrate is not None:
             settings = {"fd": True, "timing": _fd_timing(self.address.bitrate, data_bitrate)}
         elif interface == "gs_usb" and channel.isdigit():
@@ -216,7 +240,8 @@ class AnyAdapter:
             except can.CanTimeoutError:
                 return self._full(len(frames) - sent)
             except can.CanOperationError as error:
-                # `timeout` does not cover a full queue of the interface, and not every backend tells its code
+                # `timeout` does not cover a full queue of the interface, and not every backend
+                # tells its code
                 if error.error_code not in (None, errno.ENOBUFS, errno.EAGAIN, errno.EINTR):
                     raise self._gone(error) from error
                 return self._full(len(frames) - sent)
@@ -227,7 +252,9 @@ class AnyAdapter:
     def _full(self, dropped: int) -> int:
         # an interface that was unplugged may say the same as one whose queue is full
         if time.monotonic() - self._heard > SILENCE:
-            raise BusError(f"{self.address.name} is gone: it has taken and brought nothing for {SILENCE:g} s")
+            raise BusError(
+                f"{self.address.name} is gone: it has taken and brought nothing for {SILENCE:g} s"
+            )
         return dropped
 
     def _gone(self, error: Exception) -> BusError:
@@ -268,10 +295,13 @@ class SlcanAdapter(AnyAdapter):
         timing: dict[str, Any] = {"bitrate": self.address.bitrate}
         if self.address.data_bitrate is not None:
             timing = {"timing": _fd_timing(self.address.bitrate, self.address.data_bitrate)}
-        # python-can waits for a port that takes no bytes, and reads answers of an earlier owner as its own
+        # python-can waits for a port that takes no bytes, and reads answers of an earlier owner as
+        # its own
         port = cast("int", self._ownership._marks[0])
         if not select.select([], [port], [], 0.5)[1]:
-            raise BusError(f"{self.address.channel} takes no bytes; is the adapter, or the program behind the terminal, alive?")
+            raise BusError(
+                f"{self.address.channel} takes no bytes; is the adapter, or the program behind the terminal, alive?"
+            )
         bus = can.Bus(
             interface="slcan",
             channel=self.address.channel,
@@ -360,7 +390,11 @@ class SlcanAdapter(AnyAdapter):
 
 def _fd_timing(bitrate: int, data_bitrate: int) -> can.BitTimingFd:
     return can.BitTimingFd.from_sample_point(
-        f_clock=80_000_000, nom_bitrate=bitrate, nom_sample_point=80.0, data_bitrate=data_bitrate, data_sample_point=75.0
+        f_clock=80_000_000,
+        nom_bitrate=bitrate,
+        nom_sample_point=80.0,
+        data_bitrate=data_bitrate,
+        data_sample_point=75.0,
     )
 
 
@@ -378,7 +412,13 @@ class SocketcanAdapter(AnyAdapter):
 
     def _open(self) -> can.BusABC:
         fd, name = self.address.data_bitrate is not None, self.address.channel
-        bus = can.Bus(interface="socketcan", channel=name, ignore_config=True, fd=fd, receive_own_messages=True)
+        bus = can.Bus(
+            interface="socketcan",
+            channel=name,
+            ignore_config=True,
+            fd=fd,
+            receive_own_messages=True,
+        )
         self._socket: socket.socket = cast("Any", bus).socket
         try:
             self._news = self._look(name)
@@ -457,7 +497,9 @@ class SocketcanAdapter(AnyAdapter):
                     )
                 except ValueError:
                     continue
-        lost = _MEMORY.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY.size))[8]
+        lost = _MEMORY.unpack(
+            self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY.size)
+        )[8]
         if lost != self._lost:
             yield ("overrun", (lost - self._lost) & 0xFFFFFFFF)
             # echoes of ours may be among them

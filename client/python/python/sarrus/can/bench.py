@@ -34,14 +34,20 @@ class Bench:
     """The buses of a configuration, open, and its motors one by one."""
 
     def __init__(
-        self, configuration: Configuration, address: Callable[[dict[str, Any]], Address], ending: Ending, only: str | None = None
+        self,
+        configuration: Configuration,
+        address: Callable[[dict[str, Any]], Address],
+        ending: Ending,
+        only: str | None = None,
     ) -> None:
         self.ending = ending
         self.motors: list[dict[str, Any]] = configuration.motors
         self._buses: list[dict[str, Any]] = configuration.buses
         names = [motor["actuator"] for motor in self.motors]
         if only is not None and only not in names:
-            raise WrongFlags(f"no motor for the actuator `{only}` in the configuration, expected one of {', '.join(names)}")
+            raise WrongFlags(
+                f"no motor for the actuator `{only}` in the configuration, expected one of {', '.join(names)}"
+            )
         self.chosen = [names.index(only)] if only is not None else list(range(len(names)))
         self.drives = Drives(configuration)
         self._adapters: dict[int, Adapter] = {}
@@ -85,12 +91,16 @@ class Bench:
                             self.unknown[self._buses[place]["name"], f"{heard.id:X}{kind}"] += 1
                         yield from of_motors
                     elif heard[0] in ("bus_off", "error_passive"):
-                        raise BusError(f"{self._buses[place]['name']} is {heard[0].replace('_', '-')}: check wiring, termination, bit rate")
+                        raise BusError(
+                            f"{self._buses[place]['name']} is {heard[0].replace('_', '-')}: check wiring, termination, bit rate"
+                        )
             if time.monotonic() >= end:
                 return
             time.sleep(0.0005)
 
-    def measure(self, motor: int, frames: Callable[[], list[Frame]], seconds: float = 1.0) -> dict[str, float]:
+    def measure(
+        self, motor: int, frames: Callable[[], list[Frame]], seconds: float = 1.0
+    ) -> dict[str, float]:
         """Send the frames of a cycle until the motor measures."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -98,7 +108,9 @@ class Bench:
             for place, what, value in self.hear(PERIOD):
                 if place == motor and what == "measured":
                     return cast("dict[str, float]", value)
-        raise Failed(f"{self.name(motor)} does not answer; is it powered, and are its identifiers right?")
+        raise Failed(
+            f"{self.name(motor)} does not answer; is it powered, and are its identifiers right?"
+        )
 
     def name(self, motor: int) -> str:
         """The actuator of a motor."""
@@ -117,7 +129,9 @@ class Bench:
                 return position
             if time.monotonic() > end:
                 state = self.drives.state(motor)["watchdog"]
-                raise Failed(f"{self.name(motor)} gets no power: {why}, its watchdog is {state}; see `watchdog` of the configuration")
+                raise Failed(
+                    f"{self.name(motor)} gets no power: {why}, its watchdog is {state}; see `watchdog` of the configuration"
+                )
 
     def disable(self, motor: int) -> None:
         """Take a motor's power, some times over: a frame may be lost."""
@@ -140,8 +154,18 @@ def scan(bench: Bench, seconds: float) -> tuple[list[list[str]], bool]:
     for motor, answers in heard.items():
         entry = bench.motors[motor]
         identifiers = " ".join(f"0x{identifier:X}" for identifier in entry["identifiers"])
-        text = ", ".join(f"{count} {what}" for what, count in sorted(answers.items())) or "no answer"
-        rows.append([entry["actuator"], bench._buses[entry["bus"]]["name"], entry["protocol"], identifiers, text])
+        text = (
+            ", ".join(f"{count} {what}" for what, count in sorted(answers.items())) or "no answer"
+        )
+        rows.append(
+            [
+                entry["actuator"],
+                bench._buses[entry["bus"]]["name"],
+                entry["protocol"],
+                identifiers,
+                text,
+            ]
+        )
     return rows, all(answers.total() > answers["malformed"] for answers in heard.values())
 
 
@@ -150,20 +174,35 @@ def read(bench: Bench, seconds: float) -> tuple[list[list[str]], bool]:
     rows, complete = [], True
     for motor in bench.chosen:
         measured = bench.measure(motor, bench.off(motor))
-        rows += [[bench.name(motor), name, f"{value:g}", ""] for name, value in measured.items() if not math.isnan(value)]
+        rows += [
+            [bench.name(motor), name, f"{value:g}", ""]
+            for name, value in measured.items()
+            if not math.isnan(value)
+        ]
         state = bench.drives.state(motor)
         rows += [
-            [bench.name(motor), name, str(state[name]), "ms" if isinstance(state[name], int) and name == "watchdog" else ""]
+            [
+                bench.name(motor),
+                name,
+                str(state[name]),
+                "ms" if isinstance(state[name], int) and name == "watchdog" else "",
+            ]
             for name in state
         ]
         for parameter, (name, unit) in enumerate(bench.drives.parameters(motor)):
             bench.send(motor, bench.drives.read_parameter(motor, parameter))
             found = next(
-                (value for place, what, value in bench.hear(seconds) if (place, what) == (motor, "parameter") and value[0] == parameter),
+                (
+                    value
+                    for place, what, value in bench.hear(seconds)
+                    if (place, what) == (motor, "parameter") and value[0] == parameter
+                ),
                 None,
             )
             complete &= found is not None
-            rows.append([bench.name(motor), name, "no answer" if found is None else f"{found[1]:g}", unit])
+            rows.append(
+                [bench.name(motor), name, "no answer" if found is None else f"{found[1]:g}", unit]
+            )
     return rows, complete
 
 
@@ -178,14 +217,18 @@ def zero(bench: Bench, motor: int) -> float:
     bench.measure(motor, bench.off(motor))
     frames = bench.drives.set_zero(motor)
     if frames is None:
-        raise Failed(f"{bench.name(motor)}: {bench.motors[motor]['protocol']} cannot set a zero by command; use `zero --at` and the offset")
+        raise Failed(
+            f"{bench.name(motor)}: {bench.motors[motor]['protocol']} cannot set a zero by command; use `zero --at` and the offset"
+        )
     bench.send(motor, frames)
     time.sleep(0.1)
     list(bench.hear(0.05))
     return bench.measure(motor, bench.off(motor))["motor_position"]
 
 
-def direction(bench: Bench, motor: int, distance: float, stiffness: float, damping: float, seconds: float) -> dict[str, float]:
+def direction(
+    bench: Bench, motor: int, distance: float, stiffness: float, damping: float, seconds: float
+) -> dict[str, float]:
     """Move an actuator by a little and back, softly; how far it came `[rad, m]` and what share that is of the distance.
 
     Power comes when the motor's own watchdog is known to be on. The set-point follows p₀ + d (1 - cos(π t / T)) / 2. Power goes when
@@ -195,7 +238,12 @@ def direction(bench: Bench, motor: int, distance: float, stiffness: float, dampi
     limit = 1.5 * abs(distance)
 
     def cycle(position: float, velocity: float) -> dict[str, float] | None:
-        bench.send(motor, bench.drives.on(motor, time.monotonic_ns(), [position, velocity, 0.0, stiffness, damping]))
+        bench.send(
+            motor,
+            bench.drives.on(
+                motor, time.monotonic_ns(), [position, velocity, 0.0, stiffness, damping]
+            ),
+        )
         latest = None
         for place, what, value in bench.hear(PERIOD):
             if place == motor and what == "measured":
@@ -210,7 +258,9 @@ def direction(bench: Bench, motor: int, distance: float, stiffness: float, dampi
         end = time.monotonic() + 1.0
         while bench.drives.state(motor)["power"] != "on":
             if time.monotonic() > end:
-                raise Failed(f"{bench.name(motor)} does not take power; its state is {bench.drives.state(motor)}")
+                raise Failed(
+                    f"{bench.name(motor)} does not take power; its state is {bench.drives.state(motor)}"
+                )
             cycle(start, 0.0)
         begin = heard_at = time.monotonic()
         farthest = position = start
@@ -225,8 +275,15 @@ def direction(bench: Bench, motor: int, distance: float, stiffness: float, dampi
             if now - heard_at > SILENCE:
                 raise Failed(f"{bench.name(motor)} went silent")
             if abs(position - wanted) > limit:
-                raise Failed(f"{bench.name(motor)} is {position - wanted:+.4g} from its set-point; sign, load or stiffness are not right")
-    return {"start": start, "farthest": farthest, "end": position, "share": (farthest - start) / distance}
+                raise Failed(
+                    f"{bench.name(motor)} is {position - wanted:+.4g} from its set-point; sign, load or stiffness are not right"
+                )
+    return {
+        "start": start,
+        "farthest": farthest,
+        "end": position,
+        "share": (farthest - start) / distance,
+    }
 
 
 def confirm(question: str, yes: bool) -> None:

@@ -35,10 +35,14 @@ class Recorder:
 
     def __init__(self, path: str, names: Sequence[str]) -> None:
         if Path(path).suffix not in ENDINGS:
-            raise WrongFlags(f"{path}: the ending must be one of {', '.join(ENDINGS)}; other formats lose fields")
+            raise WrongFlags(
+                f"{path}: the ending must be one of {', '.join(ENDINGS)}; other formats lose fields"
+            )
         self._path = path
         self._writer: Any = can.Logger(path)
-        self._channels: list[str | int] = list(names) if path.endswith(".log") else list(range(len(names)))
+        self._channels: list[str | int] = (
+            list(names) if path.endswith(".log") else list(range(len(names)))
+        )
         self._aside: Aside[tuple[float, int, Frame, bool]] = Aside(self._write, ROOM)
         self._is_ended = False
 

@@ -99,7 +99,9 @@ class Front:
         self.bridge.shutdown()
         with contextlib.suppress(Exception):
             self._take_back()
-        untold = {bus for bus in range(len(self.adapters)) if self.bridge.frames(bus) and not self.dry_run}
+        untold = {
+            bus for bus in range(len(self.adapters)) if self.bridge.frames(bus) and not self.dry_run
+        }
         for _ in range(LAST_WORDS):
             for bus, adapter in enumerate(self.adapters):
                 if adapter is not None and not self.dry_run:
@@ -112,7 +114,9 @@ class Front:
                             untold.discard(bus)
             time.sleep(PAUSE)
         for bus in sorted(untold):
-            self._say(f"{self.names[bus]}: the frames that take the power found no way; the motors' own watchdogs are left")
+            self._say(
+                f"{self.names[bus]}: the frames that take the power found no way; the motors' own watchdogs are left"
+            )
 
     def close(self) -> None:
         """Give the buses back."""
@@ -159,7 +163,9 @@ class Front:
             self._say(f"{adapter.address.name}: open again")
 
 
-def open_all(buses: Iterable[dict[str, Any]], address: Callable[[dict[str, Any]], Address]) -> list[Adapter]:
+def open_all(
+    buses: Iterable[dict[str, Any]], address: Callable[[dict[str, Any]], Address]
+) -> list[Adapter]:
     """Open every bus or none."""
     adapters: list[Adapter] = []
     try:
@@ -206,7 +212,11 @@ def run(
     """
     for warning in configuration.warnings:
         say(f"sarrus.can: warning: {warning}")
-    period, fingerprint, buses = configuration.period_ns, configuration.fingerprint, configuration.buses
+    period, fingerprint, buses = (
+        configuration.period_ns,
+        configuration.fingerprint,
+        configuration.buses,
+    )
     # what has nothing to do with power comes last: of these the last one entered is left first
     with contextlib.ExitStack() as stack:
         told = stack.enter_context(ending())
@@ -228,7 +238,8 @@ def run(
         if wants_realtime:
             for line in realtime():
                 aside.put(line)
-        # the loop makes no cycles of references, and a collection takes longer than a cycle of the bridge
+        # the loop makes no cycles of references, and a collection takes longer than a cycle of the
+        # bridge
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -238,7 +249,10 @@ def run(
         aside.put(report())
         if (logged := bridge.end_log()) is not None:
             lines, lost = logged
-            aside.put(f"{lines} line(s) in {log}" + (f", {lost} lost: it cannot be replayed" if lost else ""))
+            aside.put(
+                f"{lines} line(s) in {log}"
+                + (f", {lost} lost: it cannot be replayed" if lost else "")
+            )
         if front.recorder is not None:
             front.recorder.end()
             aside.put(front.recorder.summary)
@@ -247,11 +261,15 @@ def run(
 
 def in_words(times: dict[str, int]) -> str:
     """A distribution of times, in microseconds."""
-    p50, p99, p999, longest = (f"{times[key] / 1000:.0f} µs" for key in ("p50", "p99", "p999", "max"))
+    p50, p99, p999, longest = (
+        f"{times[key] / 1000:.0f} µs" for key in ("p50", "p99", "p999", "max")
+    )
     return f"p50 {p50}, p99 {p99}, p99.9 {p999}, longest {longest}"
 
 
-def _loop(front: Front, service: Service, period: int, told: Ending, seconds: float | None) -> Callable[[], str]:
+def _loop(
+    front: Front, service: Service, period: int, told: Ending, seconds: float | None
+) -> Callable[[], str]:
     """Cycle until the end; gives what makes the report, which takes time that motors under power do not have."""
     missed = 0
     begin = deadline = time.monotonic_ns()

@@ -1,5 +1,5 @@
-//! 2SPU+1U, 6UPS, 2SPRR+1U: a platform on a chain of independent joints, and legs of two turns and a slider; those of the last with an
-//! offset at the base or an arm at the platform.
+//! 2SPU+1U, 6UPS, 2SPRR+1U: a platform on a chain of independent joints, and legs of two turns and
+//! a slider; those of the last with an offset at the base or an arm at the platform.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,7 +13,8 @@ use crate::spatial::{cross, dot, mul_mat, scale_add, t_mul};
 /// Shortest lengths at zero, relative to the mechanism's size.
 const DEGENERATE: f64 = 1e-6;
 
-/// The legs, three joints each, four where the platform has arms; without `offsets` the axes of each cross and it ends on the platform.
+/// The legs, three joints each, four where the platform has arms; without `offsets` the axes of
+/// each cross and it ends on the platform.
 pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
     let cluster = of.cluster;
     let (chain, platform) = of.chain()?;
@@ -23,11 +24,18 @@ pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
     if !arms.is_empty() && !offsets {
         return Err("joints are not those of the platform and three a leg".into());
     }
-    if arms.iter().any(|j| cluster.local_parent[*j] != platform || of.bodies[*j].motion != Motion::Revolute) {
+    if arms
+        .iter()
+        .any(|j| cluster.local_parent[*j] != platform || of.bodies[*j].motion != Motion::Revolute)
+    {
         return Err("arm does not turn on the platform".into());
     }
-    if !arms.is_empty() && arms.len() != triples.len() || cluster.cuts.len() != triples.len() + arms.len() {
-        return Err("joints are not those of the platform, three a leg, and one a leg for arms".into());
+    if !arms.is_empty() && arms.len() != triples.len()
+        || cluster.cuts.len() != triples.len() + arms.len()
+    {
+        return Err(
+            "joints are not those of the platform, three a leg, and one a leg for arms".into()
+        );
     }
     let (mut legs, mut deviations) = (Vec::new(), Vec::new());
     for joints in triples {
@@ -35,14 +43,17 @@ pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
         let on = |end: usize| cluster.cuts.iter().find(|cut| ties(cut, body, end));
         let arm = arms.iter().copied().find(|j| on(j + 1).is_some());
         let end = arm.map_or(platform, |j| j + 1);
-        let cut = on(end).filter(|cut| is_ball(cut)).ok_or("slider is not held in all directions by the platform or an arm")?;
+        let cut = on(end)
+            .filter(|cut| is_ball(cut))
+            .ok_or("slider is not held in all directions by the platform or an arm")?;
         let x_cut = if cut.successor == end { &cut.x_s_cut } else { &cut.x_p_cut };
         let point = of.zero[end].point(&x_cut.p);
         let strut = strut(of, joints, &point, offsets, &mut deviations)?;
         legs.push(match arm {
             None => Leg { strut, pin: of.zero[platform].inverse().point(&point), arm: None },
             Some(j) => {
-                let plane = cluster.cuts.iter().find(|cut| cut.predecessor == j + 1 && cut.successor == 0);
+                let plane =
+                    cluster.cuts.iter().find(|cut| cut.predecessor == j + 1 && cut.successor == 0);
                 let plane = plane.ok_or("arm is not held in a plane with a point of the base")?;
                 let (arm, pin) = self::arm(of, j, platform, plane, &point, &mut deviations)?;
                 Leg { strut, pin, arm: Some(arm) }
@@ -62,10 +73,15 @@ fn strut(
 ) -> Result<Strut<Dd>, String> {
     let [j1, j2, j3] = joints;
     let (a1, a2, a3) = (axis(&of.zero[j1 + 1]), axis(&of.zero[j2 + 1]), axis(&of.zero[j3 + 1]));
-    let Y = unit(&scale_add(&a1, -dot(&a1, &a2), &a2)).ok_or("universal joint has parallel axes")?;
+    let Y =
+        unit(&scale_add(&a1, -dot(&a1, &a2), &a2)).ok_or("universal joint has parallel axes")?;
     let axes = Matrix3::from_columns(&[a1, Y, cross(&a1, &Y)]);
     let skew = dot(&a1, &a2);
-    deviations.push(("axis not perpendicular to the one before it, axis".into(), Subject::Joint(j2), skew.abs().to_f64()));
+    deviations.push((
+        "axis not perpendicular to the one before it, axis".into(),
+        Subject::Joint(j2),
+        skew.abs().to_f64(),
+    ));
 
     // where the axes are nearest to each other, and how far apart
     let (p1, p2) = (of.zero[j1 + 1].p, of.zero[j2 + 1].p);
@@ -81,12 +97,17 @@ fn strut(
     let apart = offsets && tilt < gap;
     if apart {
         deviations.push((
-            "slider not perpendicular to the axis before it, which does not cross the first, axis".into(),
+            "slider not perpendicular to the axis before it, which does not cross the first, axis"
+                .into(),
             Subject::Joint(j3),
             tilt,
         ));
     } else {
-        deviations.push(("axis that does not cross the one before it, axis".into(), Subject::Joint(j2), gap));
+        deviations.push((
+            "axis that does not cross the one before it, axis".into(),
+            Subject::Joint(j2),
+            gap,
+        ));
     }
     let distance = if apart { distance } else { Dd::ZERO };
     let v = t_mul(&axes, &(point - center));
@@ -99,10 +120,24 @@ fn strut(
     let square0 = if apart { w[0] * w[0] + w[2] * w[2] } else { dot(&v, &v) };
     let joints = joints.map(|j| of.freedom(j));
     let e_square = dot(&e, &e);
-    Ok(Strut { joints, axes, center, apart, distance, a, e, e_square, square0, length0, side: sign(length0), root: sign(v[2]) })
+    Ok(Strut {
+        joints,
+        axes,
+        center,
+        apart,
+        distance,
+        a,
+        e,
+        e_square,
+        square0,
+        length0,
+        side: sign(length0),
+        root: sign(v[2]),
+    })
 }
 
-/// An arm on the platform in a plane with a point of the base; and its tip on the arm's axes k, m, n.
+/// An arm on the platform in a plane with a point of the base; and its tip on the arm's axes k, m,
+/// n.
 fn arm(
     of: &Reading<'_>,
     j: usize,
@@ -113,11 +148,19 @@ fn arm(
 ) -> Result<(Arm<Dd>, Vector3<Dd>), String> {
     let x_arm = &of.zero[j + 1];
     let n = axis(x_arm);
-    let ([row], false) = (&plane.rows[..], plane.angular) else { return Err("arm is not held by one direction".into()) };
-    let normal = unit(&direction(x_arm, &direction(&plane.x_p_cut, &row.linear))).ok_or("constraint axis has no direction")?;
+    let ([row], false) = (&plane.rows[..], plane.angular) else {
+        return Err("arm is not held by one direction".into());
+    };
+    let normal = unit(&direction(x_arm, &direction(&plane.x_p_cut, &row.linear)))
+        .ok_or("constraint axis has no direction")?;
     let off = dot(&normal, &n);
-    deviations.push(("constraint axis not perpendicular to axis".into(), Subject::Joint(j), off.abs().to_f64()));
-    let m = unit(&scale_add(&n, -off, &normal)).ok_or("constraint axis lies along the arm's axis")?;
+    deviations.push((
+        "constraint axis not perpendicular to axis".into(),
+        Subject::Joint(j),
+        off.abs().to_f64(),
+    ));
+    let m =
+        unit(&scale_add(&n, -off, &normal)).ok_or("constraint axis lies along the arm's axis")?;
     let axes = Matrix3::from_columns(&[cross(&m, &n), m, n]);
     let center = of.zero[0].point(&plane.x_s_cut.p);
     let D = t_mul(&axes, &(center - x_arm.p));

@@ -22,7 +22,8 @@ pub(super) struct Ring {
     pub(super) way: Dd,
 }
 
-/// The joints on the way from the predecessor's and the successor's common parent to the cut and back.
+/// The joints on the way from the predecessor's and the successor's common parent to the cut and
+/// back.
 pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
     let up = |mut body: usize| {
         let mut joints = Vec::new();
@@ -39,18 +40,33 @@ pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
     }
     let member = |j: usize, way: Dd| {
         let pose = &of.zero[j + 1];
-        Ring { joint: Some(j), slides: of.bodies[j].motion == Motion::Prismatic, point: pose.p, axis: axis(pose), way }
+        Ring {
+            joint: Some(j),
+            slides: of.bodies[j].motion == Motion::Prismatic,
+            point: pose.p,
+            axis: axis(pose),
+            way,
+        }
     };
     let point = of.zero[cut.predecessor].point(&cut.x_p_cut.p);
     let mut ring: Vec<Ring> = p.iter().rev().map(|j| member(*j, Dd::ONE)).collect();
-    ring.push(Ring { joint: None, slides: false, point, axis: crate::spatial::zero(), way: Dd::ONE });
+    ring.push(Ring {
+        joint: None,
+        slides: false,
+        point,
+        axis: crate::spatial::zero(),
+        way: Dd::ONE,
+    });
     ring.extend(s.iter().map(|j| member(*j, -Dd::ONE)));
     ring
 }
 
 /// The same ring from this joint on.
 pub(super) fn starting_at(mut ring: Vec<Ring>, joint: usize) -> Result<Vec<Ring>, String> {
-    let at = ring.iter().position(|x| x.joint == Some(joint)).ok_or("independent joint is not in the loop")?;
+    let at = ring
+        .iter()
+        .position(|x| x.joint == Some(joint))
+        .ok_or("independent joint is not in the loop")?;
     ring.rotate_left(at);
     Ok(ring)
 }
@@ -61,7 +77,8 @@ pub(super) fn reversed(ring: &[Ring]) -> Vec<Ring> {
     (0..n).map(|k| &ring[(n - k) % n]).map(|x| Ring { way: -x.way, ..x.clone() }).collect()
 }
 
-/// How far the axes are from perpendicular to the plane, or in it for a slider; for each turning joint ±1, the sign of its axis against n.
+/// How far the axes are from perpendicular to the plane, or in it for a slider; for each turning
+/// joint ±1, the sign of its axis against n.
 pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviation>) -> Vec<Dd> {
     let mut sense = Vec::new();
     for member in ring {
@@ -70,25 +87,41 @@ pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviat
             continue;
         };
         if member.slides {
-            deviations.push(("slider not in the plane, axis".into(), Subject::Joint(j), dot(&member.axis, n).abs().to_f64()));
+            deviations.push((
+                "slider not in the plane, axis".into(),
+                Subject::Joint(j),
+                dot(&member.axis, n).abs().to_f64(),
+            ));
             sense.push(member.way);
         } else {
             let off = norm(&cross(&member.axis, n)).to_f64();
-            deviations.push(("axis not parallel to the others of its loop, axis".into(), Subject::Joint(j), off));
+            deviations.push((
+                "axis not parallel to the others of its loop, axis".into(),
+                Subject::Joint(j),
+                off,
+            ));
             sense.push(member.way * super::sign(dot(&member.axis, n)));
         }
     }
     sense
 }
 
-/// A cut that ties the two directions of the plane and leaves the turn about its normal: two rows in the plane, three in any directions,
-/// and angular rows in the plane.
-pub(super) fn pin_in_plane(of: &Reading<'_>, cut: &Cut<Dd>, n: &Vector3<Dd>, deviations: &mut Vec<Deviation>) -> Result<(), String> {
-    let turn = |v: &Vector3<Dd>| unit(&direction(&of.zero[cut.predecessor], &direction(&cut.x_p_cut, v)));
+/// A cut that ties the two directions of the plane and leaves the turn about its normal: two rows
+/// in the plane, three in any directions, and angular rows in the plane.
+pub(super) fn pin_in_plane(
+    of: &Reading<'_>,
+    cut: &Cut<Dd>,
+    n: &Vector3<Dd>,
+    deviations: &mut Vec<Deviation>,
+) -> Result<(), String> {
+    let turn =
+        |v: &Vector3<Dd>| unit(&direction(&of.zero[cut.predecessor], &direction(&cut.x_p_cut, v)));
     let (mut linear, mut off) = (Vec::new(), 0.0f64);
     for row in &cut.rows {
         match (turn(&row.angular), turn(&row.linear)) {
-            _ if row.against.is_some() => return Err("loop holds two directions perpendicular".into()),
+            _ if row.against.is_some() => {
+                return Err("loop holds two directions perpendicular".into());
+            }
             (Some(angular), None) => off = off.max(dot(&angular, n).abs().to_f64()),
             (None, Some(x)) => linear.push(x),
             _ => return Err("loop has a constraint axis that turns and slides".into()),

@@ -1,4 +1,5 @@
-//! Reads the geometry of closed forms off a cluster at its zero pose, and measures how well it fits: one file for each mechanism.
+//! Reads the geometry of closed forms off a cluster at its zero pose, and measures how well it
+//! fits: one file for each mechanism.
 
 mod legs;
 mod loops;
@@ -54,8 +55,14 @@ impl Form {
     }
 }
 
-/// The closed form of a type on this cluster: `None` for a type without one, `Some(Err)` with what the cluster lacks for it.
-pub(super) fn build(kind: SubmechanismKind, cluster: &Cluster<Dd>, bodies: &[Body<Dd>], order: &[usize]) -> Option<Result<Form, String>> {
+/// The closed form of a type on this cluster: `None` for a type without one, `Some(Err)` with what
+/// the cluster lacks for it.
+pub(super) fn build(
+    kind: SubmechanismKind,
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    order: &[usize],
+) -> Option<Result<Form, String>> {
     let of = Reading { cluster, bodies, order, zero: zero_poses(cluster, bodies) };
     let mut form = match kind {
         SubmechanismKind::Rrpr | SubmechanismKind::SliderCrank => planar::read(&of, true),
@@ -82,10 +89,12 @@ struct Reading<'a> {
 }
 
 impl Reading<'_> {
-    /// The independent freedoms from the base to the platform that they carry, each with its place in y; and the platform's local body.
+    /// The independent freedoms from the base to the platform that they carry, each with its place
+    /// in y; and the platform's local body.
     fn chain(&self) -> Result<(Vec<(Freedom, usize)>, usize), String> {
         let of = |(k, v): (usize, &usize)| (self.cluster.freedoms[*v], k);
-        let mut chain: Vec<(Freedom, usize)> = self.cluster.independent.iter().enumerate().map(of).collect();
+        let mut chain: Vec<(Freedom, usize)> =
+            self.cluster.independent.iter().enumerate().map(of).collect();
         chain.sort_by_key(|(at, _)| (self.depth(at.body), at.k));
         let mut below = 0;
         for (at, _) in chain.iter().filter(|(at, _)| at.k == 0) {
@@ -107,7 +116,8 @@ impl Reading<'_> {
         self.cluster.independent.contains(&(self.bodies[j].v - self.cluster.v))
     }
 
-    /// True where every joint has one freedom, so that one index serves joints, velocities and coordinates.
+    /// True where every joint has one freedom, so that one index serves joints, velocities and
+    /// coordinates.
     fn is_simple(&self) -> bool {
         self.cluster.n_q == self.cluster.n
     }
@@ -115,10 +125,16 @@ impl Reading<'_> {
     /// For each slider the two turns between the base and it, in the order of the list.
     fn triples(&self) -> Result<Vec<[usize; 3]>, String> {
         let above = |j: usize| self.cluster.local_parent[j].checked_sub(1);
-        let sliders = self.order.iter().filter(|j| self.bodies[**j].motion == Motion::Prismatic && !self.is_independent(**j));
+        let sliders = self
+            .order
+            .iter()
+            .filter(|j| self.bodies[**j].motion == Motion::Prismatic && !self.is_independent(**j));
         sliders
             .map(|&j3| match above(j3).and_then(|j2| Some([above(j2)?, j2, j3])) {
-                Some([j1, j2, j3]) if above(j1).is_none() && [j1, j2].iter().all(|j| self.bodies[*j].motion == Motion::Revolute) => {
+                Some([j1, j2, j3])
+                    if above(j1).is_none()
+                        && [j1, j2].iter().all(|j| self.bodies[*j].motion == Motion::Revolute) =>
+                {
                     Ok([j1, j2, j3])
                 }
                 _ => Err("leg is not a universal joint on the base and a slider".into()),
@@ -130,8 +146,15 @@ impl Reading<'_> {
     fn open(&self) -> f64 {
         let mut phi = vec![Dd::ZERO; self.cluster.rows.len()];
         constraint_residual(self.cluster, &self.zero, &vec![Dd::ZERO; self.cluster.n_q], &mut phi);
-        let rows = self.cluster.cuts.iter().flat_map(|cut| &cut.rows).zip(&phi).filter(|(row, _)| row.terms.is_empty());
-        let size = |row: &CutRow<Dd>| if norm(&row.linear) > Dd::ZERO { self.cluster.length } else { 1.0 };
+        let rows = self
+            .cluster
+            .cuts
+            .iter()
+            .flat_map(|cut| &cut.rows)
+            .zip(&phi)
+            .filter(|(row, _)| row.terms.is_empty());
+        let size =
+            |row: &CutRow<Dd>| if norm(&row.linear) > Dd::ZERO { self.cluster.length } else { 1.0 };
         rows.fold(0.0, |open: f64, (row, phi)| open.max(phi.to_f64().abs() / size(row)))
     }
 

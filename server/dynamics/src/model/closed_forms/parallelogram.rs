@@ -1,4 +1,5 @@
-//! PARALLELOGRAMCHAIN from loops: every loop a parallelogram, whose opposite links turn as one; so q is linear in y.
+//! PARALLELOGRAMCHAIN from loops: every loop a parallelogram, whose opposite links turn as one; so
+//! q is linear in y.
 
 use super::super::couplings::{Relation, solve};
 use super::super::geometry::norm;
@@ -36,14 +37,20 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
         let in_plane = crate::spatial::scale_add(&n, -crate::spatial::dot(&n, &apart), &apart);
         let sides = [side(0, 1), side(1, 2)].map(|x| norm(&x).to_f64());
         let off = norm(&in_plane).to_f64() / f64::max(sides[0], sides[1]);
-        deviations.push(("a loop that is no parallelogram: opposite sides differ".into(), Subject::Loop, off));
+        deviations.push((
+            "a loop that is no parallelogram: opposite sides differ".into(),
+            Subject::Loop,
+            off,
+        ));
 
         // the links on both sides of two joints that follow one another turn as one
         for k in [0, 1] {
-            let terms = [k, k + 1].into_iter().filter_map(|k| Some((ring[k].joint?, sense[k]))).collect();
+            let terms =
+                [k, k + 1].into_iter().filter_map(|k| Some((ring[k].joint?, sense[k]))).collect();
             relations.push(Relation { terms, offset: Dd::from(0.0) });
         }
     }
-    let coupling = solve(cluster, &relations).ok_or("parallelograms do not determine the dependent joints")?;
+    let coupling =
+        solve(cluster, &relations).ok_or("parallelograms do not determine the dependent joints")?;
     Ok(Form { closure: Closure::Coupling(coupling), deviations })
 }

@@ -17,26 +17,35 @@ type Plane = [Dd; 2];
 /// The loop, with one slider or none.
 pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
     let cluster = of.cluster;
-    let ([cut], [y], 3, true) = (&cluster.cuts[..], &cluster.independent[..], cluster.n, of.is_simple()) else {
+    let ([cut], [y], 3, true) =
+        (&cluster.cuts[..], &cluster.independent[..], cluster.n, of.is_simple())
+    else {
         return Err("joints are not the three of one loop, one of them independent".into());
     };
     let mut ring = starting_at(ring(of, cut), *y)?;
     if ring.len() != 4 || ring.iter().filter(|x| x.slides).count() != usize::from(slider) {
-        return Err(format!("loop is not one of {}", if slider { "two turns, a slider and a pin" } else { "three turns and a pin" }));
+        return Err(format!(
+            "loop is not one of {}",
+            if slider { "two turns, a slider and a pin" } else { "three turns and a pin" }
+        ));
     }
-    // a slider beside the independent joint comes last, a pin beside it comes first if the slider lies opposite
+    // a slider beside the independent joint comes last, a pin beside it comes first if the slider
+    // lies opposite
     if ring[1].slides || ring[2].slides && ring[3].joint.is_none() {
         ring = reversed(&ring);
     }
 
     // the plane: n along the first turning axis, so that the independent joint's sense is +1
-    let Some(first) = ring.iter().find(|x| !x.slides && x.joint.is_some()) else { return Err("loop has no axis".into()) };
+    let Some(first) = ring.iter().find(|x| !x.slides && x.joint.is_some()) else {
+        return Err("loop has no axis".into());
+    };
     let n = first.axis.map(|x| x * first.way);
     let mut deviations = Vec::new();
     let sense = senses(&ring, &n, &mut deviations);
     pin_in_plane(of, cut, &n, &mut deviations)?;
     let axes = onto_z(&n);
-    let plane = |v: &Vector3<Dd>| -> Plane { [dot(&column(&axes, 0), v), dot(&column(&axes, 1), v)] };
+    let plane =
+        |v: &Vector3<Dd>| -> Plane { [dot(&column(&axes, 0), v), dot(&column(&axes, 1), v)] };
     let origin = if ring[0].slides { ring[1].point } else { ring[0].point };
     let [a, p2, d] = [1, 2, 3].map(|k: usize| plane(&(ring[k].point - origin)));
     let along = |x: &Ring| normalised(plane(&x.axis)).ok_or("slider is perpendicular to the plane");
@@ -49,12 +58,20 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
             // the way of an independent slider counts in its direction
             let t = if place == Some(0) { t.map(|x| x * sense[0]) } else { t };
             let has_bearing = place == Some(3);
-            let (turned, least) = if has_bearing { (inner(&t, &b), size(&b)) } else { (outer(&b, &c), size(&b) * size(&c)) };
+            let (turned, least) = if has_bearing {
+                (inner(&t, &b), size(&b))
+            } else {
+                (outer(&b, &c), size(&b) * size(&c))
+            };
             let short = DEGENERATE * cluster.length;
-            if size(&b) < short || !has_bearing && size(&c) < short || turned.abs().to_f64() <= DEGENERATE * least {
+            if size(&b) < short
+                || !has_bearing && size(&c) < short
+                || turned.abs().to_f64() <= DEGENERATE * least
+            {
                 return Err("links stand in line or have no length at zero".into());
             }
-            let tie = |k: usize| ring[k].joint.map(|joint| Tie { joint, place: k, sense: sense[k] });
+            let tie =
+                |k: usize| ring[k].joint.map(|joint| Tie { joint, place: k, sense: sense[k] });
             let ties: Vec<Tie<Dd>> = (1..4).filter_map(tie).collect();
             let others = ties.try_into().map_err(|_| "loop is cut twice")?;
             Closure::Planar(Planar {
@@ -78,8 +95,16 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
 }
 
 /// A slider that lies opposite to the independent joint: rocker, pin, slider, stator.
-fn lambda(of: &Reading<'_>, ring: &[Ring], sense: &[Dd], d3: Plane, d1: Plane, t: Plane) -> Result<Rrpr<Dd>, String> {
-    let (Some(rocker), Some(slider), Some(stator)) = (ring[0].joint, ring[2].joint, ring[3].joint) else {
+fn lambda(
+    of: &Reading<'_>,
+    ring: &[Ring],
+    sense: &[Dd],
+    d3: Plane,
+    d1: Plane,
+    t: Plane,
+) -> Result<Rrpr<Dd>, String> {
+    let (Some(rocker), Some(slider), Some(stator)) = (ring[0].joint, ring[2].joint, ring[3].joint)
+    else {
         return Err("pin is not beside the rocker".into());
     };
     // the length grows as the slider's coordinate does

@@ -5,8 +5,13 @@ use super::{Dd, two_product, two_sum};
 use crate::scalar::Real;
 
 /// π/2 in five doubles.
-const HALF_PI: [f64; 5] =
-    [core::f64::consts::FRAC_PI_2, 6.123233995736766e-17, -1.4973849048591698e-33, 5.562271104316826e-50, 2.836115989820158e-66];
+const HALF_PI: [f64; 5] = [
+    core::f64::consts::FRAC_PI_2,
+    6.123233995736766e-17,
+    -1.4973849048591698e-33,
+    5.562271104316826e-50,
+    2.836115989820158e-66,
+];
 
 /// 1/k! for k = 2, 3, … 28, as hi and lo.
 const INVERSE_FACTORIAL: [(f64, f64); 27] = [
@@ -47,8 +52,9 @@ fn inverse_factorial(k: usize) -> Dd {
 
 /// x − n π/2 and n mod 4, n the integer nearest to x / (π/2).
 ///
-/// The parts are summed exactly enough that even next to a multiple of π/2 all bits of the remainder count: error-free vector
-/// transformations (Ogita, Rump, Oishi, *Accurate sum and dot product*, 2005, SumK with K = 5).
+/// The parts are summed exactly enough that even next to a multiple of π/2 all bits of the
+/// remainder count: error-free vector transformations (Ogita, Rump, Oishi, *Accurate sum and dot
+/// product*, 2005, SumK with K = 5).
 fn reduce(x: Dd) -> (Dd, i64) {
     let n = (x.hi * core::f64::consts::FRAC_2_PI).round_ties_even();
 
@@ -90,8 +96,8 @@ pub(super) fn sin_cos(x: Dd) -> (Dd, Dd) {
     }
 }
 
-/// The angle of the point (x, y): the double angle θ and one Newton step,
-/// tan(true − θ) = (y cos θ − x sin θ) / (x cos θ + y sin θ), whose arc tangent is itself to three times the digits.
+/// The angle of the point (x, y): the double angle θ and one Newton step, tan(true − θ) = (y cos θ
+/// − x sin θ) / (x cos θ + y sin θ), whose arc tangent is itself to three times the digits.
 pub(super) fn atan2(y: Dd, x: Dd) -> Dd {
     // signed zeros and infinities: the point of the unit square in the same direction
     let unit = |v: Dd| Dd::from(if v.hi.is_infinite() { 1.0_f64 } else { 0.0 }.copysign(v.hi));
@@ -140,7 +146,11 @@ mod tests {
     fn arc_tangent_agrees_with_the_table() {
         for [y, x, hi, lo] in ATAN2 {
             // below 1e-270 the trailing parts underflow
-            let bound = if hi != 0.0 && hi.abs() < 1e-270 || y.abs() < 1e-270 { 1e-15 } else { 4.0 * EPSILON };
+            let bound = if hi != 0.0 && hi.abs() < 1e-270 || y.abs() < 1e-270 {
+                1e-15
+            } else {
+                4.0 * EPSILON
+            };
             let error = relative(atan2(Dd::from(y), Dd::from(x)), Dd { hi, lo });
             assert!(error <= bound, "atan2({y:e}, {x:e}): {error:e}");
         }
@@ -156,7 +166,8 @@ mod tests {
             let (s2, c2) = (x + x).sin_cos();
             worst[0] = worst[0].max((s * s + c * c - Dd::ONE).hi.abs());
             worst[1] = worst[1].max(relative(s.atan2(c), x));
-            worst[2] = worst[2].max((s2 - s * c * 2.0).hi.abs().max((c2 - (c * c - s * s)).hi.abs()));
+            worst[2] =
+                worst[2].max((s2 - s * c * 2.0).hi.abs().max((c2 - (c * c - s * s)).hi.abs()));
         }
         println!("seed {SEED}, largest errors in 2⁻¹⁰⁴: {:?}", worst.map(|e| e / EPSILON));
         assert!(worst.iter().all(|&e| e <= 4.0 * EPSILON));
@@ -174,11 +185,19 @@ mod tests {
     #[test]
     fn special_values_are_those_of_ieee_754() {
         let values = [0.0, 1.0, f64::INFINITY, f64::NAN].map(|v: f64| [v, -v]);
-        for (&y, &x) in values.iter().flatten().flat_map(|y| values.iter().flatten().map(move |x| (y, x))) {
+        for (&y, &x) in
+            values.iter().flatten().flat_map(|y| values.iter().flatten().map(move |x| (y, x)))
+        {
             let (own, std) = (atan2(Dd::from(y), Dd::from(x)), f64::atan2(y, x));
-            assert!(own.hi.to_bits() == std.to_bits() || (own.hi.is_nan() && std.is_nan()), "atan2({y}, {x}) = {own:?}, not {std}");
+            assert!(
+                own.hi.to_bits() == std.to_bits() || (own.hi.is_nan() && std.is_nan()),
+                "atan2({y}, {x}) = {own:?}, not {std}"
+            );
         }
-        assert!(sin_cos(Dd::from(f64::NAN)).0.hi.is_nan() && sin_cos(Dd::from(f64::INFINITY)).1.hi.is_nan());
+        assert!(
+            sin_cos(Dd::from(f64::NAN)).0.hi.is_nan()
+                && sin_cos(Dd::from(f64::INFINITY)).1.hi.is_nan()
+        );
         assert!(sin_cos(Dd::from(elementary::RANGE)).0.hi.is_nan());
     }
 }

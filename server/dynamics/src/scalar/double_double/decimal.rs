@@ -9,9 +9,9 @@ const GROUP: usize = 15;
 impl Dd {
     /// Reads a decimal number such as `-0.1234567890123456789012345678901e-5`.
     ///
-    /// Relative error: 8 u² and 4 u² more for every 22 places that the decimal point moves, u = 2⁻⁵³; exact for integers below
-    /// 10³⁰. Digits after the 45th are dropped. `None` for anything else than digits, one point, signs and an exponent, and for
-    /// numbers out of range. Allocates.
+    /// Relative error: 8 u² and 4 u² more for every 22 places that the decimal point moves, u =
+    /// 2⁻⁵³; exact for integers below 10³⁰. Digits after the 45th are dropped. `None` for anything
+    /// else than digits, one point, signs and an exponent, and for numbers out of range. Allocates.
     ///
     /// ```
     /// use sarrus_dynamics::scalar::Dd;
@@ -45,12 +45,16 @@ impl Dd {
 
         // the point, at most 22 places at a time
         let dropped = digits.len() - kept;
-        let mut places = (i64::from(exponent) + dropped as i64 - fraction.len() as i64).clamp(-1000, 1000);
+        let mut places =
+            (i64::from(exponent) + dropped as i64 - fraction.len() as i64).clamp(-1000, 1000);
         while places != 0 {
             let step = places.unsigned_abs().min(22) as usize;
             let factor = power_of_ten(step);
-            (value, places) =
-                if places > 0 { (value * factor, places - step as i64) } else { (value / Dd::from(factor), places + step as i64) };
+            (value, places) = if places > 0 {
+                (value * factor, places - step as i64)
+            } else {
+                (value / Dd::from(factor), places + step as i64)
+            };
         }
         value.is_finite().then_some(if negative { -value } else { value })
     }
@@ -80,16 +84,25 @@ mod tests {
             let error = Dd::parse_decimal(text).map(|v| relative(v, truth));
             assert!(error.is_some_and(|e| e <= 3.0 * Dd::EPSILON), "{text}: {error:?}");
         }
-        for (text, exact) in
-            [("0", 0.0), ("-12.5", -12.5), (".5", 0.5), ("5.", 5.0), ("1e20", 1e20), ("00012", 12.0), ("1e-999999999", 0.0)]
-        {
+        for (text, exact) in [
+            ("0", 0.0),
+            ("-12.5", -12.5),
+            (".5", 0.5),
+            ("5.", 5.0),
+            ("1e20", 1e20),
+            ("00012", 12.0),
+            ("1e-999999999", 0.0),
+        ] {
             assert_eq!(Dd::parse_decimal(text), Some(Dd::from(exact)), "{text}");
         }
     }
 
     #[test]
     fn other_text_is_refused() {
-        for text in ["", ".", "-", "e5", "1e", "1e5.0", "1..2", "--1", "nan", "inf", "1 ", "1_0", "0x1", "1e999", "１"] {
+        for text in [
+            "", ".", "-", "e5", "1e", "1e5.0", "1..2", "--1", "nan", "inf", "1 ", "1_0", "0x1",
+            "1e999", "１",
+        ] {
             assert_eq!(Dd::parse_decimal(text), None, "{text}");
         }
     }

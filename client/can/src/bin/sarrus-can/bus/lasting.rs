@@ -13,7 +13,8 @@ use crate::say::say;
 /// A bus that is gone is opened anew this often.
 const REOPEN: Duration = Duration::from_millis(500);
 
-/// A bus that is off while its adapter is gone, drops what it is to send meanwhile, and is opened anew when the adapter is there again.
+/// A bus that is off while its adapter is gone, drops what it is to send meanwhile, and is opened
+/// anew when the adapter is there again.
 pub(crate) struct Lasting {
     name: String,
     interface: String,
@@ -38,7 +39,8 @@ impl Lasting {
     pub(crate) fn open(name: &str, address: Address<'_>) -> Result<Lasting, BusError> {
         let port = Some(open(address)?);
         let flags = EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC;
-        let nothing = eventfd(0, flags).map_err(|error| BusError::Open(name.to_owned(), error.into()))?;
+        let nothing =
+            eventfd(0, flags).map_err(|error| BusError::Open(name.to_owned(), error.into()))?;
         let Address { interface, channel, bitrate, data_bitrate, listen_only } = address;
         let [name, interface, channel] = [name, interface, channel].map(str::to_owned);
         Ok(Lasting {

@@ -24,7 +24,13 @@ pub(crate) struct LinePort {
 
 impl LinePort {
     pub(crate) fn new(fd: OwnedFd) -> LinePort {
-        LinePort { fd, lines: slcan::Lines::default(), buffer: [0; READ], unread: (0, 0), unwritten: VecDeque::with_capacity(MAX_LINE) }
+        LinePort {
+            fd,
+            lines: slcan::Lines::default(),
+            buffer: [0; READ],
+            unread: (0, 0),
+            unwritten: VecDeque::with_capacity(MAX_LINE),
+        }
     }
 
     /// The next line that is already there.

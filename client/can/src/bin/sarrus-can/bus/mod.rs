@@ -36,7 +36,8 @@ pub(crate) trait Bus: Send {
     /// What becomes readable when there is something to hear, for [`wait_for`].
     fn readable(&self) -> BorrowedFd<'_>;
 
-    /// Tells the other side of a simulated bus that the adapter's state changed; false where this bus cannot.
+    /// Tells the other side of a simulated bus that the adapter's state changed; false where this
+    /// bus cannot.
     fn pretend(&mut self, event: BusEvent) -> Result<bool, BusError> {
         let _ = event;
         Ok(false)
@@ -64,9 +65,13 @@ pub(crate) enum Heard {
 /// Why a bus cannot be used.
 #[derive(Debug, Error)]
 pub(crate) enum BusError {
-    #[error("no interface `{0}`, expected socketcan or slcan; other adapters work through `python -m sarrus.can`")]
+    #[error(
+        "no interface `{0}`, expected socketcan or slcan; other adapters work through `python -m sarrus.can`"
+    )]
     Interface(String),
-    #[error("{0}: slcan has no bit rate {1}, expected one of 10000, 20000, 50000, 100000, 125000, 250000, 500000, 750000, 1000000")]
+    #[error(
+        "{0}: slcan has no bit rate {1}, expected one of 10000, 20000, 50000, 100000, 125000, 250000, 500000, 750000, 1000000"
+    )]
     Bitrate(String, u32),
     #[error("{0}: slcan has no data bit rate {1}, expected 2000000 or 5000000")]
     DataBitrate(String, u32),
@@ -85,9 +90,11 @@ pub(crate) enum BusError {
 pub(crate) struct Address<'a> {
     /// `socketcan` or `slcan`.
     pub(crate) interface: &'a str,
-    /// Network interface, or path of the serial port, `@` and its speed behind it if it is not 115200.
+    /// Network interface, or path of the serial port, `@` and its speed behind it if it is not
+    /// 115200.
     pub(crate) channel: &'a str,
-    /// `[bit/s]`; socketcan has its own, set by `ip link`, which must be this one. `None`: it may be any.
+    /// `[bit/s]`; socketcan has its own, set by `ip link`, which must be this one. `None`: it may
+    /// be any.
     pub(crate) bitrate: Option<u32>,
     /// `[bit/s]` with CAN FD.
     pub(crate) data_bitrate: Option<u32>,
@@ -99,7 +106,13 @@ impl<'a> Address<'a> {
     /// Where a bus of a configuration is.
     pub(crate) fn of(config: &'a BusConfig) -> Address<'a> {
         let (interface, channel) = (config.interface.as_str(), config.channel.as_str());
-        Address { interface, channel, bitrate: Some(config.bitrate), data_bitrate: config.data_bitrate, listen_only: false }
+        Address {
+            interface,
+            channel,
+            bitrate: Some(config.bitrate),
+            data_bitrate: config.data_bitrate,
+            listen_only: false,
+        }
     }
 }
 
@@ -112,8 +125,9 @@ pub(crate) fn open(address: Address<'_>) -> Result<Box<dyn Bus>, BusError> {
     }
 }
 
-/// Makes this process the owner of an interface until the mark is dropped, also by its death. A serial port is locked when it is opened;
-/// the mark of others is a name in the abstract space of Unix sockets, which like CAN interfaces belongs to the network namespace.
+/// Makes this process the owner of an interface until the mark is dropped, also by its death. A
+/// serial port is locked when it is opened; the mark of others is a name in the abstract space of
+/// Unix sockets, which like CAN interfaces belongs to the network namespace.
 pub(crate) fn own(address: Address<'_>) -> Result<Option<OwnedFd>, BusError> {
     if address.interface == "slcan" {
         return Ok(None);
@@ -123,14 +137,17 @@ pub(crate) fn own(address: Address<'_>) -> Result<Option<OwnedFd>, BusError> {
         error => BusError::Open(address.channel.to_owned(), error.into()),
     };
     let name = format!("sarrus-can/{}/{}", address.interface, address.channel);
-    let mark = socket_with(AddressFamily::UNIX, SocketType::DGRAM, SocketFlags::CLOEXEC, None).map_err(failed)?;
-    bind(&mark, &SocketAddrUnix::new_abstract_name(name.as_bytes()).map_err(failed)?).map_err(failed)?;
+    let mark = socket_with(AddressFamily::UNIX, SocketType::DGRAM, SocketFlags::CLOEXEC, None)
+        .map_err(failed)?;
+    bind(&mark, &SocketAddrUnix::new_abstract_name(name.as_bytes()).map_err(failed)?)
+        .map_err(failed)?;
     Ok(Some(mark))
 }
 
 /// Waits until one of several is readable; false when the time is over or a signal came.
 pub(crate) fn wait_for(fds: &mut [PollFd<'_>], at_most: Duration) -> Result<bool, BusError> {
-    let time = Timespec { tv_sec: at_most.as_secs() as i64, tv_nsec: i64::from(at_most.subsec_nanos()) };
+    let time =
+        Timespec { tv_sec: at_most.as_secs() as i64, tv_nsec: i64::from(at_most.subsec_nanos()) };
     match poll(fds, Some(&time)) {
         Ok(n) => Ok(n > 0),
         Err(rustix::io::Errno::INTR) => Ok(false),

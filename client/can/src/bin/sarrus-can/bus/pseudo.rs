@@ -27,17 +27,31 @@ pub(crate) struct Pseudo {
 impl Pseudo {
     /// Makes a pseudo-terminal.
     pub(crate) fn new() -> Result<Pseudo, BusError> {
-        let failed = |error: rustix::io::Errno| BusError::Open("a pseudo-terminal".to_owned(), error.into());
-        let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).map_err(failed)?;
+        let failed =
+            |error: rustix::io::Errno| BusError::Open("a pseudo-terminal".to_owned(), error.into());
+        let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
+            .map_err(failed)?;
         grantpt(&fd).map_err(failed)?;
         unlockpt(&fd).map_err(failed)?;
         let name = ptsname(&fd, Vec::new()).map_err(failed)?.to_string_lossy().into_owned();
-        let host = rustix::fs::open(name.as_str(), OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty()).map_err(failed)?;
+        let host = rustix::fs::open(
+            name.as_str(),
+            OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC,
+            Mode::empty(),
+        )
+        .map_err(failed)?;
         let mut terminal = tcgetattr(&host).map_err(failed)?;
         terminal.make_raw();
         tcsetattr(&host, OptionalActions::Now, &terminal).map_err(failed)?;
         fcntl_setfl(&fd, fcntl_getfl(&fd).map_err(failed)? | OFlags::NONBLOCK).map_err(failed)?;
-        Ok(Pseudo { name, port: LinePort::new(fd), _host: host, open: false, listen_only: false, off: false })
+        Ok(Pseudo {
+            name,
+            port: LinePort::new(fd),
+            _host: host,
+            open: false,
+            listen_only: false,
+            off: false,
+        })
     }
 
     /// Path of the host's end.
@@ -69,10 +83,16 @@ impl Bus for Pseudo {
 
     fn next(&mut self) -> Result<Option<Heard>, BusError> {
         loop {
-            let Some(line) = self.port.next().map_err(|error| self.gone(error))? else { return Ok(None) };
+            let Some(line) = self.port.next().map_err(|error| self.gone(error))? else {
+                return Ok(None);
+            };
             match line {
                 Line::Frame(frame) if self.open && !self.listen_only && !self.off => {
-                    let taken: &[u8] = if matches!(frame.id, sarrus_can::frame::Id::Standard(_)) { b"z\r" } else { b"Z\r" };
+                    let taken: &[u8] = if matches!(frame.id, sarrus_can::frame::Id::Standard(_)) {
+                        b"z\r"
+                    } else {
+                        b"Z\r"
+                    };
                     self.answer(taken)?;
                     return Ok(Some(Heard::Frame(frame)));
                 }
@@ -88,7 +108,9 @@ impl Bus for Pseudo {
                 Line::Version => self.answer(b"V1013\r")?,
                 Line::SerialNumber => self.answer(b"NSARR\r")?,
                 Line::Status => self.answer(if self.off { b"F80\r" } else { b"F00\r" })?,
-                Line::Bitrate(_) | Line::DataBitrate(_) | Line::Setting(_) if !self.open => self.answer(b"\r")?,
+                Line::Bitrate(_) | Line::DataBitrate(_) | Line::Setting(_) if !self.open => {
+                    self.answer(b"\r")?
+                }
                 Line::Done => self.answer(b"\r")?,
                 _ => self.answer(b"\x07")?,
             }

@@ -25,10 +25,14 @@ impl Serial {
     /// Opens and locks the port, sets the bit rate and opens the channel.
     pub(crate) fn open(address: Address<'_>) -> Result<Serial, BusError> {
         let (path, speed) = match address.channel.rsplit_once('@') {
-            Some((path, speed)) => (path, speed.parse().map_err(|_| refused(address.channel, "its speed is no number"))?),
+            Some((path, speed)) => (
+                path,
+                speed.parse().map_err(|_| refused(address.channel, "its speed is no number"))?,
+            ),
             None => (address.channel, SPEED),
         };
-        let Some(code) = BITRATES.iter().position(|&bitrate| Some(bitrate) == address.bitrate) else {
+        let Some(code) = BITRATES.iter().position(|&bitrate| Some(bitrate) == address.bitrate)
+        else {
             return Err(BusError::Bitrate(path.to_owned(), address.bitrate.unwrap_or(0)));
         };
         let data_code = match address.data_bitrate {
@@ -40,8 +44,12 @@ impl Serial {
         };
 
         let failed = |error: Errno| BusError::Open(path.to_owned(), error.into());
-        let fd =
-            rustix::fs::open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty()).map_err(failed)?;
+        let fd = rustix::fs::open(
+            path,
+            OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC,
+            Mode::empty(),
+        )
+        .map_err(failed)?;
         flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
             Errno::WOULDBLOCK => BusError::Owned(path.to_owned()),
             error => failed(error),
@@ -66,7 +74,10 @@ impl Serial {
     fn tell(&mut self, line: &str) -> Result<(), BusError> {
         match self.port.send_line(line.as_bytes()) {
             Ok(true) => Ok(()),
-            Ok(false) => Err(refused(&self.name, "it takes no bytes; is the adapter, or the program behind the terminal, alive?")),
+            Ok(false) => Err(refused(
+                &self.name,
+                "it takes no bytes; is the adapter, or the program behind the terminal, alive?",
+            )),
             Err(error) => Err(BusError::Open(self.name.clone(), error)),
         }
     }
@@ -87,7 +98,8 @@ impl Bus for Serial {
 
     fn next(&mut self) -> Result<Option<Heard>, BusError> {
         loop {
-            let line = self.port.next().map_err(|error| BusError::Gone(self.name.clone(), error))?;
+            let line =
+                self.port.next().map_err(|error| BusError::Gone(self.name.clone(), error))?;
             match line {
                 None => return Ok(None),
                 Some(Line::Frame(frame)) => return Ok(Some(Heard::Frame(frame))),

@@ -1,15 +1,18 @@
 //! SocketCAN: the network interfaces of Linux for CAN.
 //!
-//! Frames travel as the structures `can_frame` (16 bytes) and `canfd_frame` (72 bytes); the socket echoes each frame of ours when the
-//! controller has sent it, which tells how many still wait. Source: Linux, *Documentation/networking/can.rst*, `linux/can.h`,
-//! `linux/can/error.h`.
+//! Frames travel as the structures `can_frame` (16 bytes) and `canfd_frame` (72 bytes); the socket
+//! echoes each frame of ours when the controller has sent it, which tells how many still wait.
+//! Source: Linux, *Documentation/networking/can.rst*, `linux/can.h`, `linux/can/error.h`.
 
 use std::io::{self, IoSliceMut};
 use std::os::fd::{AsFd, BorrowedFd};
 
 use rustix::io::Errno;
 use rustix::net::sockopt::set_socket_recv_buffer_size;
-use rustix::net::{AddressFamily, RecvAncillaryBuffer, RecvFlags, SendFlags, SocketFlags, SocketType, recv, recvmsg, send, socket_with};
+use rustix::net::{
+    AddressFamily, RecvAncillaryBuffer, RecvFlags, SendFlags, SocketFlags, SocketType, recv,
+    recvmsg, send, socket_with,
+};
 use sarrus_can::bridge::BusEvent;
 use sarrus_can::frame::{Frame, FrameKind, Id};
 use sarrus_can::interface::{Interface, InterfaceError, error_events, question};
@@ -26,7 +29,8 @@ const RECEIVE_BUFFER: usize = 1 << 20;
 const CONFIRM: u32 = 0x800;
 /// `SOL_SOCKET`, `SO_MEMINFO`, and the place of the count of lost frames in its answer.
 const MEMORY: (i32, i32, usize) = (1, 55, 8);
-/// Most frames without an echo that are believed to wait; an interface that echoes nothing must not look stuck for ever.
+/// Most frames without an echo that are believed to wait; an interface that echoes nothing must not
+/// look stuck for ever.
 const MOST_WAITING: u32 = 4096;
 
 /// A SocketCAN interface.
@@ -52,7 +56,13 @@ impl SocketCan {
         // after the filter, so that no change of the state is missed
         let interface = interface(name).map_err(failed)?;
         let state = interface.check(name, address.bitrate, address.data_bitrate)?;
-        Ok(SocketCan { name: name.to_owned(), socket, waiting: 0, lost: 0, events: [state, None, None] })
+        Ok(SocketCan {
+            name: name.to_owned(),
+            socket,
+            waiting: 0,
+            lost: 0,
+            events: [state, None, None],
+        })
     }
 
     /// Frames that the receive buffer had no room for, since the last time.
@@ -86,7 +96,11 @@ impl Bus for SocketCan {
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         let mut bytes = [0; FD];
         let used = encode(frame, &mut bytes);
-        match send(&self.socket, bytes.get(..used).unwrap_or_default(), SendFlags::DONTWAIT | SendFlags::NOSIGNAL) {
+        match send(
+            &self.socket,
+            bytes.get(..used).unwrap_or_default(),
+            SendFlags::DONTWAIT | SendFlags::NOSIGNAL,
+        ) {
             Ok(_) => {
                 self.waiting = (self.waiting + 1).min(MOST_WAITING);
                 Ok(Sent::Taken)
@@ -172,12 +186,17 @@ fn encode(frame: &Frame, bytes: &mut [u8; FD]) -> usize {
     };
     let flags = u8::from(frame.kind == FrameKind::Fd { bit_rate_switch: true }) * BIT_RATE_SWITCH;
     let head = id.to_ne_bytes().into_iter().chain([frame.data().len() as u8, flags, 0, 0]);
-    bytes.iter_mut().zip(head.chain(frame.data().iter().copied())).for_each(|(place, byte)| *place = byte);
+    bytes
+        .iter_mut()
+        .zip(head.chain(frame.data().iter().copied()))
+        .for_each(|(place, byte)| *place = byte);
     if frame.is_fd() { FD } else { CLASSIC }
 }
 
 fn decode(bytes: &[u8]) -> Decoded {
-    let Some((&[a, b, c, d, length, flags, _, _], data)) = bytes.split_first_chunk::<8>() else { return Decoded::Other };
+    let Some((&[a, b, c, d, length, flags, _, _], data)) = bytes.split_first_chunk::<8>() else {
+        return Decoded::Other;
+    };
     let id = u32::from_ne_bytes([a, b, c, d]);
     if id & ERROR != 0 {
         return Decoded::Errors(error_events(id, data));
@@ -218,7 +237,8 @@ mod tests {
     #[test]
     fn a_classic_frame_has_the_layout_of_can_h() {
         let mut bytes = [0; FD];
-        let used = encode(&Frame::classic(Id::Extended(0x0100_0003), &[0xAA, 0xBB]).unwrap(), &mut bytes);
+        let used =
+            encode(&Frame::classic(Id::Extended(0x0100_0003), &[0xAA, 0xBB]).unwrap(), &mut bytes);
         assert_eq!(bytes[..4], 0x8100_0003_u32.to_ne_bytes());
         assert_eq!(bytes[4..used], [2, 0, 0, 0, 0xAA, 0xBB, 0, 0, 0, 0, 0, 0]);
     }
@@ -253,9 +273,12 @@ mod tests {
     fn frames_that_the_kernel_threw_away_at_bus_off_wait_no_longer() {
         use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
         // a pair of sockets: the other end is the kernel
-        let (ours, kernel) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None).unwrap();
+        let (ours, kernel) =
+            socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None)
+                .unwrap();
         let socket = CanFdSocket::from(ours);
-        let mut bus = SocketCan { name: "pair".to_owned(), socket, waiting: 0, lost: 0, events: [None; 3] };
+        let mut bus =
+            SocketCan { name: "pair".to_owned(), socket, waiting: 0, lost: 0, events: [None; 3] };
         for (class, event) in [(0x40_u32, BusEvent::BusOff), (0x100, BusEvent::Restarted)] {
             bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).unwrap();
             assert_eq!(bus.backlog(), 1);

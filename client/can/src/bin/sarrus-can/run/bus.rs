@@ -80,7 +80,8 @@ impl BusEnd {
 }
 
 impl Drop for BusEnd {
-    /// Wakes the bus for its last words. The queue that it looks at is gone a moment later: it looks again after the bell.
+    /// Wakes the bus for its last words. The queue that it looks at is gone a moment later: it
+    /// looks again after the bell.
     fn drop(&mut self) {
         let (gone, _) = RingBuffer::new(1);
         drop(std::mem::replace(&mut self.to_send, gone));
@@ -90,14 +91,26 @@ impl Drop for BusEnd {
 
 impl BusThread {
     /// Opens the bus.
-    pub(crate) fn new(config: &BusConfig, last_words: Vec<Frame>) -> Result<(BusThread, BusEnd), BusError> {
+    pub(crate) fn new(
+        config: &BusConfig,
+        last_words: Vec<Frame>,
+    ) -> Result<(BusThread, BusEnd), BusError> {
         let (name, port) = (config.name.clone(), Lasting::open(&config.name, Address::of(config))?);
         let flags = EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC;
-        let bell = Arc::new(eventfd(0, flags).map_err(|error| BusError::Open(name.clone(), error.into()))?);
+        let bell = Arc::new(
+            eventfd(0, flags).map_err(|error| BusError::Open(name.clone(), error.into()))?,
+        );
         let (send, to_send) = RingBuffer::new(ROOM);
         let (hear, heard) = RingBuffer::new(ROOM);
         let end = BusEnd { to_send: send, heard, bell: bell.clone() };
-        let queues = Queues { to_send, heard: hear, bell, overrun: 0, untold: Vec::with_capacity(UNTOLD), backlog: 0 };
+        let queues = Queues {
+            to_send,
+            heard: hear,
+            bell,
+            overrun: 0,
+            untold: Vec::with_capacity(UNTOLD),
+            backlog: 0,
+        };
         Ok((BusThread { name, port, queues, last_words }, end))
     }
 
@@ -118,7 +131,10 @@ impl Queues {
     fn serve(&mut self, port: &mut dyn Bus) -> Result<(), BusError> {
         {
             let (readable, bell) = (port.readable(), self.bell.as_fd());
-            wait_for(&mut [PollFd::new(&readable, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)], PATIENCE)?;
+            wait_for(
+                &mut [PollFd::new(&readable, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)],
+                PATIENCE,
+            )?;
         }
         while let Some(event) = self.untold.first().copied() {
             if self.heard.push((now_ns(), Heard::Event(event))).is_err() {
@@ -131,7 +147,9 @@ impl Queues {
             let Some(heard) = port.next()? else { break };
             self.tell(heard);
         }
-        if self.overrun > 0 && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok() {
+        if self.overrun > 0
+            && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok()
+        {
             self.overrun = 0;
         }
         self.send(port)
@@ -170,7 +188,9 @@ impl Queues {
         let is_told = self.untold.is_empty() && self.heard.push((now_ns(), heard)).is_ok();
         match heard {
             _ if is_told => {}
-            Heard::Event(event) if event.count().is_none() && self.untold.len() < UNTOLD => self.untold.push(event),
+            Heard::Event(event) if event.count().is_none() && self.untold.len() < UNTOLD => {
+                self.untold.push(event)
+            }
             _ => self.overrun += 1,
         }
         is_told
@@ -183,12 +203,19 @@ impl Drop for BusThread {
         let (times, pause) = LAST_WORDS;
         let mut are_taken = false;
         for _ in 0..times {
-            let refused = self.last_words.iter().filter(|frame| self.port.send(frame).ok() != Some(Sent::Taken)).count();
+            let refused = self
+                .last_words
+                .iter()
+                .filter(|frame| self.port.send(frame).ok() != Some(Sent::Taken))
+                .count();
             are_taken |= refused == 0;
             std::thread::sleep(pause);
         }
         if !are_taken {
-            say(format_args!("{}: its motors could not be told to let go; what is left are their own watchdogs", self.name));
+            say(format_args!(
+                "{}: its motors could not be told to let go; what is left are their own watchdogs",
+                self.name
+            ));
         }
     }
 }

@@ -1,7 +1,8 @@
 //! `sarrus-can run`: the bridge on the robot.
 //!
-//! One thread runs the rules at absolute deadlines; each bus has a thread of its own, which waits for frames and sends what the rules hand
-//! over, so that a slow adapter holds nobody else up. Threads share nothing but queues of fixed size: nothing locks.
+//! One thread runs the rules at absolute deadlines; each bus has a thread of its own, which waits
+//! for frames and sends what the rules hand over, so that a slow adapter holds nobody else up.
+//! Threads share nothing but queues of fixed size: nothing locks.
 
 mod bus;
 mod realtime;
@@ -25,7 +26,8 @@ use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 use signal_hook::consts::{
-    SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
+    SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2,
+    SIGVTALRM, SIGXCPU, SIGXFSZ,
 };
 
 use crate::bus::{Address, own};
@@ -35,8 +37,21 @@ use rules::Rules;
 use sarrus_client::now_ns;
 
 /// Signals that would end or stop this program: each is a clean end of it.
-const ENDS: [i32; 13] =
-    [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGXCPU, SIGIO, Signal::POWER.as_raw()];
+const ENDS: [i32; 13] = [
+    SIGINT,
+    SIGTERM,
+    SIGHUP,
+    SIGQUIT,
+    SIGTSTP,
+    SIGUSR1,
+    SIGUSR2,
+    SIGALRM,
+    SIGVTALRM,
+    SIGPROF,
+    SIGXCPU,
+    SIGIO,
+    Signal::POWER.as_raw(),
+];
 
 /// Flags of `run`.
 #[derive(Args)]
@@ -75,7 +90,11 @@ impl Run {
         code
     }
 
-    fn bridge(&self, configuration: Configuration, parent: Option<Pid>) -> Result<(), Box<dyn std::error::Error>> {
+    fn bridge(
+        &self,
+        configuration: Configuration,
+        parent: Option<Pid>,
+    ) -> Result<(), Box<dyn std::error::Error>> {
         let stop = Arc::new(AtomicBool::new(false));
         for signal in ENDS {
             signal_hook::flag::register(signal, stop.clone())?;
@@ -96,13 +115,18 @@ impl Run {
             threads.push(thread);
             ends.push(end);
         }
-        let telemetry = Telemetry::new(&bridge, &loads, std::process::id(), now_ns()).ok_or("no memory for histograms")?;
+        let telemetry = Telemetry::new(&bridge, &loads, std::process::id(), now_ns())
+            .ok_or("no memory for histograms")?;
         realtime::lock_memory().into_iter().for_each(|note| say(format_args!("{note}")));
 
         let result = thread::scope(|scope| {
-            let buses: Vec<_> = threads.into_iter().map(|thread| scope.spawn(|| thread.run(self.priority))).collect();
+            let buses: Vec<_> = threads
+                .into_iter()
+                .map(|thread| scope.spawn(|| thread.run(self.priority)))
+                .collect();
             let mut rules = Rules { bridge, telemetry, services, ends, stop: &stop };
-            // however this thread ends, also by a panic, its queues end with it, and each bus says its last words
+            // however this thread ends, also by a panic, its queues end with it, and each bus says
+            // its last words
             let rules = scope.spawn(move || {
                 realtime::be_first(self.priority);
                 rules.run();

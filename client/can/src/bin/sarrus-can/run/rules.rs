@@ -14,7 +14,8 @@ use sarrus_client::now_ns;
 
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {
-    /// First of all: where this ends, the buses say their last words before anything else is tidied up.
+    /// First of all: where this ends, the buses say their last words before anything else is tidied
+    /// up.
     pub(super) ends: Vec<BusEnd>,
     pub(super) bridge: Bridge,
     pub(super) telemetry: Telemetry,
@@ -32,7 +33,10 @@ impl Rules<'_> {
             let begin = now_ns();
             self.cycle(begin);
             let end = now_ns();
-            self.telemetry.cycle(&self.bridge, CycleTimes { wake_ns: begin.saturating_sub(deadline), work_ns: end - begin });
+            self.telemetry.cycle(
+                &self.bridge,
+                CycleTimes { wake_ns: begin.saturating_sub(deadline), work_ns: end - begin },
+            );
             if let Some(statistics) = self.telemetry.due(&self.bridge, end) {
                 self.services.publish_statistics(&statistics);
             }
@@ -71,8 +75,12 @@ impl Rules<'_> {
     }
 }
 
-/// Sleeps until a time of the monotonic clock; a signal wakes it early, and then the cycle is early.
+/// Sleeps until a time of the monotonic clock; a signal wakes it early, and then the cycle is
+/// early.
 fn sleep_until(deadline_ns: u64) {
-    let time = Timespec { tv_sec: (deadline_ns / 1_000_000_000) as i64, tv_nsec: (deadline_ns % 1_000_000_000) as i64 };
+    let time = Timespec {
+        tv_sec: (deadline_ns / 1_000_000_000) as i64,
+        tv_nsec: (deadline_ns % 1_000_000_000) as i64,
+    };
     let _ = clock_nanosleep_absolute(ClockId::Monotonic, &time);
 }

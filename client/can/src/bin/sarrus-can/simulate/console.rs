@@ -1,8 +1,9 @@
 //! Lines on stdin: what tests ask and what they break.
 //!
-//! `report` | `fault MOTOR CODE` (0 removes it) | `reboot MOTOR` | `silence MOTOR on|off` | `wrong_id MOTOR on|off` | `loss PART` |
-//! `delay MS` | `warning` | `passive` | `busoff` | `active` (the adapter's state, over slcan). `loss`, `delay` and the adapter's state are for all buses,
-//! or for one whose name follows.
+//! `report` | `fault MOTOR CODE` (0 removes it) | `reboot MOTOR` | `silence MOTOR on|off` |
+//! `wrong_id MOTOR on|off` | `loss PART` | `delay MS` | `warning` | `passive` | `busoff` | `active`
+//! (the adapter's state, over slcan). `loss`, `delay` and the adapter's state are for all buses, or
+//! for one whose name follows.
 
 use sarrus_can::bridge::BusEvent;
 use sarrus_can::motor::Simulated;
@@ -28,7 +29,10 @@ pub(super) enum Order {
 /// Reads a line, or says what is expected.
 pub(super) fn read(line: &str) -> Result<Order, String> {
     let words: Vec<&str> = line.split_whitespace().collect();
-    let (bus, state) = (|bus: &[&str]| bus.first().map(|bus| (*bus).to_owned()), |event, bus: Option<String>| Ok(Order::State(event, bus)));
+    let (bus, state) = (
+        |bus: &[&str]| bus.first().map(|bus| (*bus).to_owned()),
+        |event, bus: Option<String>| Ok(Order::State(event, bus)),
+    );
     match words.as_slice() {
         ["report"] => Ok(Order::Report),
         ["fault", motor, code] => {
@@ -60,7 +64,12 @@ pub(super) fn read(line: &str) -> Result<Order, String> {
 }
 
 /// Does what a line says; what cannot be done is said on stderr.
-pub(super) fn obey(order: &Order, now_ns: u64, plant: &mut Plant, lines: &mut [Line]) -> Result<(), BusError> {
+pub(super) fn obey(
+    order: &Order,
+    now_ns: u64,
+    plant: &mut Plant,
+    lines: &mut [Line],
+) -> Result<(), BusError> {
     let done = match order {
         Order::Report => {
             say(&plant.report(now_ns, lines.iter().map(Line::report).collect()));
@@ -86,7 +95,11 @@ pub(super) fn obey(order: &Order, now_ns: u64, plant: &mut Plant, lines: &mut [L
     Ok(())
 }
 
-fn each(lines: &mut [Line], bus: &Option<String>, act: impl Fn(&mut Line) -> Result<bool, BusError>) -> Result<bool, BusError> {
+fn each(
+    lines: &mut [Line],
+    bus: &Option<String>,
+    act: impl Fn(&mut Line) -> Result<bool, BusError>,
+) -> Result<bool, BusError> {
     let meant = |line: &&mut Line| bus.as_ref().is_none_or(|bus| bus == line.name());
     lines.iter_mut().filter(meant).try_fold(false, |any, line| Ok(any | act(line)?))
 }
@@ -108,7 +121,16 @@ mod tests {
 
     #[test]
     fn lines_that_make_no_sense_say_what_is_expected() {
-        for line in ["", "loss 2", "loss NaN", "fault elbow", "fault elbow x", "silence elbow maybe", "delay -1", "busoff a b"] {
+        for line in [
+            "",
+            "loss 2",
+            "loss NaN",
+            "fault elbow",
+            "fault elbow x",
+            "silence elbow maybe",
+            "delay -1",
+            "busoff a b",
+        ] {
             assert!(read(line).is_err(), "{line}");
         }
     }

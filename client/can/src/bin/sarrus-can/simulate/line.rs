@@ -28,7 +28,17 @@ pub(super) struct Line {
 impl Line {
     pub(super) fn new(name: String, place: usize, bus: Box<dyn Bus>, seed: u64) -> Line {
         let random = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-        Line { name, place, bus, replies: FrameQueue::new(256), waiting: VecDeque::new(), loss: 0.0, delay_ns: 0, random, counts: [0; 3] }
+        Line {
+            name,
+            place,
+            bus,
+            replies: FrameQueue::new(256),
+            waiting: VecDeque::new(),
+            loss: 0.0,
+            delay_ns: 0,
+            random,
+            counts: [0; 3],
+        }
     }
 
     pub(super) fn name(&self) -> &str {

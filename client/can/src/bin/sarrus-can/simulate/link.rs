@@ -14,9 +14,13 @@ impl Link {
     pub(super) fn make(target: &str, path: &Path) -> Result<Link, String> {
         let refused = |why: &str| format!("{} cannot be made: {why}", path.display());
         match std::fs::read_link(path) {
-            Ok(old) if old.starts_with("/dev/pts") => std::fs::remove_file(path).map_err(|error| refused(&error.to_string()))?,
+            Ok(old) if old.starts_with("/dev/pts") => {
+                std::fs::remove_file(path).map_err(|error| refused(&error.to_string()))?
+            }
             Ok(_) => return Err(refused("there is a link to something else")),
-            Err(_) if path.exists() => return Err(refused("there is a file of that name; give another one with --link")),
+            Err(_) if path.exists() => {
+                return Err(refused("there is a file of that name; give another one with --link"));
+            }
             Err(_) => {}
         }
         symlink(target, path).map_err(|error| refused(&error.to_string()))?;

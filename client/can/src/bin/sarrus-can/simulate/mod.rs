@@ -1,7 +1,9 @@
-//! `sarrus-can simulate`: the motors of a configuration from their own side, one process for each bus or for all.
+//! `sarrus-can simulate`: the motors of a configuration from their own side, one process for each
+//! bus or for all.
 //!
-//! Prints `ready BUS CHANNEL` for each bus, then what happens as JSON lines: power, faults, tripped watchdogs, the first set-point. Lines on
-//! stdin ask for a report or do mischief, see [`console`]. Times are CLOCK_MONOTONIC in nanoseconds, so that tests can compare processes.
+//! Prints `ready BUS CHANNEL` for each bus, then what happens as JSON lines: power, faults, tripped
+//! watchdogs, the first set-point. Lines on stdin ask for a report or do mischief, see [`console`].
+//! Times are CLOCK_MONOTONIC in nanoseconds, so that tests can compare processes.
 
 mod console;
 mod line;
@@ -33,8 +35,8 @@ use sarrus_client::now_ns;
 /// Longest time between two steps of the motors.
 const STEP: Duration = Duration::from_millis(1);
 
-/// Inertia and viscous friction of a small brushless motor on a shaft of its own `[kg m², N m s/rad]`. Through a screw with a lead of 10 mm
-/// they are 39 kg and 39 N s/m.
+/// Inertia and viscous friction of a small brushless motor on a shaft of its own `[kg m², N m
+/// s/rad]`. Through a screw with a lead of 10 mm they are 39 kg and 39 N s/m.
 const ROTOR: f64 = 1e-4;
 
 /// Options of `simulate`.
@@ -45,7 +47,8 @@ pub(crate) struct Simulate {
     /// Only this bus; without it all of them in one process
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
-    /// Make a pseudo-terminal for each bus that speaks slcan, and a link to it where the configuration has its channel
+    /// Make a pseudo-terminal for each bus that speaks slcan, and a link to it where the
+    /// configuration has its channel
     #[arg(long)]
     pty: bool,
     /// Make the link here instead, for one bus
@@ -54,10 +57,12 @@ pub(crate) struct Simulate {
     /// What turns behind the motors
     #[arg(long, value_enum, default_value_t = Dynamics::Motor)]
     dynamics: Dynamics,
-    /// Inertia of each motor, at its output [kg m²]: without it 0.01, which counts the load, and 1e-4 with `--dynamics robot`, which has the loads
+    /// Inertia of each motor, at its output [kg m²]: without it 0.01, which counts the load, and
+    /// 1e-4 with `--dynamics robot`, which has the loads
     #[arg(long)]
     inertia: Option<f64>,
-    /// Viscous friction of each motor, at its output [N m s/rad]: without it 0.01, and 1e-4 with `--dynamics robot`
+    /// Viscous friction of each motor, at its output [N m s/rad]: without it 0.01, and 1e-4 with
+    /// `--dynamics robot`
     #[arg(long)]
     friction: Option<f64>,
     /// A line as on stdin, done at the start; may be repeated
@@ -103,36 +108,54 @@ struct Simulation {
 fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simulation, String> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(|error| format!("signals: {error}"))?;
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .map_err(|error| format!("signals: {error}"))?;
     }
     let chosen: Vec<usize> = match &arguments.bus {
         None => (0..configuration.buses.len()).collect(),
         Some(name) => {
-            let known = || configuration.buses.iter().map(|bus| bus.name.as_str()).collect::<Vec<_>>().join(", ");
-            vec![configuration.bus(name).ok_or_else(|| format!("no bus `{name}` in the configuration, expected one of {}", known()))?]
+            let known = || {
+                configuration
+                    .buses
+                    .iter()
+                    .map(|bus| bus.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            };
+            vec![configuration.bus(name).ok_or_else(|| {
+                format!("no bus `{name}` in the configuration, expected one of {}", known())
+            })?]
         }
     };
     let usual = match arguments.dynamics {
         Dynamics::Motor => 0.01,
         Dynamics::Robot => ROTOR,
     };
-    let [inertia, friction] = [arguments.inertia, arguments.friction].map(|given| given.unwrap_or(usual));
+    let [inertia, friction] =
+        [arguments.inertia, arguments.friction].map(|given| given.unwrap_or(usual));
     let physics = Physics { inertia, friction, torque_limit: f64::INFINITY };
     let plant = Plant::new(configuration, &chosen, physics, arguments.dynamics)?;
     let (mut lines, mut links) = (Vec::new(), Vec::new());
     for &place in &chosen {
         let Some(config) = configuration.buses.get(place) else { continue };
-        let (bus, channel): (Box<dyn Bus>, String) = if arguments.pty && (config.interface == "slcan" || arguments.link.is_some()) {
-            let pseudo = Pseudo::new().map_err(|error| error.to_string())?;
-            let path = arguments.link.clone().unwrap_or_else(|| PathBuf::from(&config.channel));
-            links.push(Link::make(pseudo.path(), &path)?);
-            (Box::new(pseudo), path.display().to_string())
-        } else {
-            let bus = Lasting::open(&config.name, Address::of(config)).map_err(|error| error.to_string())?;
-            (Box::new(bus), config.channel.clone())
-        };
+        let (bus, channel): (Box<dyn Bus>, String) =
+            if arguments.pty && (config.interface == "slcan" || arguments.link.is_some()) {
+                let pseudo = Pseudo::new().map_err(|error| error.to_string())?;
+                let path = arguments.link.clone().unwrap_or_else(|| PathBuf::from(&config.channel));
+                links.push(Link::make(pseudo.path(), &path)?);
+                (Box::new(pseudo), path.display().to_string())
+            } else {
+                let bus = Lasting::open(&config.name, Address::of(config))
+                    .map_err(|error| error.to_string())?;
+                (Box::new(bus), config.channel.clone())
+            };
         say(&format!("ready {} {channel}", config.name));
-        lines.push(Line::new(config.name.clone(), place, bus, arguments.seed.wrapping_add(place as u64)));
+        lines.push(Line::new(
+            config.name.clone(),
+            place,
+            bus,
+            arguments.seed.wrapping_add(place as u64),
+        ));
     }
     let orders = listen(&arguments.fault)?;
     Ok(Simulation { plant, lines, orders, stop, _links: links })
@@ -169,7 +192,8 @@ impl Simulation {
 
     fn cycle(&mut self) -> Result<(), BusError> {
         let now_ns = now_ns();
-        // the motors' clocks run first: after a gap a watchdog has tripped before the frames that waited are read
+        // the motors' clocks run first: after a gap a watchdog has tripped before the frames that
+        // waited are read
         self.plant.step(now_ns);
         for line in &mut self.lines {
             line.hear(now_ns, &mut self.plant)?;
@@ -180,8 +204,17 @@ impl Simulation {
         }
         self.plant.news(now_ns).iter().for_each(|news| say(news));
         let mut fds: Vec<PollFd<'_>> = Vec::with_capacity(self.lines.len());
-        fds.extend(self.lines.iter().map(|line| PollFd::from_borrowed_fd(line.bus().readable(), PollFlags::IN)));
-        let rest = self.lines.iter().filter_map(Line::due_ns).min().map(|due_ns| Duration::from_nanos(due_ns.saturating_sub(now_ns)));
+        fds.extend(
+            self.lines
+                .iter()
+                .map(|line| PollFd::from_borrowed_fd(line.bus().readable(), PollFlags::IN)),
+        );
+        let rest = self
+            .lines
+            .iter()
+            .filter_map(Line::due_ns)
+            .min()
+            .map(|due_ns| Duration::from_nanos(due_ns.saturating_sub(now_ns)));
         bus::wait_for(&mut fds, rest.map_or(STEP, |rest| rest.min(STEP)))?;
         Ok(())
     }

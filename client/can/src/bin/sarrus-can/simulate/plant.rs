@@ -44,14 +44,30 @@ struct Told {
 
 impl Plant {
     /// The motors of the chosen buses.
-    pub(super) fn new(configuration: &Configuration, buses: &[usize], physics: Physics, dynamics: Dynamics) -> Result<Plant, String> {
+    pub(super) fn new(
+        configuration: &Configuration,
+        buses: &[usize],
+        physics: Physics,
+        dynamics: Dynamics,
+    ) -> Result<Plant, String> {
         let mut motors = Vec::new();
         for config in configuration.motors.iter().filter(|motor| buses.contains(&motor.bus)) {
             let name = configuration.actuators.get(config.actuator).cloned().unwrap_or_default();
-            let simulated = Simulated::new(config.protocol.name, &config.settings, config.common, physics)
-                .ok_or_else(|| format!("{name}: the protocol {} is not simulated", config.protocol.name))?;
+            let simulated =
+                Simulated::new(config.protocol.name, &config.settings, config.common, physics)
+                    .ok_or_else(|| {
+                        format!("{name}: the protocol {} is not simulated", config.protocol.name)
+                    })?;
             let (mapping, unasked) = (config.mapping, FrameQueue::new(16));
-            motors.push(Motor { name, actuator: config.actuator, bus: config.bus, mapping, simulated, unasked, told: Told::default() });
+            motors.push(Motor {
+                name,
+                actuator: config.actuator,
+                bus: config.bus,
+                mapping,
+                simulated,
+                unasked,
+                told: Told::default(),
+            });
         }
         let robot = match dynamics {
             Dynamics::Motor => None,
@@ -126,20 +142,28 @@ impl Plant {
         let mut news = Vec::new();
         for motor in &mut self.motors {
             let body = &motor.simulated.body;
-            let told = Told { power: body.power, fault: body.fault, tripped_ns: body.tripped_ns, has_setpoint: body.n_setpoints > 0 };
+            let told = Told {
+                power: body.power,
+                fault: body.fault,
+                tripped_ns: body.tripped_ns,
+                has_setpoint: body.n_setpoints > 0,
+            };
             if told == motor.told {
                 continue;
             }
             let name = &motor.name;
-            let mut tell =
-                |event: &str, t: u64, more: Value| news.push(json!({"event": event, "motor": name, "t": t, "value": more}).to_string());
+            let mut tell = |event: &str, t: u64, more: Value| {
+                news.push(json!({"event": event, "motor": name, "t": t, "value": more}).to_string())
+            };
             if told.power != motor.told.power {
                 tell("power", now_ns, json!(told.power));
             }
             if told.has_setpoint && told.power && !(motor.told.has_setpoint && motor.told.power) {
                 tell("first_setpoint", now_ns, json!(setpoint(&motor.simulated)));
             }
-            if let (Some(tripped_ns), true) = (told.tripped_ns, told.tripped_ns != motor.told.tripped_ns) {
+            if let (Some(tripped_ns), true) =
+                (told.tripped_ns, told.tripped_ns != motor.told.tripped_ns)
+            {
                 tell("watchdog", tripped_ns, json!(true));
             }
             if told.fault != motor.told.fault {

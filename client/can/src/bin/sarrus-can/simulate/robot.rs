@@ -1,8 +1,10 @@
 //! The robot that the motors move.
 //!
-//! One step of the implicit Euler method in the independent coordinates, with the laws of the motors inside, so that no gain is too stiff:
-//! (M_y + Gᵀ (R + h D + h² K) G) ẏ⁺ = M_y ẏ + Gᵀ (R u̇ + h (f − K (u − u*))) − h c, where u̇ = G ẏ, R are the rotors' inertias and D, K the motors'
-//! damping and stiffness as the actuators feel them, and c is the bias with gravity. A motor without power is held by its brake.
+//! One step of the implicit Euler method in the independent coordinates, with the laws of the
+//! motors inside, so that no gain is too stiff: (M_y + Gᵀ (R + h D + h² K) G) ẏ⁺ = M_y ẏ + Gᵀ (R u̇
+//! + h (f − K (u − u*))) − h c, where u̇ = G ẏ, R are the rotors' inertias and D, K the motors'
+//! damping and stiffness as the actuators feel them, and c is the bias with gravity. A motor
+//! without power is held by its brake.
 
 // the symbols of the equation
 #![allow(non_snake_case)]
@@ -42,19 +44,42 @@ struct Law {
 impl Moving {
     /// The configuration's robot, at rest where all its independent coordinates are zero.
     pub(super) fn new(configuration: &Configuration, physics: Physics) -> Result<Moving, String> {
-        let source = configuration.source.as_ref().ok_or("--dynamics robot needs a configuration with `robot` or `urdf`")?;
-        let mut robot = Robot::load(source, &Options::default()).map_err(|error| error.to_string())?;
+        let source = configuration
+            .source
+            .as_ref()
+            .ok_or("--dynamics robot needs a configuration with `robot` or `urdf`")?;
+        let mut robot =
+            Robot::load(source, &Options::default()).map_err(|error| error.to_string())?;
         let (n_y, n_u) = (robot.model().sizes.n_vy, configuration.actuators.len());
         if robot.model().sizes.n_qy != n_y {
             return Err("--dynamics robot needs a robot whose base is fixed".to_owned());
         }
         let wish = robot.wish(Request::InverseDynamics).given(&["y", "yd", "ydd"]);
-        let plan = wish.and_then(|wish| wish.want(&["u", "ud", "G_u", "M_y", "C_y"])).and_then(|wish| wish.prepare());
+        let plan = wish
+            .and_then(|wish| wish.want(&["u", "ud", "G_u", "M_y", "C_y"]))
+            .and_then(|wish| wish.prepare());
         let plan = plan.map_err(|error| error.to_string())?;
-        let still = Law { force: 0.0, stiffness: 0.0, target: 0.0, damping: physics.inertia / BRAKE, inertia: physics.inertia };
+        let still = Law {
+            force: 0.0,
+            stiffness: 0.0,
+            target: 0.0,
+            damping: physics.inertia / BRAKE,
+            inertia: physics.inertia,
+        };
         let output = vec![0.0; 2 * n_u + n_u * n_y + n_y * n_y + n_y];
         let (y, yd, input) = (vec![0.0; n_y], vec![0.0; n_y], vec![0.0; 3 * n_y]);
-        let mut moving = Moving { robot, plan, y, yd, n_u, physics, input, output, laws: vec![still; n_u], stuck: false };
+        let mut moving = Moving {
+            robot,
+            plan,
+            y,
+            yd,
+            n_u,
+            physics,
+            input,
+            output,
+            laws: vec![still; n_u],
+            stuck: false,
+        };
         moving.ask()?;
         Ok(moving)
     }
@@ -77,12 +102,27 @@ impl Moving {
         let target = sign * (law.position + body.zero) / gear + offset;
         let held = body.drive_torque().abs() >= body.physics.torque_limit;
         *place = if !body.power {
-            Law { force: 0.0, stiffness: 0.0, target: u, damping: self.physics.inertia.max(1e-9) * square / BRAKE, inertia }
+            Law {
+                force: 0.0,
+                stiffness: 0.0,
+                target: u,
+                damping: self.physics.inertia.max(1e-9) * square / BRAKE,
+                inertia,
+            }
         } else if held {
-            Law { force: sign * gear * torque_constant * body.drive_torque(), stiffness: 0.0, target: u, damping: friction, inertia }
+            Law {
+                force: sign * gear * torque_constant * body.drive_torque(),
+                stiffness: 0.0,
+                target: u,
+                damping: friction,
+                inertia,
+            }
         } else {
             let force = sign * gear * torque_constant * (law.torque + law.damping * law.velocity);
-            let (stiffness, damping) = (square * torque_constant * law.stiffness, square * torque_constant * law.damping + friction);
+            let (stiffness, damping) = (
+                square * torque_constant * law.stiffness,
+                square * torque_constant * law.damping + friction,
+            );
             Law { force, stiffness, target, damping, inertia }
         };
     }
@@ -94,12 +134,17 @@ impl Moving {
         let (u, ud) = heads.split_at(n_u);
         let (G, rest) = rest.split_at(n_u * n_y);
         let (M, c) = rest.split_at(n_y * n_y);
-        let at = |matrix: &[f64], row: usize, column: usize| matrix.get(row * n_y + column).copied().unwrap_or(0.0);
+        let at = |matrix: &[f64], row: usize, column: usize| {
+            matrix.get(row * n_y + column).copied().unwrap_or(0.0)
+        };
 
         // the system of this step
         let mut matrix = M.to_vec();
         let mut side: Vec<f64> = (0..n_y)
-            .map(|i| (0..n_y).map(|j| at(M, i, j) * self.yd.get(j).unwrap_or(&0.0)).sum::<f64>() - h * c.get(i).unwrap_or(&0.0))
+            .map(|i| {
+                (0..n_y).map(|j| at(M, i, j) * self.yd.get(j).unwrap_or(&0.0)).sum::<f64>()
+                    - h * c.get(i).unwrap_or(&0.0)
+            })
             .collect();
         for (actuator, law) in self.laws.iter().enumerate() {
             let weight = law.inertia + h * law.damping + h * h * law.stiffness;
@@ -143,15 +188,24 @@ impl Moving {
     fn ask(&mut self) -> Result<(), String> {
         let numbers = self.y.iter().chain(&self.yd).copied().chain(std::iter::repeat(0.0));
         self.input.iter_mut().zip(numbers).for_each(|(place, number)| *place = number);
-        let answer = self.robot.ask(self.plan, &self.input, &mut self.output).map_err(|error| error.to_string())?;
-        if answer.status == Status::Ok { Ok(()) } else { Err(format!("the robot cannot stand at zero: {}", answer.status.name())) }
+        let answer = self
+            .robot
+            .ask(self.plan, &self.input, &mut self.output)
+            .map_err(|error| error.to_string())?;
+        if answer.status == Status::Ok {
+            Ok(())
+        } else {
+            Err(format!("the robot cannot stand at zero: {}", answer.status.name()))
+        }
     }
 }
 
-/// Solves a symmetric positive definite system in place by Cholesky's method; false where it is none.
+/// Solves a symmetric positive definite system in place by Cholesky's method; false where it is
+/// none.
 fn solve(matrix: &mut [f64], side: &mut [f64]) -> bool {
     let n = side.len();
-    let at = |matrix: &[f64], i: usize, j: usize| matrix.get(i * n + j).copied().unwrap_or(f64::NAN);
+    let at =
+        |matrix: &[f64], i: usize, j: usize| matrix.get(i * n + j).copied().unwrap_or(f64::NAN);
     for j in 0..n {
         for i in j..n {
             let inner: f64 = (0..j).map(|k| at(matrix, i, k) * at(matrix, j, k)).sum();
