@@ -3,7 +3,7 @@
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{
-    Answer, ClosureKind, Compiled, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted,
+    Answer, ClosureKind, Compiled, Field, FieldSet, Method, Model, Plan, Query, Request, Status,
     Workspace,
 };
 use sarrus_models::{Options, Source, bundled_text, load};
@@ -73,7 +73,7 @@ impl What {
             What::Chain(k) => format!("chain/{}", CHAINS[k].0),
             _ => self.name().to_owned(),
         };
-        // every robot has to be loaded where the wish names none
+        // every robot has to be loaded where the query names none
         let names_one = What::all().any(|what| only.starts_with(&format!("{}/", what.name())));
         !names_one || only.starts_with(&format!("{prefix}/")) || prefix.starts_with(only)
     }
@@ -107,7 +107,7 @@ const WAYS_OF_UPPER_BODY: [Way; 2] =
 /// what need not be loaded.
 pub(crate) fn variants(
     what: What,
-    wanted: impl Fn(&str) -> bool,
+    query: impl Fn(&str) -> bool,
 ) -> Outcome<(Description, Vec<Variant>)> {
     let (urdf, submechanisms) = match what {
         What::Bundled(name) => {
@@ -118,7 +118,7 @@ pub(crate) fn variants(
         What::Chain(k) => {
             let (closures, n) = CHAINS[k];
             let description = chain_of_lambdas(n);
-            let compiled = if wanted(closures) {
+            let compiled = if query(closures) {
                 vec![Variant { closures, compiled: Model::compile(&description)? }]
             } else {
                 vec![]
@@ -141,7 +141,7 @@ pub(crate) fn variants(
         (false, true) => "numerical",
         _ => "analytic",
     };
-    if wanted(closures) {
+    if query(closures) {
         kept.push(Variant { closures, compiled: given.compiled });
     }
 
@@ -150,7 +150,7 @@ pub(crate) fn variants(
     // couplings without loops have no other way
     let loops = submechanisms.contains("loop_constraints");
     for &(name, changes) in ways.iter().chain(std::iter::once(&NUMERICAL)) {
-        if name == closures || !wanted(name) || !loops {
+        if name == closures || !query(name) || !loops {
             continue;
         }
         kept.push(Variant {
@@ -225,17 +225,17 @@ impl Question {
     }
 
     /// What is given and what is wanted.
-    pub fn wanted(self) -> Wanted {
+    pub fn query(self) -> Query {
         use Field::*;
         let motion = FieldSet::of(&[Y, Yd, Ydd]);
         match self {
             Question::State => {
-                Wanted::new(Request::Kinematics, motion, FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd]))
+                Query::new(Request::Kinematics, motion, FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd]))
             }
             Question::InverseDynamics => {
-                Wanted::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU]))
+                Query::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU]))
             }
-            Question::ForwardDynamics | Question::Forced(_) => Wanted::new(
+            Question::ForwardDynamics | Question::Forced(_) => Query::new(
                 Request::ForwardDynamics,
                 FieldSet::of(&[Y, Yd, TauU]),
                 FieldSet::of(&[Ydd]),
@@ -292,13 +292,13 @@ impl<'a> Case<'a> {
         question: Question,
     ) -> Outcome<Case<'a>> {
         let model = &robot.variants[variant].compiled.model;
-        let mut wanted = question.wanted();
+        let mut query = question.query();
         if start == Start::Warm {
-            wanted.given = wanted.given.with(Field::QGuess);
+            query.given = query.given.with(Field::QGuess);
         }
         let plan = match question {
-            Question::Forced(method) => Plan::with_method(model, &wanted, method)?,
-            _ => Plan::new(model, &wanted)?,
+            Question::Forced(method) => Plan::with_method(model, &query, method)?,
+            _ => Plan::new(model, &query)?,
         };
         let inputs = robot.states.iter().map(|state| packed(&plan, state, variant)).collect();
         let output = vec![0.0; plan.want().len()];

@@ -2,7 +2,7 @@
 //! scalar.
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Query, Request, Status, Workspace};
 
 use crate::Outcome;
 use crate::cases::{Case, Question, Start, What};
@@ -93,20 +93,20 @@ impl Truth {
         question: Question,
         start: Start,
     ) -> Outcome<Truth> {
-        let mut wanted = question.wanted();
+        let mut query = question.query();
         // the warm start leads to the pose that a cold one has to find
         if start != Start::None {
-            wanted.given = wanted.given.with(Field::QGuess);
+            query.given = query.given.with(Field::QGuess);
         }
         if question.is_forward() {
-            wanted.want =
-                [Field::MY, Field::CY, Field::TauY].into_iter().fold(wanted.want, FieldSet::with);
+            query.want =
+                [Field::MY, Field::CY, Field::TauY].into_iter().fold(query.want, FieldSet::with);
         }
         let model = &robot.variants[place].compiled.exact;
         // M_y of a chain is only read, not factorised: that would take n³
         let plan = match robot.what {
-            What::Chain(_) => Plan::with_method(model, &wanted, Method::Recursion)?,
-            _ => Plan::new(model, &wanted)?,
+            What::Chain(_) => Plan::with_method(model, &query, Method::Recursion)?,
+            _ => Plan::new(model, &query)?,
         };
         Ok(Truth {
             place,
@@ -206,10 +206,10 @@ fn largest(x: &[Dd]) -> f64 {
 /// Mean and largest count of Newton steps of one call.
 fn newton_steps(case: &Case<'_>) -> Outcome<(f64, f64)> {
     let model = &case.variant.compiled.model;
-    let given = case.plan.wanted().given.0 & FieldSet::of(&[Field::Y, Field::QGuess]).0;
+    let given = case.plan.query().given.0 & FieldSet::of(&[Field::Y, Field::QGuess]).0;
     let plan = Plan::new(
         model,
-        &Wanted::new(Request::Kinematics, FieldSet(given), FieldSet::of(&[Field::Iterations])),
+        &Query::new(Request::Kinematics, FieldSet(given), FieldSet::of(&[Field::Iterations])),
     )?;
     let mut workspace = Workspace::new(model);
     let (mut sum, mut most) = (0.0, 0.0);

@@ -36,7 +36,7 @@ struct Run {
 impl Run {
     fn new(robot: &Robot, method: Method) -> Outcome<Run> {
         let model = &robot.variants[0].compiled.model;
-        let plan = Plan::with_method(model, &Question::ForwardDynamics.wanted(), method)?;
+        let plan = Plan::with_method(model, &Question::ForwardDynamics.query(), method)?;
         let workspace = Workspace::for_plans(model, [&plan]);
         let input = packed(&plan, &robot.states[0], 0);
         let output = vec![0.0; plan.want().len()];

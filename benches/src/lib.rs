@@ -48,7 +48,7 @@ pub mod timing;
 
 pub use self::count::run as count;
 pub use self::forward::run as forward;
-pub use self::in_process::{Wish, run as in_process};
+pub use self::in_process::{Options, run as in_process};
 pub use self::integration::{four_bars, pendulum};
 
 /// A benchmark that fails stops and says why.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use sarrus_benches::{Wish, table::Format};
+use sarrus_benches::{Options, table::Format};
 
 /// Times of sarrus beside their errors.
 #[derive(Parser)]
@@ -37,7 +37,7 @@ fn main() -> ExitCode {
         Flags { count: Some(count), .. } => sarrus_benches::count(&count),
         Flags { forward: true, .. } => sarrus_benches::forward(),
         Flags { quick, only, format, out, list, .. } => {
-            sarrus_benches::in_process(&Wish { quick, only, format, out, list })
+            sarrus_benches::in_process(&Options { quick, only, format, out, list })
         }
     };
     match outcome {

@@ -1,7 +1,7 @@
 //! Random states, the same in every run.
 
 use sarrus_dynamics::description::{Description, JointKind};
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 
 use crate::Outcome;
 use crate::cases::{self, Question, Variant, What, packed};
@@ -68,9 +68,9 @@ impl Robot {
     pub(crate) fn load_some(
         what: What,
         n_states: usize,
-        wanted: impl Fn(&str) -> bool,
+        query: impl Fn(&str) -> bool,
     ) -> Outcome<Robot> {
-        let (description, variants) = cases::variants(what, wanted)?;
+        let (description, variants) = cases::variants(what, query)?;
         Robot::with_variants(what, description, variants, n_states)
     }
 
@@ -238,11 +238,11 @@ struct Check<'a> {
 impl<'a> Check<'a> {
     fn new(model: &'a Model) -> Outcome<Check<'a>> {
         let close =
-            Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
+            Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
         let plans = [
             Plan::new(model, &close)?,
-            Plan::new(model, &Question::InverseDynamics.wanted())?,
-            Plan::new(model, &Question::ForwardDynamics.wanted())?,
+            Plan::new(model, &Question::InverseDynamics.query())?,
+            Plan::new(model, &Question::ForwardDynamics.query())?,
         ];
         Ok(Check { model, workspace: Workspace::for_plans(model, &plans), plans })
     }

@@ -6,7 +6,7 @@ use sarrus_dynamics::description::{
     SubmechanismKind,
 };
 
-use crate::report::Place;
+use crate::report::Span;
 use crate::submechanisms::cut::CutKind;
 use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
@@ -16,16 +16,16 @@ use crate::urdf::{Urdf, Values};
 /// Where the parts of a description stand in the files.
 #[derive(Debug)]
 pub(crate) struct Places {
-    robot: Place,
-    links: Vec<Place>,
-    joints: Vec<Place>,
+    robot: Span,
+    links: Vec<Span>,
+    joints: Vec<Span>,
     submechanisms: Vec<SubmechanismPlace>,
 }
 
 #[derive(Debug)]
 struct SubmechanismPlace {
-    place: Place,
-    loops: Vec<(Place, Vec<Place>)>,
+    place: Span,
+    loops: Vec<(Span, Vec<Span>)>,
 }
 
 impl Places {
@@ -48,7 +48,7 @@ impl Places {
     }
 
     /// Where a part stands; the nearest known part around it when it has no place of its own.
-    pub(crate) fn of(&self, site: Site) -> Place {
+    pub(crate) fn of(&self, site: Site) -> Span {
         let submechanism = |s: usize| self.submechanisms.get(s);
         let place = match site {
             Site::Link(link) => self.links.get(link).copied(),
@@ -80,7 +80,7 @@ pub(crate) fn description(
         .zip(values.inertials)
         .map(|(link, inertial)| Link { name: link.name.clone(), inertial });
     let joints = urdf.joints.iter().zip(values.joints).map(|(entry, value)| {
-        let end = |end: &Option<(String, Place)>| {
+        let end = |end: &Option<(String, Span)>| {
             end.as_ref().and_then(|(name, _)| urdf.link_index.get(name).copied())
         };
         let terms = entry

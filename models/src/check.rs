@@ -5,10 +5,10 @@ use serde::Serialize;
 use crate::assembly::AssemblyReport;
 use crate::closures;
 use crate::load::{LoadError, Loaded};
-use crate::report::{Finding, Report};
+use crate::report::{Diagnostic, Report};
 
 /// One robot as `check --format json` prints it. Of a faulty robot only the name, as far as it was
-/// read, and the findings are there.
+/// read, and the diagnostics are there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CheckReport {
@@ -29,9 +29,9 @@ pub struct CheckReport {
     /// How each submechanism is closed.
     pub closures: Vec<ClosureReport>,
     /// What may stay.
-    pub warnings: Vec<Finding>,
+    pub warnings: Vec<Diagnostic>,
     /// What must be mended.
-    pub errors: Vec<Finding>,
+    pub errors: Vec<Diagnostic>,
     /// What came of an assembly, if one was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assembled: Option<AssemblyReport>,
@@ -83,12 +83,12 @@ impl CheckReport {
     pub fn new(loaded: &Result<Loaded, LoadError>) -> Result<CheckReport, LoadError> {
         match loaded {
             Ok(loaded) => Ok(CheckReport::of_model(loaded)),
-            Err(LoadError::Faults(report)) => Ok(CheckReport::of_findings(report)),
+            Err(LoadError::Faults(report)) => Ok(CheckReport::of_diagnostics(report)),
             Err(other) => Err(other.clone()),
         }
     }
 
-    fn of_findings(report: &Report) -> CheckReport {
+    fn of_diagnostics(report: &Report) -> CheckReport {
         CheckReport {
             robot: report.robot.clone(),
             warnings: report.warnings.clone(),
@@ -127,7 +127,7 @@ impl CheckReport {
             active: model.active_names().to_vec(),
             loops: model.loop_names().to_vec(),
             closures: closures.collect(),
-            ..CheckReport::of_findings(&loaded.report)
+            ..CheckReport::of_diagnostics(&loaded.report)
         }
     }
 }

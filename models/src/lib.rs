@@ -73,4 +73,4 @@ pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use load::{LoadError, Loaded, Options, Source, load};
 pub use open::{Opened, load_open};
-pub use report::{Finding, Findings, Report};
+pub use report::{Diagnostic, Diagnostics, Report};

@@ -7,7 +7,7 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
 use crate::build::{self, Places};
-use crate::report::{Findings, Report};
+use crate::report::{Diagnostics, Report};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
 use crate::urdf::{self, Urdf};
@@ -105,11 +105,11 @@ pub(crate) struct Contents {
 /// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other
 /// variants stand for sources that cannot be read at all.
 pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
-    let mut findings = Findings::new(options.lenient);
+    let mut diagnostics = Diagnostics::new(options.lenient);
     let mut robot = None;
-    let loaded = contents(source, &mut findings)?
-        .and_then(|contents| read(contents, options, &mut findings, &mut robot));
-    let report = Report { robot, ..findings.into_report() };
+    let loaded = contents(source, &mut diagnostics)?
+        .and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
+    let report = Report { robot, ..diagnostics.into_report() };
     match loaded {
         Some((description, compiled)) if report.errors.is_empty() => {
             Ok(Loaded { description, compiled, report })
@@ -120,12 +120,12 @@ pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
 
 pub(crate) fn contents(
     source: &Source,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> Result<Option<Contents>, LoadError> {
     match source {
         Source::Bundled(name) => bundled::contents(name).map(Some),
         Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {
-            smurf::contents(urdf, submechanisms.as_deref(), findings)
+            smurf::contents(urdf, submechanisms.as_deref(), diagnostics)
         }
         Source::Files { urdf, submechanisms } => {
             let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
@@ -147,15 +147,15 @@ pub(crate) fn file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
     Ok((path.display().to_string(), text::read(path)?))
 }
 
-/// Reads and compiles; `None` or errors in `findings` after a fault.
+/// Reads and compiles; `None` or errors in `diagnostics` after a fault.
 fn read(
     contents: Contents,
     options: &Options,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
 ) -> Option<(Description, Compiled)> {
-    let (description, places) = describe(contents, options, findings, robot)?;
-    let compiled = compile(&description, &places, findings)?;
+    let (description, places) = describe(contents, options, diagnostics, robot)?;
+    let compiled = compile(&description, &places, diagnostics)?;
     Some((description, compiled))
 }
 
@@ -163,46 +163,46 @@ fn read(
 pub(crate) fn describe(
     contents: Contents,
     options: &Options,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
 ) -> Option<(Description, Places)> {
     // every check of the text, as far as each file goes
     let (urdf_name, bytes) = contents.urdf;
-    let mut urdf_text = Text::new(&urdf_name, bytes, findings);
+    let mut urdf_text = Text::new(&urdf_name, bytes, diagnostics);
     if let Some(text) = &mut urdf_text {
-        text.join_stray_prefix("drake", findings);
+        text.join_stray_prefix("drake", diagnostics);
     }
-    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, findings));
+    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, diagnostics));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
     let submechanism_text =
-        contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, findings));
+        contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, diagnostics));
     let root = submechanism_text
         .as_ref()
-        .and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, findings));
-    let entries = root.as_ref().map(|root| submechanisms::walk(root, findings));
+        .and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, diagnostics));
+    let entries = root.as_ref().map(|root| submechanisms::walk(root, diagnostics));
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
-        transmissions(urdf, entries, folder, findings);
+        transmissions(urdf, entries, folder, diagnostics);
     }
     if let Some(urdf) = &urdf {
-        urdf.check_couplings(findings);
+        urdf.check_couplings(diagnostics);
     }
-    let submechanisms: Option<Submechanisms> = root
-        .zip(entries)
-        .map(|(root, entries)| submechanisms::check(root.place, entries, urdf.as_ref(), findings));
-    if findings.has_errors() || with_submechanisms != submechanisms.is_some() {
+    let submechanisms: Option<Submechanisms> = root.zip(entries).map(|(root, entries)| {
+        submechanisms::check(root.place, entries, urdf.as_ref(), diagnostics)
+    });
+    if diagnostics.has_errors() || with_submechanisms != submechanisms.is_some() {
         return None;
     }
 
     // the values
     let (urdf_text, urdf) = (urdf_text?, urdf?);
-    let values = urdf::values(&urdf_text, &urdf, findings)?;
+    let values = urdf::values(&urdf_text, &urdf, diagnostics)?;
     let entries = match &submechanism_text {
-        Some(text) => Some(submechanisms::values(text, findings)?),
+        Some(text) => Some(submechanisms::values(text, diagnostics)?),
         None => None,
     };
     let Some(description) = build::description(&urdf, values, entries, options.gravity) else {
-        findings.error(
+        diagnostics.error(
             urdf.place,
             "two readers of these files see different names",
             "plain names",
@@ -219,7 +219,7 @@ pub(crate) fn describe(
 pub(crate) fn compile(
     description: &Description,
     places: &Places,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> Option<Compiled> {
     let (compiled, errors, warnings) = match Model::compile(description) {
         Ok(compiled) => {
@@ -229,17 +229,17 @@ pub(crate) fn compile(
         Err(error) => (None, error.errors, error.warnings),
     };
     for fault in errors {
-        findings.error(places.of(fault.site), fault.found, fault.expected, fault.help);
+        diagnostics.error(places.of(fault.site), fault.found, fault.expected, fault.help);
     }
     for fault in warnings {
-        findings.warning(places.of(fault.site), fault.found, fault.expected, fault.help);
+        diagnostics.warning(places.of(fault.site), fault.found, fault.expected, fault.help);
     }
     compiled
 }
 
 /// Takes the couplings of TRANSMISSION submechanisms from the files that they name, as HyRoDyn
 /// does, where the URDF has none.
-fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, findings: &mut Findings) {
+fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, diagnostics: &mut Diagnostics) {
     for entry in entries
         .iter()
         .filter(|entry| entry.type_name.as_ref().is_some_and(|(name, _)| name == "TRANSMISSION"))
@@ -256,8 +256,8 @@ fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, findings: &m
         };
         // a file that is not there leaves the couplings missing, and that is told
         let Ok(bytes) = text::read_named(&path) else { continue };
-        if let Some(text) = Text::new(&path.display().to_string(), bytes, findings) {
-            urdf.couple_from(&text, &joints, findings);
+        if let Some(text) = Text::new(&path.display().to_string(), bytes, diagnostics) {
+            urdf.couple_from(&text, &joints, diagnostics);
         }
     }
 }

@@ -5,7 +5,7 @@ use sarrus_dynamics::description::Description;
 
 use crate::build::Places;
 use crate::load::{LoadError, Loaded, Options, Source, compile, contents, describe};
-use crate::report::{Findings, Report};
+use crate::report::{Diagnostics, Report};
 
 /// A robot that was read but not judged.
 #[derive(Debug)]
@@ -17,7 +17,7 @@ pub struct Opened {
     pub model: OpenModel,
     robot: Option<String>,
     places: Places,
-    findings: Findings,
+    diagnostics: Diagnostics,
 }
 
 /// Reads a robot whose loops may be open at its zero pose.
@@ -25,23 +25,28 @@ pub struct Opened {
 /// # Errors
 /// As [`crate::load`], but for what can only be judged of closed loops: rank, mobility, masses.
 pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
-    let mut findings = Findings::new(options.lenient);
+    let mut diagnostics = Diagnostics::new(options.lenient);
     let mut robot = None;
-    let described = contents(source, &mut findings)?
-        .and_then(|contents| describe(contents, options, &mut findings, &mut robot));
+    let described = contents(source, &mut diagnostics)?
+        .and_then(|contents| describe(contents, options, &mut diagnostics, &mut robot));
     if let Some((description, places)) = described
-        && !findings.has_errors()
+        && !diagnostics.has_errors()
     {
         match OpenModel::compile(&description) {
-            Ok(model) => return Ok(Opened { description, model, robot, places, findings }),
+            Ok(model) => return Ok(Opened { description, model, robot, places, diagnostics }),
             Err(error) => {
                 for fault in error.errors {
-                    findings.error(places.of(fault.site), fault.found, fault.expected, fault.help);
+                    diagnostics.error(
+                        places.of(fault.site),
+                        fault.found,
+                        fault.expected,
+                        fault.help,
+                    );
                 }
             }
         }
     }
-    Err(LoadError::Faults(Report { robot, ..findings.into_report() }))
+    Err(LoadError::Faults(Report { robot, ..diagnostics.into_report() }))
 }
 
 impl Opened {
@@ -51,9 +56,9 @@ impl Opened {
     /// # Errors
     /// [`LoadError::Faults`].
     pub fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
-        let mut findings = self.findings.clone();
-        let compiled = compile(&description, &self.places, &mut findings);
-        let report = Report { robot: self.robot.clone(), ..findings.into_report() };
+        let mut diagnostics = self.diagnostics.clone();
+        let compiled = compile(&description, &self.places, &mut diagnostics);
+        let report = Report { robot: self.robot.clone(), ..diagnostics.into_report() };
         match compiled {
             Some(compiled) if report.errors.is_empty() => {
                 Ok(Loaded { description, compiled, report })

@@ -13,7 +13,7 @@ const MOST: usize = 1000;
 /// One fault or warning with its place in a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
-pub struct Finding {
+pub struct Diagnostic {
     /// The file as the user named it.
     pub file: String,
     /// Line, from 1.
@@ -28,9 +28,9 @@ pub struct Finding {
     pub help: String,
 }
 
-impl fmt::Display for Finding {
+impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Finding { file, line, column, found, expected, help } = self;
+        let Diagnostic { file, line, column, found, expected, help } = self;
         write!(f, "{file}:{line}:{column}: {found}, expected {expected}, {help}")
     }
 }
@@ -43,36 +43,39 @@ pub struct Report {
     #[serde(skip)]
     pub robot: Option<String>,
     /// What may stay.
-    pub warnings: Vec<Finding>,
+    pub warnings: Vec<Diagnostic>,
     /// What must be mended.
-    pub errors: Vec<Finding>,
+    pub errors: Vec<Diagnostic>,
 }
 
 impl fmt::Display for Report {
-    /// One finding a line, errors first.
+    /// One diagnostic a line, errors first.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.errors.iter().chain(&self.warnings).try_for_each(|finding| writeln!(f, "{finding}"))
+        self.errors
+            .iter()
+            .chain(&self.warnings)
+            .try_for_each(|diagnostic| writeln!(f, "{diagnostic}"))
     }
 }
 
 /// A place in one of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
+pub struct Span {
     pub(crate) file: u32,
     pub(crate) line: u32,
     pub(crate) column: u32,
 }
 
-impl Place {
+impl Span {
     /// Where a fault of absence stands when no node lacks it.
-    pub const fn start(file: u32) -> Place {
-        Place { file, line: 1, column: 1 }
+    pub const fn start(file: u32) -> Span {
+        Span { file, line: 1, column: 1 }
     }
 }
 
-/// Collects findings while the files are read.
+/// Collects diagnostics while the files are read.
 #[derive(Clone, Debug, Default)]
-pub struct Findings {
+pub struct Diagnostics {
     files: Vec<String>,
     errors: Pile,
     warnings: Pile,
@@ -82,17 +85,17 @@ pub struct Findings {
 
 #[derive(Clone, Debug, Default)]
 struct Pile {
-    findings: Vec<(Place, Finding)>,
+    diagnostics: Vec<(Span, Diagnostic)>,
     dropped: usize,
 }
 
-impl Findings {
+impl Diagnostics {
     /// None so far; `lenient` makes faults of mass and inertia warnings.
-    pub fn new(lenient: bool) -> Findings {
-        Findings { lenient, ..Findings::default() }
+    pub fn new(lenient: bool) -> Diagnostics {
+        Diagnostics { lenient, ..Diagnostics::default() }
     }
 
-    /// Adds a file, by the name that the user knows; the number stands for it in [`Place`].
+    /// Adds a file, by the name that the user knows; the number stands for it in [`Span`].
     pub fn add_file(&mut self, name: &str) -> u32 {
         self.files.push(name.to_owned());
         self.files.len() as u32 - 1
@@ -101,31 +104,31 @@ impl Findings {
     /// Adds what must be mended.
     pub fn error(
         &mut self,
-        place: Place,
+        place: Span,
         found: impl Into<String>,
         expected: impl Into<String>,
         help: impl Into<String>,
     ) {
-        let finding = self.finding(place, found.into(), expected.into(), help.into());
-        self.errors.push(place, finding);
+        let diagnostic = self.diagnostic(place, found.into(), expected.into(), help.into());
+        self.errors.push(place, diagnostic);
     }
 
     /// Adds what may stay.
     pub fn warning(
         &mut self,
-        place: Place,
+        place: Span,
         found: impl Into<String>,
         expected: impl Into<String>,
         help: impl Into<String>,
     ) {
-        let finding = self.finding(place, found.into(), expected.into(), help.into());
-        self.warnings.push(place, finding);
+        let diagnostic = self.diagnostic(place, found.into(), expected.into(), help.into());
+        self.warnings.push(place, diagnostic);
     }
 
     /// A fault of mass or inertia: a warning when the caller is lenient.
     pub fn inertia(
         &mut self,
-        place: Place,
+        place: Span,
         found: impl Into<String>,
         expected: impl Into<String>,
         help: impl Into<String>,
@@ -139,7 +142,7 @@ impl Findings {
 
     /// Whether something must be mended.
     pub fn has_errors(&self) -> bool {
-        !self.errors.findings.is_empty()
+        !self.errors.diagnostics.is_empty()
     }
 
     /// "did you mean …?" with the nearest known name, else `otherwise`.
@@ -167,9 +170,9 @@ impl Findings {
         }
     }
 
-    fn finding(&self, place: Place, found: String, expected: String, help: String) -> Finding {
+    fn diagnostic(&self, place: Span, found: String, expected: String, help: String) -> Diagnostic {
         let file = self.files.get(place.file as usize).cloned().unwrap_or_default();
-        Finding {
+        Diagnostic {
             file,
             line: place.line as usize,
             column: place.column as usize,
@@ -182,32 +185,32 @@ impl Findings {
 
 impl Pile {
     fn is_full(&self) -> bool {
-        self.findings.len() >= MOST
+        self.diagnostics.len() >= MOST
     }
 
-    fn push(&mut self, place: Place, finding: Finding) {
+    fn push(&mut self, place: Span, diagnostic: Diagnostic) {
         if self.is_full() {
             self.dropped += 1;
         } else {
-            self.findings.push((place, finding));
+            self.diagnostics.push((place, diagnostic));
         }
     }
 
-    fn sorted(mut self, what: &str) -> Vec<Finding> {
-        self.findings.sort_by_key(|(place, _)| *place);
-        let mut findings: Vec<Finding> =
-            self.findings.into_iter().map(|(_, finding)| finding).collect();
+    fn sorted(mut self, what: &str) -> Vec<Diagnostic> {
+        self.diagnostics.sort_by_key(|(place, _)| *place);
+        let mut diagnostics: Vec<Diagnostic> =
+            self.diagnostics.into_iter().map(|(_, diagnostic)| diagnostic).collect();
         if self.dropped > 0
-            && let Some(last) = findings.last().cloned()
+            && let Some(last) = diagnostics.last().cloned()
         {
-            findings.push(Finding {
+            diagnostics.push(Diagnostic {
                 found: format!("{} further {what} are not listed", self.dropped),
                 expected: format!("at most {MOST}"),
                 help: "mend those above first".to_owned(),
                 ..last
             });
         }
-        findings
+        diagnostics
     }
 }
 

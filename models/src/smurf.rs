@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::LoadError;
 use crate::load::{Contents, file};
-use crate::report::Findings;
+use crate::report::Diagnostics;
 use crate::text::{self, Text};
 use crate::yaml::{self, Node, Value};
 
@@ -19,13 +19,13 @@ pub(crate) fn is_smurf(path: &Path) -> bool {
 pub(crate) fn contents(
     path: &Path,
     submechanisms: Option<&Path>,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> Result<Option<Contents>, LoadError> {
     let (name, bytes) = file(path)?;
-    let Some(text) = Text::new(&name, bytes, findings) else { return Ok(None) };
-    let Some(root) = yaml::parse(&text, yaml::SUBMECHANISMS, findings) else { return Ok(None) };
+    let Some(text) = Text::new(&name, bytes, diagnostics) else { return Ok(None) };
+    let Some(root) = yaml::parse(&text, yaml::SUBMECHANISMS, diagnostics) else { return Ok(None) };
     let Some(files) = root.get("files") else {
-        findings.error(
+        diagnostics.error(
             root.place,
             "the file has no `files`",
             "a list of the robot's files",
@@ -42,7 +42,7 @@ pub(crate) fn contents(
     };
     let urdfs = named(&["urdf"]);
     let Some(urdf) = urdfs.first() else {
-        findings.error(files.place, "`files` names no URDF", "one", "add it");
+        diagnostics.error(files.place, "`files` names no URDF", "one", "add it");
         return Ok(None);
     };
     let urdf = named_file(urdf)?;
@@ -66,7 +66,7 @@ fn named_file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 
 /// A file that cannot be parsed may: its faults are then told with the rest.
 fn may_have_submechanisms(name: &str, bytes: Vec<u8>) -> bool {
-    let mut unheard = Findings::new(false);
+    let mut unheard = Diagnostics::new(false);
     let root = Text::new(name, bytes, &mut unheard)
         .and_then(|text| yaml::parse(&text, yaml::SUBMECHANISMS, &mut unheard));
     root.as_ref().is_none_or(|root: &Node| root.get("submechanisms").is_some())
@@ -74,5 +74,5 @@ fn may_have_submechanisms(name: &str, bytes: Vec<u8>) -> bool {
 
 fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    extensions.iter().any(|wanted| extension.eq_ignore_ascii_case(wanted))
+    extensions.iter().any(|query| extension.eq_ignore_ascii_case(query))
 }

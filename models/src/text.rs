@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::LoadError;
-use crate::report::{Findings, Place};
+use crate::report::{Diagnostics, Span};
 
 /// Largest file that is read `[byte]`.
 pub(crate) const LARGEST: usize = 64 << 20;
@@ -29,12 +29,12 @@ pub(crate) struct Text {
 
 impl Text {
     /// Checks size and encoding; a byte order mark is dropped. `None` after an error.
-    pub(crate) fn new(name: &str, bytes: Vec<u8>, findings: &mut Findings) -> Option<Text> {
-        let file = findings.add_file(name);
+    pub(crate) fn new(name: &str, bytes: Vec<u8>, diagnostics: &mut Diagnostics) -> Option<Text> {
+        let file = diagnostics.add_file(name);
         if bytes.len() > LARGEST {
             let help = "leave out what a robot does not need";
-            findings.error(
-                Place::start(file),
+            diagnostics.error(
+                Span::start(file),
                 format!("the file is larger than {} MiB", LARGEST >> 20),
                 "a robot of ordinary size",
                 help,
@@ -60,7 +60,7 @@ impl Text {
         };
         if let Some(bad) = fault {
             let place = text.place(text.content.len());
-            findings.error(
+            diagnostics.error(
                 place,
                 format!("the byte 0x{bad:02x} is not UTF-8"),
                 "UTF-8 text",
@@ -73,7 +73,7 @@ impl Text {
 
     /// Makes elements of a prefix that nobody declared readable: its colon becomes an underscore,
     /// and every place stays where it is.
-    pub(crate) fn join_stray_prefix(&mut self, prefix: &str, findings: &mut Findings) {
+    pub(crate) fn join_stray_prefix(&mut self, prefix: &str, diagnostics: &mut Diagnostics) {
         if self.content.contains(&format!("xmlns:{prefix}")) {
             return;
         }
@@ -82,7 +82,7 @@ impl Text {
             return;
         };
         let declaration = format!("xmlns:{prefix}=\"…\" on the outermost element");
-        findings.warning(
+        diagnostics.warning(
             self.place(first),
             format!("the prefix `{prefix}` is not declared"),
             declaration,
@@ -94,12 +94,12 @@ impl Text {
     }
 
     /// Line and column of a byte.
-    pub(crate) fn place(&self, offset: usize) -> Place {
+    pub(crate) fn place(&self, offset: usize) -> Span {
         let offset = offset.min(self.content.len());
         let line = self.lines.partition_point(|start| *start <= offset).max(1);
         let start = self.lines.get(line - 1).copied().unwrap_or(0);
         let column = self.characters_before(offset) - self.characters_before(start) + 1;
-        Place { file: self.file, line: line as u32, column: column as u32 }
+        Span { file: self.file, line: line as u32, column: column as u32 }
     }
 
     fn characters_before(&self, offset: usize) -> usize {
@@ -165,10 +165,10 @@ mod tests {
 
     #[test]
     fn lines_and_columns_count_characters_from_one() {
-        let mut findings = Findings::new(false);
+        let mut diagnostics = Diagnostics::new(false);
         let content = format!("\u{feff}a\r\nb¨c{}x", "é".repeat(1000));
-        let Some(text) = Text::new("f", content.into_bytes(), &mut findings) else {
-            return assert!(!findings.has_errors());
+        let Some(text) = Text::new("f", content.into_bytes(), &mut diagnostics) else {
+            return assert!(!diagnostics.has_errors());
         };
         let at = |offset| (text.place(offset).line, text.place(offset).column);
         assert_eq!(at(0), (1, 1));

@@ -48,7 +48,7 @@ macro_rules! codes {
 
 codes! {
     /// Where a mechanism stands, and the bridge as a whole.
-    Standing {
+    MechanismState {
         /// Its motors have no power.
         Disabled = 0, "disabled";
         /// It was told to arm, and waits for what is missing or for its motors.
@@ -207,12 +207,12 @@ pub struct ActuatorState {
     pub n_u: u64,
     /// Sequence of the last command that was taken.
     pub command: u64,
-    /// The worst of the mechanisms, a [`Standing`].
-    pub standing: u32,
+    /// The worst of the mechanisms, a [`MechanismState`].
+    pub state: u32,
     /// Why, a [`Reason`].
     pub reason: u32,
-    /// The [`Standing`] of each actuator's mechanism.
-    pub standings: [u32; MAX_ACTUATORS],
+    /// The [`MechanismState`] of each actuator's mechanism.
+    pub states: [u32; MAX_ACTUATORS],
     /// Why, a [`Reason`] each.
     pub reasons: [u32; MAX_ACTUATORS],
     /// Bits of [`flag`].
@@ -240,9 +240,9 @@ impl Default for ActuatorState {
             fingerprint: 0,
             n_u: 0,
             command: 0,
-            standing: Standing::Disabled as u32,
+            state: MechanismState::Disabled as u32,
             reason: Reason::None as u32,
-            standings: [0; MAX_ACTUATORS],
+            states: [0; MAX_ACTUATORS],
             reasons: [0; MAX_ACTUATORS],
             flags: [0; MAX_ACTUATORS],
             faults: [0; MAX_ACTUATORS],

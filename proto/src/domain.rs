@@ -233,7 +233,7 @@ impl ServerName {
         self.service("control")
     }
 
-    /// The requests door of one run of the server.
+    /// The service of one run of the server.
     pub fn compute(&self, instance: u64) -> Result<ServiceName, DomainError> {
         self.service(&format!("{instance:x}/compute"))
     }

@@ -27,7 +27,7 @@ pub struct ModelInfo {
     pub loops: Vec<String>,
     /// Clusters that have a branch (n_branches).
     pub branches: Vec<String>,
-    /// Links; a link's place is its number in [`crate::Wanted`].
+    /// Links; a link's place is its number in [`crate::Query`].
     pub links: Vec<String>,
     /// Limits of the tree coordinates, in the order of q̇ (n_v).
     pub limits: Vec<Option<JointLimits>>,

@@ -3,7 +3,7 @@
 //!
 //! A lane is a pair of boards, each with one writer and one reader: the client writes a request and
 //! polls for the answer, the server the other way round. Both write in place and neither allocates.
-//! The requests door is here for the same reason: its payloads are filled in place.
+//! The service is here for the same reason: its payloads are filled in place.
 // lint: writing in place into shared memory cannot be said in safe Rust; everything that needs it
 // is in this file
 #![allow(unsafe_code)]
@@ -151,7 +151,7 @@ impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {
     }
 }
 
-/// A client of the requests door.
+/// A client of the service.
 pub type ComputeClient<S> = Client<S, ComputeRequest, (), ComputeResponse, ()>;
 /// A request that a client waits for.
 pub type ComputePending<S> = PendingResponse<S, ComputeRequest, (), ComputeResponse, ()>;

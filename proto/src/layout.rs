@@ -1,4 +1,4 @@
-use crate::{Field, FieldSet, Wanted};
+use crate::{Field, FieldSet, Query};
 
 /// The sizes of a model that fix the shape of every field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -54,13 +54,13 @@ const ABSENT: u8 = u8::MAX;
 
 impl Layout {
     /// The layout of what a request gives.
-    pub fn of_given(wanted: &Wanted, sizes: &Sizes) -> Layout {
-        Layout::pack(wanted.given, wanted, sizes)
+    pub fn of_given(query: &Query, sizes: &Sizes) -> Layout {
+        Layout::pack(query.given, query, sizes)
     }
 
     /// The layout of what an answer holds.
-    pub fn of_want(wanted: &Wanted, sizes: &Sizes) -> Layout {
-        Layout::pack(wanted.want, wanted, sizes)
+    pub fn of_want(query: &Query, sizes: &Sizes) -> Layout {
+        Layout::pack(query.want, query, sizes)
     }
 
     /// The fields and where they lie.
@@ -84,7 +84,7 @@ impl Layout {
         self.len == 0
     }
 
-    fn pack(set: FieldSet, wanted: &Wanted, sizes: &Sizes) -> Layout {
+    fn pack(set: FieldSet, query: &Query, sizes: &Sizes) -> Layout {
         let (mut len, mut place) = (0, [ABSENT; Field::ALL.len()]);
         let slots = set
             .iter()
@@ -92,7 +92,7 @@ impl Layout {
             .map(|(k, field)| {
                 place[field as usize] = k as u8;
                 let (rows, columns) =
-                    field.shape(sizes, wanted.n_frames as usize, wanted.n_wrenches as usize);
+                    field.shape(sizes, query.n_frames as usize, query.n_wrenches as usize);
                 let slot = Slot { field, offset: len, rows, columns };
                 len += rows * columns;
                 slot

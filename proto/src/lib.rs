@@ -1,15 +1,15 @@
 //! The wire contract of sarrus.
 //!
 //! Without the feature `transport` this crate is the vocabulary that the mathematics and the wire
-//! share and depends on nothing: what can be asked ([`Request`], [`Field`], [`Wanted`]), how
+//! share and depends on nothing: what can be asked ([`Request`], [`Field`], [`Query`]), how
 //! numbers are packed ([`Layout`]) and how an answer ends ([`Status`], [`Warnings`]). With it, it
 //! also holds the services over shared memory.
 
 pub mod actuators;
 mod field;
 mod layout;
+mod query;
 mod status;
-mod wanted;
 pub mod watch;
 
 #[cfg(feature = "transport")]
@@ -29,8 +29,8 @@ pub mod service;
 
 pub use field::{Field, FieldSet};
 pub use layout::{Layout, Sizes, Slot};
+pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, Request};
 pub use status::{Status, Warnings};
-pub use wanted::{MAX_FRAMES, MAX_WRENCHES, Request, Wanted, WantedError};
 
 #[cfg(feature = "transport")]
 pub use domain::{Domain, DomainError, LaneId, MAX_NAME, ServerName};

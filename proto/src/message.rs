@@ -2,18 +2,18 @@
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use crate::{LaneId, Status, Wanted, Warnings};
+use crate::{LaneId, Query, Status, Warnings};
 
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
 pub const PROTOCOL_VERSION: u32 = 2;
 /// Plans that one server holds.
 pub const MAX_PLANS: usize = 1024;
-/// Numbers that one request can carry through the requests door.
+/// Numbers that one request can carry through the service.
 pub const MAX_NUMBERS_IN: usize = 2048;
 /// Numbers that one answer can carry.
 pub const MAX_NUMBERS_OUT: usize = 16384;
-/// Clients that the requests door takes at one time.
+/// Clients that the service takes at one time.
 pub const MAX_REQUEST_CLIENTS: usize = 32;
 /// Bytes of text in one control answer.
 pub const PAGE: usize = 4096;
@@ -67,7 +67,7 @@ pub type LaneRequest<const N: usize> = Entry<RequestHead, N>;
 /// The server's entry of a lane.
 pub type LaneResponse<const N: usize> = Entry<ResponseHead, N>;
 
-/// A request through the requests door. The client may change it while the server reads, so its
+/// A request through the service. The client may change it while the server reads, so its
 /// words are atomic and the server reads each of them once.
 #[derive(Debug)]
 #[repr(C)]
@@ -111,7 +111,7 @@ impl ComputeRequest {
     }
 }
 
-/// An answer through the requests door.
+/// An answer through the service.
 pub type ComputeResponse = Entry<ResponseHead, MAX_NUMBERS_OUT>;
 
 /// What a client asks of the control service.
@@ -155,7 +155,7 @@ pub enum Refusal {
     UnknownCall = 2,
     /// The client was made for a model with another fingerprint.
     WrongModel = 3,
-    /// The wanted set cannot be planned; the text says why.
+    /// The query cannot be planned; the text says why.
     BadWanted = 4,
     /// The plan takes or gives more numbers than the door carries; `numbers` are its counts.
     TooLarge = 5,
@@ -203,8 +203,8 @@ pub struct ControlRequest {
     pub fingerprint: u64,
     /// What the call needs.
     pub arguments: [u64; 2],
-    /// The wanted set of [`Call::Plan`].
-    pub wanted: Wanted,
+    /// The query of [`Call::Plan`].
+    pub query: Query,
 }
 
 /// An answer of the control service.
@@ -263,8 +263,8 @@ pub struct Statistics {
     pub uptime: f64,
     /// Requests answered through lanes.
     pub lane_requests: u64,
-    /// Requests answered through the requests door.
-    pub door_requests: u64,
+    /// Requests answered through the service.
+    pub service_requests: u64,
     /// Answers by number of the [`Status`].
     pub statuses: [u64; 32],
     /// Time from finding a request to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the
@@ -305,7 +305,7 @@ mod tests {
         assert_eq!(size_of::<LaneRequest<16>>(), 24 + 8 * 16);
         assert_eq!(size_of::<ComputeRequest>(), 24 + 8 * MAX_NUMBERS_IN);
         assert_eq!(size_of::<ComputeResponse>(), 16 + 8 * MAX_NUMBERS_OUT);
-        assert_eq!(size_of::<ControlRequest>(), 32 + size_of::<Wanted>());
+        assert_eq!(size_of::<ControlRequest>(), 32 + size_of::<Query>());
         assert_eq!(size_of::<ControlResponse>(), 64 + PAGE);
     }
 

@@ -23,7 +23,7 @@ use crate::{DomainError, PROTOCOL_VERSION, ServerName};
 pub type ControlServer = Server<Threadsafe, ControlRequest, (), ControlResponse, ()>;
 /// A client's port of the control service.
 pub type ControlClient = Client<Threadsafe, ControlRequest, (), ControlResponse, ()>;
-/// A server's port of the requests door.
+/// A server's port of the service.
 pub type ComputeServer<S> = Server<S, ComputeRequest, (), ComputeResponse, ()>;
 
 type Factory<S, Q, R> = request_response::PortFactory<S, Q, (), R, ()>;
@@ -137,7 +137,7 @@ pub fn serve_control(
     serve(&factory, &service)
 }
 
-/// The requests door of a run of the server, served.
+/// The service of a run of the server, served.
 pub fn serve_compute<S: Service>(
     node: &Node<S>,
     name: &ServerName,
@@ -156,7 +156,7 @@ pub fn open_control(
     connect(node, &name.control()?, MAX_CONTROL_CLIENTS)
 }
 
-/// A port of the requests door.
+/// A port of the service.
 pub fn open_compute<S: Service>(
     node: &Node<S>,
     name: &ServerName,

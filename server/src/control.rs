@@ -68,11 +68,11 @@ impl Control {
                 page.map(|page| ([page.len() as u64, 0, 0, 0], page.to_vec()))
                     .ok_or_else(|| refused(Refusal::NoSuchPage))
             }
-            Some(Call::Plan) => match self.plans.register(&self.model, &request.wanted) {
+            Some(Call::Plan) => match self.plans.register(&self.model, &request.query) {
                 Ok(Registered { plan, n_in, n_out }) => {
                     Ok(([plan.into(), n_in as u64, n_out as u64, 0], Vec::new()))
                 }
-                Err(Unplanned::Wanted(error)) => {
+                Err(Unplanned::Query(error)) => {
                     Err((Refusal::BadWanted, error.to_string(), [0; 4]))
                 }
                 Err(Unplanned::TooLarge { n_in, n_out }) => {

@@ -11,17 +11,17 @@ const N_BUCKETS: usize = 640;
 
 /// Which way a request came.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Door {
+pub(crate) enum Transport {
     /// A lane.
     Lane,
-    /// The requests door.
-    Requests,
+    /// The service.
+    Service,
 }
 
 /// Counters with one writer, the answering thread, and any number of readers.
 pub(crate) struct Counters {
     lane_requests: AtomicU64,
-    door_requests: AtomicU64,
+    service_requests: AtomicU64,
     statuses: [AtomicU64; 32],
     buckets: [AtomicU64; N_BUCKETS],
 }
@@ -30,7 +30,7 @@ impl Counters {
     pub(crate) fn new() -> Counters {
         Counters {
             lane_requests: AtomicU64::new(0),
-            door_requests: AtomicU64::new(0),
+            service_requests: AtomicU64::new(0),
             statuses: [const { AtomicU64::new(0) }; 32],
             buckets: [const { AtomicU64::new(0) }; N_BUCKETS],
         }
@@ -39,10 +39,10 @@ impl Counters {
     /// Counts one answer; `ticks` of the processor's counter from finding the request to publishing
     /// the answer.
     #[inline]
-    pub(crate) fn record(&self, door: Door, status: u32, ticks: u64) {
-        match door {
-            Door::Lane => add_one(&self.lane_requests),
-            Door::Requests => add_one(&self.door_requests),
+    pub(crate) fn record(&self, transport: Transport, status: u32, ticks: u64) {
+        match transport {
+            Transport::Lane => add_one(&self.lane_requests),
+            Transport::Service => add_one(&self.service_requests),
         }
         add_one(&self.statuses[(status as usize).min(self.statuses.len() - 1)]);
         add_one(&self.buckets[bucket_of(ticks)]);
@@ -52,8 +52,8 @@ impl Counters {
         self.lane_requests.load(Relaxed)
     }
 
-    pub(crate) fn door_requests(&self) -> u64 {
-        self.door_requests.load(Relaxed)
+    pub(crate) fn service_requests(&self) -> u64 {
+        self.service_requests.load(Relaxed)
     }
 
     pub(crate) fn statuses(&self) -> [u64; 32] {
@@ -146,12 +146,16 @@ mod tests {
     fn percentiles_come_from_what_was_counted() {
         let (counters, mut latency) = (Counters::new(), Latency::new(Clock::new()).unwrap());
         (0..1000).for_each(|k| {
-            counters.record(if k % 2 == 0 { Door::Lane } else { Door::Requests }, k % 2, 1 << 20)
+            counters.record(
+                if k % 2 == 0 { Transport::Lane } else { Transport::Service },
+                k % 2,
+                1 << 20,
+            )
         });
         latency.fold(&counters);
         latency.fold(&counters);
         assert_eq!(
-            (counters.lane_requests(), counters.door_requests(), counters.statuses()[1]),
+            (counters.lane_requests(), counters.service_requests(), counters.statuses()[1]),
             (500, 500, 500)
         );
         assert_eq!(latency.histogram.len(), 1000);

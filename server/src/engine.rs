@@ -6,7 +6,7 @@ use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::message::{
     ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead, ResponseHead,
 };
-use sarrus_proto::{PROTOCOL_VERSION, Status, Wanted, WantedError, Warnings};
+use sarrus_proto::{PROTOCOL_VERSION, Query, QueryError, Status, Warnings};
 
 /// The plans of all clients: filled beside the answering thread, read by it. A plan stays as long
 /// as the server.
@@ -24,10 +24,10 @@ pub(crate) struct Registered {
     pub(crate) n_out: usize,
 }
 
-/// Why a wanted set gets no plan.
+/// Why a query gets no plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unplanned {
-    Wanted(WantedError),
+    Query(QueryError),
     TooLarge { n_in: usize, n_out: usize },
     TooMany,
 }
@@ -45,20 +45,20 @@ impl Plans {
         self.table.iter().take_while(|plan| plan.get().is_some()).count()
     }
 
-    /// The plan of a wanted set; equal sets share one.
+    /// The plan of a query; equal sets share one.
     pub(crate) fn register(
         &self,
         model: &Model<f64>,
-        wanted: &Wanted,
+        query: &Query,
     ) -> Result<Registered, Unplanned> {
         let mut registered =
             self.registered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let known =
-            self.table.iter().map_while(OnceLock::get).position(|plan| plan.wanted() == wanted);
+            self.table.iter().map_while(OnceLock::get).position(|plan| plan.query() == query);
         let index = match known {
             Some(index) => index,
             None => {
-                let plan = Plan::new(model, wanted).map_err(Unplanned::Wanted)?;
+                let plan = Plan::new(model, query).map_err(Unplanned::Query)?;
                 let (n_in, n_out) = (plan.given().len(), plan.want().len());
                 if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
                     return Err(Unplanned::TooLarge { n_in, n_out });
@@ -79,7 +79,7 @@ impl Plans {
     }
 }
 
-/// Where a request's numbers are; a client may still be writing those of the requests door.
+/// Where a request's numbers are; a client may still be writing those of the service.
 pub(crate) enum Input<'a> {
     /// The copy that the lane made.
     Copied(&'a [f64]),

@@ -4,11 +4,11 @@
 //! can starve another, and none is overwritten, because a client has one request under way. After
 //! start-up the loop takes no lock, writes no log, reads no clock but the processor's counter, and
 //! in busy mode makes no system call. Two things the transport does on it are no part of a request:
-//! when a client of the requests door comes or goes its memory is mapped or unmapped.
+//! when a client of the service comes or goes its memory is mapped or unmapped.
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
 //! each other client. A client that gives up a request and asks again before the server took it is
-//! told `overloaded` by its own side of the requests door; through a lane its newer request
+//! told `overloaded` by its own side of the service; through a lane its newer request
 //! replaces the one that it gave up. Nothing else is ever dropped.
 
 use std::sync::Arc;
@@ -25,7 +25,7 @@ use sarrus_proto::service::ComputeServer;
 use sarrus_proto::{Status, Warnings};
 
 use crate::Wait;
-use crate::counters::{Counters, Door};
+use crate::counters::{Counters, Transport};
 use crate::engine::{Engine, Input};
 
 /// Sweeps between two looks at what the maintenance thread wants.
@@ -70,7 +70,7 @@ pub(crate) struct Shared {
 /// The answering thread's state.
 pub(crate) struct Hot {
     pub(crate) engine: Engine,
-    pub(crate) door: ComputeServer<ipc::Service>,
+    pub(crate) transport: ComputeServer<ipc::Service>,
     pub(crate) lanes: Box<[Option<HotLane>]>,
     pub(crate) waiting: [Option<ComputeActive<ipc::Service>>; MAX_REQUEST_CLIENTS],
     pub(crate) orders: Receiver<Order>,
@@ -128,17 +128,17 @@ impl Hot {
         }
     }
 
-    /// Takes what waits at both doors and answers it; how many requests there were.
+    /// Takes what waits at both transports and answers it; how many requests there were.
     fn sweep(&mut self, stopping: bool) -> usize {
         let mut answered = 0;
 
-        // take from the requests door: a client's next request can only come after this one's
+        // take from the service: a client's next request can only come after this one's
         // answer
         let found = self.clock.raw();
         let mut n_waiting = 0;
         while let Some(place) = self.waiting.get_mut(n_waiting) {
             // an error concerns a client that is about to go: the others are served
-            let Ok(Some(request)) = self.door.receive() else { break };
+            let Ok(Some(request)) = self.transport.receive() else { break };
             *place = Some(request);
             n_waiting += 1;
         }
@@ -158,14 +158,14 @@ impl Hot {
             };
             lane.outbox.publish(answer);
             self.shared.counters.record(
-                Door::Lane,
+                Transport::Lane,
                 answer.status,
                 self.clock.raw().wrapping_sub(start),
             );
             answered += 1;
         }
 
-        // what was taken from the requests door
+        // what was taken from the service
         for request in self.waiting[..n_waiting].iter_mut().filter_map(Option::take) {
             let payload = request.payload();
             let head = payload.head();
@@ -183,7 +183,7 @@ impl Hot {
             // heard
             let _ = sent;
             self.shared.counters.record(
-                Door::Requests,
+                Transport::Service,
                 status,
                 self.clock.raw().wrapping_sub(found),
             );

@@ -1,7 +1,7 @@
 //! The allocator of the binary: the thread that answers takes its small blocks from a fixed pool of
 //! its own.
 //!
-//! The transport makes two small blocks for each request through the requests door. [`Pool`] as the
+//! The transport makes two small blocks for each request through the service. [`Pool`] as the
 //! global allocator serves them, on a thread that called [`adopt_thread`], from memory that is
 //! reserved and mapped beforehand; every other thread uses the system's allocator. A block may be
 //! freed on any thread. Should the pool ever run out, the system's allocator steps in and

@@ -38,7 +38,7 @@ pub enum Wait {
 impl Wait {
     /// Busy where at least three processors are there: one for the server, one for a client, one
     /// for everything else.
-    pub fn fitting() -> Wait {
+    pub fn auto() -> Wait {
         match std::thread::available_parallelism() {
             Ok(n) if n.get() >= 3 => Wait::Busy,
             _ => Wait::Sleep,
@@ -267,14 +267,14 @@ impl HotStart {
         instance: u64,
     ) -> Result<(Node<ipc::Service>, Hot), ServeError> {
         let node = domain.node::<ipc::Service>()?;
-        let door = serve_compute(&node, name, instance).map_err(ServeError::Service)?;
+        let transport = serve_compute(&node, name, instance).map_err(ServeError::Service)?;
         let HotStart { engine, n_lanes, orders, retired, heartbeat, shared, clock, wait } = self;
         let lanes = (0..n_lanes).map(|_| None).collect();
         Ok((
             node,
             Hot {
                 engine,
-                door,
+                transport,
                 lanes,
                 waiting: [const { None }; _],
                 orders,
@@ -334,7 +334,7 @@ impl Upkeep {
         self.statistics.update_with_copy(Statistics {
             uptime: self.since.elapsed().as_secs_f64(),
             lane_requests: counters.lane_requests(),
-            door_requests: counters.door_requests(),
+            service_requests: counters.service_requests(),
             statuses: counters.statuses(),
             latency_ns: self.latency.percentiles(),
             lanes_taken: self.lanes.taken() as u64,

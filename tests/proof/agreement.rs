@@ -1,7 +1,7 @@
 //! Two ways to the same number: closed form and Newton's method, double and double-double.
 
 use sarrus_dynamics::scalar::{Dd, Real, Scalar};
-use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Request, Wanted};
+use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Query, Request};
 use sarrus_models::{Options, bundled_text};
 use sarrus_tests::cases::{Case, Ledger, SEEDS, State, robots};
 use sarrus_tests::compare::{error_by_size, largest};
@@ -21,7 +21,7 @@ fn answers<T: Scalar>(
 ) -> [Fields<T>; 3] {
     let mut robot = Robot::new(model.clone());
     let motion: [(Field, &[T]); 3] = [(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)];
-    let of = |request, want: &[Field]| Wanted::new(request, FieldSet::EMPTY, FieldSet::of(want));
+    let of = |request, want: &[Field]| Query::new(request, FieldSet::EMPTY, FieldSet::of(want));
     let mut want = STATE.to_vec();
     if with_actuators {
         want.push(JacobianActuator);

@@ -81,7 +81,7 @@ fn run_all<T: Scalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
             let before = calls();
             let answer = plan.run(model, &mut workspace, input, &mut output);
             let after = calls();
-            assert_eq!(after, before, "{} in {:?}: {:?}", answer.status, case.name, plan.wanted());
+            assert_eq!(after, before, "{} in {:?}: {:?}", answer.status, case.name, plan.query());
             seen.push(answer.status);
         }
     }

@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 use sarrus_dynamics::description::{Description, Placement, SubmechanismKind};
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field::*, Method, Model, Plan, Workspace};
-use sarrus_proto::{FieldSet, Request, Status, Wanted, Warnings};
+use sarrus_proto::{FieldSet, Query, Request, Status, Warnings};
 use sarrus_tests::cases::Case;
 use sarrus_tests::compare::error_by_size;
 use sarrus_tests::draft::Draft;
@@ -123,7 +123,7 @@ fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
             unequal,
             "{weight:e}: {warnings:?}"
         );
-        let wanted = Wanted::new(
+        let query = Query::new(
             Request::ForwardDynamics,
             FieldSet::of(&[Y, Yd, TauY]),
             FieldSet::of(&[Ydd]),
@@ -142,7 +142,7 @@ fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
             .ok()
             .map(Dd::hi);
         for method in [Method::Recursion, Method::Projection, Method::Kkt] {
-            let plan = Plan::with_method(&model, &wanted, method).unwrap();
+            let plan = Plan::with_method(&model, &query, method).unwrap();
             let mut workspace = Workspace::for_plans(&model, [&plan]);
             let mut ydd = [0.0; 4];
             let answer = plan.run(&model, &mut workspace, &numbers, &mut ydd);
@@ -186,13 +186,13 @@ fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
             let given = [(Y, exactly[0].as_slice()), (Yd, &exactly[1]), (TauY, &exactly[2])];
             let truth =
                 Robot::new(exact).ask(Request::ForwardDynamics, &given, &[Ydd]).ok().map(Dd::hi);
-            let wanted = Wanted::new(
+            let query = Query::new(
                 Request::ForwardDynamics,
                 FieldSet::of(&[Y, Yd, TauY]),
                 FieldSet::of(&[Ydd]),
             );
             for method in Method::ALL {
-                let plan = Plan::with_method(&model, &wanted, method).unwrap();
+                let plan = Plan::with_method(&model, &query, method).unwrap();
                 let mut ydd = vec![0.0; n];
                 let answer = plan.run(
                     &model,
@@ -325,8 +325,8 @@ fn the_whole_system_tells_where_it_does_not_balance() {
         }
     }
     let Compiled { model, exact, .. } = compiled(&description);
-    let wanted =
-        Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
+    let query =
+        Query::new(Request::ForwardDynamics, FieldSet::of(&[Y, Yd, TauY]), FieldSet::of(&[Ydd]));
     let numbers = [0.3, 1.0, 2.0];
     let given = [Y, Yd, TauY]
         .into_iter()
@@ -338,7 +338,7 @@ fn the_whole_system_tells_where_it_does_not_balance() {
     for (method, lost) in
         [(Method::Recursion, false), (Method::Projection, false), (Method::Kkt, true)]
     {
-        let plan = Plan::with_method(&model, &wanted, method).unwrap();
+        let plan = Plan::with_method(&model, &query, method).unwrap();
         let mut ydd = [0.0];
         let answer =
             plan.run(&model, &mut Workspace::for_plans(&model, [&plan]), &numbers, &mut ydd);

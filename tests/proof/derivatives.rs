@@ -3,7 +3,7 @@
 
 use sarrus_dynamics::description::Terms;
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Model, Request, Wanted};
+use sarrus_dynamics::{Field, FieldSet, Model, Query, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;
 use sarrus_tests::rigid::Pose;
@@ -115,13 +115,13 @@ pub(crate) fn frames<T: Scalar>(robot: &mut Robot<T>, state: &State<T>) -> (Vec<
     let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
     let (mut pose, mut twist) = (Vec::new(), Vec::new());
     for some in links.chunks(32) {
-        let wanted = Wanted::new(
+        let query = Query::new(
             Request::Kinematics,
             FieldSet::EMPTY,
             FieldSet::of(&[FramePose, FrameTwist]),
         )
         .with_frames(some);
-        let x = robot.ask_for(wanted, &[(Y, &state.y), (Yd, &state.yd)]).ok();
+        let x = robot.ask_for(query, &[(Y, &state.y), (Yd, &state.yd)]).ok();
         pose.extend_from_slice(x.get(FramePose));
         twist.extend_from_slice(x.get(FrameTwist));
     }
@@ -166,9 +166,8 @@ fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
         ]);
         let mut at = |t: f64| -> Fields<Dd> {
             let state = later(case, &now, Dd::from(t));
-            let wanted =
-                Wanted::new(Request::Kinematics, FieldSet::EMPTY, want).with_frames(&links);
-            robot.ask_for(wanted, &[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]).ok()
+            let query = Query::new(Request::Kinematics, FieldSet::EMPTY, want).with_frames(&links);
+            robot.ask_for(query, &[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]).ok()
         };
         let [before, x, after] = [-STEP, 0.0, STEP].map(&mut at);
         let cond = x.get(CondKd)[0].to_f64();

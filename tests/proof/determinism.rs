@@ -37,7 +37,7 @@ fn check<T: Scalar>(case: &Case, model: &Model<T>, bits: impl Fn(T) -> Bits) {
     for _ in 0..2 {
         for k in seeded.order(jobs.len()) {
             let again = answer(&jobs[k], &mut workspace);
-            assert_eq!(again, fresh[k], "{}: {:?}", case.name, plans[jobs[k].0].wanted());
+            assert_eq!(again, fresh[k], "{}: {:?}", case.name, plans[jobs[k].0].query());
         }
     }
 }

@@ -5,7 +5,7 @@
 //! from there gives the first derivative, one more the second.
 
 use sarrus_dynamics::scalar::{Dd, Dual, Real, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Model, Request, Wanted};
+use sarrus_dynamics::{Field, FieldSet, Model, Query, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;
 use sarrus_tests::dual::{First, Second, model};
@@ -24,7 +24,7 @@ const ROUNDING: f64 = 64.0;
 /// there.
 fn ask_at<S: Scalar>(
     robot: &mut Robot<Dual<S>>,
-    base: Wanted,
+    base: Query,
     given: &[(Field, &[Dual<S>])],
     q: &[Dual<S>],
     orders: usize,
@@ -46,8 +46,8 @@ fn slopes<S: Scalar>(x: &[Dual<S>]) -> Vec<S> {
     x.iter().map(|x| x.du).collect()
 }
 
-fn kinematics(want: &[Field]) -> Wanted {
-    Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(want))
+fn kinematics(want: &[Field]) -> Query {
+    Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(want))
 }
 
 /// Joint rates (place in q̇, rate) from the derivative of q: that itself, or 2 q* q̇ of a
@@ -347,7 +347,7 @@ fn derivatives_of_forward_and_inverse_dynamics_undo_each_other() {
         let yd = plus(&constants(&now.yd), &times(t, &direction()));
         let ydd = plus(&constants(&now.ydd), &times(t, &direction()));
         let want =
-            |request, fields: &[Field]| Wanted::new(request, FieldSet::EMPTY, FieldSet::of(fields));
+            |request, fields: &[Field]| Query::new(request, FieldSet::EMPTY, FieldSet::of(fields));
         let given = [(Y, y.as_slice()), (Yd, &yd), (Ydd, &ydd)];
         let id = ask_at(
             &mut over_duals,

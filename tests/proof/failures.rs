@@ -16,11 +16,11 @@ use Field::*;
 fn assert_honest<T: Scalar>(plan: &Plan, status: Status, output: &[T]) {
     for slot in plan.want().slots() {
         let numbers = &output[slot.range()];
-        let wanted = plan.wanted();
+        let query = plan.query();
         if status == Status::Ok {
             assert!(
                 numbers.iter().all(|x| x.to_f64().is_finite()),
-                "ok with {numbers:?} in {:?} of {wanted:?}",
+                "ok with {numbers:?} in {:?} of {query:?}",
                 slot.field
             );
         } else if !slot.field.survives_failure()
@@ -28,7 +28,7 @@ fn assert_honest<T: Scalar>(plan: &Plan, status: Status, output: &[T]) {
             || status == Status::WrongSize
         {
             let empty = slot.field == Iterations || numbers.iter().all(|x| x.to_f64().is_nan());
-            assert!(empty, "{status} with {numbers:?} in {:?} of {wanted:?}", slot.field);
+            assert!(empty, "{status} with {numbers:?} in {:?} of {query:?}", slot.field);
         }
     }
 }

@@ -4,8 +4,7 @@
 use sarrus_dynamics::description::JointKind;
 use sarrus_dynamics::scalar::{Dd, Real, Scalar};
 use sarrus_dynamics::{
-    Compiled, Field, FieldSet, ImplicitForm, Method, Model, Plan, Request, Status, Wanted,
-    Workspace,
+    Compiled, Field, FieldSet, ImplicitForm, Method, Model, Plan, Query, Request, Status, Workspace,
 };
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{error_by_size, largest};
@@ -44,14 +43,14 @@ fn closed<T: Scalar>(model: &Model<T>, state: &State<T>) -> Closed<T> {
 fn planned<T: Scalar>(
     model: &Model<T>,
     method: Method,
-    base: Wanted,
+    base: Query,
     given: &[(Field, &[T])],
 ) -> [Vec<T>; 2] {
     let fields: Vec<Field> = given.iter().map(|x| x.0).collect();
-    let mut wanted = base;
-    wanted.want = FieldSet::of(&[Qdd, Lambda]);
-    fields.iter().for_each(|field| wanted.given = wanted.given.with(*field));
-    let plan = Plan::with_method(model, &wanted, method).unwrap();
+    let mut query = base;
+    query.want = FieldSet::of(&[Qdd, Lambda]);
+    fields.iter().for_each(|field| query.given = query.given.with(*field));
+    let plan = Plan::with_method(model, &query, method).unwrap();
     let mut workspace = Workspace::for_plans(model, [&plan]);
     let mut input = vec![T::ZERO; plan.given().len()];
     given.iter().for_each(|(field, numbers)| {
@@ -77,7 +76,7 @@ fn agree<T: Scalar>(
     // a wrench on the last link
     let link = (model.link_names().len() - 1) as u16;
     let wrench: Vec<T> = [0.3, -0.2, 0.5, 4.0, -7.0, 2.0].into_iter().map(T::from_f64).collect();
-    let base = Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::EMPTY);
+    let base = Query::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::EMPTY);
     let given: [(Field, &[T]); 4] =
         [(Y, &state.y), (Yd, &state.yd), (TauQ, &tau), (Wrenches, &wrench)];
     let mut form = ImplicitForm::with_wrenches(model, &[link]);

@@ -4,7 +4,7 @@
 //! double measures their rounding.
 
 use sarrus_dynamics::scalar::{Dd, Real, Scalar};
-use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Request, Status, Wanted};
+use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Query, Request, Status};
 use sarrus_models::Options;
 use sarrus_tests::cases::{Case, Ledger, SEEDS, State, robots};
 use sarrus_tests::compare::largest;
@@ -410,7 +410,7 @@ impl Law for Frames {
         if actuated {
             want.push(JacobianActuator);
         }
-        let ask = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&want))
+        let ask = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&want))
             .with_frames(&links);
         let x = robot.ask_for(ask, &motion(state)).ok();
         let cond = value(&x, CondKd);
@@ -445,8 +445,7 @@ impl Law for Frames {
         // the same Jacobian moves wrenches to the joints
         let on = &links[..2];
         let w: Vec<T> = seeded.numbers(12, 30.0).into_iter().map(T::from_f64).collect();
-        let of =
-            |request, want: &[Field]| Wanted::new(request, FieldSet::EMPTY, FieldSet::of(want));
+        let of = |request, want: &[Field]| Query::new(request, FieldSet::EMPTY, FieldSet::of(want));
         let push = |columns: usize, J: &[T]| transposed(&J[..12 * columns], &w, columns);
         let (push_q, push_y) =
             (push(sizes.n_v, x.get(JacobianTree)), push(sizes.n_vy, x.get(JacobianIndependent)));

@@ -2,19 +2,19 @@
 
 use std::mem::{align_of, offset_of, size_of};
 
-use sarrus_dynamics::{Field, FieldSet, Layout, Request, Sizes, Status, Wanted};
+use sarrus_dynamics::{Field, FieldSet, Layout, Query, Request, Sizes, Status};
 
 #[test]
 fn a_wish_is_120_bytes_with_its_fields_at_fixed_places() {
-    assert_eq!((size_of::<Wanted>(), align_of::<Wanted>()), (120, 8));
+    assert_eq!((size_of::<Query>(), align_of::<Query>()), (120, 8));
     let offsets = [
-        offset_of!(Wanted, request),
-        offset_of!(Wanted, n_frames),
-        offset_of!(Wanted, n_wrenches),
-        offset_of!(Wanted, given),
-        offset_of!(Wanted, want),
-        offset_of!(Wanted, frames),
-        offset_of!(Wanted, wrench_links),
+        offset_of!(Query, request),
+        offset_of!(Query, n_frames),
+        offset_of!(Query, n_wrenches),
+        offset_of!(Query, given),
+        offset_of!(Query, want),
+        offset_of!(Query, frames),
+        offset_of!(Query, wrench_links),
     ];
     assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 88]);
     assert_eq!(
@@ -110,14 +110,14 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 fn fields_are_packed_in_the_order_of_their_numbers() {
     let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4 };
     let given = FieldSet::of(&[Field::TauU, Field::Yd, Field::Y]);
-    let wanted = Wanted::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42]))
+    let query = Query::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42]))
         .with_frames(&[1, 0])
         .with_wrenches(&[1]);
     let slots = |layout: Layout| {
         layout.slots().iter().map(|slot| (slot.offset, slot.rows, slot.columns)).collect::<Vec<_>>()
     };
     assert_eq!(
-        slots(Layout::of_given(&wanted, &sizes)),
+        slots(Layout::of_given(&query, &sizes)),
         [(0, 8, 1), (8, 7, 1), (15, 3, 1), (18, 1, 6)]
     );
     let shapes = [
@@ -165,9 +165,9 @@ fn fields_are_packed_in_the_order_of_their_numbers() {
         (7, 1),
     ];
     let mut offset = 0;
-    for (slot, (rows, columns)) in slots(Layout::of_want(&wanted, &sizes)).into_iter().zip(shapes) {
+    for (slot, (rows, columns)) in slots(Layout::of_want(&query, &sizes)).into_iter().zip(shapes) {
         assert_eq!(slot, (offset, rows, columns));
         offset += rows * columns;
     }
-    assert_eq!(Layout::of_want(&wanted, &sizes).len(), offset);
+    assert_eq!(Layout::of_want(&query, &sizes).len(), offset);
 }

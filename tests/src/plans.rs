@@ -1,7 +1,7 @@
 //! Every kind of request on a model, with inputs for it.
 
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Request, Wanted};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
 
 use crate::cases::{Case, State};
 use crate::run::Robot;
@@ -15,7 +15,7 @@ pub fn every_plan<T: Scalar>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan>
     let link = |seeded: &mut Seeded| seeded.below(model.link_names().len()) as u16;
     for request in Request::ALL {
         for given in givens(*request) {
-            let base = Wanted::new(*request, FieldSet::of(&given), FieldSet::EMPTY)
+            let base = Query::new(*request, FieldSet::of(&given), FieldSet::EMPTY)
                 .with_frames(&[link(seeded), link(seeded)]);
             let base = if given.contains(&Wrenches) {
                 base.with_wrenches(&[link(seeded), link(seeded)])
@@ -28,7 +28,7 @@ pub fn every_plan<T: Scalar>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan>
                 .collect();
             let all = single
                 .iter()
-                .fold(FieldSet::EMPTY, |all, plan| FieldSet(all.0 | plan.wanted().want.0));
+                .fold(FieldSet::EMPTY, |all, plan| FieldSet(all.0 | plan.query().want.0));
             let without = FieldSet(all.0 & !FieldSet::of(&[JacobianActuator, TauU]).0);
             plans
                 .extend([with(model, base, all), with(model, base, without)].into_iter().flatten());
@@ -38,9 +38,9 @@ pub fn every_plan<T: Scalar>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan>
     plans
 }
 
-fn with<T>(model: &Model<T>, mut wanted: Wanted, want: FieldSet) -> Option<Plan> {
-    wanted.want = want;
-    Plan::new(model, &wanted).ok()
+fn with<T>(model: &Model<T>, mut query: Query, want: FieldSet) -> Option<Plan> {
+    query.want = want;
+    Plan::new(model, &query).ok()
 }
 
 fn givens(request: Request) -> Vec<Vec<Field>> {

@@ -141,11 +141,11 @@ fn run(command: &mut Command) -> Result<String, String> {
 /// Makes a folder of Python sources equal to another one.
 fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
     fs::create_dir_all(to).map_err(told)?;
-    let wanted: Vec<PathBuf> =
+    let query: Vec<PathBuf> =
         entries(from)?.into_iter().filter(|path| !path.ends_with("__pycache__")).collect();
     // what the sources no longer have must not be found by an import
     for path in entries(to)? {
-        let same = wanted.iter().any(|wanted| wanted.file_name() == path.file_name());
+        let same = query.iter().any(|query| query.file_name() == path.file_name());
         let is_extension = path.extension().is_some_and(|ending| ending == "so");
         match (same || is_extension, path.is_dir()) {
             (true, _) => {}
@@ -153,7 +153,7 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
             (false, false) => fs::remove_file(&path).map_err(told)?,
         }
     }
-    for path in wanted {
+    for path in query {
         let Some(name) = path.file_name() else { continue };
         if path.is_dir() {
             copy_folder(&path, &to.join(name))?

@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{Answer, Model, Plan, Workspace};
-use sarrus_proto::{Field, FieldSet, Request, Status, Wanted};
+use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
 /// A model with everything that it takes to ask it.
 pub struct Robot<T> {
@@ -27,16 +27,16 @@ impl<T: Scalar> Robot<T> {
 
     /// Asks with the given fields for the wanted ones.
     pub fn ask(&mut self, request: Request, given: &[(Field, &[T])], want: &[Field]) -> Fields<T> {
-        self.ask_for(Wanted::new(request, FieldSet::EMPTY, FieldSet::of(want)), given)
+        self.ask_for(Query::new(request, FieldSet::EMPTY, FieldSet::of(want)), given)
     }
 
     /// The same from a base with frames or wrenches.
-    pub fn ask_for(&mut self, base: Wanted, given: &[(Field, &[T])]) -> Fields<T> {
-        let mut wanted = base;
+    pub fn ask_for(&mut self, base: Query, given: &[(Field, &[T])]) -> Fields<T> {
+        let mut query = base;
         for (field, _) in given {
-            wanted.given = wanted.given.with(*field);
+            query.given = query.given.with(*field);
         }
-        let plan = Plan::new(&self.model, &wanted).unwrap_or_else(|error| panic!("{error}"));
+        let plan = Plan::new(&self.model, &query).unwrap_or_else(|error| panic!("{error}"));
         let mut input = vec![T::ZERO; plan.given().len()];
         for (field, numbers) in given {
             let slot =

@@ -1,4 +1,4 @@
-//! Round trips: both doors of a server process, beside plain shared memory that carries the same
+//! Round trips: both transports of a server process, beside plain shared memory that carries the same
 //! bytes.
 //!
 //! ```text
@@ -26,7 +26,7 @@ use serde_json::json;
 
 use crate::measure::{Effort, ROBOT, STATES, Trip};
 
-/// The requests door needs it: see `sarrus_server::pool`. Nothing else here notices.
+/// The service needs it: see `sarrus_server::pool`. Nothing else here notices.
 #[global_allocator]
 static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
 

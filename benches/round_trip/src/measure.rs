@@ -1,4 +1,4 @@
-//! Both doors of a server process, beside the floor.
+//! Both transports of a server process, beside the floor.
 //!
 //! Server and floor take turns, each alone with the client: on two processors a third process that
 //! polls would be measured too.
@@ -11,8 +11,8 @@ use sarrus_benches::cores::Cores;
 use sarrus_benches::progress::Progress;
 use sarrus_benches::states::Robot;
 use sarrus_benches::timing::Samples;
-use sarrus_client::{ConnectOptions, Door, Patience, PlanId, Robot as Client};
-use sarrus_dynamics::{Field, FieldSet, Plan, Request, Status, Wanted, Workspace};
+use sarrus_client::{ConnectOptions, PlanId, Robot as Client, Transport, WaitStrategy};
+use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_proto::Domain;
 use serde_json::{Value, json};
 
@@ -42,18 +42,18 @@ impl Effort {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct What {
     pub(crate) name: &'static str,
-    wanted: fn() -> Wanted,
+    query: fn() -> Query,
 }
 
 const WHATS: [What; 3] = [
     What {
         name: "y_to_u",
-        wanted: || {
-            Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U]))
+        query: || {
+            Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U]))
         },
     },
-    What { name: "ID", wanted: || Question::InverseDynamics.wanted() },
-    What { name: "FD", wanted: || Question::ForwardDynamics.wanted() },
+    What { name: "ID", query: || Question::InverseDynamics.query() },
+    What { name: "FD", query: || Question::ForwardDynamics.query() },
 ];
 
 /// How it gets there and back.
@@ -98,7 +98,7 @@ pub(crate) struct Trip {
 }
 
 impl Trip {
-    /// What the door adds to shared memory and computation.
+    /// What the transport adds to shared memory and computation.
     pub(crate) fn over_floor(&self) -> f64 {
         self.samples.median() - self.computation - self.floor
     }
@@ -116,7 +116,7 @@ impl Trip {
 /// A plan, its inputs, its answers in process, and what every way took so far.
 struct Asked {
     what: What,
-    wanted: Wanted,
+    query: Query,
     inputs: Vec<Vec<f64>>,
     answers: Vec<Vec<f64>>,
     computation: Vec<f64>,
@@ -154,12 +154,16 @@ pub(crate) fn measure(
         floor.stop()?;
 
         let server = Child::start(Role::Server, &domain, cores)?;
-        for (way, door) in [(Way::Lane, Door::Lane), (Way::Requests, Door::Requests)] {
-            let options =
-                ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
+        for (way, transport) in [(Way::Lane, Transport::Lane), (Way::Requests, Transport::Service)]
+        {
+            let options = ConnectOptions {
+                transport,
+                wait_strategy: WaitStrategy::Busy,
+                ..ConnectOptions::default()
+            };
             let mut client = Client::connect_in(domain.clone(), ROBOT, options)?;
             for asked in asked.iter_mut().filter(|asked| chosen(way, asked)) {
-                let plan = client.prepare(&asked.wanted)?;
+                let plan = client.prepare(&asked.query)?;
                 served(asked, way, effort.trips, &mut client, plan)?;
                 asked.compute(robot)?;
             }
@@ -170,7 +174,7 @@ pub(crate) fn measure(
     Ok(asked.iter().flat_map(Asked::trips).filter(|trip| trip.samples.count() > 0).collect())
 }
 
-/// Round trips through a door; every answer's status is looked at, and the bits of a first pass
+/// Round trips through a transport; every answer's status is looked at, and the bits of a first pass
 /// through the states.
 fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: PlanId) -> Outcome {
     let mut output = vec![0.0; asked.answers[0].len()];
@@ -214,14 +218,14 @@ fn timed(
 
 impl Asked {
     fn new(what: What, robot: &Robot) -> Outcome<Asked> {
-        let wanted = (what.wanted)();
-        let plan = Plan::new(&robot.variants[0].compiled.model, &wanted)?;
+        let query = (what.query)();
+        let plan = Plan::new(&robot.variants[0].compiled.model, &query)?;
         let inputs =
             robot.states.iter().take(STATES).map(|state| packed(&plan, state, 0)).collect();
         let answers = vec![vec![0.0; plan.want().len()]; STATES];
         let mut asked = Asked {
             what,
-            wanted,
+            query,
             inputs,
             answers,
             computation: Vec::new(),
@@ -237,7 +241,7 @@ impl Asked {
     /// trips, under the same conditions.
     fn compute(&mut self, robot: &Robot) -> Outcome {
         let model = &robot.variants[0].compiled.model;
-        let plan = Plan::new(model, &self.wanted)?;
+        let plan = Plan::new(model, &self.query)?;
         let mut workspace = Workspace::new(model);
         for _ in 0..200 {
             let start = Instant::now();

@@ -120,7 +120,7 @@ pub(super) fn measure(
 
 /// The numbers of a question to this robot.
 pub(super) fn layout(robot: &Robot, asked: Question) -> Layout {
-    Layout::of_want(&asked.wanted(), &robot.variants[0].compiled.model.sizes())
+    Layout::of_want(&asked.query(), &robot.variants[0].compiled.model.sizes())
 }
 
 fn errors(robot: &Robot, method: &mut Method, truths: &mut Truths<'_>) -> Outcome<Measured> {
@@ -159,7 +159,7 @@ fn errors(robot: &Robot, method: &mut Method, truths: &mut Truths<'_>) -> Outcom
 
 /// The numbers of an answer that is q alone.
 pub(super) fn only_q(robot: &Robot) -> Layout {
-    let mut wanted = Question::State.wanted();
-    wanted.want = FieldSet::of(&[Field::Q]);
-    Layout::of_want(&wanted, &robot.variants[0].compiled.model.sizes())
+    let mut query = Question::State.query();
+    query.want = FieldSet::of(&[Field::Q]);
+    Layout::of_want(&query, &robot.variants[0].compiled.model.sizes())
 }

@@ -221,12 +221,12 @@ impl Methods<'_> {
         label: &str,
         default: bool,
     ) -> Outcome {
-        let wanted = with_start(asked.wanted(), way.start);
+        let query = with_start(asked.query(), way.start);
         let (plan, before) = match asked {
             Question::Forced(method) => {
-                (Plan::with_method(model, &wanted, method)?, format!("{}, ", method.name()))
+                (Plan::with_method(model, &query, method)?, format!("{}, ", method.name()))
             }
-            _ => (Plan::new(model, &wanted)?, String::new()),
+            _ => (Plan::new(model, &query)?, String::new()),
         };
         let runner = Box::new(Planned::new(model.clone(), plan, self.robot, way.place));
         let series = format!("{before}{}, {scalar}", way.name);

@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{
-    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Request, Status, Wanted, Workspace,
+    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status, Workspace,
 };
 
 use crate::Outcome;
@@ -32,12 +32,12 @@ pub(super) struct Planned<T> {
     output: Vec<T>,
 }
 
-/// The wish, with the guess that a warm start has.
-pub(super) fn with_start(mut wanted: Wanted, start: Start) -> Wanted {
+/// The query, with the guess that a warm start has.
+pub(super) fn with_start(mut query: Query, start: Start) -> Query {
     if start == Start::Warm {
-        wanted.given = wanted.given.with(Field::QGuess);
+        query.given = query.given.with(Field::QGuess);
     }
-    wanted
+    query
 }
 
 impl<T: Scalar> Planned<T> {
@@ -95,12 +95,12 @@ impl Implicit {
         place: usize,
         start: Start,
     ) -> Outcome<Implicit> {
-        let wanted = Wanted::new(
+        let query = Query::new(
             Request::Kinematics,
             FieldSet::of(&[Field::Y, Field::Yd]),
             FieldSet::of(&[Field::Q, Field::Qd]),
         );
-        let plan = Plan::new(model, &with_start(wanted, start))?;
+        let plan = Plan::new(model, &with_start(query, start))?;
         let at = |name: &String| {
             model
                 .tree_names()

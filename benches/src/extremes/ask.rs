@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Warnings, Workspace,
+    Answer, Field, FieldSet, Method, Model, Plan, Query, Request, Status, Warnings, Workspace,
 };
 
 use super::robot::Robot;
@@ -135,12 +135,12 @@ impl Ask {
     /// The answer of a model.
     pub(super) fn run<T: Scalar>(&self, model: &Model<T>) -> Outcome<Answered<T>> {
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, (field, _)| set.with(*field));
-        let wanted = Wanted::new(self.request, given, FieldSet::of(&self.want));
-        let wanted =
-            if self.wrenches.is_empty() { wanted } else { wanted.with_wrenches(&self.wrenches) };
+        let query = Query::new(self.request, given, FieldSet::of(&self.want));
+        let query =
+            if self.wrenches.is_empty() { query } else { query.with_wrenches(&self.wrenches) };
         let plan = match self.method {
-            Some(method) => Plan::with_method(model, &wanted, method)?,
-            None => Plan::new(model, &wanted)?,
+            Some(method) => Plan::with_method(model, &query, method)?,
+            None => Plan::new(model, &query)?,
         };
         let mut workspace = Workspace::for_plans(model, [&plan]);
         let mut input = vec![T::ZERO; plan.given().len()];

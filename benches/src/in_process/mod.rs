@@ -18,7 +18,7 @@ use crate::timing::{self, Effort};
 
 /// What to measure and where it goes.
 #[derive(Clone, Debug)]
-pub struct Wish {
+pub struct Options {
     /// Fewer repetitions.
     pub quick: bool,
     /// Only the cases whose name has this in it.
@@ -36,8 +36,8 @@ pub struct Wish {
 /// # Errors
 ///
 /// A case that does not answer, a file that cannot be written.
-pub fn run(wish: &Wish) -> Outcome {
-    let effort = if wish.quick { Effort::QUICK } else { Effort::FULL };
+pub fn run(options: &Options) -> Outcome {
+    let effort = if options.quick { Effort::QUICK } else { Effort::FULL };
     let progress = Progress::silent();
     let cores = Cores::choose()?;
     cores.pin_client();
@@ -45,10 +45,10 @@ pub fn run(wish: &Wish) -> Outcome {
     // the same states for every way to close a robot's loops
     let mut robots = Vec::new();
     let whats: Vec<cases::What> =
-        cases::What::all().filter(|what| what.may_have(&wish.only)).collect();
+        cases::What::all().filter(|what| what.may_have(&options.only)).collect();
     for (k, what) in whats.iter().enumerate() {
         progress.show(what.name(), k as f64 / whats.len() as f64);
-        match Robot::load(*what, what.states(if wish.list { 0 } else { effort.states })) {
+        match Robot::load(*what, what.states(if options.list { 0 } else { effort.states })) {
             Ok(robot) => robots.push(robot),
             Err(error) => eprintln!("not measured: {error}"),
         }
@@ -56,10 +56,10 @@ pub fn run(wish: &Wish) -> Outcome {
     let mut cases = Vec::new();
     for robot in &robots {
         cases.extend(
-            cases::of_robot(robot)?.into_iter().filter(|case| case.name().contains(&wish.only)),
+            cases::of_robot(robot)?.into_iter().filter(|case| case.name().contains(&options.only)),
         );
     }
-    if wish.list {
+    if options.list {
         cases.iter().map(Case::name).for_each(|name| println!("{name}"));
         return Ok(());
     }
@@ -83,5 +83,5 @@ pub fn run(wish: &Wish) -> Outcome {
         values: json!({ "in_process": rows.map(|((case, errors), samples)| tables::value(case, errors, samples)).collect::<Vec<_>>() }),
         samples,
     };
-    printed.finish(wish.format, &wish.out)
+    printed.finish(options.format, &options.out)
 }

@@ -230,7 +230,7 @@ mod tests {
                     _ => continue,
                 };
                 compared += 1;
-                let plan = Plan::new(model, &question.wanted()).unwrap();
+                let plan = Plan::new(model, &question.query()).unwrap();
                 let mut ours = vec![0.0; plan.want().len()];
                 for (state, theirs) in robot.states.iter().zip(&run.answers) {
                     assert_eq!(

@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::{Outcome, accuracy, extremes, integration};
 
 pub(crate) use self::front::{exponent, front};
-pub use self::write::{Wish, run};
+pub use self::write::{Options, run};
 
 /// Where an error of exactly zero is drawn on a logarithmic axis.
 pub const DRAWN_FOR_ZERO: f64 = 1e-17;

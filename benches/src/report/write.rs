@@ -17,7 +17,7 @@ const PROBE: &str = ".writable";
 
 /// What to report and where it goes.
 #[derive(Clone, Debug)]
-pub struct Wish {
+pub struct Options {
     /// How much is measured.
     pub effort: Effort,
     /// Names of sections; all of them where there is none.
@@ -32,17 +32,18 @@ pub struct Wish {
 /// # Errors
 ///
 /// A folder that cannot be written.
-pub fn run(wish: &Wish) -> Outcome<Report> {
+pub fn run(options: &Options) -> Outcome<Report> {
     // nobody wants to hear of a folder that cannot be written after an hour; an earlier report
     // stays until then
-    write(&wish.out, PROBE, "")?;
-    fs::remove_file(wish.out.join(PROBE))
-        .map_err(|error| format!("{}: {error}", wish.out.display()))?;
+    write(&options.out, PROBE, "")?;
+    fs::remove_file(options.out.join(PROBE))
+        .map_err(|error| format!("{}: {error}", options.out.display()))?;
 
     let progress = Progress::with_lines();
-    let wanted =
-        |name: &str| wish.sections.is_empty() || wish.sections.iter().any(|wanted| wanted == name);
-    let chosen: Vec<_> = SECTIONS.iter().filter(|(name, ..)| wanted(name)).collect();
+    let query = |name: &str| {
+        options.sections.is_empty() || options.sections.iter().any(|section| section == name)
+    };
+    let chosen: Vec<_> = SECTIONS.iter().filter(|(name, ..)| query(name)).collect();
     let whole: f64 = chosen.iter().map(|(_, _, share)| share).sum();
     let (mut sections, mut done) = (Vec::new(), 0.0);
     for (name, fill, share) in chosen {
@@ -51,23 +52,23 @@ pub fn run(wish: &Wish) -> Outcome<Report> {
             failure: Some(error.to_string()),
             ..Section::new(name, name)
         };
-        sections.push(fill(&wish.effort, &progress).unwrap_or_else(failed));
+        sections.push(fill(&options.effort, &progress).unwrap_or_else(failed));
         done += share;
     }
     progress.clear();
 
     let report = Report {
-        command: command(wish.effort, wish.sections.iter().map(String::as_str)),
+        command: command(options.effort, options.sections.iter().map(String::as_str)),
         machine: machine(&Cores::choose()?),
         date: date(
             SystemTime::now()
                 .duration_since(UNIX_EPOCH)
                 .map_or(0, |since| since.as_secs() / 86_400),
         ),
-        quick: wish.effort.quick,
+        quick: options.effort.quick,
         sections: with_names(sections),
     };
-    files(&report, &wish.out)?;
+    files(&report, &options.out)?;
     Ok(report)
 }
 

@@ -52,7 +52,7 @@ impl Mode {
 
 /// What a motor is to do in this cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
+pub enum DriveCommand {
     /// Have no power, and say where it is. Meanwhile the drive sets the motor's watchdog and mode
     /// and reads them back.
     Off,
@@ -176,7 +176,7 @@ impl Shared {
 pub trait Drive: Send + core::fmt::Debug {
     /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor
     /// answers with a measurement.
-    fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue);
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue);
 
     /// The frames of a set-point alone, as [`Drive::cycle`] sends them while the motor is on: for
     /// tables, loads and tests of the codec.

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use sarrus_models::Findings;
-use sarrus_models::yaml::{self, Node, Place, Value, quoted};
+use sarrus_models::Diagnostics;
+use sarrus_models::yaml::{self, Node, Span, Value, quoted};
 
 /// A setting.
 #[derive(Clone, Copy, Debug)]
@@ -47,8 +47,8 @@ enum Setting {
 /// The settings of one mapping: checked, defaults filled in.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    place: Place,
-    settings: BTreeMap<&'static str, (Setting, Place)>,
+    place: Span,
+    settings: BTreeMap<&'static str, (Setting, Span)>,
 }
 
 impl Settings {
@@ -61,11 +61,11 @@ impl Settings {
         keys: &'static [Key],
         others: &[&str],
         file: &dyn Fn(&str) -> Result<String, String>,
-        findings: &mut Findings,
+        diagnostics: &mut Diagnostics,
     ) -> Option<Settings> {
         let known: Vec<&str> =
             others.iter().copied().chain(keys.iter().map(|key| key.name)).collect();
-        let mut good = yaml::keys(node, of, &known, findings);
+        let mut good = yaml::keys(node, of, &known, diagnostics);
         if !matches!(node.value, Value::Map(_)) {
             return None;
         }
@@ -81,7 +81,7 @@ impl Settings {
                 (None, Some(default)) => Some(default),
                 (None, None) => {
                     let found = format!("{of} has no {}", quoted(key.name));
-                    findings.error(
+                    diagnostics.error(
                         node.place,
                         found,
                         key.expected(),
@@ -97,7 +97,12 @@ impl Settings {
                     key.name,
                     node.get(key.name).map_or_else(String::new, Node::describe)
                 );
-                findings.error(place, found, key.expected(), format!("correct it: {}", key.about));
+                diagnostics.error(
+                    place,
+                    found,
+                    key.expected(),
+                    format!("correct it: {}", key.about),
+                );
                 good = false;
                 continue;
             };
@@ -106,7 +111,7 @@ impl Settings {
                     Ok(content) => Setting::Text(content),
                     Err(reason) => {
                         let found = format!("{} cannot be read: {reason}", quoted(&name));
-                        findings.error(
+                        diagnostics.error(
                             place,
                             found,
                             "a file beside the configuration",
@@ -129,7 +134,7 @@ impl Settings {
     }
 
     /// Where a setting stands, or the mapping where it is a default.
-    pub fn place(&self, key: &str) -> Place {
+    pub fn place(&self, key: &str) -> Span {
         self.settings.get(key).map_or(self.place, |(_, place)| *place)
     }
 

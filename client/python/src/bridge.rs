@@ -10,7 +10,7 @@ use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
 use sarrus_can::load::{Load, loads};
 use sarrus_can::log::{Line, What, sent};
 use sarrus_proto::actuators::{
-    ActuatorCommand, ActuatorState, MAX_ACTUATORS, OperatorRequest, Reason, Standing, flag,
+    ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, OperatorRequest, Reason, flag,
 };
 
 use crate::configuration::PyConfiguration;
@@ -136,9 +136,9 @@ impl PyBridge {
 
     /// Where the robot stands, `disabled`, `arming`, `enabled` or `fault`, and why.
     #[getter]
-    fn standing(&self) -> (&'static str, &'static str) {
+    fn mechanism_state(&self) -> (&'static str, &'static str) {
         let bridge = self.lock();
-        (standing(bridge.state().standing), reason(bridge.state().reason))
+        (state_name(bridge.state().state), reason(bridge.state().reason))
     }
 
     /// What is known of all actuators after the last cycle, by field; lists in the order of
@@ -229,11 +229,11 @@ pub(crate) fn state_fields<'py>(
     dict.set_item("stamp_ns", state.stamp_ns)?;
     dict.set_item("fingerprint", state.fingerprint)?;
     dict.set_item("command", state.command)?;
-    dict.set_item("standing", standing(state.standing))?;
+    dict.set_item("state", state_name(state.state))?;
     dict.set_item("reason", reason(state.reason))?;
     dict.set_item(
-        "standings",
-        state.standings.iter().take(n).map(|code| standing(*code)).collect::<Vec<_>>(),
+        "states",
+        state.states.iter().take(n).map(|code| state_name(*code)).collect::<Vec<_>>(),
     )?;
     dict.set_item(
         "reasons",
@@ -319,8 +319,8 @@ fn verdict(verdict: Verdict) -> &'static str {
     }
 }
 
-fn standing(code: u32) -> &'static str {
-    Standing::from_code(code).map_or("unknown", Standing::name)
+fn state_name(code: u32) -> &'static str {
+    MechanismState::from_code(code).map_or("unknown", MechanismState::name)
 }
 
 fn reason(code: u32) -> &'static str {

@@ -7,7 +7,7 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can::config::{Configuration, MotorConfig};
-use sarrus_can::drive::{DriveState, Measurement, Power, Receipt, Watchdog, Wish};
+use sarrus_can::drive::{DriveCommand, DriveState, Measurement, Power, Receipt, Watchdog};
 use sarrus_can::frame::FrameQueue;
 use sarrus_can::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 use sarrus_proto::actuators::Reason;
@@ -43,12 +43,12 @@ impl PyDrives {
 
     /// Frames of one cycle without power; the motor says where it is and gets its watchdog.
     fn off(&self, motor: usize, now_ns: u64) -> PyResult<Vec<PyFrame>> {
-        self.frames(motor, |motor, out| cycle(motor, now_ns, Wish::Off, out))
+        self.frames(motor, |motor, out| cycle(motor, now_ns, DriveCommand::Off, out))
     }
 
     /// The same, and a latched fault is forgotten.
     fn reset(&self, motor: usize, now_ns: u64) -> PyResult<Vec<PyFrame>> {
-        self.frames(motor, |motor, out| cycle(motor, now_ns, Wish::Reset, out))
+        self.frames(motor, |motor, out| cycle(motor, now_ns, DriveCommand::Reset, out))
     }
 
     /// Frames of one cycle towards a set-point of the actuator `[SI]`, limited to the motor's own
@@ -68,7 +68,7 @@ impl PyDrives {
                 stiffness: stiffness.max(0.0),
                 damping: damping.max(0.0),
             };
-            cycle(motor, now_ns, Wish::On(motor.mapping.to_motor(&setpoint)), out);
+            cycle(motor, now_ns, DriveCommand::On(motor.mapping.to_motor(&setpoint)), out);
         })
     }
 
@@ -190,8 +190,8 @@ impl PyDrives {
 }
 
 /// One cycle of one motor, with the frame that ends a cycle where its protocol has one.
-fn cycle(motor: &mut MotorConfig, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
-    motor.drive.cycle(now_ns, wish, out);
+fn cycle(motor: &mut MotorConfig, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+    motor.drive.cycle(now_ns, command, out);
     out.push_some(motor.drive.sync());
 }
 

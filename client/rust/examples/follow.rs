@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 use std::time::{Duration, Instant};
 
-use sarrus_client::actuators::{ActuatorCommand, Standing};
+use sarrus_client::actuators::{ActuatorCommand, MechanismState};
 use sarrus_client::{Controller, Request, Robot, Status};
 
 /// Cycles in a second `[Hz]`.
@@ -26,9 +26,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut robot = Robot::connect(&server)?;
     let (n_y, n_u) = (robot.model().independent.len(), robot.model().active.len());
     let from_encoders =
-        robot.wish(Request::Map).given(&["u", "ud"])?.want(&["y", "yd"])?.prepare()?;
+        robot.query(Request::Map).given(&["u", "ud"])?.want(&["y", "yd"])?.prepare()?;
     let to_efforts = robot
-        .wish(Request::InverseDynamics)
+        .query(Request::InverseDynamics)
         .given(&["y", "yd", "ydd"])?
         .want(&["tau_u"])?
         .prepare()?;
@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
 
         // a swing that begins where the robot is when it gets power
-        let is_enabled = measured.standing == Standing::Enabled as u32;
+        let is_enabled = measured.state == MechanismState::Enabled as u32;
         if !is_enabled || start.is_none() {
             y_start.copy_from_slice(&state[..n_y]);
             start = is_enabled.then(Instant::now);

@@ -3,20 +3,29 @@
 
 use std::time::{Duration, Instant};
 
-use sarrus_client::{ConnectOptions, Door, Field, FieldSet, Patience, Request, Robot, Wanted};
+use sarrus_client::{
+    ConnectOptions, Field, FieldSet, Query, Request, Robot, Transport, WaitStrategy,
+};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let name = arguments.next().unwrap_or_else(|| "default".to_owned());
-    let door =
-        if arguments.next().as_deref() == Some("requests") { Door::Requests } else { Door::Lane };
+    let transport = if arguments.next().as_deref() == Some("requests") {
+        Transport::Service
+    } else {
+        Transport::Lane
+    };
     let count: usize = arguments.next().map_or(Ok(200_000), |text| text.parse())?;
 
     let pause = Duration::from_micros(arguments.next().map_or(Ok(0), |text| text.parse())?);
-    let options = ConnectOptions { door, patience: Patience::Busy, ..ConnectOptions::default() };
+    let options = ConnectOptions {
+        transport,
+        wait_strategy: WaitStrategy::Busy,
+        ..ConnectOptions::default()
+    };
     let mut robot = Robot::connect_with(&name, options)?;
     println!(
-        "{}: {} independent coordinates, {door:?}",
+        "{}: {} independent coordinates, {transport:?}",
         robot.model().robot,
         robot.model().independent.len()
     );
@@ -28,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ),
         (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::G, Field::K, Field::GU])),
     ] {
-        let plan = robot.prepare(&Wanted::new(Request::Kinematics, given, want))?;
+        let plan = robot.prepare(&Query::new(Request::Kinematics, given, want))?;
         let (n_in, n_out) =
             robot.plan(plan).map_or((0, 0), |plan| (plan.given().len(), plan.want().len()));
         let (input, mut output) = (vec![0.1; n_in], vec![0.0; n_out]);

@@ -102,8 +102,8 @@ fn refused(name: &str, error: ServiceError) -> ConnectError {
     match error {
         ServiceError::NoBridge { .. } => ConnectError::NoBridge { name: name.to_owned() },
         ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
-        ServiceError::Full { limit, .. } => ConnectError::FullHouse {
-            door: "places at the bridge",
+        ServiceError::Full { limit, .. } => ConnectError::NoFreeSlot {
+            transport: "places at the bridge",
             limit,
             help: "end the other controller or observers",
         },

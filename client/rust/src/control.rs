@@ -10,7 +10,7 @@ use sarrus_proto::message::{
     Refusal,
 };
 use sarrus_proto::service::{ControlClient, open_control};
-use sarrus_proto::{FieldSet, ModelInfo, PROTOCOL_VERSION, Request, ServerName, Wanted};
+use sarrus_proto::{FieldSet, ModelInfo, PROTOCOL_VERSION, Query, Request, ServerName};
 
 use crate::{ConnectError, Error, Prepared};
 
@@ -70,7 +70,7 @@ impl<'a> Control<'a> {
 
     /// Registers a plan; the server's number of it.
     pub(crate) fn plan(&self, prepared: &Prepared) -> Result<u32, Error> {
-        let response = self.call(Call::Plan, [0; 2], Some(prepared.wanted()))?;
+        let response = self.call(Call::Plan, [0; 2], Some(prepared.query()))?;
         let [number, n_in, n_out, _] = response.numbers;
         match Refusal::from_code(response.refusal) {
             // client and server must mean the same numbers
@@ -114,9 +114,9 @@ impl<'a> Control<'a> {
         &self,
         call: Call,
         arguments: [u64; 2],
-        wanted: Option<&Wanted>,
+        query: Option<&Query>,
     ) -> Result<ControlResponse, ConnectError> {
-        let response = self.call(call, arguments, wanted)?;
+        let response = self.call(call, arguments, query)?;
         if response.refusal == 0 {
             return Ok(response);
         }
@@ -131,16 +131,16 @@ impl<'a> Control<'a> {
         &self,
         call: Call,
         arguments: [u64; 2],
-        wanted: Option<&Wanted>,
+        query: Option<&Query>,
     ) -> Result<ControlResponse, ConnectError> {
-        const NOTHING: Wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
-        let wanted = *wanted.unwrap_or(&NOTHING);
+        const NOTHING: Query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
+        let query = *query.unwrap_or(&NOTHING);
         let request = ControlRequest {
             version: PROTOCOL_VERSION,
             call: call as u32,
             fingerprint: self.fingerprint,
             arguments,
-            wanted,
+            query,
         };
         let silent = || ConnectError::NoAnswer {
             name: self.name.as_str().to_owned(),

@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use sarrus_proto::message::Refusal;
 use sarrus_proto::service::ServiceError;
-use sarrus_proto::{DomainError, PROTOCOL_VERSION, WantedError};
+use sarrus_proto::{DomainError, PROTOCOL_VERSION, QueryError};
 
 /// Why a client cannot attach to a server.
 #[derive(Debug, thiserror::Error)]
@@ -54,11 +54,11 @@ pub enum ConnectError {
         /// Fingerprint that was expected.
         expected: u64,
     },
-    /// Every place at this door is taken.
-    #[error("all {limit} {door} are taken; {help}")]
-    FullHouse {
+    /// Every place at this transport is taken.
+    #[error("all {limit} {transport} are taken; {help}")]
+    NoFreeSlot {
         /// What there are too few of.
-        door: &'static str,
+        transport: &'static str,
         /// How many there are.
         limit: usize,
         /// What to do.
@@ -114,8 +114,8 @@ pub enum Error {
     Connect(#[from] ConnectError),
     /// What is wanted cannot be planned.
     #[error("{0}")]
-    Wanted(WantedError),
-    /// The server finds something in the wanted set that it cannot plan.
+    Query(QueryError),
+    /// The server finds something in the query that it cannot plan.
     #[error("the server cannot plan this: {reason}")]
     NotPlanned {
         /// What the server says.
@@ -147,7 +147,7 @@ pub enum Error {
     },
     /// The server's table of plans is full.
     #[error(
-        "the server holds {limit} plans and takes no more; use wanted sets that are registered, or restart it"
+        "the server holds {limit} plans and takes no more; use queries that are registered, or restart it"
     )]
     TooManyPlans {
         /// Size of the table.
@@ -166,8 +166,8 @@ impl ConnectError {
         match error {
             ServiceError::Absent { .. } => ConnectError::NoServer { name: name.to_owned() },
             ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
-            ServiceError::Full { limit, .. } => ConnectError::FullHouse {
-                door: "ports of the server",
+            ServiceError::Full { limit, .. } => ConnectError::NoFreeSlot {
+                transport: "ports of the server",
                 limit,
                 help: "close other clients of this server",
             },
@@ -196,10 +196,10 @@ impl ConnectError {
             Some(Refusal::WrongModel) => {
                 ConnectError::WrongModel { found: response.fingerprint, expected }
             }
-            Some(Refusal::NoLane) => ConnectError::FullHouse {
-                door: "lanes of the server",
+            Some(Refusal::NoLane) => ConnectError::NoFreeSlot {
+                transport: "lanes of the server",
                 limit: response.numbers[0] as usize,
-                help: "close a client, serve with more --lanes, or connect through Door::Requests",
+                help: "close a client, serve with more --lanes, or connect through Transport::Service",
             },
             Some(Refusal::Stopping) => ConnectError::ShuttingDown,
             Some(Refusal::Failed) => ConnectError::Failed {

@@ -10,21 +10,21 @@ mod describe;
 mod error;
 mod local;
 mod options;
+mod query;
 mod remote;
 mod robot;
 mod wait;
-mod wish;
 
 pub use bridge::{Controller, Observer, now_ns};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
-pub use options::{ConnectOptions, Door, Patience};
+pub use options::{ConnectOptions, Transport, WaitStrategy};
+pub use query::QueryBuilder;
 pub use robot::{PlanId, Prepared, Robot};
 pub use sarrus_dynamics::Answer;
 pub use sarrus_models::{LoadError, Options, Source};
 pub use sarrus_proto::message::Statistics;
 pub use sarrus_proto::{
-    Domain, Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, WantedError, Warnings,
+    Domain, Field, FieldSet, Layout, ModelInfo, Query, QueryError, Request, Status, Warnings,
 };
 pub use sarrus_proto::{actuators, watch};
-pub use wish::Wish;

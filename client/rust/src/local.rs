@@ -28,7 +28,7 @@ impl Local {
     }
 
     pub(crate) fn register(&mut self, prepared: &Prepared) -> Result<(), Error> {
-        self.plans.push(Plan::new(&self.model, prepared.wanted()).map_err(Error::Wanted)?);
+        self.plans.push(Plan::new(&self.model, prepared.query()).map_err(Error::Query)?);
         Ok(())
     }
 

@@ -12,7 +12,7 @@ use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, Status, Warn
 
 use crate::control::{Control, Hello};
 use crate::wait::Waiter;
-use crate::{Answer, ConnectError, ConnectOptions, Door, Error, Prepared};
+use crate::{Answer, ConnectError, ConnectOptions, Error, Prepared, Transport};
 
 /// A server without a sign of life for this long is looked for anew.
 const SILENCE: Duration = Duration::from_millis(100);
@@ -159,7 +159,7 @@ impl Remote {
             &hello,
             Vec::new(),
             [0; 2],
-            self.options.door,
+            self.options.transport,
         )?;
         drop(control);
         self.fingerprint = hello.fingerprint;
@@ -225,7 +225,7 @@ impl Remote {
             &hello,
             plans,
             needs(prepared),
-            self.options.door,
+            self.options.transport,
         )?);
         Ok(())
     }
@@ -253,16 +253,16 @@ impl Session {
         hello: &Hello,
         plans: Vec<u32>,
         needs: [usize; 2],
-        door: Door,
+        transport: Transport,
     ) -> Result<Session, ConnectError> {
         let service = |error| ConnectError::of_service(name.as_str(), error);
         let status = StatusReader::open(node, name, hello.instance).map_err(service)?;
-        let end = match door {
-            Door::Lane => {
+        let end = match transport {
+            Transport::Lane => {
                 let (lane, classes) = control.lane(needs)?;
                 End::Lane { lane, classes }
             }
-            Door::Requests => {
+            Transport::Service => {
                 End::Requests { client: open_compute(node, name, hello.instance).map_err(service)? }
             }
         };
@@ -290,7 +290,7 @@ impl Session {
         options: &ConnectOptions,
         deadline: &mut Option<Instant>,
     ) -> Exchange {
-        let mut waiter = Waiter::new(options.patience);
+        let mut waiter = Waiter::new(options.wait_strategy);
         let mut watch = Watch::new();
         let overloaded = ResponseHead::new(Status::Overloaded, Warnings::NONE, head.sequence);
         match &mut self.end {

@@ -1,11 +1,11 @@
 use sarrus_dynamics::Answer;
 use sarrus_models::{LoadError, Options, Source};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
-use sarrus_proto::{Domain, Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted, Warnings};
+use sarrus_proto::{Domain, Field, FieldSet, Layout, ModelInfo, Query, Request, Status, Warnings};
 
 use crate::local::Local;
+use crate::query::QueryBuilder;
 use crate::remote::Remote;
-use crate::wish::Wish;
 use crate::{ConnectError, ConnectOptions, Error};
 
 /// The number of a prepared plan of one [`Robot`].
@@ -15,15 +15,15 @@ pub struct PlanId(pub(crate) usize);
 /// A prepared plan: what goes in, what comes out, and where.
 #[derive(Clone, Debug)]
 pub struct Prepared {
-    wanted: Wanted,
+    query: Query,
     given: Layout,
     want: Layout,
 }
 
 impl Prepared {
     /// What it was made for.
-    pub fn wanted(&self) -> &Wanted {
-        &self.wanted
+    pub fn query(&self) -> &Query {
+        &self.query
     }
 
     /// Where the fields lie in the input.
@@ -44,7 +44,7 @@ impl Prepared {
 /// use sarrus_client::{Request, Robot};
 ///
 /// let mut robot = Robot::connect("upper-body")?;
-/// let plan = robot.wish(Request::InverseDynamics).given(&["y", "yd", "ydd"])?.want(&["tau_u"])?.prepare()?;
+/// let plan = robot.query(Request::InverseDynamics).given(&["y", "yd", "ydd"])?.want(&["tau_u"])?.prepare()?;
 /// let input = vec![0.0; robot.plan(plan).map_or(0, |plan| plan.given().len())];
 /// let mut tau_u = vec![0.0; robot.model().active.len()];
 /// let answer = robot.ask(plan, &input, &mut tau_u)?;
@@ -82,7 +82,7 @@ impl Robot {
     /// Connects to a server on this machine, with a lane of one's own.
     ///
     /// # Errors
-    /// [`ConnectError`], each with what to do; when all lanes are taken, [`crate::Door::Requests`]
+    /// [`ConnectError`], each with what to do; when all lanes are taken, [`crate::Transport::Service`]
     /// may still be open.
     pub fn connect(name: &str) -> Result<Robot, ConnectError> {
         Robot::connect_with(name, ConnectOptions::default())
@@ -126,23 +126,23 @@ impl Robot {
         }
     }
 
-    /// A wanted set by names, to be prepared.
-    pub fn wish(&mut self, request: Request) -> Wish<'_> {
-        Wish::new(self, request)
+    /// A query by names, to be prepared.
+    pub fn query(&mut self, request: Request) -> QueryBuilder<'_> {
+        QueryBuilder::new(self, request)
     }
 
-    /// Prepares a plan for a wanted set; equal sets share one. A lane that is too small for it is
+    /// Prepares a plan for a query; equal sets share one. A lane that is too small for it is
     /// exchanged.
     ///
     /// # Errors
     /// [`Error`]: the set cannot be planned, moves too many numbers, or the server cannot take it.
-    pub fn prepare(&mut self, wanted: &Wanted) -> Result<PlanId, Error> {
-        if let Some(index) = self.prepared.iter().position(|prepared| prepared.wanted == *wanted) {
+    pub fn prepare(&mut self, query: &Query) -> Result<PlanId, Error> {
+        if let Some(index) = self.prepared.iter().position(|prepared| prepared.query == *query) {
             return Ok(PlanId(index));
         }
-        wanted.check(self.info.links.len()).map_err(Error::Wanted)?;
+        query.check(self.info.links.len()).map_err(Error::Query)?;
         let sizes = self.info.sizes();
-        let (given, want) = (Layout::of_given(wanted, &sizes), Layout::of_want(wanted, &sizes));
+        let (given, want) = (Layout::of_given(query, &sizes), Layout::of_want(query, &sizes));
         let (n_in, n_out) = (given.len(), want.len());
         if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
             return Err(Error::TooLarge {
@@ -154,7 +154,7 @@ impl Robot {
         }
         self.packed.resize(self.packed.len().max(n_in), 0.0);
         self.unpacked.resize(self.unpacked.len().max(n_out), 0.0);
-        self.prepared.push(Prepared { wanted: *wanted, given, want });
+        self.prepared.push(Prepared { query: *query, given, want });
         let registered = match (&mut self.side, self.prepared.last()) {
             (Side::Local(local), Some(last)) => local.register(last),
             (Side::Remote(remote), _) => remote.register(&self.prepared),
@@ -173,7 +173,7 @@ impl Robot {
     }
 
     /// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan
-    /// says. Through a lane and in process this never allocates; through the requests door the
+    /// says. Through a lane and in process this never allocates; through the service the
     /// transport makes one small block.
     ///
     /// # Errors
@@ -212,7 +212,7 @@ impl Robot {
         ydd: &[f64],
         tau_u: &mut [f64],
     ) -> Result<Answer, Error> {
-        const WANTED: Wanted = Wanted::new(
+        const WANTED: Query = Query::new(
             Request::InverseDynamics,
             FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
             FieldSet::of(&[Field::TauU]),
@@ -231,7 +231,7 @@ impl Robot {
         tau_u: &[f64],
         ydd: &mut [f64],
     ) -> Result<Answer, Error> {
-        const WANTED: Wanted = Wanted::new(
+        const WANTED: Query = Query::new(
             Request::ForwardDynamics,
             FieldSet::of(&[Field::Y, Field::Yd, Field::TauU]),
             FieldSet::of(&[Field::Ydd]),
@@ -252,7 +252,7 @@ impl Robot {
         qd: &mut [f64],
         qdd: &mut [f64],
     ) -> Result<Answer, Error> {
-        const WANTED: Wanted = Wanted::new(
+        const WANTED: Query = Query::new(
             Request::Kinematics,
             FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
             FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd]),
@@ -263,11 +263,11 @@ impl Robot {
     /// Asks with fields in arrays of their own, in packing order.
     fn pack_and_ask(
         &mut self,
-        wanted: &Wanted,
+        query: &Query,
         given: &[&[f64]],
         want: &mut [&mut [f64]],
     ) -> Result<Answer, Error> {
-        let plan = self.prepare(wanted)?;
+        let plan = self.prepare(query)?;
         let fits = {
             let prepared = &self.prepared[plan.0];
             let fits_in = prepared

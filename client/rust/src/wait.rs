@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::Patience;
+use crate::WaitStrategy;
 
 /// Polls between two looks at the clock.
 const POLLS_BETWEEN_LOOKS: u32 = 256;
@@ -15,7 +15,7 @@ const LIFE: Duration = Duration::from_millis(10);
 
 /// One wait, from its beginning.
 pub(crate) struct Waiter {
-    patience: Patience,
+    wait_strategy: WaitStrategy,
     polls: u32,
     start: Option<Instant>,
     yielding: bool,
@@ -23,8 +23,8 @@ pub(crate) struct Waiter {
 }
 
 impl Waiter {
-    pub(crate) fn new(patience: Patience) -> Waiter {
-        Waiter { patience, polls: 0, start: None, yielding: false, next_look: LIFE }
+    pub(crate) fn new(wait_strategy: WaitStrategy) -> Waiter {
+        Waiter { wait_strategy, polls: 0, start: None, yielding: false, next_look: LIFE }
     }
 
     /// Pauses between two polls; now and then tells that it is time to look for the server's sign
@@ -45,7 +45,7 @@ impl Waiter {
         let waited = self.start.get_or_insert_with(Instant::now).elapsed();
         if waited > LONG {
             std::thread::sleep(Duration::from_micros(50));
-        } else if self.patience == Patience::Polite && waited > POLITE {
+        } else if self.wait_strategy == WaitStrategy::Polite && waited > POLITE {
             self.yielding = true;
             std::thread::yield_now();
         }

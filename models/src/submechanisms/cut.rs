@@ -18,7 +18,7 @@
 
 use sarrus_dynamics::description::Row;
 
-use crate::report::{Findings, Place, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::yaml::{Node, numbers, word};
 
 /// A cut joint by name.
@@ -131,15 +131,16 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Checks `cut_joint_type` and its axes; the place of each row that they make.
-pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
-    let axes = ["axis", "axis2"]
-        .map(|key| node.get(key).map(|value| (key, value.place, direction(node, key, findings))));
-    let Some((written, place)) = word(node, "cut_joint_type", findings) else {
+pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
+    let axes = ["axis", "axis2"].map(|key| {
+        node.get(key).map(|value| (key, value.place, direction(node, key, diagnostics)))
+    });
+    let Some((written, place)) = word(node, "cut_joint_type", diagnostics) else {
         if let Some((key, place, _)) =
             axes.into_iter().flatten().next().filter(|_| node.get("cut_joint_type").is_none())
         {
             let found = format!("`{key}` without a `cut_joint_type`");
-            findings.error(
+            diagnostics.error(
                 place,
                 found,
                 "both or neither",
@@ -150,7 +151,7 @@ pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
     };
     if let Some(other) = node.get("constraint_axes") {
         let help = "remove one of them";
-        findings.error(
+        diagnostics.error(
             other.place,
             "the loop has `constraint_axes` and a `cut_joint_type`",
             "one of them",
@@ -160,8 +161,8 @@ pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
     let Some(kind) = CutKind::named(&written) else {
         let names = KINDS.map(|(name, _)| name);
         let help =
-            findings.did_you_mean(&written, names, "write any other cut by its constraint_axes");
-        findings.error(
+            diagnostics.did_you_mean(&written, names, "write any other cut by its constraint_axes");
+        diagnostics.error(
             place,
             format!("the cut joint type {} is not known", quoted(&written)),
             names.join(", "),
@@ -172,7 +173,7 @@ pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
     for (k, (key, given)) in ["axis", "axis2"].into_iter().zip(&axes).enumerate() {
         match given {
             None if k < kind.n_axes() => {
-                findings.error(
+                diagnostics.error(
                     place,
                     format!("a {written} cut without `{key}`"),
                     format!("`{key}: [x, y, z]` in the cut frame"),
@@ -180,7 +181,7 @@ pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
                 );
             }
             Some((_, place, _)) if k >= kind.n_axes() => {
-                findings.error(
+                diagnostics.error(
                     *place,
                     format!("a {written} cut with `{key}`"),
                     "none",
@@ -195,7 +196,7 @@ pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
         // a little off is the rounding of a file
         if along.abs() > 1e-6 {
             let found = format!("the two axes of a universal cut have the cosine {along:.3e}");
-            findings.error(
+            diagnostics.error(
                 place,
                 found,
                 "perpendicular axes",
@@ -207,15 +208,15 @@ pub(super) fn walk(node: &Node, findings: &mut Findings) -> Vec<Place> {
 }
 
 /// A direction of some length.
-fn direction(node: &Node, key: &str, findings: &mut Findings) -> Option<[f64; 3]> {
-    let axis = numbers::<3>(node, "the loop constraint", key, findings)?;
+fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f64; 3]> {
+    let axis = numbers::<3>(node, "the loop constraint", key, diagnostics)?;
     let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
     // far from unit length its square would leave the range of numbers
     if (1e-6..=1e6).contains(&size) {
         return Some(axis);
     }
     let place = node.get(key).map_or(node.place, |value| value.place);
-    findings.error(
+    diagnostics.error(
         place,
         format!("`{key}` of the loop constraint has a length near {size:e}"),
         "a direction as [0, 0, 1]",

@@ -13,7 +13,7 @@ use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 pub(crate) use values::{Document, EntryValues, LoopValues, PlacementValues};
 pub(crate) use walk::{Entry, LoopEntry, walk};
 
-use crate::report::{Findings, Place, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 use crate::urdf::Urdf;
 use crate::yaml::Named;
@@ -24,22 +24,22 @@ const MOST_ROWS: usize = 1024;
 
 /// A submechanism file as it stands, checked against the robot.
 pub(crate) struct Submechanisms {
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     pub(crate) entries: Vec<Entry>,
 }
 
 /// Checks the entries of a file and, where there is a robot, their names.
 pub(crate) fn check(
-    place: Place,
+    place: Span,
     entries: Vec<Entry>,
     urdf: Option<&Urdf>,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> Submechanisms {
     let mut names: HashSet<&str> = HashSet::new();
     for (name, place) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
         if !names.insert(name) {
             let found = format!("a second submechanism is named {}", quoted(name));
-            findings.error(*place, found, "a contextual_name of its own", "rename one of them");
+            diagnostics.error(*place, found, "a contextual_name of its own", "rename one of them");
         }
     }
     let mut owner: HashMap<&str, &Entry> = HashMap::new();
@@ -47,8 +47,8 @@ pub(crate) fn check(
         let kind = entry
             .type_name
             .as_ref()
-            .and_then(|(written, place)| kind_of(written, *place, findings));
-        Check { urdf, entry, kind, findings }.run(&mut owner);
+            .and_then(|(written, place)| kind_of(written, *place, diagnostics));
+        Check { urdf, entry, kind, diagnostics }.run(&mut owner);
     }
     let all_read = !entries.is_empty() && entries.iter().all(|entry| entry.tree.is_some());
     for joint in urdf.into_iter().flat_map(|urdf| &urdf.joints).filter(|_| all_read) {
@@ -56,7 +56,7 @@ pub(crate) fn check(
         if moves && !joint.name.is_empty() && !owner.contains_key(joint.name.as_str()) {
             let found =
                 format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
-            findings.error(
+            diagnostics.error(
                 joint.place,
                 found,
                 "every moving joint in one",
@@ -68,7 +68,7 @@ pub(crate) fn check(
         entries.iter().flat_map(|entry| &entry.loops).map(|each| each.rows.len()).sum();
     if rows > MOST_ROWS {
         let found = format!("the loops have {rows} constraint_axes");
-        findings.error(
+        diagnostics.error(
             place,
             found,
             format!("at most {MOST_ROWS}"),
@@ -79,16 +79,16 @@ pub(crate) fn check(
 }
 
 /// The values of a file whose walk found no error; `None` after an error.
-pub(crate) fn values(text: &Text, findings: &mut Findings) -> Option<Vec<EntryValues>> {
+pub(crate) fn values(text: &Text, diagnostics: &mut Diagnostics) -> Option<Vec<EntryValues>> {
     match serde_yaml::from_str::<Document>(&text.content) {
         Ok(document) => Some(document.submechanisms),
         Err(error) => {
-            let place = error.location().map_or(Place::start(text.file), |at| Place {
+            let place = error.location().map_or(Span::start(text.file), |at| Span {
                 file: text.file,
                 line: at.line() as u32,
                 column: at.column() as u32,
             });
-            findings.error(
+            diagnostics.error(
                 place,
                 format!("the values cannot be read: {error}"),
                 "a submechanism file",
@@ -105,18 +105,18 @@ pub(crate) fn kind_named(written: &str) -> Option<(SubmechanismKind, Option<Lett
     known.or_else(|| letters(written).map(|letters| (SubmechanismKind::Serial, Some(letters))))
 }
 
-fn kind_of(written: &str, place: Place, findings: &mut Findings) -> Option<SubmechanismKind> {
+fn kind_of(written: &str, place: Span, diagnostics: &mut Diagnostics) -> Option<SubmechanismKind> {
     let kind = kind_named(written).map(|(kind, _)| kind);
     if kind.is_none() {
         let names = KNOWN.iter().map(|known| known.name);
         let expected =
             names.clone().collect::<Vec<_>>().join(", ") + ", or joints in letters as 3R or 3T+3R";
-        let help = findings.did_you_mean(
+        let help = diagnostics.did_you_mean(
             written,
             names,
             "use NUMERICAL with loop_constraints for any other mechanism",
         );
-        findings.error(
+        diagnostics.error(
             place,
             format!("the submechanism type {} is not known", quoted(written)),
             expected,
@@ -136,7 +136,7 @@ struct Check<'a, 'f> {
     urdf: Option<&'a Urdf>,
     entry: &'a Entry,
     kind: Option<SubmechanismKind>,
-    findings: &'f mut Findings,
+    diagnostics: &'f mut Diagnostics,
 }
 
 impl<'a> Check<'a, '_> {
@@ -155,7 +155,7 @@ impl<'a> Check<'a, '_> {
                         "the joint {} is already in the submechanism {other}",
                         quoted(name)
                     );
-                    self.findings.error(
+                    self.diagnostics.error(
                         *place,
                         found,
                         "each joint in one",
@@ -178,7 +178,7 @@ impl<'a> Check<'a, '_> {
                     "a second loop is cut at {} between the same bodies",
                     quoted(cut[0].unwrap_or_default())
                 );
-                self.findings.error(each.place, found, "one", "join their constraint_axes");
+                self.diagnostics.error(each.place, found, "one", "join their constraint_axes");
             }
         }
     }
@@ -188,7 +188,7 @@ impl<'a> Check<'a, '_> {
         let mut seen: HashSet<&str> = HashSet::new();
         for (name, place) in names.into_iter().flatten() {
             if !seen.insert(name) {
-                self.findings.error(
+                self.diagnostics.error(
                     *place,
                     format!("{} is in `{key}` twice", quoted(name)),
                     "once",
@@ -199,18 +199,18 @@ impl<'a> Check<'a, '_> {
             let Some(urdf) = self.urdf else { continue };
             match urdf.joint_index.get(name) {
                 None => {
-                    let help = self.findings.did_you_mean(
+                    let help = self.diagnostics.did_you_mean(
                         name,
                         urdf.joint_names(),
                         "correct the name or add the joint to the URDF",
                     );
                     let found =
                         format!("`{key}` names the joint {}, which does not exist", quoted(name));
-                    self.findings.error(*place, found, "a joint of the URDF", help);
+                    self.diagnostics.error(*place, found, "a joint of the URDF", help);
                 }
                 Some(joint) if must_move && !urdf.moves(*joint) => {
                     let found = format!("`{key}` names the joint {}, which is fixed", quoted(name));
-                    self.findings.error(
+                    self.diagnostics.error(
                         *place,
                         found,
                         "joints that move",
@@ -232,7 +232,7 @@ impl<'a> Check<'a, '_> {
             .map(|tree| tree.iter().map(|(name, _)| name.as_str()).collect());
         for (name, place) in names.into_iter().flatten() {
             if !seen.insert(name) {
-                self.findings.error(
+                self.diagnostics.error(
                     *place,
                     format!("{} is in `{key}` twice", quoted(name)),
                     "once",
@@ -241,14 +241,14 @@ impl<'a> Check<'a, '_> {
             } else if let Some(tree) = &tree
                 && !tree.contains(name.as_str())
             {
-                let help = self.findings.did_you_mean(
+                let help = self.diagnostics.did_you_mean(
                     name,
                     tree.iter().copied(),
                     "add it to jointnames_spanningtree or remove it",
                 );
                 let found =
                     format!("`{key}` names {}, which is not in the spanning tree", quoted(name));
-                self.findings.error(*place, found, "names of jointnames_spanningtree", help);
+                self.diagnostics.error(*place, found, "names of jointnames_spanningtree", help);
             }
         }
     }
@@ -262,7 +262,7 @@ impl<'a> Check<'a, '_> {
         };
         let (written, place) = (quoted(&type_name.0), type_name.1);
         if tree.is_empty() {
-            self.findings.error(
+            self.diagnostics.error(
                 place,
                 "the submechanism has no joint",
                 "at least one in jointnames_spanningtree",
@@ -277,7 +277,7 @@ impl<'a> Check<'a, '_> {
                 let found = format!("{written} with {}", counted(in_tree, "spanning-tree joint"));
                 let expected =
                     known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
-                self.findings.error(
+                self.diagnostics.error(
                     place,
                     found,
                     expected,
@@ -287,7 +287,7 @@ impl<'a> Check<'a, '_> {
             if let Some(count) = known.independent.filter(|count| *count != in_independent) {
                 let found =
                     format!("{written} with {}", counted(in_independent, "independent joint"));
-                self.findings.error(
+                self.diagnostics.error(
                     place,
                     found,
                     count.to_string(),
@@ -299,7 +299,7 @@ impl<'a> Check<'a, '_> {
             && self.entry.loops.is_empty()
             && self.coupled(tree) == 0
         {
-            self.findings.error(
+            self.diagnostics.error(
                 self.entry.place,
                 "NUMERICAL without `loop_constraints`",
                 "at least one loop",
@@ -334,15 +334,15 @@ impl<'a> Check<'a, '_> {
         );
         let help =
             "add <mimic> or <transmission> with <depends_on> to it, or to the file of `file_path`";
-        self.findings.error(*place, found, "a coupling for each", help);
+        self.diagnostics.error(*place, found, "a coupling for each", help);
     }
 
     /// A serial submechanism has no loop, every joint of it is independent or coupled, and its
     /// letters fit.
-    fn serial(&mut self, written: &str, place: Place, tree: &'a [Named], independent: &'a [Named]) {
+    fn serial(&mut self, written: &str, place: Span, tree: &'a [Named], independent: &'a [Named]) {
         if let Some(first) = self.entry.loops.first() {
             let found = format!("the serial type {} has loop constraints", quoted(written));
-            self.findings.error(
+            self.diagnostics.error(
                 first.place,
                 found,
                 "none",
@@ -357,7 +357,7 @@ impl<'a> Check<'a, '_> {
                 independent.len(),
                 tree.len()
             );
-            self.findings.error(
+            self.diagnostics.error(
                 place,
                 found,
                 "all of them",
@@ -392,9 +392,14 @@ impl<'a> Check<'a, '_> {
             format!("the type {} stands over {}", quoted(written), actual_counts.join(" and "));
         let expected = format!("{} and {}", letters.rotations, letters.translations);
         if actual.rotations + actual.translations == letters.rotations + letters.translations {
-            self.findings.warning(place, found, expected, "correct the type; it is read as serial");
+            self.diagnostics.warning(
+                place,
+                found,
+                expected,
+                "correct the type; it is read as serial",
+            );
         } else {
-            self.findings.error(
+            self.diagnostics.error(
                 place,
                 found,
                 expected,
@@ -432,10 +437,11 @@ impl<'a> Check<'a, '_> {
         {
             let Some((name, place)) = end else { continue };
             if !urdf.link_index.contains_key(name) {
-                let help = self.findings.did_you_mean(name, urdf.link_names(), "correct the name");
+                let help =
+                    self.diagnostics.did_you_mean(name, urdf.link_names(), "correct the name");
                 let found =
                     format!("`{key}` names the link {}, which does not exist", quoted(name));
-                self.findings.error(*place, found, "a link of the URDF", help);
+                self.diagnostics.error(*place, found, "a link of the URDF", help);
             }
         }
         let (Some((predecessor, _)), Some((successor, place))) =
@@ -445,7 +451,7 @@ impl<'a> Check<'a, '_> {
         };
         if predecessor == successor {
             let found = format!("{} is both predecessor and successor", quoted(successor));
-            self.findings.error(*place, found, "two bodies", "correct one of them");
+            self.diagnostics.error(*place, found, "two bodies", "correct one of them");
         }
         if let Some((cut, place)) = each
             .cut_joint
@@ -458,8 +464,8 @@ impl<'a> Check<'a, '_> {
                 quoted(predecessor)
             );
             let otherwise = "name a joint, or give predecessor_placement and successor_placement";
-            let help = self.findings.did_you_mean(cut, urdf.joint_names(), otherwise);
-            self.findings.warning(*place, found, "the frame of a joint", help);
+            let help = self.diagnostics.did_you_mean(cut, urdf.joint_names(), otherwise);
+            self.diagnostics.warning(*place, found, "the frame of a joint", help);
         }
     }
 }

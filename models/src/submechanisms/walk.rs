@@ -3,13 +3,13 @@
 use std::collections::HashSet;
 
 use super::cut;
-use crate::report::{Findings, Place, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::yaml::{Named, Node, Value, keys, list, number, numbers, word, words};
 
 /// A submechanism as it stands in the file; `None` for what is absent or malformed, which has been
 /// told.
 pub(crate) struct Entry {
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     pub(crate) name: Option<Named>,
     pub(crate) type_name: Option<Named>,
     pub(crate) file_path: Option<Named>,
@@ -22,12 +22,12 @@ pub(crate) struct Entry {
 
 /// A loop constraint as it stands in the file.
 pub(crate) struct LoopEntry {
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     pub(crate) cut_joint: Option<Named>,
     pub(crate) predecessor: Option<Named>,
     pub(crate) successor: Option<Named>,
     pub(crate) is_placed: bool,
-    pub(crate) rows: Vec<Place>,
+    pub(crate) rows: Vec<Span>,
 }
 
 const TOP: &[&str] = &["submechanisms", "exoskeletons"];
@@ -58,13 +58,13 @@ const ROW: &[&str] = &["name", "axis", "baumgarte_stabilization_parameter"];
 const PLACEMENT: &[&str] = &["xyz", "rpy"];
 
 /// The submechanisms of a file.
-pub(crate) fn walk(root: &Node, findings: &mut Findings) -> Vec<Entry> {
-    if !keys(root, "the file", TOP, findings) {
+pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
+    if !keys(root, "the file", TOP, diagnostics) {
         return Vec::new();
     }
     if let Some(exoskeletons) = root.get("exoskeletons").filter(|node| !node.items().is_empty()) {
         let help = "couple their joints by <mimic> in the URDF";
-        findings.warning(
+        diagnostics.warning(
             exoskeletons.place,
             "`exoskeletons` is not used",
             "submechanisms only",
@@ -72,7 +72,7 @@ pub(crate) fn walk(root: &Node, findings: &mut Findings) -> Vec<Entry> {
         );
     }
     let Some(list) = root.get("submechanisms") else {
-        findings.error(
+        diagnostics.error(
             root.place,
             "the file has no `submechanisms`",
             "a list of at least one",
@@ -83,50 +83,50 @@ pub(crate) fn walk(root: &Node, findings: &mut Findings) -> Vec<Entry> {
     if matches!(list.value, Value::Null)
         || matches!(&list.value, Value::List(items) if items.is_empty())
     {
-        findings.error(
+        diagnostics.error(
             list.place,
             "`submechanisms` is empty",
             "at least one",
             "list the joints in submechanisms",
         );
     } else if !matches!(list.value, Value::List(_)) {
-        findings.error(
+        diagnostics.error(
             list.place,
             format!("`submechanisms` is {}", list.describe()),
             "a list",
             "write each submechanism as a list item",
         );
     }
-    list.items().iter().filter_map(|node| entry(node, findings)).collect()
+    list.items().iter().filter_map(|node| entry(node, diagnostics)).collect()
 }
 
-fn entry(node: &Node, findings: &mut Findings) -> Option<Entry> {
-    if !keys(node, "a submechanism", ENTRY, findings) {
+fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
+    if !keys(node, "a submechanism", ENTRY, diagnostics) {
         return None;
     }
-    let contextual_name = word(node, "contextual_name", findings);
-    let other_name = word(node, "name", findings);
+    let contextual_name = word(node, "contextual_name", diagnostics);
+    let other_name = word(node, "name", diagnostics);
     if node.get("contextual_name").is_none() && node.get("name").is_none() {
-        findings.error(
+        diagnostics.error(
             node.place,
             "the submechanism has no `contextual_name`",
             "a name of its own",
             "add it",
         );
     }
-    let type_name = word(node, "type", findings);
+    let type_name = word(node, "type", diagnostics);
     if node.get("type").is_none() {
-        findings.error(
+        diagnostics.error(
             node.place,
             "the submechanism has no `type`",
             "a type as 3R, RRPR or NUMERICAL",
             "add it",
         );
     }
-    let file_path = word(node, "file_path", findings);
+    let file_path = word(node, "file_path", diagnostics);
     for key in ["jointnames_spanningtree", "jointnames_independent", "jointnames_active"] {
         if node.get(key).is_none() {
-            findings.error(
+            diagnostics.error(
                 node.place,
                 format!("the submechanism has no `{key}`"),
                 "a list of joints, which may be empty",
@@ -139,57 +139,58 @@ fn entry(node: &Node, findings: &mut Findings) -> Option<Entry> {
         name: contextual_name.or(other_name),
         type_name,
         file_path,
-        all: words(node, "jointnames", findings),
-        tree: words(node, "jointnames_spanningtree", findings),
-        independent: words(node, "jointnames_independent", findings),
-        active: words(node, "jointnames_active", findings),
-        loops: list(node, "loop_constraints", findings)
+        all: words(node, "jointnames", diagnostics),
+        tree: words(node, "jointnames_spanningtree", diagnostics),
+        independent: words(node, "jointnames_independent", diagnostics),
+        active: words(node, "jointnames_active", diagnostics),
+        loops: list(node, "loop_constraints", diagnostics)
             .iter()
-            .filter_map(|node| loop_entry(node, findings))
+            .filter_map(|node| loop_entry(node, diagnostics))
             .collect(),
     })
 }
 
-fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
-    if !keys(node, "a loop constraint", LOOP, findings) {
+fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
+    if !keys(node, "a loop constraint", LOOP, diagnostics) {
         return None;
     }
     let [cut_joint, predecessor, successor] = ["cut_joint", "predecessor_body", "successor_body"]
         .map(|key| {
             if node.get(key).is_none() {
-                findings.error(
+                diagnostics.error(
                     node.place,
                     format!("the loop constraint has no `{key}`"),
                     format!("`{key}: NAME`"),
                     "add it",
                 );
             }
-            word(node, key, findings)
+            word(node, key, diagnostics)
         });
-    baumgarte(node, findings);
+    baumgarte(node, diagnostics);
     let placements =
         ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
     for (key, placement) in placements {
         let Some(placement) =
-            placement.filter(|placement| keys(placement, key, PLACEMENT, findings))
+            placement.filter(|placement| keys(placement, key, PLACEMENT, diagnostics))
         else {
             continue;
         };
         for part in PLACEMENT {
-            numbers::<3>(placement, key, part, findings);
+            numbers::<3>(placement, key, part, diagnostics);
         }
     }
     if let [(given, Some(placement)), (missing, None)]
     | [(missing, None), (given, Some(placement))] = placements
     {
-        findings.error(
+        diagnostics.error(
             placement.place,
             format!("the loop has `{given}` but no `{missing}`"),
             "both or neither",
             format!("add `{missing}`"),
         );
     }
-    let (axes, of_type) = (list(node, "constraint_axes", findings), cut::walk(node, findings));
+    let (axes, of_type) =
+        (list(node, "constraint_axes", diagnostics), cut::walk(node, diagnostics));
     let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
     if no_axes
         && !matches!(
@@ -198,7 +199,7 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
         )
     {
         let help = "list the constrained directions, or give a cut_joint_type";
-        findings.error(
+        diagnostics.error(
             node.place,
             "the loop constraint has no `constraint_axes`",
             "at least one",
@@ -207,24 +208,29 @@ fn loop_entry(node: &Node, findings: &mut Findings) -> Option<LoopEntry> {
     }
     if let Some(seventh) = axes.get(6) {
         let found = format!("the loop constraint has {} constraint_axes", axes.len());
-        findings.error(seventh.place, found, "at most six", "remove those that the others imply");
+        diagnostics.error(
+            seventh.place,
+            found,
+            "at most six",
+            "remove those that the others imply",
+        );
     }
     let mut names: HashSet<String> = HashSet::new();
     for axis in axes {
-        row(axis, &mut names, findings);
+        row(axis, &mut names, diagnostics);
     }
     let is_placed = placements.iter().all(|(_, placement)| placement.is_some());
     let rows = axes.iter().map(|axis| axis.place).chain(of_type).collect();
     Some(LoopEntry { place: node.place, cut_joint, predecessor, successor, is_placed, rows })
 }
 
-fn row(node: &Node, names: &mut HashSet<String>, findings: &mut Findings) {
-    if !keys(node, "a constraint axis", ROW, findings) {
+fn row(node: &Node, names: &mut HashSet<String>, diagnostics: &mut Diagnostics) {
+    if !keys(node, "a constraint axis", ROW, diagnostics) {
         return;
     }
     for key in ["name", "axis"] {
         if node.get(key).is_none() {
-            findings.error(
+            diagnostics.error(
                 node.place,
                 format!("the constraint axis has no `{key}`"),
                 "name and axis",
@@ -232,22 +238,22 @@ fn row(node: &Node, names: &mut HashSet<String>, findings: &mut Findings) {
             );
         }
     }
-    if let Some((name, place)) = word(node, "name", findings)
+    if let Some((name, place)) = word(node, "name", diagnostics)
         && !names.insert(name.clone())
     {
-        findings.error(
+        diagnostics.error(
             place,
             format!("a second axis of this loop is named {}", quoted(&name)),
             "a name of its own",
             "rename one of them",
         );
     }
-    baumgarte(node, findings);
-    let axis = numbers::<6>(node, "a constraint axis", "axis", findings);
+    baumgarte(node, diagnostics);
+    let axis = numbers::<6>(node, "a constraint axis", "axis", diagnostics);
     if let Some(place) =
         axis.filter(|axis| *axis == [0.0; 6]).and_then(|_| node.get("axis")).map(|node| node.place)
     {
-        findings.error(
+        diagnostics.error(
             place,
             "the constraint axis is zero",
             "a direction [wx, wy, wz, vx, vy, vz]",
@@ -256,9 +262,9 @@ fn row(node: &Node, names: &mut HashSet<String>, findings: &mut Findings) {
     }
 }
 
-fn baumgarte(node: &Node, findings: &mut Findings) {
+fn baumgarte(node: &Node, diagnostics: &mut Diagnostics) {
     const KEY: &str = "baumgarte_stabilization_parameter";
     if let Some(value) = node.get(KEY) {
-        number(value, KEY, findings);
+        number(value, KEY, diagnostics);
     }
 }

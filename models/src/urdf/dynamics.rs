@@ -5,7 +5,7 @@ use roxmltree::Node;
 use sarrus_dynamics::description::{JointKind, Terms};
 
 use super::xml::{Reader, Shape};
-use crate::report::{Place, quoted};
+use crate::report::{Span, quoted};
 
 const DYNAMICS: Shape = Shape {
     attributes: &[
@@ -24,7 +24,7 @@ const DYNAMICS: Shape = Shape {
 /// The rotor of an actuator.
 pub(crate) struct Rotor {
     pub(crate) joint: String,
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     inertia: f64,
     ratio: f64,
 }
@@ -63,12 +63,17 @@ pub(super) fn read<'t>(
     ] {
         if value < 0.0 {
             let found = format!("`{name}` of `dynamics` is {value}");
-            reader.findings.error(reader.place(node), found, "zero or more", "correct the value");
+            reader.diagnostics.error(
+                reader.place(node),
+                found,
+                "zero or more",
+                "correct the value",
+            );
         }
     }
     if friction > 0.0 {
         let found = format!("the joint {} has dry friction, which is not modelled", quoted(joint));
-        reader.findings.warning(
+        reader.diagnostics.warning(
             reader.place(node),
             found,
             "`damping`",
@@ -96,7 +101,7 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
                 actuators.len(),
                 joints.len()
             );
-            reader.findings.error(
+            reader.diagnostics.error(
                 reader.place(*second),
                 found,
                 "one of each",
@@ -122,7 +127,7 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
     let name = reader.required(*joint, "name");
     let (Some((inertia, place)), Some((joint, _))) = (inertia, name) else { return Vec::new() };
     if inertia < 0.0 {
-        reader.findings.error(
+        reader.diagnostics.error(
             place,
             format!("the rotor inertia is {inertia}"),
             "zero or more",
@@ -136,7 +141,7 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
 /// Whether a joint of this kind can have these terms; tells it if not.
 pub(super) fn accepts(
     reader: &mut Reader<'_, '_>,
-    place: Place,
+    place: Span,
     kind: Option<JointKind>,
     joint: &str,
     terms: &Terms,
@@ -150,7 +155,7 @@ pub(super) fn accepts(
                 "the fixed joint {} has damping, a spring or a rotor, which is not read",
                 quoted(joint)
             );
-            reader.findings.warning(place, found, "a joint that moves", help);
+            reader.diagnostics.warning(place, found, "a joint that moves", help);
             false
         }
         Some(JointKind::Floating | JointKind::Spherical) => {
@@ -158,7 +163,7 @@ pub(super) fn accepts(
                 "the joint {} of several freedoms has damping, a spring or a rotor",
                 quoted(joint)
             );
-            reader.findings.error(place, found, "a joint of one freedom", help);
+            reader.diagnostics.error(place, found, "a joint of one freedom", help);
             false
         }
         _ => true,
@@ -170,7 +175,7 @@ pub(super) fn accepts(
 fn rotor<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, inertia: f64, ratio: f64) -> f64 {
     if inertia > 0.0 && ratio == 0.0 {
         let found = "the gear ratio of a rotor is zero";
-        reader.findings.error(
+        reader.diagnostics.error(
             reader.place(node),
             found,
             "how often it turns while the joint turns once",

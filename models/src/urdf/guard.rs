@@ -1,7 +1,7 @@
 //! A look over raw XML before any parser sees it: what could exhaust a parser's stack or time is
 //! refused here.
 
-use crate::report::{Findings, quoted};
+use crate::report::{Diagnostics, quoted};
 use crate::text::{DEEPEST, Text};
 
 /// Most attributes of one element, and most namespace declarations of a file: the parser's cost is
@@ -10,7 +10,7 @@ const MOST_ATTRIBUTES: usize = 256;
 const MOST_NAMESPACES: usize = 1024;
 
 /// True when the text may be parsed. What is not well formed passes: the parser says where.
-pub(super) fn is_harmless(text: &Text, findings: &mut Findings) -> bool {
+pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
     let content = text.content.as_str();
     let (mut at, mut depth, mut namespaces) = (0, 0_usize, 0);
     while let Some(open) = content.get(at..).and_then(|rest| rest.find('<')).map(|found| at + found)
@@ -26,7 +26,7 @@ pub(super) fn is_harmless(text: &Text, findings: &mut Findings) -> bool {
             at = open + start.len() + close + end.len();
         } else if rest.starts_with("<!") {
             let help = "remove it; the five entities of XML itself need none";
-            findings.error(
+            diagnostics.error(
                 text.place(open),
                 "a document type declaration (DTD)",
                 "a file without one",
@@ -40,7 +40,7 @@ pub(super) fn is_harmless(text: &Text, findings: &mut Findings) -> bool {
                     "the element {} has too many attributes or namespaces",
                     quoted(tag.name)
                 );
-                findings.error(
+                diagnostics.error(
                     text.place(open),
                     found,
                     format!("at most {MOST_ATTRIBUTES}"),
@@ -55,7 +55,7 @@ pub(super) fn is_harmless(text: &Text, findings: &mut Findings) -> bool {
                 depth + usize::from(!tag.is_empty)
             };
             if depth > DEEPEST {
-                findings.error(
+                diagnostics.error(
                     text.place(open),
                     "elements are nested too deep",
                     format!("at most {DEEPEST} levels"),

@@ -5,7 +5,7 @@ use sarrus_dynamics::description::{JointKind, Terms};
 
 use super::dynamics;
 use super::xml::{Reader, Shape};
-use crate::report::{Place, quoted};
+use crate::report::{Span, quoted};
 
 const JOINT: Shape = Shape {
     attributes: &["name", "type"],
@@ -50,11 +50,11 @@ const BALL: &str = "ball";
 pub(crate) struct JointEntry {
     /// Empty when it is missing, which has been told.
     pub(crate) name: String,
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     /// `None` when the type is not known, which has been told.
     pub(crate) kind: Option<JointKind>,
-    pub(crate) parent: Option<(String, Place)>,
-    pub(crate) child: Option<(String, Place)>,
+    pub(crate) parent: Option<(String, Span)>,
+    pub(crate) child: Option<(String, Span)>,
     pub(crate) has_limits: bool,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
@@ -64,7 +64,7 @@ pub(crate) struct JointEntry {
 #[derive(Clone, Debug)]
 pub(crate) struct Master {
     pub(crate) joint: String,
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     pub(crate) multiplier: f64,
     pub(crate) offset: f64,
 }
@@ -88,7 +88,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
             reader.required(node, "link")
         }
         None => {
-            reader.findings.error(
+            reader.diagnostics.error(
                 place,
                 format!("the joint has no `{end}`"),
                 format!("<{end} link=\"…\"/>"),
@@ -111,7 +111,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
             } else {
                 "add them"
             };
-            reader.findings.error(
+            reader.diagnostics.error(
                 place,
                 found,
                 "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>",
@@ -135,7 +135,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
     }
 }
 
-fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<JointKind> {
+fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Span) -> Option<JointKind> {
     let names = TYPES.map(|(name, _)| name);
     let kind = TYPES.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind);
     if kind.is_none() {
@@ -145,11 +145,11 @@ fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Place) -> Option<J
                 "use two prismatic and one revolute joint".to_owned(),
             ),
             _ => {
-                let help = reader.findings.did_you_mean(written, names, "choose one of them");
+                let help = reader.diagnostics.did_you_mean(written, names, "choose one of them");
                 (format!("the joint type {} is not known", quoted(written)), help)
             }
         };
-        reader.findings.error(place, found, names.join(", "), help);
+        reader.diagnostics.error(place, found, names.join(", "), help);
     }
     kind
 }
@@ -163,10 +163,15 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     let place = reader.place(node);
     if !reader.version.has_quaternions() {
         let help = "write version=\"1.1\" on `robot` or use `rpy`";
-        return reader.findings.error(place, "`quat_xyzw` in a file of version 1.0", "`rpy`", help);
+        return reader.diagnostics.error(
+            place,
+            "`quat_xyzw` in a file of version 1.0",
+            "`rpy`",
+            help,
+        );
     }
     if node.has_attribute("rpy") {
-        reader.findings.error(
+        reader.diagnostics.error(
             place,
             "`origin` has both `rpy` and `quat_xyzw`",
             "one of them",
@@ -175,7 +180,7 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     }
     let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (length - 1.0).abs() >= 1e-3 {
-        reader.findings.error(
+        reader.diagnostics.error(
             place,
             format!("the quaternion of `origin` has the length {length}"),
             "1",
@@ -187,7 +192,7 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
 fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, joint: &str) {
     reader.children(node, &AXIS);
     if node.attribute_node("xyz").is_none() {
-        reader.findings.error(
+        reader.diagnostics.error(
             reader.place(node),
             "`axis` has no `xyz`",
             "a direction as 0 0 1",
@@ -205,7 +210,12 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
             } else {
                 format!("the axis of joint {} has a length near {length:e}", quoted(joint))
             };
-            reader.findings.error(reader.place(node), found, "a direction as 0 0 1", "correct it");
+            reader.diagnostics.error(
+                reader.place(node),
+                found,
+                "a direction as 0 0 1",
+                "correct it",
+            );
         }
     }
 }
@@ -223,7 +233,7 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
             reader.numbers::<1>(node, name).map(|[number]| number)
         };
         if value.is_some_and(|value| value < 0.0) {
-            reader.findings.error(
+            reader.diagnostics.error(
                 place,
                 format!("the limit `{name}` is negative"),
                 "zero or more",
@@ -237,7 +247,7 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
         && !node.has_attribute("lower")
         && !node.has_attribute("upper")
     {
-        reader.findings.error(
+        reader.diagnostics.error(
             place,
             "`limit` has neither `lower` nor `upper`",
             "the range of the joint",
@@ -246,7 +256,7 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
     }
     let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));
     if has_range && lower > upper {
-        reader.findings.error(
+        reader.diagnostics.error(
             place,
             format!("the lower limit {lower} is above the upper limit {upper}"),
             "lower ≤ upper",

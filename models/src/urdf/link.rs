@@ -4,7 +4,7 @@ use roxmltree::Node;
 
 use super::xml::{Reader, Shape};
 use crate::inertia::{self, InertiaFault};
-use crate::report::{Place, quoted};
+use crate::report::{Span, quoted};
 
 const LINK: Shape = Shape {
     attributes: &["name", "type"],
@@ -36,7 +36,7 @@ const INERTIA: Shape = Shape {
 pub(crate) struct LinkEntry {
     /// Empty when it is missing, which has been told.
     pub(crate) name: String,
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     pub(crate) inertial: Weight,
 }
 
@@ -48,7 +48,7 @@ pub(crate) enum Weight {
     /// Something of it is malformed, which has been told.
     Malformed,
     /// Both can be read.
-    Given { place: Place, mass: f64, inertia: [f64; 6] },
+    Given { place: Span, mass: f64, inertia: [f64; 6] },
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
@@ -83,7 +83,7 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     });
     for (name, absent) in [("mass", mass.is_none()), ("inertia", inertia.is_none())] {
         if absent {
-            reader.findings.error(
+            reader.diagnostics.error(
                 place,
                 format!("`inertial` has no `{name}`"),
                 format!("<{name} …/>"),
@@ -100,12 +100,12 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
 /// Tells what cannot be the mass and inertia of a body; the root needs none.
 pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool) {
     let name = quoted(&link.name);
-    let findings = &mut *reader.findings;
+    let diagnostics = &mut *reader.diagnostics;
     match link.inertial {
         Weight::Malformed => {}
         Weight::Absent if is_root => {}
         Weight::Absent => {
-            findings.warning(
+            diagnostics.warning(
                 link.place,
                 format!("link {name} has no inertial: a massless body"),
                 "mass and inertia",
@@ -115,7 +115,7 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
         Weight::Given { place, mass, inertia } => {
             let no_inertia = inertia == [0.0; 6];
             if mass < 0.0 {
-                findings.inertia(
+                diagnostics.inertia(
                     place,
                     format!("the mass of link {name} is {mass}"),
                     "zero or more",
@@ -123,21 +123,21 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
                 );
             } else if mass == 0.0 && !no_inertia {
                 let found = format!("link {name} has inertia but no mass");
-                findings.inertia(
+                diagnostics.inertia(
                     place,
                     found,
                     "a mass, or zero inertia too",
                     "correct one of them",
                 );
             } else if mass == 0.0 && !is_root {
-                findings.warning(
+                diagnostics.warning(
                     place,
                     format!("link {name} has zero mass: a massless body"),
                     "mass and inertia",
                     "add them if it has any",
                 );
             } else if no_inertia && !is_root {
-                findings.warning(
+                diagnostics.warning(
                     place,
                     format!("link {name} has zero inertia: a point mass"),
                     "an inertia",
@@ -150,7 +150,7 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
                     let found = format!(
                         "the inertia of link {name} has the negative principal moment {least:.6e}"
                     );
-                    findings.inertia(
+                    diagnostics.inertia(
                         place,
                         found,
                         "moments of zero or more",
@@ -161,7 +161,7 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
                     let found = format!(
                         "the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, break the triangle inequality"
                     );
-                    findings.inertia(
+                    diagnostics.inertia(
                         place,
                         found,
                         "none above the sum of the others",

@@ -17,7 +17,7 @@ pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
 pub(crate) use values::{Values, values};
 
-use crate::report::{Findings, Place, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 use dynamics::Rotor;
 use transmission::Dependence;
@@ -45,7 +45,7 @@ const MOST_JOINTS: usize = 1024;
 /// A URDF file as it stands, with places; the numbers follow in [`Values`].
 pub(crate) struct Urdf {
     pub(crate) name: String,
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     pub(crate) links: Vec<LinkEntry>,
     pub(crate) joints: Vec<JointEntry>,
     pub(crate) link_index: HashMap<String, usize>,
@@ -79,14 +79,14 @@ impl Version {
 
 impl Urdf {
     /// Walks the text; `None` when it is no URDF file at all, which has been told.
-    pub(crate) fn read(text: &Text, findings: &mut Findings) -> Option<Urdf> {
-        let document = xml::parse(text, findings)?;
-        let mut reader = Reader::new(text, findings, Version(1, 0));
+    pub(crate) fn read(text: &Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
+        let document = xml::parse(text, diagnostics)?;
+        let mut reader = Reader::new(text, diagnostics, Version(1, 0));
         let root = document.root_element();
         let place = reader.place(root);
         if !root.has_tag_name("robot") {
             let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
-            reader.findings.error(
+            reader.diagnostics.error(
                 place,
                 found,
                 "`robot`",
@@ -102,7 +102,7 @@ impl Urdf {
                     "the version {} of `robot`",
                     quoted(root.attribute("version").unwrap_or_default())
                 );
-                reader.findings.error(place, found, "1.0, 1.1 or 1.2", "correct it");
+                reader.diagnostics.error(place, found, "1.0, 1.1 or 1.2", "correct it");
                 Version(1, 0)
             });
         let mut urdf = Urdf {
@@ -128,8 +128,8 @@ impl Urdf {
                 }
             }
         }
-        urdf.index_names(reader.findings);
-        urdf.couple(dependences, reader.findings);
+        urdf.index_names(reader.diagnostics);
+        urdf.couple(dependences, reader.diagnostics);
         urdf.add_rotors(&rotors, &mut reader);
         let moving = (0..urdf.joints.len()).filter(|joint| urdf.moves(*joint)).count();
         for (count, most, what) in
@@ -137,7 +137,7 @@ impl Urdf {
         {
             if count > most {
                 let help = "split it into robots of their own, or leave out what does not move";
-                reader.findings.error(
+                reader.diagnostics.error(
                     place,
                     format!("the robot has {count} {what}"),
                     format!("at most {most}"),
@@ -145,7 +145,7 @@ impl Urdf {
                 );
             }
         }
-        let is_root = topology::check(&urdf, reader.findings);
+        let is_root = topology::check(&urdf, reader.diagnostics);
         for (link, is_root) in urdf.links.iter().zip(is_root) {
             link::check(&mut reader, link, is_root);
         }
@@ -159,10 +159,10 @@ impl Urdf {
         &mut self,
         text: &Text,
         joints: &HashSet<&str>,
-        findings: &mut Findings,
+        diagnostics: &mut Diagnostics,
     ) {
-        let Some(document) = xml::parse(text, findings) else { return };
-        let mut reader = Reader::new(text, findings, Version(1, 2));
+        let Some(document) = xml::parse(text, diagnostics) else { return };
+        let mut reader = Reader::new(text, diagnostics, Version(1, 2));
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in document.root_element().children() {
             if node.has_tag_name("transmission") {
@@ -176,7 +176,7 @@ impl Urdf {
                 && self.joint(&dependence.joint).is_some_and(|joint| joint.masters.is_empty())
         };
         dependences.retain(missing);
-        self.couple(dependences, findings);
+        self.couple(dependences, diagnostics);
     }
 
     /// Whether this joint moves; a joint of unknown type may.
@@ -199,10 +199,10 @@ impl Urdf {
         self.joints.iter().map(|joint| joint.name.as_str())
     }
 
-    fn index_names(&mut self, findings: &mut Findings) {
+    fn index_names(&mut self, diagnostics: &mut Diagnostics) {
         for (i, link) in self.links.iter().enumerate().filter(|(_, link)| !link.name.is_empty()) {
             if self.link_index.contains_key(&link.name) {
-                findings.error(
+                diagnostics.error(
                     link.place,
                     format!("a second link is named {}", quoted(&link.name)),
                     "a name of its own",
@@ -216,7 +216,7 @@ impl Urdf {
         {
             if self.joint_index.contains_key(&joint.name) {
                 let found = format!("a second joint is named {}", quoted(&joint.name));
-                findings.error(joint.place, found, "a name of its own", "rename one of them");
+                diagnostics.error(joint.place, found, "a name of its own", "rename one of them");
             } else {
                 self.joint_index.insert(joint.name.clone(), i);
             }
@@ -224,7 +224,7 @@ impl Urdf {
     }
 
     /// Hands the dependences of transmissions to their joints.
-    fn couple(&mut self, dependences: Vec<Dependence>, findings: &mut Findings) {
+    fn couple(&mut self, dependences: Vec<Dependence>, diagnostics: &mut Diagnostics) {
         for dependence in dependences {
             let joint = self.joint_index.get(&dependence.joint).copied();
             match joint.and_then(|joint| self.joints.get_mut(joint)) {
@@ -233,17 +233,17 @@ impl Urdf {
                         "the transmission names the joint {}, which does not exist",
                         quoted(&dependence.joint)
                     );
-                    let help = findings.did_you_mean(
+                    let help = diagnostics.did_you_mean(
                         &dependence.joint,
                         self.joint_names(),
                         "correct the name",
                     );
-                    findings.error(dependence.place, found, "a joint of this file", help);
+                    diagnostics.error(dependence.place, found, "a joint of this file", help);
                 }
                 Some(joint) if !joint.masters.is_empty() => {
                     let found =
                         format!("the joint {} is coupled a second time", quoted(&joint.name));
-                    findings.error(
+                    diagnostics.error(
                         dependence.place,
                         found,
                         "one mimic or one transmission",
@@ -264,18 +264,18 @@ impl Urdf {
                     "the rotor belongs to the joint {}, which does not exist",
                     quoted(&rotor.joint)
                 );
-                let help = reader.findings.did_you_mean(
+                let help = reader.diagnostics.did_you_mean(
                     &rotor.joint,
                     self.joint_names(),
                     "correct the name",
                 );
-                reader.findings.error(rotor.place, found, "a joint of this file", help);
+                reader.diagnostics.error(rotor.place, found, "a joint of this file", help);
                 continue;
             };
             let mut terms = joint.terms;
             if !rotor.join(&mut terms) {
                 let found = format!("the joint {} has a second rotor", quoted(&joint.name));
-                reader.findings.error(
+                reader.diagnostics.error(
                     rotor.place,
                     found,
                     "one",
@@ -288,7 +288,7 @@ impl Urdf {
     }
 
     /// Checks every coupling.
-    pub(crate) fn check_couplings(&self, findings: &mut Findings) {
+    pub(crate) fn check_couplings(&self, diagnostics: &mut Diagnostics) {
         for joint in &self.joints {
             for master in &joint.masters {
                 let who =
@@ -296,7 +296,7 @@ impl Urdf {
                 let known = self.joint_index.get(&master.joint);
                 let (found, help) = match known {
                     None => {
-                        let help = findings.did_you_mean(
+                        let help = diagnostics.did_you_mean(
                             &master.joint,
                             self.joint_names(),
                             "correct the name",
@@ -311,7 +311,7 @@ impl Urdf {
                     }
                     Some(_) => continue,
                 };
-                findings.error(master.place, found, "another moving joint of this robot", help);
+                diagnostics.error(master.place, found, "another moving joint of this robot", help);
             }
             if !joint.masters.is_empty()
                 && matches!(
@@ -320,7 +320,7 @@ impl Urdf {
                 )
             {
                 let found = format!("the joint {} is coupled", quoted(&joint.name));
-                findings.error(
+                diagnostics.error(
                     joint.place,
                     found,
                     "a coupling of joints with one axis",

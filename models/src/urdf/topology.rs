@@ -1,12 +1,12 @@
 //! Whether links and joints form one tree.
 
 use super::Urdf;
-use crate::report::{Findings, quoted};
+use crate::report::{Diagnostics, quoted};
 
 /// Checks the tree and returns for each link whether no joint has it as its child.
-pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
+pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
     if urdf.links.is_empty() {
-        findings.error(urdf.place, "the robot has no link", "at least one", "add links");
+        diagnostics.error(urdf.place, "the robot has no link", "at least one", "add links");
     }
     // the joint above each link
     let mut above: Vec<Option<usize>> = vec![None; urdf.links.len()];
@@ -22,12 +22,12 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
                         quoted(name),
                         quoted(&joint.name)
                     );
-                    let help = findings.did_you_mean(
+                    let help = diagnostics.did_you_mean(
                         name,
                         urdf.link_names(),
                         "correct the name or add the link",
                     );
-                    findings.error(*place, found, "a link of this file", help);
+                    diagnostics.error(*place, found, "a link of this file", help);
                 }
                 index
             });
@@ -45,7 +45,7 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
                     quoted(&first.name),
                     quoted(&joint.name)
                 );
-                findings.error(
+                diagnostics.error(
                     place,
                     found,
                     "one",
@@ -75,7 +75,7 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
         };
         for link in others.iter().filter(named).filter_map(|other| urdf.links.get(*other)) {
             let found = format!("the link {} is a second root beside {first}", quoted(&link.name));
-            findings.error(link.place, found, "one root", "connect it by a joint or remove it");
+            diagnostics.error(link.place, found, "one root", "connect it by a joint or remove it");
         }
     }
 
@@ -95,7 +95,7 @@ pub(super) fn check(urdf: &Urdf, findings: &mut Findings) -> Vec<bool> {
             .and_then(|joint| urdf.joints.get(joint))
         {
             let found = format!("the joint {} closes a cycle of links", quoted(&joint.name));
-            findings.error(
+            diagnostics.error(
                 joint.place,
                 found,
                 "a tree",

@@ -5,7 +5,7 @@ use roxmltree::Node;
 
 use super::joint::{Master, master};
 use super::xml::{Reader, Shape};
-use crate::report::Place;
+use crate::report::Span;
 
 const TRANSMISSION: Shape =
     Shape { attributes: &["name", "type"], once: &[], many: &["joint"], ignored: &["*"] };
@@ -17,7 +17,7 @@ const DEPENDS_ON: Shape =
 /// What one joint of a transmission depends on.
 pub(crate) struct Dependence {
     pub(crate) joint: String,
-    pub(crate) place: Place,
+    pub(crate) place: Span,
     pub(crate) masters: Vec<Master>,
 }
 

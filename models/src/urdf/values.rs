@@ -3,7 +3,7 @@
 use sarrus_dynamics::description::{Inertial, JointKind, Limits, Placement};
 
 use super::{Urdf, Weight};
-use crate::report::Findings;
+use crate::report::Diagnostics;
 use crate::text::Text;
 
 /// Numbers of links and joints in the order of the file.
@@ -20,11 +20,11 @@ pub(crate) struct JointValues {
 }
 
 /// Reads the numbers; `None` after an error.
-pub(crate) fn values(text: &Text, urdf: &Urdf, findings: &mut Findings) -> Option<Values> {
+pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) -> Option<Values> {
     let robot = match urdf_rs::read_from_string(&without_unread(text, urdf)) {
         Ok(robot) => robot,
         Err(error) => {
-            findings.error(
+            diagnostics.error(
                 urdf.place,
                 format!("urdf-rs cannot read the file: {error}"),
                 "a URDF file",
@@ -41,7 +41,7 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, findings: &mut Findings) -> Optio
                 .map(|joint| &joint.name)
                 .eq(urdf.joints.iter().map(|joint| &joint.name));
     if !same_names {
-        findings.error(
+        diagnostics.error(
             urdf.place,
             "two readers of this file see different names",
             "plain names",

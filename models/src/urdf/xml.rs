@@ -4,7 +4,7 @@ use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
 use super::{Version, guard};
 use crate::number;
-use crate::report::{Findings, Place, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 
 /// Most nodes of a document.
@@ -23,8 +23,8 @@ pub(super) struct Shape {
 }
 
 /// Parses the text as XML; `None` after an error.
-pub(super) fn parse<'t>(text: &'t Text, findings: &mut Findings) -> Option<Document<'t>> {
-    if !guard::is_harmless(text, findings) {
+pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option<Document<'t>> {
+    if !guard::is_harmless(text, diagnostics) {
         return None;
     }
     let options =
@@ -36,7 +36,7 @@ pub(super) fn parse<'t>(text: &'t Text, findings: &mut Findings) -> Option<Docum
             let full = error.to_string();
             // the parser repeats the place at the end of its message
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
-            findings.error(
+            diagnostics.error(
                 place,
                 format!("this is not XML: {what}"),
                 "a well-formed URDF file",
@@ -47,14 +47,14 @@ pub(super) fn parse<'t>(text: &'t Text, findings: &mut Findings) -> Option<Docum
     }
 }
 
-fn place_of(error: &roxmltree::Error, text: &Text) -> Place {
+fn place_of(error: &roxmltree::Error, text: &Text) -> Span {
     match error {
         roxmltree::Error::UnclosedRootNode | roxmltree::Error::UnexpectedEndOfStream => {
             text.place(text.content.len())
         }
         _ => {
             let at = error.pos();
-            Place { file: text.file, line: at.row, column: at.col }
+            Span { file: text.file, line: at.row, column: at.col }
         }
     }
 }
@@ -62,7 +62,7 @@ fn place_of(error: &roxmltree::Error, text: &Text) -> Place {
 /// Reads elements of one text and collects what is wrong with them.
 pub(super) struct Reader<'t, 'f> {
     pub(super) text: &'t Text,
-    pub(super) findings: &'f mut Findings,
+    pub(super) diagnostics: &'f mut Diagnostics,
     /// The version that the file states.
     pub(super) version: Version,
     /// Byte ranges of everything that is not read.
@@ -75,17 +75,17 @@ impl<'t, 'f> Reader<'t, 'f> {
     /// A reader that has read nothing.
     pub(super) fn new(
         text: &'t Text,
-        findings: &'f mut Findings,
+        diagnostics: &'f mut Diagnostics,
         version: Version,
     ) -> Reader<'t, 'f> {
-        Reader { text, findings, version, unread: Vec::new(), replaced: Vec::new() }
+        Reader { text, diagnostics, version, unread: Vec::new(), replaced: Vec::new() }
     }
 
-    pub(super) fn place(&self, node: Node<'_, 't>) -> Place {
+    pub(super) fn place(&self, node: Node<'_, 't>) -> Span {
         self.text.place(node.range().start)
     }
 
-    pub(super) fn place_of_value(&self, attribute: &Attribute<'_, 't>) -> Place {
+    pub(super) fn place_of_value(&self, attribute: &Attribute<'_, 't>) -> Span {
         self.text.place(attribute.range_value().start)
     }
 
@@ -100,12 +100,12 @@ impl<'t, 'f> Reader<'t, 'f> {
                     quoted(attribute.name())
                 );
                 let expected = shape.attributes.join(", ");
-                let help = self.findings.did_you_mean(
+                let help = self.diagnostics.did_you_mean(
                     attribute.name(),
                     shape.attributes.iter().copied(),
                     "remove it if it is a slip",
                 );
-                self.findings.warning(
+                self.diagnostics.warning(
                     self.text.place(attribute.range().start),
                     found,
                     expected,
@@ -125,7 +125,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             if is_ours && shape.once.contains(&name) {
                 if seen.contains(&name) {
                     let found = format!("`{of}` has a second `{name}`");
-                    self.findings.error(self.place(child), found, "one", "remove one of them");
+                    self.diagnostics.error(self.place(child), found, "one", "remove one of them");
                 }
                 seen.push(name);
                 children.push(child);
@@ -135,10 +135,10 @@ impl<'t, 'f> Reader<'t, 'f> {
             if !is_ours || !(shape.ignored.contains(&name) || shape.ignored == ["*"]) {
                 let known = shape.once.iter().chain(shape.many).copied();
                 let expected = known.clone().collect::<Vec<_>>().join(", ");
-                let help = self.findings.did_you_mean(name, known, "remove it if it is a slip");
+                let help = self.diagnostics.did_you_mean(name, known, "remove it if it is a slip");
                 let found =
                     format!("the element {} in `{of}` is not known and not read", quoted(name));
-                self.findings.warning(self.place(child), found, expected, help);
+                self.diagnostics.warning(self.place(child), found, expected, help);
             }
         }
         children
@@ -149,11 +149,11 @@ impl<'t, 'f> Reader<'t, 'f> {
         &mut self,
         node: Node<'_, 't>,
         attribute: &'static str,
-    ) -> Option<(String, Place)> {
+    ) -> Option<(String, Span)> {
         let of = node.tag_name().name();
         let Some(found) = node.attribute_node(attribute) else {
             let example = format!("{attribute}=\"…\"");
-            self.findings.error(
+            self.diagnostics.error(
                 self.place(node),
                 format!("`{of}` has no `{attribute}`"),
                 example,
@@ -163,7 +163,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         };
         let place = self.place_of_value(&found);
         if found.value().trim().is_empty() {
-            self.findings.error(
+            self.diagnostics.error(
                 place,
                 format!("`{attribute}` of `{of}` is empty"),
                 "a name",
@@ -186,7 +186,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             Ok(numbers) => Some(numbers),
             Err(fault) => {
                 let what = format!("`{attribute}` of `{of}`: {fault}");
-                self.findings.error(
+                self.diagnostics.error(
                     self.place_of_value(&found),
                     what,
                     number::expected(N),
@@ -203,7 +203,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             Ok([number]) => Some(number),
             Err(fault) => {
                 let what = format!("`{}`: {fault}", node.tag_name().name());
-                self.findings.error(
+                self.diagnostics.error(
                     self.place(node),
                     what,
                     number::expected(1),
@@ -222,7 +222,7 @@ impl<'t, 'f> Reader<'t, 'f> {
     ) -> Option<f64> {
         if node.attribute_node(attribute).is_none() {
             let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
-            self.findings.error(
+            self.diagnostics.error(
                 self.place(node),
                 found,
                 format!("{attribute}=\"a number\""),

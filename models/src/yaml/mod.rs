@@ -8,8 +8,8 @@ pub use read::{Named, keys, list, number, numbers, word, words};
 pub(crate) use tree::parse;
 pub use tree::{Node, Value};
 
-use crate::report::Findings;
-pub use crate::report::{Place, quoted};
+use crate::report::Diagnostics;
+pub use crate::report::{Span, quoted};
 use crate::text::Text;
 
 /// What most YAML files of a robot are.
@@ -17,6 +17,11 @@ pub(crate) const SUBMECHANISMS: &str = "a submechanism file";
 
 /// Reads a text whose faults go by the name of its file and that is `expected` to be a file of some
 /// kind; `None` after a fault that leaves nothing to look at.
-pub fn read(name: &str, bytes: Vec<u8>, expected: &str, findings: &mut Findings) -> Option<Node> {
-    parse(&Text::new(name, bytes, findings)?, expected, findings)
+pub fn read(
+    name: &str,
+    bytes: Vec<u8>,
+    expected: &str,
+    diagnostics: &mut Diagnostics,
+) -> Option<Node> {
+    parse(&Text::new(name, bytes, diagnostics)?, expected, diagnostics)
 }

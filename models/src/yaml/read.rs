@@ -2,17 +2,17 @@
 
 use super::tree::{Node, Value};
 use crate::number as strict;
-use crate::report::{Findings, Place, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 
 /// A name and where it stands.
-pub type Named = (String, Place);
+pub type Named = (String, Span);
 
 /// Checks the keys of a mapping: none is unknown or there twice. False when the node is no mapping.
 /// `of` says in messages what it is.
-pub fn keys(node: &Node, of: &str, known: &[&str], findings: &mut Findings) -> bool {
+pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics) -> bool {
     let Value::Map(entries) = &node.value else {
         let found = format!("{of} is {}", node.describe());
-        findings.error(
+        diagnostics.error(
             node.place,
             found,
             format!("a mapping with the keys {}", known.join(", ")),
@@ -23,7 +23,7 @@ pub fn keys(node: &Node, of: &str, known: &[&str], findings: &mut Findings) -> b
     let mut seen: Vec<&str> = Vec::new();
     for (key, _) in entries {
         let Value::Scalar { text, .. } = &key.value else {
-            findings.error(
+            diagnostics.error(
                 key.place,
                 format!("a key of {of} is {}", key.describe()),
                 known.join(", "),
@@ -32,15 +32,15 @@ pub fn keys(node: &Node, of: &str, known: &[&str], findings: &mut Findings) -> b
             continue;
         };
         if !known.contains(&text.as_str()) {
-            let help = findings.did_you_mean(text, known.iter().copied(), "remove it");
-            findings.error(
+            let help = diagnostics.did_you_mean(text, known.iter().copied(), "remove it");
+            diagnostics.error(
                 key.place,
                 format!("the key {} of {of} is not known", quoted(text)),
                 known.join(", "),
                 help,
             );
         } else if seen.contains(&text.as_str()) {
-            findings.error(
+            diagnostics.error(
                 key.place,
                 format!("the key {} of {of} is there twice", quoted(text)),
                 "one",
@@ -54,16 +54,16 @@ pub fn keys(node: &Node, of: &str, known: &[&str], findings: &mut Findings) -> b
 }
 
 /// The text of a key, if the key is there.
-pub fn word(node: &Node, key: &str, findings: &mut Findings) -> Option<Named> {
+pub fn word(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Named> {
     let value = node.get(key)?;
-    word_of(value, key, findings)
+    word_of(value, key, diagnostics)
 }
 
-fn word_of(value: &Node, key: &str, findings: &mut Findings) -> Option<Named> {
+fn word_of(value: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Named> {
     match &value.value {
         Value::Scalar { text, .. } if !text.trim().is_empty() => Some((text.clone(), value.place)),
         _ => {
-            findings.error(
+            diagnostics.error(
                 value.place,
                 format!("`{key}` holds {}", value.describe()),
                 "a name",
@@ -75,18 +75,19 @@ fn word_of(value: &Node, key: &str, findings: &mut Findings) -> Option<Named> {
 }
 
 /// The names of a list, if the key is there; nothing counts as an empty list.
-pub fn words(node: &Node, key: &str, findings: &mut Findings) -> Option<Vec<Named>> {
+pub fn words(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Vec<Named>> {
     node.get(key)?;
-    let items = list(node, key, findings);
-    let names: Vec<Named> = items.iter().filter_map(|item| word_of(item, key, findings)).collect();
+    let items = list(node, key, diagnostics);
+    let names: Vec<Named> =
+        items.iter().filter_map(|item| word_of(item, key, diagnostics)).collect();
     (names.len() == items.len()).then_some(names)
 }
 
 /// The items of a key's list; nothing counts as an empty list.
-pub fn list<'a>(node: &'a Node, key: &str, findings: &mut Findings) -> &'a [Node] {
+pub fn list<'a>(node: &'a Node, key: &str, diagnostics: &mut Diagnostics) -> &'a [Node] {
     let Some(value) = node.get(key) else { return &[] };
     if !matches!(value.value, Value::List(_) | Value::Null) {
-        findings.error(
+        diagnostics.error(
             value.place,
             format!("`{key}` is {}", value.describe()),
             "a list",
@@ -101,11 +102,11 @@ pub fn numbers<const N: usize>(
     node: &Node,
     of: &str,
     key: &str,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> Option<[f64; N]> {
     let value = node.get(key)?;
     let Value::List(items) = &value.value else {
-        findings.error(
+        diagnostics.error(
             value.place,
             format!("`{key}` of {of} is {}", value.describe()),
             strict::expected(N),
@@ -114,7 +115,7 @@ pub fn numbers<const N: usize>(
         return None;
     };
     if items.len() != N {
-        findings.error(
+        diagnostics.error(
             value.place,
             format!("`{key}` of {of} holds {} values", items.len()),
             strict::expected(N),
@@ -124,7 +125,7 @@ pub fn numbers<const N: usize>(
     let mut numbers = [0.0; N];
     let mut good = items.len() == N;
     for (i, item) in items.iter().enumerate() {
-        match number(item, key, findings) {
+        match number(item, key, diagnostics) {
             Some(value) => numbers.get_mut(i).into_iter().for_each(|slot| *slot = value),
             None => good = false,
         }
@@ -133,7 +134,7 @@ pub fn numbers<const N: usize>(
 }
 
 /// One finite number; `key` names it in messages.
-pub fn number(item: &Node, key: &str, findings: &mut Findings) -> Option<f64> {
+pub fn number(item: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<f64> {
     let fault = match &item.value {
         Value::Scalar { text, plain: true } => match strict::number(text) {
             Ok(value) => return Some(value),
@@ -142,7 +143,7 @@ pub fn number(item: &Node, key: &str, findings: &mut Findings) -> Option<f64> {
         Value::Scalar { .. } => format!("{} is a text in quotes", item.describe()),
         _ => format!("{} is not a number", item.describe()),
     };
-    findings.error(
+    diagnostics.error(
         item.place,
         format!("`{key}`: {fault}"),
         strict::expected(1),

@@ -3,7 +3,7 @@
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle};
 
-use crate::report::{Findings, Place, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::text::{DEEPEST, Text};
 
 /// Most nodes of a file.
@@ -13,7 +13,7 @@ const MOST_NODES: usize = 1_000_000;
 #[derive(Debug)]
 pub struct Node {
     /// Its first character.
-    pub place: Place,
+    pub place: Span,
     /// What it is.
     pub value: Value,
 }
@@ -48,11 +48,11 @@ impl Node {
     }
 
     /// The value of a key of a mapping.
-    pub fn get(&self, wanted: &str) -> Option<&Node> {
+    pub fn get(&self, query: &str) -> Option<&Node> {
         let Value::Map(entries) = &self.value else { return None };
         entries
             .iter()
-            .find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == wanted))
+            .find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == query))
             .map(|(_, value)| value)
     }
 
@@ -71,8 +71,8 @@ struct Open {
 
 /// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error
 /// that leaves no tree.
-pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Option<Node> {
-    let place = |mark: &Marker| Place {
+pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) -> Option<Node> {
+    let place = |mark: &Marker| Span {
         file: text.file,
         line: mark.line().max(1) as u32,
         column: mark.col() as u32 + 1,
@@ -86,11 +86,11 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
             Err(error) => {
                 // the scanner looks ahead of our own limit and has a higher one
                 if error.info() == "recursion limit exceeded" {
-                    too_deep(place(error.marker()), findings);
+                    too_deep(place(error.marker()), diagnostics);
                     return None;
                 }
                 let found = format!("this is not YAML: {}", error.info());
-                findings.error(
+                diagnostics.error(
                     place(error.marker()),
                     found,
                     expected,
@@ -107,7 +107,7 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
             _ => (0, false),
         };
         if anchor != 0 {
-            findings.error(
+            diagnostics.error(
                 here,
                 "an anchor (`&…`)",
                 "a file without anchors and aliases",
@@ -115,12 +115,12 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
             );
         }
         if tag {
-            findings.error(here, "a tag (`!…`)", "plain values", "remove it");
+            diagnostics.error(here, "a tag (`!…`)", "plain values", "remove it");
         }
         let node = match event {
             Event::Scalar(value, style, ..) => Node { place: here, value: scalar(&value, style) },
             Event::Alias(_) => {
-                findings.error(
+                diagnostics.error(
                     here,
                     "an alias (`*…`)",
                     "a file without anchors and aliases",
@@ -130,7 +130,7 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
             }
             Event::SequenceStart(..) | Event::MappingStart(..) => {
                 if open.len() >= DEEPEST {
-                    too_deep(here, findings);
+                    too_deep(here, diagnostics);
                     return None;
                 }
                 let value = if matches!(event, Event::SequenceStart(..)) {
@@ -146,14 +146,14 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
                 None => continue,
             },
             Event::DocumentStart(_) if root.is_some() => {
-                findings.error(here, "a second document", "one", "remove what follows `---`");
+                diagnostics.error(here, "a second document", "one", "remove what follows `---`");
                 return root;
             }
             _ => continue,
         };
         n_nodes += 1;
         if n_nodes > MOST_NODES {
-            findings.error(
+            diagnostics.error(
                 here,
                 format!("the file has more than {MOST_NODES} values"),
                 "a file of ordinary size",
@@ -166,11 +166,11 @@ pub(crate) fn parse(text: &Text, expected: &str, findings: &mut Findings) -> Opt
             None => root = Some(node),
         }
     }
-    Some(root.unwrap_or(Node { place: Place::start(text.file), value: Value::Null }))
+    Some(root.unwrap_or(Node { place: Span::start(text.file), value: Value::Null }))
 }
 
-fn too_deep(place: Place, findings: &mut Findings) {
-    findings.error(
+fn too_deep(place: Span, diagnostics: &mut Diagnostics) {
+    diagnostics.error(
         place,
         "lists and mappings are nested too deep",
         format!("at most {DEEPEST} levels"),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::{Cut, JointKind, Placement, SubmechanismKind};
-use sarrus_models::{CheckReport, Finding, Loaded, bundled, bundled_text};
+use sarrus_models::{CheckReport, Diagnostic, Loaded, bundled, bundled_text};
 
 use super::*;
 
@@ -360,7 +360,7 @@ fn a_smurf_file_names_the_files_that_are_read() {
     let ends: Vec<_> = report
         .errors
         .iter()
-        .map(|Finding { file, line, .. }| (file.ends_with("leg/smurf/../urdf/leg.urdf"), *line))
+        .map(|Diagnostic { file, line, .. }| (file.ends_with("leg/smurf/../urdf/leg.urdf"), *line))
         .collect();
     assert_eq!(ends, [(true, 67), (true, 74)]);
 }

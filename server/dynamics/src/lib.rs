@@ -13,7 +13,7 @@ mod branch_sparse;
 mod closure;
 mod closures_at_zero;
 pub mod description;
-mod fault;
+mod diagnostic;
 mod implicit;
 mod linear;
 mod model;
@@ -25,11 +25,11 @@ mod workspace;
 
 pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
 pub use closures_at_zero::ClosureAtZero;
-pub use fault::{CompileError, Fault, Site};
+pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use implicit::ImplicitForm;
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Answer, Method, Plan};
 pub use sarrus_proto::{
-    Field, FieldSet, Layout, Request, Sizes, Slot, Status, Wanted, WantedError, Warnings,
+    Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status, Warnings,
 };
 pub use workspace::Workspace;

@@ -1,7 +1,7 @@
 //! A plan with room for its numbers, by field.
 
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Answer, Field, Model, Plan, Wanted, Workspace};
+use sarrus_dynamics::{Answer, Field, Model, Plan, Query, Workspace};
 
 use crate::error::SimulationError;
 
@@ -14,8 +14,8 @@ pub(crate) struct Asked<T> {
 }
 
 impl<T: Scalar> Asked<T> {
-    pub(crate) fn new(model: &Model<T>, wanted: &Wanted) -> Result<Asked<T>, SimulationError> {
-        let plan = Plan::new(model, wanted)?;
+    pub(crate) fn new(model: &Model<T>, query: &Query) -> Result<Asked<T>, SimulationError> {
+        let plan = Plan::new(model, query)?;
         let (n, m) = (plan.given().len(), plan.want().len());
         Ok(Asked { plan, input: vec![T::ZERO; n], output: vec![T::ZERO; m] })
     }

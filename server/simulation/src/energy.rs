@@ -3,7 +3,7 @@
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Real, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Model, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
 use crate::asked::Asked;
 use crate::coordinates::{Coordinates, cross, turned};
@@ -68,12 +68,12 @@ impl<T: Scalar> Meter<T> {
         let given =
             guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
         let bare = FieldSet::of(&[Field::Residual, Field::Q, Field::Qd]);
-        let mut plans = vec![Asked::new(model, &Wanted::new(Request::Kinematics, given, bare))?];
+        let mut plans = vec![Asked::new(model, &Query::new(Request::Kinematics, given, bare))?];
         for chunk in links.chunks(CHUNK) {
             let want = FieldSet::of(&[Field::FramePose, Field::FrameTwist]);
             plans.push(Asked::new(
                 model,
-                &Wanted::new(Request::Kinematics, given, want).with_frames(chunk),
+                &Query::new(Request::Kinematics, given, want).with_frames(chunk),
             )?);
         }
         let (mut rotors, mut springs) = (Vec::new(), Vec::new());

@@ -4,7 +4,7 @@
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Dd, Dual, Scalar};
 use sarrus_dynamics::{
-    Answer, Compiled, Field, FieldSet, Model, Request, Status, Wanted, Warnings, Workspace,
+    Answer, Compiled, Field, FieldSet, Model, Query, Request, Status, Warnings, Workspace,
 };
 
 use crate::asked::Asked;
@@ -221,7 +221,7 @@ impl Engine {
         let model = &self.compiled.model;
         let mut asked = Asked::new(
             model,
-            &Wanted::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])),
+            &Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])),
         )?;
         asked.give(Field::Y, &x[..self.mechanism.sizes.n_qy]);
         let answer = asked.run(model, &mut Workspace::for_plans(model, [asked.plan()]));

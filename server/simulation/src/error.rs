@@ -1,6 +1,6 @@
 //! Why a simulation cannot start.
 
-use sarrus_dynamics::{CompileError, Status, WantedError};
+use sarrus_dynamics::{CompileError, QueryError, Status};
 
 /// Why a simulation cannot start.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -80,7 +80,7 @@ pub enum SimulationError {
     },
     /// The model does not know what is asked of it.
     #[error("{0}")]
-    Plan(WantedError),
+    Plan(QueryError),
     /// The description cannot be compiled.
     #[error("{0}")]
     Compile(CompileError),
@@ -89,8 +89,8 @@ pub enum SimulationError {
     NotBuilt(&'static str),
 }
 
-impl From<WantedError> for SimulationError {
-    fn from(error: WantedError) -> SimulationError {
+impl From<QueryError> for SimulationError {
+    fn from(error: QueryError) -> SimulationError {
         SimulationError::Plan(error)
     }
 }

@@ -5,7 +5,7 @@
 //! them after each step. Springs between links are stretched as at the closed pose with the same
 //! independents.
 
-use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Query, Request, Status, Workspace};
 
 use crate::asked::Asked;
 use crate::energy::Meter;
@@ -122,7 +122,7 @@ impl<'a> Form<'a> {
             );
             Some(Asked::new(
                 model,
-                &Wanted::new(Request::Kinematics, given, want).with_frames(&links),
+                &Query::new(Request::Kinematics, given, want).with_frames(&links),
             )?)
         };
         Ok(Form {
@@ -146,7 +146,7 @@ impl<'a> Form<'a> {
             guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
         let mut asked = Asked::new(
             self.model,
-            &Wanted::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd])),
+            &Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd])),
         )?;
         asked.give(Field::Y, &checked.y);
         asked.give(Field::Yd, &checked.yd);

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Model, Request, Sizes, Status, Wanted, Warnings, Workspace,
+    Answer, Field, FieldSet, Model, Query, Request, Sizes, Status, Warnings, Workspace,
 };
 
 use crate::asked::Asked;
@@ -136,18 +136,18 @@ impl<T: Scalar> Rates<T> {
             };
             Some(Asked::new(
                 &model,
-                &Wanted::new(Request::Kinematics, given, want).with_frames(links),
+                &Query::new(Request::Kinematics, given, want).with_frames(links),
             )?)
         } else {
             None
         };
         let want =
             FieldSet::of(if mechanism.follows_G() { &[Ydd, Q, Qd, G] } else { &[Ydd, Q, Qd] });
-        let mut wanted = Wanted::new(Request::ForwardDynamics, given.with(TauQ), want);
+        let mut query = Query::new(Request::ForwardDynamics, given.with(TauQ), want);
         if !links.is_empty() {
-            wanted = wanted.with_wrenches(links);
+            query = query.with_wrenches(links);
         }
-        let forward = Asked::new(&model, &wanted)?;
+        let forward = Asked::new(&model, &query)?;
         let workspace =
             Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Asked::plan));
         let of = |n: usize| vec![T::ZERO; n];

@@ -1,6 +1,6 @@
 //! Where a simulation starts.
 
-use sarrus_dynamics::{Field, FieldSet, Model, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
 use crate::asked::Asked;
 use crate::coordinates::Coordinates;
@@ -86,12 +86,12 @@ fn closed(
     tree: &Coordinates,
 ) -> Result<Checked, SimulationError> {
     use Field::*;
-    let wanted = Wanted::new(
+    let query = Query::new(
         Request::Kinematics,
         FieldSet::of(&[Q, Qd]),
         FieldSet::of(&[Y, Yd, Q, Qd, Residual]),
     );
-    let mut asked = Asked::new(model, &wanted)?;
+    let mut asked = Asked::new(model, &query)?;
     let mut workspace = Workspace::for_plans(model, [asked.plan()]);
     asked.give(Q, q);
     asked.give(Qd, qd);

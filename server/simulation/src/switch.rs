@@ -1,7 +1,7 @@
 //! Other independents, where those in use come near a singularity.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::{Field, FieldSet, Model, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
 use crate::asked::Asked;
 use crate::engine::Engine;
@@ -52,7 +52,7 @@ impl Watch {
         let given = FieldSet::of(&[Y, QGuess, QdGuess]);
         let asked = Asked::new(
             model,
-            &Wanted::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
+            &Query::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
         )?;
         let workspace = Workspace::for_plans(model, [asked.plan()]);
         let (cheap, infinite) = (model.sizes().n_v <= CHEAP, f64::INFINITY);
@@ -159,8 +159,8 @@ fn with_independents(
     (next.anchor.t, next.anchor.qd) = (engine.anchor.t, engine.anchor.qd.clone());
     // y and ẏ are among q and q̇
     let place = |name: &String, names: &[String]| names.iter().position(|of| of == name);
-    let pick = |wanted: &[String], names: &[String], numbers: &[f64]| -> Option<Vec<f64>> {
-        wanted
+    let pick = |query: &[String], names: &[String], numbers: &[f64]| -> Option<Vec<f64>> {
+        query
             .iter()
             .map(|name| place(name, names).and_then(|at| numbers.get(at).copied()))
             .collect()

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use sarrus_benches::report::{Effort, Wish, names, run};
+use sarrus_benches::report::{Effort, Options, names, run};
 
 use super::output::finish;
 
@@ -25,11 +25,14 @@ pub(crate) struct Report {
 
 impl Report {
     pub(crate) fn run(self) -> ExitCode {
-        let wish =
-            Wish { effort: Effort { quick: self.quick }, sections: self.sections, out: self.out };
-        match run(&wish) {
+        let query = Options {
+            effort: Effort { quick: self.quick },
+            sections: self.sections,
+            out: self.out,
+        };
+        match run(&query) {
             Ok(report) => {
-                let page = wish.out.join("report.html").display().to_string();
+                let page = query.out.join("report.html").display().to_string();
                 let lines = report
                     .summary()
                     .into_iter()

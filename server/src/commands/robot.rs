@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{CheckReport, Finding, Loaded, assemble, load};
+use sarrus_models::{CheckReport, Diagnostic, Loaded, assemble, load};
 
 /// Which robot, and how its files are read.
 #[derive(Args)]
@@ -81,7 +81,7 @@ impl RobotFlags {
 pub(crate) fn refuse(command: &str, error: &LoadError) -> ExitCode {
     match error {
         LoadError::Faults(report) => {
-            eprint!("{}", findings(&report.errors, &report.warnings));
+            eprint!("{}", diagnostics(&report.errors, &report.warnings));
             ExitCode::from(1)
         }
         other => {
@@ -91,10 +91,10 @@ pub(crate) fn refuse(command: &str, error: &LoadError) -> ExitCode {
     }
 }
 
-/// One finding a line, its place first.
-pub(crate) fn findings(errors: &[Finding], warnings: &[Finding]) -> String {
-    let warning = |finding: &Finding| {
-        let Finding { file, line, column, found, expected, help, .. } = finding;
+/// One diagnostic a line, its place first.
+pub(crate) fn diagnostics(errors: &[Diagnostic], warnings: &[Diagnostic]) -> String {
+    let warning = |diagnostic: &Diagnostic| {
+        let Diagnostic { file, line, column, found, expected, help, .. } = diagnostic;
         format!("{file}:{line}:{column}: warning: {found}, expected {expected}, {help}\n")
     };
     errors.iter().map(|error| format!("{error}\n")).chain(warnings.iter().map(warning)).collect()

@@ -53,7 +53,7 @@ impl Serve {
         let info = describe(&loaded);
         info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));
         let wait = match self.wait {
-            None => Wait::fitting(),
+            None => Wait::auto(),
             Some(WaitFlag::Busy) => Wait::Busy,
             Some(WaitFlag::Sleep) => Wait::Sleep,
         };

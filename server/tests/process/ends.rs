@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use sarrus_client::{ConnectError, Door, Error, Status};
+use sarrus_client::{ConnectError, Error, Status, Transport};
 
 use crate::support::{Asker, Place};
 
@@ -14,8 +14,8 @@ fn a_clean_stop_leaves_nothing() {
     for signal in ["-TERM", "-INT"] {
         let place = Place::new();
         let server = place.serve("tidy", &[]);
-        let mut askers = [Door::Lane, Door::Requests]
-            .map(|door| Asker::new(place.connect("tidy", door).unwrap()));
+        let mut askers = [Transport::Lane, Transport::Service]
+            .map(|transport| Asker::new(place.connect("tidy", transport).unwrap()));
         askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
         drop(askers);
         assert_eq!(server.stop(signal).code(), Some(0));
@@ -27,8 +27,8 @@ fn a_clean_stop_leaves_nothing() {
 fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
     let place = Place::new();
     let server = place.serve("under", &[]);
-    let mut askers =
-        [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("under", door).unwrap()));
+    let mut askers = [Transport::Lane, Transport::Service]
+        .map(|transport| Asker::new(place.connect("under", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
     assert!(server.stop("-TERM").success());
     for asker in &mut askers {
@@ -46,8 +46,8 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
 fn requests_during_a_stop_are_refused_not_lost() {
     let place = Place::new();
     let server = place.serve("closing", &[]);
-    let [mut lane, mut requests] = [Door::Lane, Door::Requests]
-        .map(|door| Asker::new(place.connect("closing", door).unwrap()));
+    let [mut lane, mut requests] = [Transport::Lane, Transport::Service]
+        .map(|transport| Asker::new(place.connect("closing", transport).unwrap()));
     let stop = std::thread::spawn(move || server.stop("-TERM"));
     let mut last = [Status::Ok; 2];
     let start = Instant::now();
@@ -69,15 +69,18 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
     let place = Place::new();
     let server = place.serve("widow", &["--lanes", "1"]);
     for _ in 0..3 {
-        let client = place.client("widow", Door::Lane);
-        assert!(matches!(place.connect("widow", Door::Lane), Err(ConnectError::FullHouse { .. })));
+        let client = place.client("widow", Transport::Lane);
+        assert!(matches!(
+            place.connect("widow", Transport::Lane),
+            Err(ConnectError::NoFreeSlot { .. })
+        ));
         client.kill();
         let start = Instant::now();
         let robot = loop {
-            match place.connect("widow", Door::Lane) {
+            match place.connect("widow", Transport::Lane) {
                 Ok(robot) => break robot,
-                Err(ConnectError::FullHouse { .. }) if start.elapsed() < Duration::from_secs(1) => {
-                }
+                Err(ConnectError::NoFreeSlot { .. })
+                    if start.elapsed() < Duration::from_secs(1) => {}
                 Err(error) => panic!("after {:?}: {error}", start.elapsed()),
             }
         };
@@ -85,10 +88,10 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
     }
-    // and through the other door
-    place.client("widow", Door::Requests).kill();
+    // and through the other transport
+    place.client("widow", Transport::Service).kill();
     assert_eq!(
-        Asker::new(place.connect("widow", Door::Requests).unwrap()).ask().unwrap().status,
+        Asker::new(place.connect("widow", Transport::Service).unwrap()).ask().unwrap().status,
         Status::Ok
     );
     assert!(server.stop("-TERM").success());
@@ -97,10 +100,10 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
 
 #[test]
 fn a_killed_server_is_told_and_a_new_one_is_found() {
-    for door in [Door::Lane, Door::Requests] {
+    for transport in [Transport::Lane, Transport::Service] {
         let place = Place::new();
         let server = place.serve("phoenix", &[]);
-        let mut asker = Asker::new(place.connect("phoenix", door).unwrap());
+        let mut asker = Asker::new(place.connect("phoenix", transport).unwrap());
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         let bits = asker.bits();
         server.kill();
@@ -108,8 +111,12 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
         // nobody there: told in the stated time
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
-        assert!(matches!(error, Error::ServerGone { .. }), "{door:?}: {error}");
-        assert!(start.elapsed() < Duration::from_millis(2500), "{door:?}: {:?}", start.elapsed());
+        assert!(matches!(error, Error::ServerGone { .. }), "{transport:?}: {error}");
+        assert!(
+            start.elapsed() < Duration::from_millis(2500),
+            "{transport:?}: {:?}",
+            start.elapsed()
+        );
 
         // a new one: the next request finds it
         let server = place.serve("phoenix", &[]);
@@ -120,13 +127,13 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
         server.kill();
         let server = std::thread::scope(|scope| {
             let restart = scope.spawn(|| place.serve("phoenix", &[]));
-            assert_eq!(asker.ask().unwrap().status, Status::Ok, "{door:?}");
+            assert_eq!(asker.ask().unwrap().status, Status::Ok, "{transport:?}");
             restart.join().unwrap()
         });
         assert_eq!(asker.bits(), bits);
         drop(asker);
         assert!(server.stop("-TERM").success());
-        assert_eq!(place.leftovers(), NOTHING, "{door:?}");
+        assert_eq!(place.leftovers(), NOTHING, "{transport:?}");
     }
 }
 
@@ -134,7 +141,7 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
 fn a_server_that_comes_back_with_another_model_is_refused() {
     let place = Place::new();
     let server = place.serve("changeling", &[]);
-    let mut asker = Asker::new(place.connect("changeling", Door::Lane).unwrap());
+    let mut asker = Asker::new(place.connect("changeling", Transport::Lane).unwrap());
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
     server.kill();
     let _other = place.serve_robot("lambda", "changeling", &[]);
@@ -151,7 +158,8 @@ fn a_server_that_comes_back_with_another_model_is_refused() {
 fn a_new_start_clears_what_a_crash_left() {
     let place = Place::new();
     let server = place.serve("crash", &[]);
-    let clients = [Door::Lane, Door::Requests].map(|door| place.client("crash", door));
+    let clients =
+        [Transport::Lane, Transport::Service].map(|transport| place.client("crash", transport));
     server.kill();
     let _ = clients.map(|client| client.kill());
     assert_ne!(place.leftovers(), NOTHING, "a crash leaves something, or this test tests nothing");

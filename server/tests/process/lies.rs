@@ -3,14 +3,14 @@
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
-use sarrus_client::{Door, Status};
+use sarrus_client::{Status, Transport};
 use sarrus_proto::board::{ClaimedLane, class_of};
 use sarrus_proto::lane::{Threadsafe, send_request};
 use sarrus_proto::message::{
     Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, Refusal, RequestHead, ResponseHead,
 };
 use sarrus_proto::service::{ControlClient, open_compute, open_control};
-use sarrus_proto::{FieldSet, PROTOCOL_VERSION, ServerName, Wanted};
+use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, ServerName};
 
 use crate::support::{Asker, Place, STATE};
 
@@ -31,7 +31,7 @@ fn request(call: u32) -> ControlRequest {
         call,
         fingerprint: 0,
         arguments: [0; 2],
-        wanted: STATE,
+        query: STATE,
     }
 }
 
@@ -99,14 +99,14 @@ fn lies_through_the_control_service_are_refused() {
         );
     }
 
-    // wanted sets
-    let plan = |wanted: Wanted| refusal(ControlRequest { wanted, ..request(Call::Plan as u32) });
-    assert_eq!(plan(Wanted { request: 99, ..STATE }), Some(Refusal::BadWanted));
-    assert_eq!(plan(Wanted { want: FieldSet(u64::MAX), ..STATE }), Some(Refusal::BadWanted));
-    assert_eq!(plan(Wanted { n_frames: u16::MAX, ..STATE }), Some(Refusal::BadWanted));
-    assert_eq!(plan(Wanted { n_wrenches: 17, ..STATE }), Some(Refusal::BadWanted));
+    // queries
+    let plan = |query: Query| refusal(ControlRequest { query, ..request(Call::Plan as u32) });
+    assert_eq!(plan(Query { request: 99, ..STATE }), Some(Refusal::BadWanted));
+    assert_eq!(plan(Query { want: FieldSet(u64::MAX), ..STATE }), Some(Refusal::BadWanted));
+    assert_eq!(plan(Query { n_frames: u16::MAX, ..STATE }), Some(Refusal::BadWanted));
+    assert_eq!(plan(Query { n_wrenches: 17, ..STATE }), Some(Refusal::BadWanted));
     assert_eq!(
-        plan(Wanted { n_frames: 1, frames: [u16::MAX; 32], ..STATE }),
+        plan(Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE }),
         Some(Refusal::BadWanted)
     );
     assert_eq!(plan(STATE), None);
@@ -127,7 +127,7 @@ fn lies_through_a_lane_get_their_status() {
     let place = Place::new();
     let server = place.serve("lane", &[]);
     let name = ServerName::new("lane").unwrap();
-    let mut honest = Asker::new(place.connect("lane", Door::Lane).unwrap());
+    let mut honest = Asker::new(place.connect("lane", Transport::Lane).unwrap());
     let n_in = honest.input.len();
 
     let node = place.domain.node::<Threadsafe>().unwrap();
@@ -202,9 +202,9 @@ fn lies_through_a_lane_get_their_status() {
 #[test]
 fn lies_through_the_requests_door_get_their_status() {
     let place = Place::new();
-    let _server = place.serve("door", &[]);
-    let name = ServerName::new("door").unwrap();
-    let mut honest = Asker::new(place.connect("door", Door::Requests).unwrap());
+    let _server = place.serve("transport", &[]);
+    let name = ServerName::new("transport").unwrap();
+    let mut honest = Asker::new(place.connect("transport", Transport::Service).unwrap());
     let n_in = honest.input.len();
     let node = place.domain.node::<Threadsafe>().unwrap();
     let hello = call(&open_control(&node, &name).unwrap(), request(Call::Hello as u32));

@@ -5,7 +5,7 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use sarrus_client::{Door, Options, Robot, Source, Status};
+use sarrus_client::{Options, Robot, Source, Status, Transport};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::RequestHead;
@@ -19,8 +19,8 @@ use crate::support::{Asker, Place, ROBOT};
 fn no_request_reaches_the_systems_allocator() {
     let place = Place::new();
     let _server = place.serve("frugal", &["--wait", "busy"]);
-    for door in [Door::Lane, Door::Requests] {
-        let mut asker = Asker::new(place.connect("frugal", door).unwrap());
+    for transport in [Transport::Lane, Transport::Service] {
+        let mut asker = Asker::new(place.connect("frugal", transport).unwrap());
         for _ in 0..20_000 {
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
@@ -31,14 +31,17 @@ fn no_request_reaches_the_systems_allocator() {
         );
         std::thread::sleep(Duration::from_millis(200));
         let statistics = asker.robot.statistics().unwrap();
-        assert_eq!(statistics.system_allocations, 0, "{door:?}: {statistics:?}");
-        let served =
-            if door == Door::Lane { statistics.lane_requests } else { statistics.door_requests };
-        assert_eq!(served, 20_001, "{door:?}: {statistics:?}");
+        assert_eq!(statistics.system_allocations, 0, "{transport:?}: {statistics:?}");
+        let served = if transport == Transport::Lane {
+            statistics.lane_requests
+        } else {
+            statistics.service_requests
+        };
+        assert_eq!(served, 20_001, "{transport:?}: {statistics:?}");
         assert_eq!(
             statistics.pool_allocations > 0,
-            door == Door::Requests,
-            "{door:?}: {statistics:?}"
+            transport == Transport::Service,
+            "{transport:?}: {statistics:?}"
         );
         assert!(statistics.latency_ns[0] > 0 && statistics.answered(Status::NonFiniteInput) > 0);
     }
@@ -48,10 +51,10 @@ fn no_request_reaches_the_systems_allocator() {
 fn asking_allocates_nothing_through_a_lane_and_in_process() {
     let place = Place::new();
     let _server = place.serve("sparing", &[]);
-    // the transport itself makes one small block for each request through the other door
+    // the transport itself makes one small block for each request through the other transport
     let local = Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap();
-    let [lane, requests] =
-        [Door::Lane, Door::Requests].map(|door| place.connect("sparing", door).unwrap());
+    let [lane, requests] = [Transport::Lane, Transport::Service]
+        .map(|transport| place.connect("sparing", transport).unwrap());
     for (robot, blocks) in [(local, 0), (lane, 0), (requests, 1)] {
         let mut asker = Asker::new(robot);
         asker.ask().unwrap();
@@ -76,8 +79,8 @@ fn the_busy_loop_makes_no_system_call() {
     }
     let place = Place::new();
     let server = place.serve("silent", &["--wait", "busy"]);
-    let mut askers =
-        [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("silent", door).unwrap()));
+    let mut askers = [Transport::Lane, Transport::Service]
+        .map(|transport| Asker::new(place.connect("silent", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
 
     let tasks = fs::read_dir(format!("/proc/{}/task", server.id()))
@@ -117,7 +120,7 @@ fn the_busy_loop_makes_no_system_call() {
     let after = askers[0].robot.statistics().unwrap();
     assert!(
         after.lane_requests >= before.lane_requests + 5_000
-            && after.door_requests >= before.door_requests + 5_000
+            && after.service_requests >= before.service_requests + 5_000
     );
     let calls = fs::read_to_string(&trace).unwrap();
     fs::remove_file(&trace).unwrap();
@@ -164,10 +167,10 @@ fn no_client_starves_another() {
     let place = Place::new();
     let _server = place.serve("fair", &["--wait", "busy"]);
     let name = ServerName::new("fair").unwrap();
-    let asker = Asker::new(place.connect("fair", Door::Requests).unwrap());
+    let asker = Asker::new(place.connect("fair", Transport::Service).unwrap());
     let numbers = asker.input.clone();
 
-    // three clients of the requests door and two lanes, all backlogged, driven by one thread
+    // three clients of the service and two lanes, all backlogged, driven by one thread
     let node = place.domain.node::<Threadsafe>().unwrap();
     let hello = crate::lies::hello(&node, &name);
     let head = RequestHead {

@@ -11,8 +11,8 @@ mod support;
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
-    ConnectError, ConnectOptions, Door, Field, FieldSet, Options, Request, Robot, Source, Status,
-    Wanted,
+    ConnectError, ConnectOptions, Field, FieldSet, Options, Query, Request, Robot, Source, Status,
+    Transport,
 };
 
 use support::{Asker, Place, ROBOT, STATE, options};
@@ -24,14 +24,15 @@ static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
 /// Not a test of its own: the body of the clients that tests start as other processes.
 #[test]
 fn the_other_process() {
-    let (Ok(name), Ok(door)) =
-        (std::env::var("SARRUS_TEST_SERVER"), std::env::var("SARRUS_TEST_DOOR"))
+    let (Ok(name), Ok(transport)) =
+        (std::env::var("SARRUS_TEST_SERVER"), std::env::var("SARRUS_TEST_TRANSPORT"))
     else {
         return;
     };
-    let door = if door == "Lane" { Door::Lane } else { Door::Requests };
+    let transport = if transport == "Lane" { Transport::Lane } else { Transport::Service };
     let robot =
-        sarrus_client::Robot::connect_with(&name, ConnectOptions { door, ..options() }).unwrap();
+        sarrus_client::Robot::connect_with(&name, ConnectOptions { transport, ..options() })
+            .unwrap();
     let mut asker = Asker::new(robot);
     asker.ask().unwrap();
     println!("answered");
@@ -45,16 +46,16 @@ fn the_other_process() {
 fn ready_is_one_line_with_name_and_fingerprint() {
     let place = Place::new();
     let server = place.serve("here", &[]);
-    let robot = place.connect("here", Door::Lane).unwrap();
+    let robot = place.connect("here", Transport::Lane).unwrap();
     assert_eq!(server.ready, format!("ready here {:016x}\n", robot.model().fingerprint));
 }
 
 #[test]
-fn both_doors_give_the_same_bits_as_in_process() {
+fn both_transports_give_the_same_bits_as_in_process() {
     let place = Place::new();
     let _server = place.serve("same", &[]);
-    let [mut lane, mut requests] =
-        [Door::Lane, Door::Requests].map(|door| Asker::new(place.connect("same", door).unwrap()));
+    let [mut lane, mut requests] = [Transport::Lane, Transport::Service]
+        .map(|transport| Asker::new(place.connect("same", transport).unwrap()));
     let mut local =
         Asker::new(Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap());
     assert_eq!(lane.robot.model(), local.robot.model());
@@ -77,16 +78,16 @@ fn a_larger_plan_gets_a_larger_lane() {
     let place = Place::new();
     // one lane only: the small one must be given up for the large one
     let _server = place.serve("grow", &["--lanes", "1"]);
-    let mut robot = place.connect("grow", Door::Lane).unwrap();
+    let mut robot = place.connect("grow", Transport::Lane).unwrap();
     let small = robot
-        .prepare(&Wanted::new(
+        .prepare(&Query::new(
             Request::Kinematics,
             FieldSet::of(&[Field::Y]),
             FieldSet::of(&[Field::U]),
         ))
         .unwrap();
     let large = robot
-        .prepare(&Wanted::new(
+        .prepare(&Query::new(
             Request::Kinematics,
             FieldSet::of(&[Field::Y]),
             FieldSet::of(&[Field::G, Field::K, Field::Q]),
@@ -106,14 +107,14 @@ fn a_larger_plan_gets_a_larger_lane() {
 fn no_server_is_told_at_once() {
     let place = Place::new();
     let start = Instant::now();
-    let error = place.connect("nobody", Door::Lane).err().unwrap();
+    let error = place.connect("nobody", Transport::Lane).err().unwrap();
     assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
     assert_eq!(
         error.to_string(),
         "no server named `nobody` runs; start one with `sarrus serve --name nobody`"
     );
     assert!(start.elapsed() < Duration::from_secs(1));
-    assert!(matches!(place.connect("no/body", Door::Lane), Err(ConnectError::Domain(_))));
+    assert!(matches!(place.connect("no/body", Transport::Lane), Err(ConnectError::Domain(_))));
     assert_eq!(place.leftovers(), Vec::<std::path::PathBuf>::new());
 }
 
@@ -131,7 +132,7 @@ fn a_second_server_of_the_name_is_refused() {
     // the first one goes on, and others have their own names
     let _other = place.serve("thrice", &[]);
     assert_eq!(
-        Asker::new(place.connect("twice", Door::Lane).unwrap()).ask().unwrap().status,
+        Asker::new(place.connect("twice", Transport::Lane).unwrap()).ask().unwrap().status,
         Status::Ok
     );
     assert!(server.stop("-TERM").success());
@@ -149,18 +150,18 @@ fn another_model_than_expected_is_refused() {
 }
 
 #[test]
-fn a_full_house_is_told_and_the_requests_door_stays_open() {
+fn no_free_slot_is_told_and_the_requests_door_stays_open() {
     let place = Place::new();
     let _server = place.serve("full", &["--lanes", "2"]);
-    let first = Asker::new(place.connect("full", Door::Lane).unwrap());
-    let _second = Asker::new(place.connect("full", Door::Lane).unwrap());
-    let error = place.connect("full", Door::Lane).err().unwrap();
-    assert!(matches!(error, ConnectError::FullHouse { limit: 2, .. }), "{error}");
-    let mut third = Asker::new(place.connect("full", Door::Requests).unwrap());
+    let first = Asker::new(place.connect("full", Transport::Lane).unwrap());
+    let _second = Asker::new(place.connect("full", Transport::Lane).unwrap());
+    let error = place.connect("full", Transport::Lane).err().unwrap();
+    assert!(matches!(error, ConnectError::NoFreeSlot { limit: 2, .. }), "{error}");
+    let mut third = Asker::new(place.connect("full", Transport::Service).unwrap());
     assert_eq!(third.ask().unwrap().status, Status::Ok);
     // who leaves makes room
     drop(first);
-    let mut fourth = Asker::new(place.connect("full", Door::Lane).unwrap());
+    let mut fourth = Asker::new(place.connect("full", Transport::Lane).unwrap());
     assert_eq!(fourth.ask().unwrap().status, Status::Ok);
     assert_eq!(fourth.robot.prepare(&STATE).unwrap(), fourth.plan);
 }

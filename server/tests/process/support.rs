@@ -9,12 +9,13 @@ use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
-    ConnectError, ConnectOptions, Door, Field, FieldSet, Patience, PlanId, Request, Robot, Wanted,
+    ConnectError, ConnectOptions, Field, FieldSet, PlanId, Query, Request, Robot, Transport,
+    WaitStrategy,
 };
 use sarrus_proto::Domain;
 
 /// What every test asks: all of the robot's state.
-pub(crate) const STATE: Wanted = Wanted::new(
+pub(crate) const STATE: Query = Query::new(
     Request::Kinematics,
     FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
     FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U]),
@@ -88,8 +89,8 @@ impl Place {
         command
     }
 
-    pub(crate) fn connect(&self, name: &str, door: Door) -> Result<Robot, ConnectError> {
-        self.connect_with(name, ConnectOptions { door, ..options() })
+    pub(crate) fn connect(&self, name: &str, transport: Transport) -> Result<Robot, ConnectError> {
+        self.connect_with(name, ConnectOptions { transport, ..options() })
     }
 
     pub(crate) fn connect_with(
@@ -102,7 +103,7 @@ impl Place {
 
     /// Another process that connects, prepares and asks until it is killed; returns once it was
     /// answered.
-    pub(crate) fn client(&self, name: &str, door: Door) -> Client {
+    pub(crate) fn client(&self, name: &str, transport: Transport) -> Client {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command
             .args(["the_other_process", "--exact", "--nocapture"])
@@ -111,7 +112,7 @@ impl Place {
         command
             .env("SARRUS_ROOT", self.domain.root())
             .env("SARRUS_TEST_SERVER", name)
-            .env("SARRUS_TEST_DOOR", format!("{door:?}"));
+            .env("SARRUS_TEST_TRANSPORT", format!("{transport:?}"));
         let mut child = command.spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         assert!(
@@ -132,7 +133,7 @@ impl Drop for Place {
 }
 
 pub(crate) fn options() -> ConnectOptions {
-    ConnectOptions { patience: Patience::Polite, ..ConnectOptions::default() }
+    ConnectOptions { wait_strategy: WaitStrategy::Polite, ..ConnectOptions::default() }
 }
 
 /// A served robot in another process; killed when dropped.

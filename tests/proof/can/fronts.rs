@@ -193,7 +193,7 @@ impl Session {
         self.cycles(200, true);
         assert!((0..self.configuration.buses.len()).all(|bus| !self.bridge.frames(bus).is_empty()));
         assert_eq!(
-            self.bridge.state().standing,
+            self.bridge.state().state,
             2,
             "the session is not enabled: {:?}",
             self.bridge.state().reason

@@ -288,7 +288,7 @@ impl Process {
     /// The state of the bridge, as the controller sees it.
     pub(super) fn state(&mut self) -> Value {
         self.tell("state");
-        self.until(|value| value["standings"].is_array())
+        self.until(|value| value["states"].is_array())
     }
 
     pub(super) fn signal(&self, signal: &str) {

@@ -8,7 +8,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Stdio};
 use sarrus_can::drive::{Drive, Mode, Receipt, Setpoint};
 use sarrus_can::frame::{Frame, FrameQueue, Id};
 use sarrus_can::protocol::{Common, Settings, protocol};
-use sarrus_models::{Findings, yaml};
+use sarrus_models::{Diagnostics, yaml};
 use sarrus_tests::python::environment;
 use serde_json::{Value, json};
 
@@ -67,20 +67,21 @@ fn drive(name: &str, text: &str, mode: Mode) -> Box<dyn Drive> {
 
 fn drive_of(name: &str, text: &str, mode: Mode, file: &str) -> Box<dyn Drive> {
     let protocol = protocol(name).unwrap();
-    let mut findings = Findings::new(false);
-    let node = yaml::read("drive.yml", text.as_bytes().to_vec(), "a drive", &mut findings).unwrap();
+    let mut diagnostics = Diagnostics::new(false);
+    let node =
+        yaml::read("drive.yml", text.as_bytes().to_vec(), "a drive", &mut diagnostics).unwrap();
     let settings = Settings::read(
         &node,
         "the drive",
         protocol.keys,
         &[],
         &|_| Ok(file.to_owned()),
-        &mut findings,
+        &mut diagnostics,
     );
     let common =
         Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY, period_ns: 2_000_000 };
-    let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut findings));
-    drive.unwrap_or_else(|| panic!("{}", findings.into_report()))
+    let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut diagnostics));
+    drive.unwrap_or_else(|| panic!("{}", diagnostics.into_report()))
 }
 
 fn encode(drive: &dyn Drive, wanted: Setpoint) -> Vec<Frame> {
@@ -206,7 +207,7 @@ fn canopen_takes_every_request_of_the_set_up() {
     let mut written = Vec::new();
     for _ in 0..60 {
         let mut queue = FrameQueue::new(8);
-        drive.cycle(0, sarrus_can::drive::Wish::Off, &mut queue);
+        drive.cycle(0, sarrus_can::drive::DriveCommand::Off, &mut queue);
         for frame in queue.frames().iter().filter(|frame| frame.id == Id::Standard(0x605)) {
             let bytes = frame.exactly::<8>().unwrap();
             let (index, sub) = (u16::from_le_bytes([bytes[1], bytes[2]]), bytes[3]);
@@ -254,7 +255,7 @@ fn canopen_takes_every_request_of_the_set_up() {
             &Frame::classic(Id::Standard(0x185), &[low, high, 0, 0, 0, 0, 0, 0]).unwrap(),
         );
         let mut queue = FrameQueue::new(8);
-        drive.cycle(0, sarrus_can::drive::Wish::On(Setpoint::default()), &mut queue);
+        drive.cycle(0, sarrus_can::drive::DriveCommand::On(Setpoint::default()), &mut queue);
         let sent =
             queue.frames().iter().find(|frame| frame.id == Id::Standard(0x205)).unwrap().data();
         assert_eq!(json!(u16::from_le_bytes([sent[0], sent[1]])), commands[next], "{state}");

@@ -40,16 +40,16 @@ impl Rehearsal {
         assert!(self.report().iter().all(|motor| motor["power"] == true));
     }
 
-    fn controller_sees(&mut self, standing: &str) {
+    fn controller_sees(&mut self, expected: &str) {
         let mut state = Value::Null;
         let begin = Instant::now();
         while begin.elapsed() < PATIENCE {
             state = self.controller.state();
-            if state["standing"] == standing {
+            if state["state"] == expected {
                 return;
             }
         }
-        panic!("the bridge is not {standing}: {state}");
+        panic!("the bridge is not {expected}: {state}");
     }
 
     /// All motors, in the order of u.
@@ -296,16 +296,10 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
             rehearsal.controller_sees("fault");
             // the torso's mechanisms are in fault, those of the arms follow
             let state = rehearsal.controller.state();
-            let standings = state["standings"].as_array().unwrap();
-            let (of_torso, of_arms) = standings.split_at(BUSES[torso].1.len());
-            assert!(
-                of_torso.iter().all(|standing| standing == "fault"),
-                "{front:?} {signal}: {state}"
-            );
-            assert!(
-                of_arms.iter().all(|standing| standing == "enabled"),
-                "{front:?} {signal}: {state}"
-            );
+            let states = state["states"].as_array().unwrap();
+            let (of_torso, of_arms) = states.split_at(BUSES[torso].1.len());
+            assert!(of_torso.iter().all(|state| state == "fault"), "{front:?} {signal}: {state}");
+            assert!(of_arms.iter().all(|state| state == "enabled"), "{front:?} {signal}: {state}");
             rehearsal.controller.tell("target 0.03");
             for bus in [left, right] {
                 wait_for("arms at the target", || {
@@ -351,9 +345,9 @@ fn a_fault_and_a_silent_motor_stop_their_mechanism_and_wait_for_a_reset() {
             rehearsal.motors[1].tell(break_it);
             rehearsal.controller_sees("fault");
             let state = rehearsal.controller.state();
-            for (place, standing) in state["standings"].as_array().unwrap().iter().enumerate() {
+            for (place, state) in state["states"].as_array().unwrap().iter().enumerate() {
                 assert_eq!(
-                    *standing,
+                    *state,
                     if place == 6 { "fault" } else { "enabled" },
                     "{front:?} {break_it} {place}: {state}"
                 );
@@ -362,13 +356,13 @@ fn a_fault_and_a_silent_motor_stop_their_mechanism_and_wait_for_a_reset() {
             rehearsal.controller.tell("arm");
             std::thread::sleep(Duration::from_millis(200));
             assert_eq!(
-                rehearsal.controller.state()["standings"][6],
+                rehearsal.controller.state()["states"][6],
                 "fault",
                 "{front:?}: an arming does not reset"
             );
             rehearsal.controller.tell("reset");
             wait_for("the reset", || {
-                (rehearsal.controller.state()["standings"][6] == "disabled").then_some(())
+                (rehearsal.controller.state()["states"][6] == "disabled").then_some(())
             });
             rehearsal.arm();
         }

@@ -8,7 +8,7 @@ use sarrus_can::frame::FrameQueue;
 use sarrus_can::mapping::{ActuatorSetpoint, Mapping};
 use sarrus_can::motor::{Physics, Simulated};
 use sarrus_models::LoadError;
-use sarrus_proto::actuators::{ActuatorCommand, Operation, Standing};
+use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation};
 use sarrus_tests::seed::Seeded;
 
 use crate::allocation::calls;
@@ -98,7 +98,7 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
         }
         bridge.cycle(now_ns);
         calls_of_bridge += calls() - before;
-        seen.push(bridge.state().standing);
+        seen.push(bridge.state().state);
         for (bus, motor) in motors.iter_mut().enumerate() {
             out.clear();
             for frame in bridge.frames(bus) {
@@ -111,8 +111,13 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
         }
     }
     assert_eq!(calls_of_bridge, 0);
-    for standing in [Standing::Disabled, Standing::Arming, Standing::Enabled, Standing::Fault] {
-        assert!(seen.contains(&(standing as u32)), "never {}", standing.name());
+    for state in [
+        MechanismState::Disabled,
+        MechanismState::Arming,
+        MechanismState::Enabled,
+        MechanismState::Fault,
+    ] {
+        assert!(seen.contains(&(state as u32)), "never {}", state.name());
     }
 }
 

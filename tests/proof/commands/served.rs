@@ -228,7 +228,7 @@ fn a_server_that_takes_no_more_plans_is_told() {
 }
 
 #[test]
-fn more_askers_than_lanes_are_answered_through_the_requests_door() {
+fn more_askers_than_lanes_are_answered_through_the_service() {
     let place = Place::new();
     let mut server = Process::start(
         &mut place.command(&["serve", "--robot", "lambda", "--name", "full", "--lanes", "1"]),
@@ -262,7 +262,7 @@ fn the_demo_is_good_and_leaves_nothing_behind() {
     assert!(report["worst_error"].as_f64().unwrap() < 1e-12);
     let ways: Vec<&str> =
         report["ways"].as_array().unwrap().iter().map(|way| way["way"].as_str().unwrap()).collect();
-    assert_eq!(ways[..2], ["lane", "requests door"]);
+    assert_eq!(ways[..2], ["lane", "service"]);
     assert!(
         report["ways"]
             .as_array()

@@ -10,7 +10,7 @@ use sarrus_dynamics::description::{
 };
 use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{
-    Compiled, Field, FieldSet, Method, Model, Plan, Request, Status, Wanted, Workspace,
+    Compiled, Field, FieldSet, Method, Model, Plan, Query, Request, Status, Workspace,
 };
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{assert_close, largest};
@@ -32,8 +32,8 @@ fn forward<T: Scalar>(
     want: &[Field],
 ) -> (Status, Vec<Vec<T>>) {
     let fields: Vec<Field> = given.iter().map(|x| x.0).collect();
-    let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::of(&fields), FieldSet::of(want));
-    let plan = Plan::with_method(model, &wanted, method).unwrap();
+    let query = Query::new(Request::ForwardDynamics, FieldSet::of(&fields), FieldSet::of(want));
+    let plan = Plan::with_method(model, &query, method).unwrap();
     assert_eq!(plan.method(), method);
     let mut workspace = Workspace::for_plans(model, [&plan]);
     let mut input = vec![T::ZERO; plan.given().len()];
@@ -193,12 +193,12 @@ fn no_method_allocates() {
         let model = &case.compiled.model;
         let state = case.state::<f64>(0);
         for method in Method::ALL {
-            let wanted = Wanted::new(
+            let query = Query::new(
                 Request::ForwardDynamics,
                 FieldSet::of(&[Y, Yd, TauY]),
                 FieldSet::of(&[Ydd, Qdd, Lambda, CY]),
             );
-            let plan = Plan::with_method(model, &wanted, method).unwrap();
+            let plan = Plan::with_method(model, &query, method).unwrap();
             let mut workspace = Workspace::for_plans(model, [&plan]);
             let mut input = vec![0.0; plan.given().len()];
             input[plan.given().slot(Y).unwrap().range()].copy_from_slice(&state.y);
@@ -215,10 +215,10 @@ fn no_method_allocates() {
 #[test]
 fn a_workspace_without_room_is_refused() {
     let model = Case::bundled("lambda").compiled.model;
-    let wanted =
-        Wanted::new(Request::ForwardDynamics, FieldSet::of(&[Y, TauY]), FieldSet::of(&[Ydd]));
+    let query =
+        Query::new(Request::ForwardDynamics, FieldSet::of(&[Y, TauY]), FieldSet::of(&[Ydd]));
     let [recursion, projection, kkt] =
-        Method::ALL.map(|method| Plan::with_method(&model, &wanted, method).unwrap());
+        Method::ALL.map(|method| Plan::with_method(&model, &query, method).unwrap());
     let status = |workspace: &mut Workspace<f64>, plan: &Plan| {
         plan.run(&model, workspace, &[0.1, 0.0], &mut [0.0]).status
     };

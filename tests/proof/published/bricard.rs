@@ -23,9 +23,9 @@ fn bricards_mechanism_moves_and_falls_as_published() {
                 robot.ask(Request::ForwardDynamics, &given, &[Ydd]).ok().get(Ydd)[0]
             });
         }
-        let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose]))
+        let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose]))
             .with_frames(&p3);
-        let state = robot.ask_for(wanted, &[(Y, &[motion.y]), (QGuess, &motion.q)]).ok();
+        let state = robot.ask_for(query, &[(Y, &[motion.y]), (QGuess, &motion.q)]).ok();
         // published with y up
         let [x, north, up] = [0, 1, 2].map(|i| state.get(FramePose)[i]);
         // twelve decimals were published

@@ -9,7 +9,7 @@ mod planar;
 mod platforms;
 mod squeezer;
 
-use sarrus_dynamics::{Compiled, Field, FieldSet, Request, Wanted};
+use sarrus_dynamics::{Compiled, Field, FieldSet, Query, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::run::Robot;
 pub(crate) use squeezer::SQUEEZER;
@@ -30,9 +30,9 @@ fn link(robot: &Robot<f64>, name: &str) -> u16 {
 
 /// Position of the origin of a link, and its orientation x, y, z, w, at y.
 fn pose(robot: &mut Robot<f64>, name: &str, y: &[f64]) -> [f64; 7] {
-    let wanted = Wanted::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose]))
+    let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose]))
         .with_frames(&[link(robot, name)]);
-    let answer = robot.ask_for(wanted, &[(Y, y)]).ok();
+    let answer = robot.ask_for(query, &[(Y, y)]).ok();
     std::array::from_fn(|i| answer.get(FramePose)[i])
 }
 

@@ -98,10 +98,10 @@ fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
             (0..6).map(|i| seeded.within(-1.0, 1.0) * if i < 3 { 0.05 } else { 0.2 }).collect();
         let (yd, ydd) = (seeded.numbers(6, 1.0), seeded.numbers(6, 5.0));
         let motion: [(Field, &[f64]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
-        let wanted = FieldSet::of(&[U, Ud, Udd, FramePose, FrameTwist, FrameAcc]);
+        let query = FieldSet::of(&[U, Ud, Udd, FramePose, FrameTwist, FrameAcc]);
         let state = six
             .ask_for(
-                Wanted::new(Request::Kinematics, FieldSet::EMPTY, wanted).with_frames(&platform),
+                Query::new(Request::Kinematics, FieldSet::EMPTY, query).with_frames(&platform),
                 &motion,
             )
             .ok();

@@ -62,11 +62,11 @@ fn the_squeezer_closes_and_starts_as_published() {
             1e-14,
         );
     }
-    let wanted = Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Qdd]))
+    let query = Query::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Qdd]))
         .with_wrenches(&[link(&robot, "K3")]);
     let given: [(Field, &[f64]); 4] =
         [(Y, &[0.0]), (Yd, &[0.0]), (TauU, &[0.033]), (Wrenches, &squeezer_spring(&[0.0; 7]))];
-    let start = robot.ask_for(wanted, &given).ok();
+    let start = robot.ask_for(query, &given).ok();
     // the loops' own rounding, 1e-17 m, is 1e-15 of the smallest crank
     let published = [14222.4439199541387, -10666.8329399655854, 0.0, 0.0, 0.0, 0.0, 0.0];
     assert_close("q̈(0)", start.get(Qdd), &published, 1.0, 1e-11);
@@ -80,9 +80,8 @@ fn the_squeezer_arrives_as_published() {
     for _ in 0..3000 {
         motion.step(&mut robot, 0.03 / 3000.0, |robot, y, yd, guess| {
             let q = closed(robot, y, guess);
-            let wanted =
-                Wanted::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Ydd]))
-                    .with_wrenches(&on);
+            let query = Query::new(Request::ForwardDynamics, FieldSet::EMPTY, FieldSet::of(&[Ydd]))
+                .with_wrenches(&on);
             let given: [(Field, &[f64]); 5] = [
                 (Y, &[y]),
                 (Yd, &[yd]),
@@ -90,7 +89,7 @@ fn the_squeezer_arrives_as_published() {
                 (QGuess, &q),
                 (Wrenches, &squeezer_spring(&q)),
             ];
-            robot.ask_for(wanted, &given).ok().get(Ydd)[0]
+            robot.ask_for(query, &given).ok().get(Ydd)[0]
         });
     }
     let q: Vec<f64> = motion.q.iter().zip(SQUEEZER).map(|(q, start)| q + start).collect();

@@ -7,7 +7,7 @@ use std::f64::consts::FRAC_PI_6;
 
 use faer::Mat;
 use sarrus_dynamics::scalar::Dd;
-use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Plan, Request, Status, Wanted, Workspace};
+use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 use sarrus_tests::cases::Case;
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::run::{Fields, Robot};
@@ -481,15 +481,15 @@ fn nothing_allocates_whatever_fails() {
         [four_bar(LOOSE, "xyz"), four_bar(LOOSE, "xyzabc"), bricard(false), door(true), lambda(1.0)]
     {
         let model = &compiled.model;
-        let state = Wanted::new(Request::Kinematics, FieldSet::of(&[Y]), FieldSet::of(&want));
-        let forces = Wanted::new(
+        let state = Query::new(Request::Kinematics, FieldSet::of(&[Y]), FieldSet::of(&want));
+        let forces = Query::new(
             Request::InverseDynamics,
             FieldSet::of(&[Y]),
             FieldSet::of(&[Lambda, LambdaDeterminate, Uncontrolled]),
         );
         let mut workspace = Workspace::new(model);
-        for wanted in [state, forces] {
-            let plan = Plan::new(model, &wanted).unwrap();
+        for query in [state, forces] {
+            let plan = Plan::new(model, &query).unwrap();
             let mut output = vec![0.0; plan.want().len()];
             for k in -8..=8 {
                 let before = crate::allocation::calls();

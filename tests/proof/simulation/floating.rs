@@ -1,6 +1,6 @@
 //! Robots whose independents are quaternions.
 
-use sarrus_dynamics::{Field, FieldSet, Request, Wanted};
+use sarrus_dynamics::{Field, FieldSet, Query, Request};
 use sarrus_tests::compare::assert_close;
 
 use super::orders::order;
@@ -40,14 +40,14 @@ fn satellite(gravity: f64) -> Robot {
 /// Momentum, and moment of momentum about the root.
 fn momentum(robot: &Robot, sample: &sarrus_simulation::Sample) -> [f64; 6] {
     let links: Vec<u16> = (0..robot.loaded.description.links.len() as u16).collect();
-    let wanted = Wanted::new(
+    let query = Query::new(
         Request::Kinematics,
         FieldSet::EMPTY,
         FieldSet::of(&[Field::FramePose, Field::FrameTwist]),
     )
     .with_frames(&links);
     let mut asked = sarrus_tests::run::Robot::new(robot.loaded.compiled.model.clone());
-    let frames = asked.ask_for(wanted, &[(Field::Y, &sample.y), (Field::Yd, &sample.yd)]).ok();
+    let frames = asked.ask_for(query, &[(Field::Y, &sample.y), (Field::Yd, &sample.yd)]).ok();
     let mut sum = [0.0; 6];
     let cross = |a: [f64; 3], b: [f64; 3]| {
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -115,14 +115,11 @@ fn bricards_mechanism_falls_as_published() {
             let run = robot.run(&from(&[0.0], &[0.0]), &adaptive(method, 1e-11, seconds));
             let end = arrived(&run);
             let mut asked = sarrus_tests::run::Robot::new(robot.loaded.compiled.model.clone());
-            use sarrus_dynamics::{Field, FieldSet, Request, Wanted};
-            let wanted = Wanted::new(
-                Request::Kinematics,
-                FieldSet::EMPTY,
-                FieldSet::of(&[Field::FramePose]),
-            )
-            .with_frames(&[p3]);
-            let pose = asked.ask_for(wanted, &[(Field::Y, &end.y), (Field::QGuess, &end.q)]).ok();
+            use sarrus_dynamics::{Field, FieldSet, Query, Request};
+            let query =
+                Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[Field::FramePose]))
+                    .with_frames(&[p3]);
+            let pose = asked.ask_for(query, &[(Field::Y, &end.y), (Field::QGuess, &end.q)]).ok();
             // published with y up
             let [x, north, up] = [0, 1, 2].map(|i| pose.get(Field::FramePose)[i]);
             assert_close(

@@ -1,6 +1,6 @@
 //! Where one closed mechanism stands. Its motors get and lose power together.
 
-use sarrus_proto::actuators::{Reason, Standing};
+use sarrus_proto::actuators::{MechanismState, Reason};
 
 /// How far a mechanism is with arming, and how commands reach it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +20,7 @@ enum Phase {
 /// A closed mechanism.
 #[derive(Debug)]
 pub(super) struct Mechanism {
-    pub(super) standing: Standing,
+    pub(super) state: MechanismState,
     pub(super) reason: Reason,
     pub(super) has_motors: bool,
     phase: Phase,
@@ -31,7 +31,7 @@ pub(super) struct Mechanism {
 impl Mechanism {
     pub(super) fn new(has_motors: bool) -> Mechanism {
         Mechanism {
-            standing: Standing::Disabled,
+            state: MechanismState::Disabled,
             reason: Reason::None,
             has_motors,
             phase: Phase::Off,
@@ -41,7 +41,7 @@ impl Mechanism {
 
     /// Arms, or takes power.
     pub(super) fn is_live(&self) -> bool {
-        matches!(self.standing, Standing::Arming | Standing::Enabled)
+        matches!(self.state, MechanismState::Arming | MechanismState::Enabled)
     }
 
     /// Its motors have power, or are taking it.
@@ -59,10 +59,10 @@ impl Mechanism {
 
     /// The worst comes last.
     pub(super) fn severity(&self) -> u32 {
-        match self.standing {
-            Standing::Enabled => 0,
-            Standing::Arming => 1,
-            Standing::Disabled => 2,
+        match self.state {
+            MechanismState::Enabled => 0,
+            MechanismState::Arming => 1,
+            MechanismState::Disabled => 2,
             _ => 3,
         }
     }
@@ -83,22 +83,23 @@ impl Mechanism {
     /// An operator arms. What can never become ready by waiting refuses at once. Whether it begins
     /// to wait.
     pub(super) fn arm(&mut self, now_ns: u64, unready: Option<Reason>) -> bool {
-        if self.standing != Standing::Disabled || !self.has_motors {
+        if self.state != MechanismState::Disabled || !self.has_motors {
             return false;
         }
         if let Some(reason) = unready {
             self.disable(reason);
             return false;
         }
-        (self.standing, self.reason, self.phase) = (Standing::Arming, Reason::None, Phase::Waiting);
+        (self.state, self.reason, self.phase) =
+            (MechanismState::Arming, Reason::None, Phase::Waiting);
         self.armed_ns = now_ns;
         true
     }
 
     /// Takes the power away, unless it is latched in a fault, which has none.
     pub(super) fn disable(&mut self, reason: Reason) {
-        if self.standing != Standing::Fault {
-            (self.standing, self.reason, self.phase) = (Standing::Disabled, reason, Phase::Off);
+        if self.state != MechanismState::Fault {
+            (self.state, self.reason, self.phase) = (MechanismState::Disabled, reason, Phase::Off);
         }
     }
 
@@ -112,13 +113,13 @@ impl Mechanism {
     /// Something failed; the first reason stays.
     pub(super) fn fail(&mut self, reason: Reason) {
         if self.is_live() {
-            (self.standing, self.reason, self.phase) = (Standing::Fault, reason, Phase::Off);
+            (self.state, self.reason, self.phase) = (MechanismState::Fault, reason, Phase::Off);
         }
     }
 
     pub(super) fn reset(&mut self) {
-        if self.standing == Standing::Fault {
-            (self.standing, self.reason) = (Standing::Disabled, Reason::None);
+        if self.state == MechanismState::Fault {
+            (self.state, self.reason) = (MechanismState::Disabled, Reason::None);
         }
     }
 
@@ -152,7 +153,7 @@ impl Mechanism {
             Phase::Off | Phase::Waiting => {}
             _ if is_lost => self.disable(Reason::CommandLost),
             Phase::Starting if all_on => {
-                (self.standing, self.phase) = (Standing::Enabled, Phase::Following(now_ns));
+                (self.state, self.phase) = (MechanismState::Enabled, Phase::Following(now_ns));
             }
             Phase::Starting if now_ns.saturating_sub(self.armed_ns) > arming_ns => {
                 self.fail(Reason::ArmingTimeout)

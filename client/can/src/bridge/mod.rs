@@ -23,11 +23,11 @@ pub use event::BusEvent;
 pub use verdict::Verdict;
 
 use sarrus_proto::actuators::{
-    ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason, Standing,
+    ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
 };
 
 use crate::config::{Configuration, Stop};
-use crate::drive::{Power, Receipt, Wish};
+use crate::drive::{DriveCommand, Power, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use motor::Motor;
@@ -265,15 +265,18 @@ impl Bridge {
             else {
                 continue;
             };
-            let wish = match mechanism.ramp(now_ns, self.configuration.ramp_ns) {
-                Some(ramp) => {
-                    Wish::On(motor.setpoint(&self.command, ramp, mechanism.is_damped(), elapsed))
-                }
-                None if is_reset && motor.config.drive.state().fault != 0 => Wish::Reset,
-                None => Wish::Off,
+            let command = match mechanism.ramp(now_ns, self.configuration.ramp_ns) {
+                Some(ramp) => DriveCommand::On(motor.setpoint(
+                    &self.command,
+                    ramp,
+                    mechanism.is_damped(),
+                    elapsed,
+                )),
+                None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
+                None => DriveCommand::Off,
             };
             motor.sent_ns = Some(now_ns);
-            motor.config.drive.cycle(now_ns, wish, &mut bus.queue);
+            motor.config.drive.cycle(now_ns, command, &mut bus.queue);
         }
         for bus in &mut self.buses {
             bus.queue.push_some(bus.sync);
@@ -342,7 +345,7 @@ impl Bridge {
                 Reason::FeedbackStale
             } else if let Some(reason) = motor.config.missing_watchdog() {
                 reason
-            } else if mechanism.standing == Standing::Enabled
+            } else if mechanism.state == MechanismState::Enabled
                 && motor.config.drive.state().power != Power::On
             {
                 Reason::PowerLost

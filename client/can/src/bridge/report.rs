@@ -1,6 +1,6 @@
 //! What the bridge tells of all actuators after a cycle.
 
-use sarrus_proto::actuators::{MAX_ACTUATORS, Reason, Standing, flag};
+use sarrus_proto::actuators::{MAX_ACTUATORS, MechanismState, Reason, flag};
 
 use super::Bridge;
 use crate::drive::Power;
@@ -14,11 +14,11 @@ impl Bridge {
         state.command = self.command.sequence;
         let driven = self.mechanisms.iter().filter(|mechanism| mechanism.has_motors);
         let worst = driven.max_by_key(|mechanism| mechanism.severity());
-        state.standing = worst.map_or(Standing::Disabled, |worst| worst.standing) as u32;
+        state.state = worst.map_or(MechanismState::Disabled, |worst| worst.state) as u32;
         state.reason = worst.map_or(Reason::None, |worst| worst.reason) as u32;
         for (actuator, number) in self.configuration.mechanisms.iter().enumerate() {
             let Some(mechanism) = self.mechanisms.get(*number) else { continue };
-            put(&mut state.standings, actuator, mechanism.standing as u32);
+            put(&mut state.states, actuator, mechanism.state as u32);
             put(&mut state.reasons, actuator, mechanism.reason as u32);
             put(&mut state.flags, actuator, flag::NO_MOTOR);
         }

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use sarrus_models::Findings;
-use sarrus_models::yaml::{Place, quoted};
+use sarrus_models::Diagnostics;
+use sarrus_models::yaml::{Span, quoted};
 
 use super::Configuration;
 use super::read::Read;
@@ -17,8 +17,8 @@ pub(super) fn motors(
     actuators: &[String],
     mechanisms: &[usize],
     has_model: bool,
-    file: Place,
-    findings: &mut Findings,
+    file: Span,
+    diagnostics: &mut Diagnostics,
 ) {
     let mut driven: HashMap<&str, ()> = HashMap::new();
     let mut identifiers: HashMap<(usize, Id), &Read> = HashMap::new();
@@ -26,7 +26,12 @@ pub(super) fn motors(
     for read in motors {
         if driven.insert(name(read), ()).is_some() {
             let found = format!("a second motor drives {}", quoted(name(read)));
-            findings.error(read.place, found, "one motor for each actuator", "remove one of them");
+            diagnostics.error(
+                read.place,
+                found,
+                "one motor for each actuator",
+                "remove one of them",
+            );
         }
         for id in read.motor.drive.identifiers() {
             if let Some(other) = identifiers.insert((read.motor.bus, id), read) {
@@ -36,7 +41,7 @@ pub(super) fn motors(
                     quoted(name(read)),
                     quoted(name(other))
                 );
-                findings.error(
+                diagnostics.error(
                     read.place,
                     found,
                     "identifiers of its own on a bus",
@@ -46,7 +51,7 @@ pub(super) fn motors(
         }
         if !read.motor.is_calibrated {
             let found = format!("{} has no `offset`", quoted(name(read)));
-            findings.warning(
+            diagnostics.warning(
                 read.place,
                 found,
                 "where the actuator is when the motor says 0",
@@ -56,7 +61,7 @@ pub(super) fn motors(
         if read.motor.watchdog_believed && read.motor.drive.state().watchdog != Watchdog::Unreadable
         {
             let found = format!("the watchdog of {} is believed", quoted(name(read)));
-            findings.warning(
+            diagnostics.warning(
                 read.place,
                 found,
                 "`read_back`: this protocol can read it",
@@ -71,7 +76,7 @@ pub(super) fn motors(
                 read.motor.protocol.name
             );
             let help = "set it with the maker's tool, then write `watchdog: believed`; without it nothing can be armed";
-            findings.warning(read.place, found, "a watchdog that is known to be on", help);
+            diagnostics.warning(read.place, found, "a watchdog that is known to be on", help);
         }
     }
     let mut seen: Vec<(usize, Shared, &Read)> = Vec::new();
@@ -85,7 +90,7 @@ pub(super) fn motors(
                     shared.id.number(),
                     quoted(name(other))
                 );
-                findings.error(
+                diagnostics.error(
                     read.place,
                     found,
                     "an identifier of nobody's",
@@ -100,7 +105,7 @@ pub(super) fn motors(
                     "frames of {one} and {two} on 0x{:X} cannot be told apart",
                     shared.id.number()
                 );
-                findings.error(
+                diagnostics.error(
                     read.place,
                     found,
                     "ids that differ in the bits that a reply has room for",
@@ -126,7 +131,7 @@ pub(super) fn motors(
                     "{written} has no motor, but {} of the same closed mechanism has",
                     quoted(name(read))
                 );
-                findings.error(
+                diagnostics.error(
                     read.place,
                     found,
                     "a motor for each actuator of a closed mechanism",
@@ -134,7 +139,7 @@ pub(super) fn motors(
                 );
             }
             None => {
-                findings.warning(
+                diagnostics.warning(
                     file,
                     format!("{written} has no motor"),
                     "a motor for each actuator",
@@ -148,9 +153,9 @@ pub(super) fn motors(
 /// Protocols against buses, and the loads of the buses.
 pub(super) fn whole(
     configuration: &Configuration,
-    places: &[Place],
-    rate: Place,
-    findings: &mut Findings,
+    places: &[Span],
+    rate: Span,
+    diagnostics: &mut Diagnostics,
 ) {
     for (motor, place) in configuration.motors.iter().zip(places) {
         let Some(bus) = configuration.buses.get(motor.bus) else { continue };
@@ -160,7 +165,7 @@ pub(super) fn whole(
                 motor.protocol.name,
                 quoted(&bus.name)
             );
-            findings.error(
+            diagnostics.error(
                 *place,
                 found,
                 "`data_bitrate` on the bus",
@@ -172,7 +177,7 @@ pub(super) fn whole(
                 "a watchdog of {} ms at {} Hz",
                 motor.common.watchdog_ms, configuration.rate_hz
             );
-            findings.error(
+            diagnostics.error(
                 *place,
                 found,
                 "a watchdog longer than a cycle",
@@ -182,7 +187,7 @@ pub(super) fn whole(
         let mut frames = FrameQueue::new(16);
         motor.drive.encode(&Setpoint::default(), &mut frames);
         if frames.frames().is_empty() {
-            findings.error(
+            diagnostics.error(
                 *place,
                 "the drive sends nothing for a set-point",
                 "at least one frame",
@@ -193,7 +198,7 @@ pub(super) fn whole(
     if configuration.timeouts.feedback_ns <= configuration.period_ns() {
         let found =
             format!("`feedback_ms` is not longer than a cycle at {} Hz", configuration.rate_hz);
-        findings.error(
+        diagnostics.error(
             rate,
             found,
             "longer than a cycle",
@@ -212,9 +217,9 @@ pub(super) fn whole(
             );
             let help = "lower rate_hz, or spread the motors over more buses";
             if fraction > REFUSED {
-                findings.error(rate, found, format!("at most {:.0} %", REFUSED * 100.0), help);
+                diagnostics.error(rate, found, format!("at most {:.0} %", REFUSED * 100.0), help);
             } else if fraction > WARNED {
-                findings.warning(rate, found, format!("at most {:.0} %", WARNED * 100.0), help);
+                diagnostics.warning(rate, found, format!("at most {:.0} %", WARNED * 100.0), help);
             }
         }
     }

@@ -31,7 +31,7 @@ pub use files::ConfigurationError;
 use crate::drive::{Drive, Watchdog};
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
-use sarrus_models::{Finding, LoadError, Loaded, Source};
+use sarrus_models::{Diagnostic, LoadError, Loaded, Source};
 pub use sarrus_proto::actuators::MAX_ACTUATORS;
 use sarrus_proto::actuators::Reason;
 pub use sarrus_proto::watch::MAX_BUSES;
@@ -64,7 +64,7 @@ pub struct Configuration {
     /// The motors, in the order of the file.
     pub motors: Vec<MotorConfig>,
     /// What may stay but should be known.
-    pub warnings: Vec<Finding>,
+    pub warnings: Vec<Diagnostic>,
 }
 
 /// Times after which something is done.

@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
-use sarrus_models::yaml::{self, Node, Place, Value, quoted};
-use sarrus_models::{Findings, LoadError, Loaded, Report, Source};
+use sarrus_models::yaml::{self, Node, Span, Value, quoted};
+use sarrus_models::{Diagnostics, LoadError, Loaded, Report, Source};
 
 use super::{
     BusConfig, Configuration, Limits, MAX_ACTUATORS, MAX_BUSES, MotorConfig, Stop, Surroundings,
@@ -131,7 +131,7 @@ const fn key(
 /// A motor whose values were read but not yet compared with others.
 pub(super) struct Read {
     pub(super) motor: MotorConfig,
-    pub(super) place: Place,
+    pub(super) place: Span,
 }
 
 impl Configuration {
@@ -144,15 +144,14 @@ impl Configuration {
         bytes: Vec<u8>,
         surroundings: &Surroundings,
     ) -> Result<Configuration, Report> {
-        let mut findings = Findings::new(false);
+        let mut diagnostics = Diagnostics::new(false);
         let configuration =
-            yaml::read(name, bytes, "a configuration of buses and motors", &mut findings).and_then(
-                |root| {
-                    Reader { surroundings, findings: &mut findings, period_ns: 0 }
+            yaml::read(name, bytes, "a configuration of buses and motors", &mut diagnostics)
+                .and_then(|root| {
+                    Reader { surroundings, diagnostics: &mut diagnostics, period_ns: 0 }
                         .configuration(&root)
-                },
-            );
-        let report = findings.into_report();
+                });
+        let report = diagnostics.into_report();
         match configuration {
             Some(configuration) if report.errors.is_empty() => {
                 Ok(Configuration { warnings: report.warnings, ..configuration })
@@ -164,7 +163,7 @@ impl Configuration {
 
 struct Reader<'a, 'f> {
     surroundings: &'a Surroundings<'a>,
-    findings: &'f mut Findings,
+    diagnostics: &'f mut Diagnostics,
     period_ns: u64,
 }
 
@@ -176,7 +175,7 @@ impl Reader<'_, '_> {
         keys: &'static [Key],
         others: &[&str],
     ) -> Option<Settings> {
-        Settings::read(node, of, keys, others, self.surroundings.file, self.findings)
+        Settings::read(node, of, keys, others, self.surroundings.file, self.diagnostics)
     }
 
     fn configuration(&mut self, root: &Node) -> Option<Configuration> {
@@ -194,11 +193,18 @@ impl Reader<'_, '_> {
         let mechanisms =
             robot.as_ref().map_or_else(|| (0..actuators.len()).collect(), Robot::mechanisms);
         let read: Vec<Read> = read.into_iter().map(|(_, read)| read).collect();
-        if self.findings.has_errors() {
+        if self.diagnostics.has_errors() {
             return None;
         }
-        check::motors(&read, &actuators, &mechanisms, robot.is_some(), root.place, self.findings);
-        let places: Vec<Place> = read.iter().map(|read| read.place).collect();
+        check::motors(
+            &read,
+            &actuators,
+            &mechanisms,
+            robot.is_some(),
+            root.place,
+            self.diagnostics,
+        );
+        let places: Vec<Span> = read.iter().map(|read| read.place).collect();
         let configuration = Configuration {
             robot: robot.as_ref().map(|robot| robot.loaded.compiled.model.name().to_owned()),
             fingerprint: robot
@@ -215,7 +221,7 @@ impl Reader<'_, '_> {
             motors: read.into_iter().map(|read| read.motor).collect(),
             warnings: Vec::new(),
         };
-        check::whole(&configuration, &places, top.place("rate_hz"), self.findings);
+        check::whole(&configuration, &places, top.place("rate_hz"), self.diagnostics);
         Some(configuration)
     }
 
@@ -228,7 +234,7 @@ impl Reader<'_, '_> {
                 .map(|key| nanoseconds(read.number(key)));
         if disable_ns < damping_ns {
             let place = read.place("disable_ms");
-            self.findings.error(
+            self.diagnostics.error(
                 place,
                 "`disable_ms` is less than `damping_ms`",
                 "damping first",
@@ -248,7 +254,7 @@ impl Reader<'_, '_> {
             let name = read.text("name").to_owned();
             if !names.insert(name.clone()) {
                 let found = format!("a second bus is named {}", quoted(&name));
-                self.findings.error(
+                self.diagnostics.error(
                     read.place("name"),
                     found,
                     "a name of its own",
@@ -258,7 +264,7 @@ impl Reader<'_, '_> {
             let reached = format!("{} {}", read.text("interface"), read.text("channel"));
             if !channels.insert(reached.clone()) {
                 let found = format!("a second bus is {}", quoted(&reached));
-                self.findings.error(
+                self.diagnostics.error(
                     read.place("channel"),
                     found,
                     "one bus for each channel",
@@ -281,7 +287,7 @@ impl Reader<'_, '_> {
         let path = |key: &str| std::path::PathBuf::from(top.text(key));
         let (key, source) = match (top.has("robot"), top.has("urdf")) {
             (true, true) => {
-                self.findings.error(
+                self.diagnostics.error(
                     top.place("urdf"),
                     "`urdf` beside `robot`",
                     "one robot",
@@ -295,7 +301,7 @@ impl Reader<'_, '_> {
                 ("urdf", Source::Files { urdf: path("urdf"), submechanisms })
             }
             (false, false) if top.has("submechanisms") => {
-                self.findings.error(
+                self.diagnostics.error(
                     top.place("submechanisms"),
                     "`submechanisms` without `urdf`",
                     "both",
@@ -311,7 +317,7 @@ impl Reader<'_, '_> {
                 let first = report.errors.first().map(ToString::to_string).unwrap_or_default();
                 let found =
                     format!("the robot has {} faults, the first: {first}", report.errors.len());
-                self.findings.error(
+                self.diagnostics.error(
                     top.place(key),
                     found,
                     "a robot that `sarrus check` accepts",
@@ -320,7 +326,7 @@ impl Reader<'_, '_> {
                 None
             }
             Err(other) => {
-                self.findings.error(
+                self.diagnostics.error(
                     top.place(key),
                     other.to_string(),
                     "a robot",
@@ -350,13 +356,13 @@ impl Reader<'_, '_> {
             let name = read.text("actuator").to_owned();
             let actuator = match robot.map(|robot| robot.loaded.compiled.model.active_names()) {
                 Some(known) => known.iter().position(|known| *known == name).or_else(|| {
-                    let help = self.findings.did_you_mean(
+                    let help = self.diagnostics.did_you_mean(
                         &name,
                         known.iter().map(String::as_str),
                         "correct the name",
                     );
                     let found = format!("the robot has no actuator {}", quoted(&name));
-                    self.findings.error(read.place("actuator"), found, known.join(", "), help);
+                    self.diagnostics.error(read.place("actuator"), found, known.join(", "), help);
                     None
                 }),
                 None => Some(motors.len()),
@@ -365,13 +371,13 @@ impl Reader<'_, '_> {
                 let place = buses.iter().position(|bus| bus.name == read.text("bus"));
                 if place.is_none() {
                     let names = || buses.iter().map(|bus| bus.name.as_str());
-                    let help = self.findings.did_you_mean(
+                    let help = self.diagnostics.did_you_mean(
                         read.text("bus"),
                         names(),
                         "correct the name or add the bus",
                     );
                     let found = format!("there is no bus {}", quoted(read.text("bus")));
-                    self.findings.error(
+                    self.diagnostics.error(
                         read.place("bus"),
                         found,
                         names().collect::<Vec<_>>().join(", "),
@@ -381,7 +387,7 @@ impl Reader<'_, '_> {
                 place
             });
             if read.integer("sign") == 0 {
-                self.findings.error(read.place("sign"), "`sign` is 0", "1 or -1", "correct it");
+                self.diagnostics.error(read.place("sign"), "`sign` is 0", "1 or -1", "correct it");
             }
             let (Some(actuator), Some(bus)) = (actuator, bus) else { continue };
             let motor = MotorConfig {
@@ -414,7 +420,7 @@ impl Reader<'_, '_> {
         let mut limits = of_model.unwrap_or(Limits::NONE);
         let Some(node) = motor.get("limits") else {
             if limits.effort == f64::INFINITY {
-                self.findings.error(
+                self.diagnostics.error(
                     motor.place,
                     "the motor has no `limits`",
                     "at least `limits: {effort: …}`",
@@ -427,10 +433,10 @@ impl Reader<'_, '_> {
             return limits;
         };
         if let Some([lower, upper]) =
-            yaml::numbers::<2>(node, "`limits`", "position", self.findings)
+            yaml::numbers::<2>(node, "`limits`", "position", self.diagnostics)
         {
             if lower >= upper {
-                self.findings.error(
+                self.diagnostics.error(
                     node.place,
                     format!("the position limits are [{lower}, {upper}]"),
                     "lower < upper",
@@ -449,7 +455,7 @@ impl Reader<'_, '_> {
             }
         }
         if limits.effort == f64::INFINITY {
-            self.findings.error(
+            self.diagnostics.error(
                 node.place,
                 "`limits` has no `effort`",
                 "the greatest effort of this motor",
@@ -462,7 +468,7 @@ impl Reader<'_, '_> {
                 || limits.effort > model.effort
                 || limits.velocity > model.velocity;
             if beyond {
-                self.findings.warning(
+                self.diagnostics.warning(
                     node.place,
                     "`limits` go beyond those of the URDF",
                     "limits within the model's",
@@ -478,7 +484,7 @@ impl Reader<'_, '_> {
         let expected = || known().collect::<Vec<_>>().join(", ");
         let Some(node) = motor.get("drive") else {
             let found = "the motor has no `drive`";
-            self.findings.error(
+            self.diagnostics.error(
                 motor.place,
                 found,
                 format!("`drive: {{protocol: …}}` with {}", expected()),
@@ -486,9 +492,9 @@ impl Reader<'_, '_> {
             );
             return None;
         };
-        let Some((name, place)) = yaml::word(node, "protocol", self.findings) else {
+        let Some((name, place)) = yaml::word(node, "protocol", self.diagnostics) else {
             if node.get("protocol").is_none() {
-                self.findings.error(
+                self.diagnostics.error(
                     node.place,
                     "the drive has no `protocol`",
                     expected(),
@@ -499,8 +505,8 @@ impl Reader<'_, '_> {
         };
         let Some(protocol) = protocol::protocol(&name) else {
             let help =
-                self.findings.did_you_mean(&name, known(), "use `dbc` for any other protocol");
-            self.findings.error(
+                self.diagnostics.did_you_mean(&name, known(), "use `dbc` for any other protocol");
+            self.diagnostics.error(
                 place,
                 format!("the protocol {} is not known", quoted(&name)),
                 expected(),
@@ -509,7 +515,7 @@ impl Reader<'_, '_> {
             return None;
         };
         let settings = self.settings(node, "the drive", protocol.keys, &["protocol", "mode"])?;
-        let mode = match yaml::word(node, "mode", self.findings) {
+        let mode = match yaml::word(node, "mode", self.diagnostics) {
             None => protocol.modes.first().copied()?,
             Some((name, place)) => {
                 let mode = protocol.modes.iter().copied().find(|mode| mode.name() == name);
@@ -522,7 +528,7 @@ impl Reader<'_, '_> {
                         .join(", ");
                     let found =
                         format!("{} does not know the mode {}", protocol.name, quoted(&name));
-                    self.findings.error(place, found, modes, "choose one of them");
+                    self.diagnostics.error(place, found, modes, "choose one of them");
                 }
                 mode?
             }
@@ -535,12 +541,12 @@ impl Reader<'_, '_> {
             torque_limit,
             period_ns: self.period_ns,
         };
-        let drive = (protocol.make)(&settings, common, self.findings)?;
+        let drive = (protocol.make)(&settings, common, self.diagnostics)?;
         Some((protocol, settings, common, drive))
     }
 
     fn list<'n>(&mut self, root: &'n Node, key: &str, most: usize) -> &'n [Node] {
-        let nodes = yaml::list(root, key, self.findings);
+        let nodes = yaml::list(root, key, self.diagnostics);
         if nodes.is_empty()
             && matches!(
                 root.get(key).map(|node| &node.value),
@@ -548,7 +554,7 @@ impl Reader<'_, '_> {
             )
         {
             let place = root.get(key).map_or(root.place, |node| node.place);
-            self.findings.error(
+            self.diagnostics.error(
                 place,
                 format!("the file has no `{key}`"),
                 "a list of at least one",
@@ -556,7 +562,7 @@ impl Reader<'_, '_> {
             );
         }
         if let Some(first) = nodes.get(most) {
-            self.findings.error(
+            self.diagnostics.error(
                 first.place,
                 format!("`{key}` has {} entries", nodes.len()),
                 format!("at most {most}"),

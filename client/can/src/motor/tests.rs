@@ -1,11 +1,11 @@
 //! Drives and motors against each other: both were written from the makers' manuals, neither from
 //! the other.
 
-use crate::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use crate::drive::{Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog};
 use crate::frame::FrameQueue;
 use crate::motor::{Physics, Simulated};
 use crate::protocol::{Common, Settings, protocol};
-use sarrus_models::{Findings, yaml};
+use sarrus_models::{Diagnostics, yaml};
 
 const MS: u64 = 1_000_000;
 const WATCHDOG_MS: u32 = 50;
@@ -115,9 +115,9 @@ impl Pair {
             period_ns: 2 * MS,
         };
         let protocol = protocol(case.protocol).unwrap();
-        let mut findings = Findings::new(false);
+        let mut diagnostics = Diagnostics::new(false);
         let node =
-            yaml::read("drive.yml", case.settings.as_bytes().to_vec(), "a drive", &mut findings)
+            yaml::read("drive.yml", case.settings.as_bytes().to_vec(), "a drive", &mut diagnostics)
                 .unwrap();
         let settings = Settings::read(
             &node,
@@ -125,24 +125,25 @@ impl Pair {
             protocol.keys,
             &[],
             &|_| Ok(DBC_FILE.to_owned()),
-            &mut findings,
+            &mut diagnostics,
         );
-        let drive =
-            settings.as_ref().and_then(|settings| (protocol.make)(settings, common, &mut findings));
-        let drive = drive.unwrap_or_else(|| panic!("{}", findings.into_report()));
+        let drive = settings
+            .as_ref()
+            .and_then(|settings| (protocol.make)(settings, common, &mut diagnostics));
+        let drive = drive.unwrap_or_else(|| panic!("{}", diagnostics.into_report()));
         let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
         let motor = Simulated::new(case.protocol, &settings.unwrap(), common, physics).unwrap();
         let (out, back) = (FrameQueue::new(64), FrameQueue::new(64));
         Pair { drive, motor, now_ns: 1_000 * MS, out, back, measured: None, malformed: 0 }
     }
 
-    /// Two milliseconds in which the drive wishes something; nothing where it is silent.
-    fn cycle(&mut self, wish: Option<Wish>) {
+    /// Two milliseconds in which the drive commands something; nothing where it is silent.
+    fn cycle(&mut self, command: Option<DriveCommand>) {
         self.out.clear();
-        if let Some(wish) = wish {
-            self.drive.cycle(self.now_ns, wish, &mut self.out);
+        if let Some(command) = command {
+            self.drive.cycle(self.now_ns, command, &mut self.out);
         }
-        self.out.push_some(self.drive.sync().filter(|_| wish.is_some()));
+        self.out.push_some(self.drive.sync().filter(|_| command.is_some()));
         self.exchange();
         self.now_ns += 2 * MS;
         self.motor.step(self.now_ns, &mut self.back);
@@ -165,14 +166,14 @@ impl Pair {
         assert_eq!(self.malformed, 0);
     }
 
-    fn cycles(&mut self, n: usize, wish: Wish) {
-        (0..n).for_each(|_| self.cycle(Some(wish)));
+    fn cycles(&mut self, n: usize, command: DriveCommand) {
+        (0..n).for_each(|_| self.cycle(Some(command)));
     }
 
     fn enabled(case: &Case, setpoint: Setpoint) -> Pair {
         let mut pair = Pair::new(case);
-        pair.cycles(150, Wish::Off);
-        pair.cycles(150, Wish::On(setpoint));
+        pair.cycles(150, DriveCommand::Off);
+        pair.cycles(150, DriveCommand::On(setpoint));
         assert!(pair.motor.body.power, "{} {}", case.protocol, case.settings);
         assert_eq!(pair.drive.state().power, Power::On, "{} {}", case.protocol, case.settings);
         assert_eq!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
@@ -187,7 +188,7 @@ const HOLD: Setpoint =
 fn every_motor_gets_power_only_when_it_shall_and_follows() {
     for case in cases() {
         let mut pair = Pair::new(&case);
-        pair.cycles(150, Wish::Off);
+        pair.cycles(150, DriveCommand::Off);
         assert!(!pair.motor.body.power, "{}", case.settings);
         assert_eq!(pair.drive.state().power, Power::Off, "{}", case.settings);
         let pair = Pair::enabled(&case, Setpoint { velocity: 0.25, torque: 0.125, ..HOLD });
@@ -229,12 +230,12 @@ fn every_motor_gets_power_only_when_it_shall_and_follows() {
 fn what_a_motor_measures_is_what_its_drive_tells() {
     for case in cases() {
         let mut pair = Pair::new(&case);
-        pair.cycles(150, Wish::Off);
+        pair.cycles(150, DriveCommand::Off);
         // a shaft that somebody turns past the end of the range and back
         for place in (0..200).chain((0..200).rev()) {
             let position = f64::from(place) * 0.1;
             pair.motor.body.carry(position, 0.0);
-            pair.cycles(2, Wish::Off);
+            pair.cycles(2, DriveCommand::Off);
             let measured = pair.measured.unwrap();
             let [p, v, _] = case.step;
             assert!(
@@ -300,15 +301,15 @@ fn a_fault_reaches_the_drive_stays_and_is_reset() {
         }
         let mut pair = Pair::enabled(&case, HOLD);
         pair.motor.fault(if case.settings.contains("damiao") { 9 } else { 2 });
-        pair.cycles(100, Wish::On(HOLD));
+        pair.cycles(100, DriveCommand::On(HOLD));
         assert_ne!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
         assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
         pair.motor.fault(0);
-        pair.cycles(150, Wish::Reset);
-        pair.cycles(10, Wish::Off);
+        pair.cycles(150, DriveCommand::Reset);
+        pair.cycles(10, DriveCommand::Off);
         assert_eq!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
         assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
-        pair.cycles(150, Wish::On(HOLD));
+        pair.cycles(150, DriveCommand::On(HOLD));
         assert!(pair.motor.body.power, "{} {}", case.protocol, case.settings);
     }
 }
@@ -330,7 +331,7 @@ fn a_motor_that_answers_under_another_identifier_is_not_heard() {
     for case in cases() {
         let mut pair = Pair::new(&case);
         pair.motor.answer_wrongly(true);
-        pair.cycles(150, Wish::Off);
+        pair.cycles(150, DriveCommand::Off);
         assert_eq!(pair.measured, None, "{} {}", case.protocol, case.settings);
         assert_eq!(pair.drive.state().power, Power::Unknown, "{} {}", case.protocol, case.settings);
     }

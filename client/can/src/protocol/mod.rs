@@ -12,7 +12,7 @@ mod scale;
 mod stage;
 mod turns;
 
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 
 use crate::drive::{Drive, Mode};
 pub use crate::settings::{Key, KeyKind, Settings};
@@ -44,9 +44,9 @@ pub struct Protocol {
     pub fd: bool,
     /// Settings besides the common ones.
     pub keys: &'static [Key],
-    /// Makes a drive from checked settings. What they say that cannot be goes to the findings, and
+    /// Makes a drive from checked settings. What they say that cannot be goes to the diagnostics, and
     /// then there is no drive.
-    pub make: fn(&Settings, Common, &mut Findings) -> Option<Box<dyn Drive>>,
+    pub make: fn(&Settings, Common, &mut Diagnostics) -> Option<Box<dyn Drive>>,
 }
 
 /// All protocols.

@@ -6,7 +6,7 @@ use crate::closed_loop::Bench;
 use crate::support::{
     COMMON, Random, cycle, drive, receive, survives_hostile_frames, torque, try_drive,
 };
-use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
 use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::protocol::{Common, fault};
 
@@ -29,7 +29,7 @@ fn set_up(drive: &mut dyn Drive, mode: u8) -> Vec<String> {
 fn set_up_but(drive: &mut dyn Drive, mode: u8, other: &str) -> Vec<String> {
     let mut requests = Vec::new();
     for _ in 0..60 {
-        for frame in cycle(drive, Wish::Off) {
+        for frame in cycle(drive, DriveCommand::Off) {
             let Some(request) = frame.strip_prefix("605#") else {
                 if frame.starts_with("000#") {
                     requests.push(frame);
@@ -60,7 +60,7 @@ fn enabled(mode: Mode, number: u8) -> Box<dyn Drive> {
     let mut control = |status: &str, expected: &str| {
         receive(&mut *drive, &format!("185#{status}000000000000"));
         receive(&mut *drive, "285#00000000");
-        let sent = cycle(&mut *drive, Wish::On(Setpoint::default()));
+        let sent = cycle(&mut *drive, DriveCommand::On(Setpoint::default()));
         assert_eq!(sent.len(), 1);
         assert_eq!(sent[0][..8], format!("205#{expected}"), "{status}");
         drive.state().power
@@ -137,7 +137,7 @@ fn a_drive_with_another_rated_torque_or_mode_or_without_them_gets_no_power() {
         assert_eq!(drive.state().fault, fault, "{answer}");
         assert!(!requests.contains(&"000#0105".to_owned()), "{answer}");
         receive(&mut *drive, "185#5002000000000000");
-        let sent = cycle(&mut *drive, Wish::On(torque(1.0)));
+        let sent = cycle(&mut *drive, DriveCommand::On(torque(1.0)));
         assert_eq!(sent, ["205#00000000"]);
     }
 }
@@ -302,7 +302,7 @@ fn what_a_pdo_holds_is_not_known_before_it_was_set_up() {
 fn bench() -> Bench {
     let mut bench =
         Bench::new("cia402", "{node: 5, rated_torque: 2.0, counts_per_turn: 65536}", Mode::Torque);
-    (0..200).for_each(|_| bench.cycle(Wish::Off));
+    (0..200).for_each(|_| bench.cycle(DriveCommand::Off));
     assert_eq!(
         (bench.drive.state().power, bench.drive.state().watchdog),
         (Power::Off, Watchdog::Set(50))
@@ -316,9 +316,9 @@ fn a_pause_of_the_bridge_is_made_good() {
     bench.pass(&FrameQueue::new(1), 200);
     assert_eq!(bench.drive.state().fault, 0x8130);
     bench.measured = None;
-    (0..20).for_each(|_| bench.cycle(Wish::Off));
+    (0..20).for_each(|_| bench.cycle(DriveCommand::Off));
     assert_eq!(bench.measured, None, "the motor went back to pre-operational by itself");
-    (0..500).for_each(|_| bench.cycle(Wish::Off));
+    (0..500).for_each(|_| bench.cycle(DriveCommand::Off));
     assert!(bench.measured.is_some());
     bench.power_on(torque(0.1));
 }
@@ -330,7 +330,7 @@ fn a_start_that_was_lost_is_made_good() {
     let mut is_lost = false;
     for cycle in 0..1000_u64 {
         let mut sent = FrameQueue::new(32);
-        bench.drive.cycle(1_000_000_000 + cycle * 2_000_000, Wish::Off, &mut sent);
+        bench.drive.cycle(1_000_000_000 + cycle * 2_000_000, DriveCommand::Off, &mut sent);
         bench.drive.sync().into_iter().for_each(|sync| sent.push(sync));
         let mut passed = FrameQueue::new(32);
         for frame in sent.frames() {
@@ -361,14 +361,14 @@ fn a_drive_that_is_not_operational_any_more_is_set_up_anew() {
     assert_eq!(drive.state().watchdog, Watchdog::Set(50));
     at(&mut *drive, 201, "705#7F");
     assert_eq!((drive.state().power, drive.state().watchdog), (Power::Unknown, Watchdog::Unknown));
-    assert_eq!(cycle(&mut *drive, Wish::Off), ["205#00000000", "000#8005"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["205#00000000", "000#8005"]);
 }
 
 #[test]
 fn a_drive_that_boots_is_set_up_anew() {
     let mut bench = bench();
     bench.motor.reboot();
-    bench.cycle(Wish::Off);
+    bench.cycle(DriveCommand::Off);
     assert_eq!(
         (bench.drive.state().power, bench.drive.state().watchdog),
         (Power::Unknown, Watchdog::Unknown)
@@ -379,7 +379,7 @@ fn a_drive_that_boots_is_set_up_anew() {
         (50_000_000, Watchdog::Set(50))
     );
     bench.motor.reboot();
-    (0..200).for_each(|_| bench.cycle(Wish::On(torque(0.1))));
+    (0..200).for_each(|_| bench.cycle(DriveCommand::On(torque(0.1))));
     assert!(bench.motor.follows().is_none(), "it has power again by itself");
     assert_eq!(bench.drive.state().fault, fault::POWER_LOST);
     bench.power_on(torque(0.1));
@@ -396,13 +396,13 @@ fn faults_boots_and_losses_of_power_are_seen() {
     receive(&mut *drive, "185#3302000000000000");
     assert_eq!(drive.state().fault, fault::POWER_LOST);
     assert_eq!(
-        cycle(&mut *drive, Wish::On(torque(1.0)))[0],
+        cycle(&mut *drive, DriveCommand::On(torque(1.0)))[0],
         "205#00000000",
         "no power again by itself"
     );
-    cycle(&mut *drive, Wish::Off);
+    cycle(&mut *drive, DriveCommand::Off);
     assert_eq!(drive.state().fault, 0);
-    assert_eq!(cycle(&mut *drive, Wish::Reset), ["205#80000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Reset), ["205#80000000"]);
     let mut drive = enabled(Mode::Torque, 10);
     receive(&mut *drive, "705#00");
     assert_eq!((drive.state().power, drive.state().watchdog), (Power::Unknown, Watchdog::Unknown));
@@ -425,7 +425,7 @@ fn the_heartbeat_goes_out_four_times_in_its_time() {
     let mut beats = 0;
     for now_ms in 0..1000_u64 {
         let mut queue = FrameQueue::new(8);
-        drive.cycle(now_ms * 1_000_000, Wish::Off, &mut queue);
+        drive.cycle(now_ms * 1_000_000, DriveCommand::Off, &mut queue);
         beats += queue.frames().iter().filter(|frame| frame.to_string() == "77F#05").count();
     }
     assert_eq!(beats, 77, "every 13 ms");

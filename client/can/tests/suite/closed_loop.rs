@@ -2,7 +2,9 @@
 //! alone: power, set-points, watchdog.
 
 use crate::support::settled;
-use sarrus_can::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use sarrus_can::drive::{
+    Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog,
+};
 use sarrus_can::frame::FrameQueue;
 use sarrus_can::motor::{Physics, Simulated};
 use sarrus_can::protocol::Common;
@@ -39,9 +41,9 @@ impl Bench {
         Bench { drive, motor, now_ns: 1_000 * MS, measured: None, replies: FrameQueue::new(256) }
     }
 
-    pub(crate) fn cycle(&mut self, wish: Wish) {
+    pub(crate) fn cycle(&mut self, command: DriveCommand) {
         let mut sent = FrameQueue::new(32);
-        self.drive.cycle(self.now_ns, wish, &mut sent);
+        self.drive.cycle(self.now_ns, command, &mut sent);
         self.drive.sync().into_iter().for_each(|sync| sent.push(sync));
         self.pass(&sent, 2);
     }
@@ -66,11 +68,11 @@ impl Bench {
     }
 
     pub(crate) fn power_on(&mut self, wanted: Setpoint) {
-        (0..200).for_each(|_| self.cycle(Wish::Off));
+        (0..200).for_each(|_| self.cycle(DriveCommand::Off));
         assert_eq!((self.drive.state().power, self.drive.state().fault), (Power::Off, 0));
         assert!(self.motor.follows().is_none());
         assert!(self.measured.is_some(), "a motor without power tells where it is");
-        (0..120).for_each(|_| self.cycle(Wish::On(wanted)));
+        (0..120).for_each(|_| self.cycle(DriveCommand::On(wanted)));
         assert_eq!((self.drive.state().power, self.drive.state().fault), (Power::On, 0));
     }
 }
@@ -140,11 +142,13 @@ fn a_motor_whose_supply_was_away_is_set_up_anew() {
         // command, as a DBC file's is here, that a motor was away is seen by its silence, which is
         // the bridge's to judge
         bench.motor.reboot();
-        (0..200).for_each(|_| bench.cycle(Wish::On(Setpoint::default())));
+        (0..200).for_each(|_| bench.cycle(DriveCommand::On(Setpoint::default())));
         assert!(bench.motor.follows().is_none() || name == "dbc", "{name}");
         // while it was off
         for reset in [true, false] {
-            (0..20).for_each(|_| bench.cycle(if reset { Wish::Reset } else { Wish::Off }));
+            (0..20).for_each(|_| {
+                bench.cycle(if reset { DriveCommand::Reset } else { DriveCommand::Off })
+            });
             bench.motor.reboot();
             bench.drive.prepare();
             let state = bench.drive.state();
@@ -199,12 +203,12 @@ fn a_motor_with_a_fault_is_told_and_reset() {
         }
         bench.power_on(Setpoint::default());
         bench.motor.fault(if name == "damiao" { 0xA } else { 4 });
-        (0..60).for_each(|_| bench.cycle(Wish::On(Setpoint::default())));
+        (0..60).for_each(|_| bench.cycle(DriveCommand::On(Setpoint::default())));
         assert!(bench.drive.state().fault != 0, "{name}");
         assert!(bench.motor.follows().is_none(), "{name} has power again by itself");
         bench.motor.fault(0);
-        bench.cycle(Wish::Reset);
-        (0..200).for_each(|_| bench.cycle(Wish::Off));
+        bench.cycle(DriveCommand::Reset);
+        (0..200).for_each(|_| bench.cycle(DriveCommand::Off));
         bench.power_on(Setpoint::default());
     }
 }
@@ -212,7 +216,7 @@ fn a_motor_with_a_fault_is_told_and_reset() {
 #[test]
 fn every_parameter_that_a_drive_reads_is_answered() {
     for (name, mut bench) in benches() {
-        (0..200).for_each(|_| bench.cycle(Wish::Off));
+        (0..200).for_each(|_| bench.cycle(DriveCommand::Off));
         for (place, parameter) in bench.drive.parameters().iter().enumerate() {
             let mut asked = FrameQueue::new(4);
             bench.drive.read_parameter(place, &mut asked);

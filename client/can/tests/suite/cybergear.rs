@@ -3,7 +3,7 @@
 use crate::support::{
     COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, try_drive,
 };
-use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
 use sarrus_can::protocol::{Common, fault};
 
 const STOPPED: &str = "02000AFD#7FFF7FFF7FFF012C";
@@ -18,7 +18,7 @@ fn enabled(common: Common) -> Box<dyn Drive> {
     let mut drive = cybergear(Common { watchdog_ms: 50, ..common });
     let mut sent = Vec::new();
     for _ in 0..9 {
-        for frame in cycle(&mut *drive, Wish::Off) {
+        for frame in cycle(&mut *drive, DriveCommand::Off) {
             match frame.as_str() {
                 "1100FD0A#0570000000000000" => receive(&mut *drive, "11000AFD#0570000000000000"),
                 "1100FD0A#0C20000000000000" => receive(&mut *drive, "11000AFD#0C200000E8030000"),
@@ -38,12 +38,12 @@ fn enabled(common: Common) -> Box<dyn Drive> {
     assert_eq!((drive.state().watchdog, drive.state().power), (Watchdog::Set(50), Power::Off));
     let wanted = Setpoint { torque: 12.0, ..Setpoint::default() };
     assert_eq!(
-        cycle(&mut *drive, Wish::On(wanted)),
+        cycle(&mut *drive, DriveCommand::On(wanted)),
         ["017FFF0A#7FFF7FFF00000000"],
         "nothing is asked before power"
     );
     receive(&mut *drive, STOPPED);
-    assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["0300FD0A#0000000000000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["0300FD0A#0000000000000000"]);
     receive(&mut *drive, STOPPED);
     assert_eq!(drive.state().power, Power::Starting, "feedback says whether it runs");
     receive(&mut *drive, RUNS);
@@ -56,9 +56,9 @@ fn known_frames_come_out() {
     let mut drive = enabled(COMMON);
     let wanted =
         Setpoint { position: 12.5, velocity: -30.0, torque: 12.0, stiffness: 500.0, damping: 0.0 };
-    assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["01FFFF0A#FFFF0000FFFF0000"]);
-    assert_eq!(cycle(&mut *drive, Wish::Off), ["0400FD0A#0000000000000000"]);
-    assert_eq!(cycle(&mut *drive, Wish::Reset), ["0400FD0A#0100000000000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["01FFFF0A#FFFF0000FFFF0000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["0400FD0A#0000000000000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Reset), ["0400FD0A#0100000000000000"]);
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn random_values_are_within_half_a_step_both_ways() {
             stiffness: random.between(0.0, 500.0),
             damping: random.between(0.0, 5.0),
         };
-        let frame = last(&mut *drive, Wish::On(wanted));
+        let frame = last(&mut *drive, DriveCommand::On(wanted));
         let code = |i: usize| f64::from(frame.data()[i]) * 256.0 + f64::from(frame.data()[i + 1]);
         let torque = f64::from(frame.id.number() >> 8 & 0xFFFF);
         assert_eq!(frame.id.number() & 0xFF00_00FF, 0x0100_000A);
@@ -132,7 +132,10 @@ fn faults_and_frames_of_others_are_told_apart() {
     );
     receive(&mut *drive, "15000AFD#0000000000000000");
     assert_eq!((drive.state().power, drive.state().fault), (Power::Off, fault::POWER_LOST));
-    assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), ["0400FD0A#0000000000000000"]);
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(Setpoint::default())),
+        ["0400FD0A#0000000000000000"]
+    );
 }
 
 #[test]
@@ -158,7 +161,7 @@ fn a_robstride_has_its_own_ranges_and_another_watchdog() {
         drive("cybergear", yaml, Common { mode: Mode::Torque, watchdog_ms: 1000, ..COMMON });
     let mut sent = Vec::new();
     for _ in 0..8 {
-        sent.extend(cycle(&mut *drive, Wish::Off));
+        sent.extend(cycle(&mut *drive, DriveCommand::Off));
         receive(&mut *drive, "110001FD#0570000000000000");
     }
     assert!(sent.contains(&"1200FD01#28700000204E0000".to_owned()), "20000 are a second: {sent:?}");

@@ -1,7 +1,7 @@
 //! Motors that a DBC file describes.
 
 use crate::support::{COMMON, Random, survives_hostile_frames, try_drive};
-use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Wish};
+use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint};
 use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::protocol::{Common, fault};
 
@@ -28,9 +28,9 @@ fn dbc(mode: Mode) -> Box<dyn Drive> {
         .unwrap_or_else(|report| panic!("{report}"))
 }
 
-fn frames(drive: &mut dyn Drive, wish: Wish) -> Vec<Frame> {
+fn frames(drive: &mut dyn Drive, command: DriveCommand) -> Vec<Frame> {
     let mut queue = FrameQueue::new(8);
-    drive.cycle(0, wish, &mut queue);
+    drive.cycle(0, command, &mut queue);
     queue.frames().to_vec()
 }
 
@@ -44,7 +44,7 @@ fn every_value_of_the_switch_has_its_frame() {
     let wanted = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };
     let text = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
     assert_eq!(
-        text(frames(&mut *drive, Wish::On(wanted))),
+        text(frames(&mut *drive, DriveCommand::On(wanted))),
         ["101#A100000000000000", "101#0200000000000000"],
         "no power before a word of it"
     );
@@ -53,11 +53,11 @@ fn every_value_of_the_switch_has_its_frame() {
     // -150 hundredths are FF6A, 114592 thousandths of a degree a second are 01BFA0: first all of it
     // without power, then power with the last
     assert_eq!(
-        text(frames(&mut *drive, Wish::On(wanted))),
+        text(frames(&mut *drive, DriveCommand::On(wanted))),
         ["101#A1FF6A0000000000", "101#02A0BF0100000000"]
     );
     assert_eq!(
-        text(frames(&mut *drive, Wish::On(wanted))),
+        text(frames(&mut *drive, DriveCommand::On(wanted))),
         ["101#02A0BF0100000000", "101#B1FF6A0000000000"]
     );
     assert_eq!(drive.state().power, Power::Starting);
@@ -66,11 +66,11 @@ fn every_value_of_the_switch_has_its_frame() {
     receive(&mut *drive, "00000401#0000000000000000");
     assert_eq!(drive.state().fault, fault::POWER_LOST);
     assert_eq!(
-        text(frames(&mut *drive, Wish::On(wanted)))[0],
+        text(frames(&mut *drive, DriveCommand::On(wanted)))[0],
         "101#A100000000000000",
         "no power again by itself"
     );
-    frames(&mut *drive, Wish::Off);
+    frames(&mut *drive, DriveCommand::Off);
     receive(&mut *drive, "00000401#0000000000000007");
     assert_eq!(drive.state().fault, 7);
 }
@@ -177,30 +177,30 @@ fn power_comes_after_the_set_point_and_goes_before_it() {
     let told = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
     receive(&mut *drive, "022#0000");
     assert_eq!(
-        told(frames(&mut *drive, Wish::On(wanted))),
+        told(frames(&mut *drive, DriveCommand::On(wanted))),
         ["010#00", "011#00000000"],
         "nobody knows where it is"
     );
     receive(&mut *drive, &format!("021#{PLACE}"));
     let (stays, follows) = (format!("011#{PLACE}"), format!("011#{TARGET}"));
     assert_eq!(
-        told(frames(&mut *drive, Wish::Off)),
+        told(frames(&mut *drive, DriveCommand::Off)),
         ["010#00", &stays],
         "without power it is told to stay"
     );
     assert_eq!(
-        told(frames(&mut *drive, Wish::On(wanted))),
+        told(frames(&mut *drive, DriveCommand::On(wanted))),
         ["010#00", &follows],
         "the set-point is there a cycle before power"
     );
     assert_eq!(drive.state().power, Power::Starting);
-    assert_eq!(told(frames(&mut *drive, Wish::On(wanted))), [&follows, "010#01"]);
+    assert_eq!(told(frames(&mut *drive, DriveCommand::On(wanted))), [&follows, "010#01"]);
     receive(&mut *drive, "022#0100");
     assert_eq!(drive.state().power, Power::On);
     let mut queue = FrameQueue::new(4);
     drive.disable(&mut queue);
     assert_eq!(told(queue.frames().to_vec()), ["010#00", &stays]);
-    assert_eq!(told(frames(&mut *drive, Wish::Off)), ["010#00", &stays]);
+    assert_eq!(told(frames(&mut *drive, DriveCommand::Off)), ["010#00", &stays]);
 }
 
 #[test]
@@ -212,11 +212,11 @@ fn what_is_in_a_message_whatever_its_switch_says_is_in_all_of_its_frames() {
     let wanted = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };
     let told = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
     assert_eq!(
-        told(frames(&mut *drive, Wish::On(wanted))),
+        told(frames(&mut *drive, DriveCommand::On(wanted))),
         ["101#A2A0BF0100000000", "101#A1FF6A0000000000"]
     );
     assert_eq!(
-        told(frames(&mut *drive, Wish::On(wanted))),
+        told(frames(&mut *drive, DriveCommand::On(wanted))),
         ["101#B2A0BF0100000000", "101#B1FF6A0000000000"]
     );
     let yaml = YAML.replace("Command.Kind=5", "Command.Mux=2");
@@ -248,7 +248,7 @@ fn what_was_told_long_ago_is_not_believed() {
     at(&mut *drive, 110, "022#0100");
     assert_eq!((drive.state().power, drive.state().fault), (Power::On, 0));
     // the cycle sees it too, where nothing comes any more
-    drive.cycle(211_000_000, Wish::Off, &mut FrameQueue::new(4));
+    drive.cycle(211_000_000, DriveCommand::Off, &mut FrameQueue::new(4));
     assert_eq!(drive.state().fault, fault::SILENT);
     // a number that is none is not the one before
     at(&mut *drive, 220, &format!("023#{PLACE}{TARGET}"));

@@ -3,7 +3,9 @@
 use crate::support::{
     COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
 };
-use sarrus_can::drive::{Drive, Measurement, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use sarrus_can::drive::{
+    Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog,
+};
 use sarrus_can::frame::FrameQueue;
 use sarrus_can::protocol::{Common, fault};
 
@@ -26,7 +28,7 @@ fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
         _ => ("011#0180007FF7FF0000", "011#0180007FF7FF0000"),
     };
     for _ in 0..16 {
-        for request in cycle(&mut *drive, Wish::Off) {
+        for request in cycle(&mut *drive, DriveCommand::Off) {
             match request.strip_prefix("7FF#0100") {
                 Some("33150000000000") | Some("331500000000") => {
                     receive(&mut *drive, "011#0100331500004841")
@@ -42,18 +44,18 @@ fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
     }
     assert_eq!(drive.state().power, Power::Off);
     assert_eq!(
-        cycle(&mut *drive, Wish::On(MOST)),
+        cycle(&mut *drive, DriveCommand::On(MOST)),
         ["001#7FFF7FF0000007FF"],
         "nothing is asked before power"
     );
     receive(&mut *drive, off);
-    assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
     assert_eq!(drive.state().power, Power::Starting);
     // a motor that does not tell its state may still answer what was said before
     for _ in 1..if variant == "damiao" { 1 } else { 4 } {
         receive(&mut *drive, on);
         assert_eq!(drive.state().power, Power::Starting, "{variant}");
-        assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
+        assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
     }
     receive(&mut *drive, on);
     assert_eq!(drive.state().power, Power::On, "{variant}");
@@ -81,15 +83,15 @@ fn known_frames_come_out() {
     // the neutral command and the special ones as the mini cheetah's documentation has them
     let mut drive = enabled("mini_cheetah", COMMON);
     assert_eq!(
-        cycle(&mut *drive, Wish::On(ZERO)),
+        cycle(&mut *drive, DriveCommand::On(ZERO)),
         ["001#8000800000000800"],
         "the codes above zero in their turn"
     );
-    assert_eq!(cycle(&mut *drive, Wish::On(ZERO)), ["001#7FFF7FF0000007FF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(ZERO)), ["001#7FFF7FF0000007FF"]);
     let wanted =
         Setpoint { position: 12.5, velocity: -45.0, torque: 18.0, stiffness: 250.1, damping: 1.0 };
-    assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["001#FFFF000800333FFF"]);
-    assert_eq!(cycle(&mut *drive, Wish::Off), ["001#FFFFFFFFFFFFFFFD"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["001#FFFF000800333FFF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
     let mut queue = FrameQueue::new(4);
     drive.disable(&mut queue);
     assert!(drive.set_zero(&mut queue));
@@ -111,7 +113,7 @@ fn random_set_points_are_within_half_a_step() {
             stiffness: random.between(0.0, 500.0),
             damping: random.between(0.0, 5.0),
         };
-        let sent = decode(last(&mut *drive, Wish::On(wanted)).data());
+        let sent = decode(last(&mut *drive, DriveCommand::On(wanted)).data());
         let wanted =
             [wanted.position, wanted.velocity, wanted.stiffness, wanted.damping, wanted.torque];
         for i in 0..5 {
@@ -176,7 +178,8 @@ fn no_set_point_is_a_special_command() {
         for code in 0..=4095 {
             let torque = -18.0 + 36.0 * f64::from(code) / 4095.0;
             for damping in [5.0, 4.99] {
-                let bytes = last(&mut *drive, Wish::On(Setpoint { torque, damping, ..MOST }));
+                let bytes =
+                    last(&mut *drive, DriveCommand::On(Setpoint { torque, damping, ..MOST }));
                 assert!(!special(variant, bytes.data()), "{variant}: {bytes}");
                 let sent = decode(bytes.data());
                 assert!((sent[4] - torque).abs() <= 4.1 * 36.0 / 4095.0);
@@ -186,8 +189,11 @@ fn no_set_point_is_a_special_command() {
     }
     let torque = -18.0 + 36.0 * f64::from(0xFFD) / 4095.0;
     let mut drive = enabled("damiao", COMMON);
-    assert_eq!(cycle(&mut *drive, Wish::On(Setpoint { torque, ..MOST })), ["001#FFFFFFFFFFFFFFFA"]);
-    assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFF"]);
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(Setpoint { torque, ..MOST })),
+        ["001#FFFFFFFFFFFFFFFA"]
+    );
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFF"]);
 }
 
 #[test]
@@ -195,7 +201,7 @@ fn zero_is_half_a_step_off_and_right_on_average() {
     let mut drive = enabled("mini_cheetah", COMMON);
     let mut sum = [0.0; 5];
     for _ in 0..100 {
-        let sent = decode(last(&mut *drive, Wish::On(ZERO)).data());
+        let sent = decode(last(&mut *drive, DriveCommand::On(ZERO)).data());
         assert!((sent[4].abs() - 18.0 / 4095.0).abs() < 1e-12);
         (0..5).for_each(|i| sum[i] += sent[i]);
     }
@@ -212,13 +218,14 @@ fn set_points_saturate() {
         stiffness: f64::MAX,
         damping: -1.0,
     };
-    assert_eq!(cycle(&mut *drive, Wish::On(beyond)), ["001#0000FFFFFF000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(beyond)), ["001#0000FFFFFF000000"]);
     let mut drive = enabled("mini_cheetah", Common { torque_limit: 9.0, ..COMMON });
     assert!(
-        (decode(last(&mut *drive, Wish::On(torque(18.0))).data())[4] - 9.0).abs() <= 18.0 / 4095.0
+        (decode(last(&mut *drive, DriveCommand::On(torque(18.0))).data())[4] - 9.0).abs()
+            <= 18.0 / 4095.0
     );
     let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
-    let sent = decode(last(&mut *drive, Wish::On(MOST)).data());
+    let sent = decode(last(&mut *drive, DriveCommand::On(MOST)).data());
     assert_eq!((sent[2], sent[3], sent[4]), (0.0, 0.0, 18.0));
     assert!(sent[0].abs() < 1e-3, "a motor in torque mode is told no position");
 }
@@ -288,25 +295,25 @@ fn temperatures_and_errors_are_read() {
 #[test]
 fn a_damiao_gets_its_watchdog_and_shows_its_ranges_before_it_gets_power() {
     let mut drive = mit("damiao", Common { watchdog_ms: 50, ..COMMON });
-    assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
     assert_eq!(
-        cycle(&mut *drive, Wish::On(MOST)),
+        cycle(&mut *drive, DriveCommand::On(MOST)),
         ["7FF#0100550A01000000"],
         "no power before all is known"
     );
     receive(&mut *drive, "011#0100550A01000000");
-    assert_eq!(cycle(&mut *drive, Wish::Off), ["001#FFFFFFFFFFFFFFFD"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
     for _ in 0..3 {
         assert_eq!(
-            cycle(&mut *drive, Wish::Off),
+            cycle(&mut *drive, DriveCommand::Off),
             ["7FF#01005509E8030000"],
             "1000 times 50 µs, until it answers"
         );
-        assert_eq!(cycle(&mut *drive, Wish::Off), ["001#FFFFFFFFFFFFFFFD"]);
+        assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
     }
     receive(&mut *drive, "011#01005509E8030000");
     assert_eq!(drive.state().watchdog, Watchdog::Unknown, "what was written was not yet read");
-    assert_eq!(cycle(&mut *drive, Wish::Off), ["7FF#0100330900000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["7FF#0100330900000000"]);
     assert_eq!(receive(&mut *drive, "011#01003309E8030000"), Receipt::Parameter(0, 1000.0));
     assert_eq!(drive.state().watchdog, Watchdog::Set(50));
     assert_eq!(
@@ -321,8 +328,8 @@ fn a_damiao_gets_its_watchdog_and_shows_its_ranges_before_it_gets_power() {
     receive(&mut *drive, "011#010033170000A041");
     assert_eq!(drive.state().fault, fault::RANGES_DIFFER, "20 N m are not 18");
     receive(&mut *drive, "011#0180007FF7FF1E1E");
-    assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
-    assert_eq!(cycle(&mut *drive, Wish::Reset)[0], "001#FFFFFFFFFFFFFFFB");
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Reset)[0], "001#FFFFFFFFFFFFFFFB");
     drive.forget();
     assert_eq!((drive.state().fault, drive.state().watchdog), (0, Watchdog::Unknown));
 }
@@ -330,15 +337,15 @@ fn a_damiao_gets_its_watchdog_and_shows_its_ranges_before_it_gets_power() {
 #[test]
 fn a_motor_that_lets_go_gets_no_power_again_by_itself() {
     let mut drive = enabled("damiao", COMMON);
-    assert_eq!(cycle(&mut *drive, Wish::On(MOST)).len(), 1);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)).len(), 1);
     receive(&mut *drive, "011#D180007FF7FF1E1E");
     assert_eq!((drive.state().power, drive.state().fault), (Power::Off, 0xD));
     for _ in 0..10 {
-        assert_eq!(cycle(&mut *drive, Wish::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
+        assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
         receive(&mut *drive, "011#0180007FF7FF1E1E");
         assert_eq!(drive.state().fault, fault::POWER_LOST);
     }
-    cycle(&mut *drive, Wish::Reset);
+    cycle(&mut *drive, DriveCommand::Reset);
     assert_eq!(drive.state().fault, 0);
 }
 
@@ -346,7 +353,7 @@ fn a_motor_that_lets_go_gets_no_power_again_by_itself() {
 fn only_motors_that_know_the_command_are_told_to_forget_faults() {
     for (variant, frames) in [("mini_cheetah", 1), ("t_motor", 1), ("robstride", 2)] {
         let mut drive = enabled(variant, COMMON);
-        let sent = cycle(&mut *drive, Wish::Reset);
+        let sent = cycle(&mut *drive, DriveCommand::Reset);
         assert_eq!(sent.len(), frames, "{variant}");
         assert_eq!(sent.last().map(String::as_str), Some("001#FFFFFFFFFFFFFFFD"));
         assert_eq!(drive.state().watchdog, Watchdog::Unreadable);
@@ -380,7 +387,7 @@ fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_reset
     drive.forget();
     receive(&mut *drive, "011#0100107FF7FF");
     assert_eq!(drive.state().fault, fault::OUT_OF_RANGE, "it may be a whole range away");
-    cycle(&mut *drive, Wish::Reset);
+    cycle(&mut *drive, DriveCommand::Reset);
     receive(&mut *drive, "011#0100107FF7FF");
     assert_eq!(drive.state().fault, 0);
 }

@@ -6,7 +6,7 @@ use crate::closed_loop::Bench;
 use crate::support::{
     COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
 };
-use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
 use sarrus_can::frame::{Frame, FrameQueue};
 use sarrus_can::protocol::{Common, fault};
 
@@ -36,10 +36,10 @@ fn answer_of(mode: &str, velocity: &str, fault: &str) -> String {
 /// A drive whose motor said that it follows positions.
 fn enabled(mode: Mode) -> Box<dyn Drive> {
     let mut drive = moteus(mode);
-    assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0))), STOP);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(torque(1.0))), STOP);
     assert!(matches!(answer(&mut *drive, STOPPED), Receipt::Measured(_)));
     assert_eq!((drive.state().power, drive.state().watchdog), (Power::Off, Watchdog::Set(50)));
-    cycle(&mut *drive, Wish::On(torque(0.0)));
+    cycle(&mut *drive, DriveCommand::On(torque(0.0)));
     assert_eq!(drive.state().power, Power::Starting);
     answer(&mut *drive, RUNS);
     assert_eq!((drive.state().power, drive.state().fault), (Power::On, 0));
@@ -94,7 +94,7 @@ fn random_set_points_are_within_half_a_step() {
             stiffness,
             damping: random.between(0.0, 0.05 / TAU * stiffness * TAU / 4.0),
         };
-        let sent = decode(&last(&mut *drive, Wish::On(wanted)));
+        let sent = decode(&last(&mut *drive, DriveCommand::On(wanted)));
         let near = |sent: f64, wanted: f64| {
             assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}")
         };
@@ -136,7 +136,7 @@ fn damping_beyond_the_stiffness_becomes_torque() {
     let damping = 0.02 / TAU;
     let sent = decode(&last(
         &mut *drive,
-        Wish::On(Setpoint { damping, torque: 1.0, ..Setpoint::default() }),
+        DriveCommand::On(Setpoint { damping, torque: 1.0, ..Setpoint::default() }),
     ));
     assert_eq!((sent[3], sent[4]), (0.0, 0.0), "the motor has no damping without stiffness");
     assert!((sent[2] - (1.0 - 0.02)).abs() < 0.006, "{}", sent[2]);
@@ -151,10 +151,10 @@ fn a_timeout_or_a_fault_ends_the_following() {
         (Power::Off, fault::POWER_LOST),
         "mode 11 is the timeout"
     );
-    (0..3).for_each(|_| assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0))), STOP));
+    (0..3).for_each(|_| assert_eq!(cycle(&mut *drive, DriveCommand::On(torque(1.0))), STOP));
     answer(&mut *drive, STOPPED);
-    assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0))), STOP, "no power again by itself");
-    cycle(&mut *drive, Wish::Off);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(torque(1.0))), STOP, "no power again by itself");
+    cycle(&mut *drive, DriveCommand::Off);
     assert_eq!(drive.state().fault, 0);
     let mut drive = enabled(Mode::Torque);
     answer(&mut *drive, &answer_of("0000803F", "00000000", "27"));
@@ -194,7 +194,7 @@ fn the_largest_torque_goes_along_rounded_down() {
         Common { mode: Mode::Torque, watchdog_ms: 50, torque_limit: 1.239, ..COMMON },
     );
     answer(&mut *drive, STOPPED);
-    let frame = last(&mut *drive, Wish::On(torque(9.0)));
+    let frame = last(&mut *drive, DriveCommand::On(torque(9.0)));
     let sent = decode(&frame);
     assert_eq!((sent[2], sent[5]), (1.24, 1.23));
     assert_eq!(frame.data().len(), 24, "a torque alone takes no position");
@@ -207,7 +207,7 @@ fn a_position_is_followed_at_once_whatever_limits_are_configured() {
     let hold = Setpoint { stiffness: 0.1, ..Setpoint::default() };
     let mut bench = Bench::new("moteus", "{id: 1, kp: 4.0, kd: 0.05}", Mode::Impedance);
     bench.power_on(hold);
-    bench.cycle(Wish::On(Setpoint { position: 1.0, ..hold }));
+    bench.cycle(DriveCommand::On(Setpoint { position: 1.0, ..hold }));
     let law = bench.motor.follows().unwrap();
     assert!((law.position - 1.0).abs() < 1e-6, "the motor has a way of its own: {law:?}");
 }
@@ -247,11 +247,11 @@ fn a_motor_that_boots_while_it_follows_gets_no_power_again() {
     let mut bench = Bench::new("moteus", "{id: 1}", Mode::Torque);
     bench.power_on(torque(0.1));
     bench.motor.reboot();
-    (0..10).for_each(|_| bench.cycle(Wish::On(torque(0.1))));
+    (0..10).for_each(|_| bench.cycle(DriveCommand::On(torque(0.1))));
     assert!(bench.motor.follows().is_none());
     assert_eq!(bench.drive.state().fault, fault::POWER_LOST);
     // nothing of it needs a set-up: the watchdog goes along in each frame
-    (0..2).for_each(|_| bench.cycle(Wish::Off));
+    (0..2).for_each(|_| bench.cycle(DriveCommand::Off));
     bench.power_on(torque(0.1));
     assert_eq!(
         (bench.motor.body.watchdog_ns, bench.drive.state().watchdog),

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use crate::support::{
     COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, torque, try_drive,
 };
-use sarrus_can::drive::{Drive, Mode, Power, Receipt, Setpoint, Watchdog, Wish};
+use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
 use sarrus_can::frame::FrameQueue;
 use sarrus_can::protocol::{Common, fault};
 
@@ -22,21 +22,21 @@ fn enabled(mode: Mode) -> Box<dyn Drive> {
     let mut drive = odrive(mode);
     receive(&mut *drive, IDLE);
     receive(&mut *drive, STILL);
-    let sent: Vec<String> = (0..3).flat_map(|_| cycle(&mut *drive, Wish::Off)).collect();
+    let sent: Vec<String> = (0..3).flat_map(|_| cycle(&mut *drive, DriveCommand::Off)).collect();
     let (neutral, control) = match mode {
         Mode::Position => ("06C#0000000000000000", "06B#0300000001000000"),
         Mode::Velocity => ("06D#0000000000000000", "06B#0200000001000000"),
         _ => ("06E#00000000", "06B#0100000001000000"),
     };
     assert_eq!(sent, ["067#01000000", neutral, control]);
-    let again: Vec<String> = (0..3).flat_map(|_| cycle(&mut *drive, Wish::Off)).collect();
+    let again: Vec<String> = (0..3).flat_map(|_| cycle(&mut *drive, DriveCommand::Off)).collect();
     assert_eq!(again, sent, "nothing answers the mode, so it is said again and again");
     assert_eq!(
-        cycle(&mut *drive, Wish::On(Setpoint::default())),
+        cycle(&mut *drive, DriveCommand::On(Setpoint::default())),
         [control, neutral],
         "mode and set-point before power"
     );
-    assert_eq!(cycle(&mut *drive, Wish::On(Setpoint::default())), ["067#08000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(Setpoint::default())), ["067#08000000"]);
     assert_eq!(drive.state().power, Power::Starting);
     receive(&mut *drive, CLOSED);
     assert_eq!((drive.state().power, drive.state().fault), (Power::On, 0));
@@ -53,13 +53,13 @@ fn known_frames_come_out() {
     let mut drive = enabled(Mode::Position);
     let wanted =
         Setpoint { position: TAU, velocity: 2.0 * TAU, torque: -1.5, ..Setpoint::default() };
-    assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["06C#0000803FD00724FA"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["06C#0000803FD00724FA"]);
     let mut drive = enabled(Mode::Velocity);
-    assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["06D#000000400000C0BF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["06D#000000400000C0BF"]);
     let mut drive = enabled(Mode::Torque);
-    assert_eq!(cycle(&mut *drive, Wish::On(wanted)), ["06E#0000C0BF"]);
-    assert_eq!(cycle(&mut *drive, Wish::Reset), ["06E#00000000", "078#00"]);
-    assert_eq!(cycle(&mut *drive, Wish::Off), ["067#01000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["06E#0000C0BF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Reset), ["06E#00000000", "078#00"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["067#01000000"]);
 }
 
 #[test]
@@ -77,16 +77,16 @@ fn random_set_points_are_within_half_a_step() {
         let near = |sent: f64, wanted: f64| {
             assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}")
         };
-        let sent = last(&mut *position, Wish::On(wanted));
+        let sent = last(&mut *position, DriveCommand::On(wanted));
         let bytes = sent.data();
         near(singles(&bytes[..4])[0], wanted.position / TAU);
         let step = |i: usize| f64::from(i16::from_le_bytes([bytes[i], bytes[i + 1]])) * 1e-3;
         assert!((step(4) - wanted.velocity / TAU).abs() <= 0.5001e-3);
         assert!((step(6) - wanted.torque).abs() <= 0.5001e-3);
-        let sent = singles(last(&mut *velocity, Wish::On(wanted)).data());
+        let sent = singles(last(&mut *velocity, DriveCommand::On(wanted)).data());
         near(sent[0], wanted.velocity / TAU);
         near(sent[1], wanted.torque);
-        near(singles(last(&mut *torque_drive, Wish::On(wanted)).data())[0], wanted.torque);
+        near(singles(last(&mut *torque_drive, DriveCommand::On(wanted)).data())[0], wanted.torque);
         let (p, v) = ((wanted.position / TAU) as f32, (wanted.velocity / TAU) as f32);
         let text: String = p
             .to_le_bytes()
@@ -110,7 +110,7 @@ fn velocity_and_torque_beside_a_position_saturate() {
     let wanted =
         Setpoint { position: 1e300, velocity: 33.0 * TAU, torque: -33.0, ..Setpoint::default() };
     assert_eq!(
-        cycle(&mut *position, Wish::On(wanted)),
+        cycle(&mut *position, DriveCommand::On(wanted)),
         ["06C#FFFF7F7FFF7F0180"],
         "32.767 and not -32.5"
     );
@@ -127,13 +127,14 @@ fn the_watchdog_is_set_and_read_back_where_its_endpoints_are_known() {
     let mut drive = drive("odrive", yaml, Common { mode: Mode::Torque, watchdog_ms: 50, ..COMMON });
     receive(&mut *drive, IDLE);
     receive(&mut *drive, STILL);
-    let mut sent: Vec<String> = (0..15).flat_map(|_| cycle(&mut *drive, Wish::Off)).collect();
+    let mut sent: Vec<String> =
+        (0..15).flat_map(|_| cycle(&mut *drive, DriveCommand::Off)).collect();
     sent.retain(|frame| frame.starts_with("064"));
     assert_eq!(sent.len(), 5, "the last one is asked until it answers");
     sent.dedup();
     assert_eq!(sent, ["064#01230100CDCC4C3D", "064#0124010001", "064#00230100"]);
     assert_eq!(drive.state().watchdog, Watchdog::Unknown);
-    assert!(cycle(&mut *drive, Wish::On(torque(1.0)))[0] != "067#08000000");
+    assert!(cycle(&mut *drive, DriveCommand::On(torque(1.0)))[0] != "067#08000000");
     receive(&mut *drive, "065#00230100CDCC4C3D");
     assert_eq!(receive(&mut *drive, "065#0024010001"), Receipt::Parameter(1, 1.0));
     assert_eq!(drive.state().watchdog, Watchdog::Set(50));
@@ -147,12 +148,14 @@ fn a_fall_out_of_closed_loop_is_a_fault_and_stays_off() {
     let mut drive = enabled(Mode::Torque);
     receive(&mut *drive, IDLE);
     assert_eq!((drive.state().power, drive.state().fault), (Power::Off, fault::POWER_LOST));
-    (0..5).for_each(|_| assert_eq!(cycle(&mut *drive, Wish::On(torque(1.0))), ["067#01000000"]));
+    (0..5).for_each(|_| {
+        assert_eq!(cycle(&mut *drive, DriveCommand::On(torque(1.0))), ["067#01000000"])
+    });
     // measurements alone do not tell that it has power
     let mut drive = enabled(Mode::Torque);
     for now_ns in [400_000_000, 501_000_000] {
         receive(&mut *drive, STILL);
-        drive.cycle(now_ns, Wish::On(torque(1.0)), &mut FrameQueue::new(2));
+        drive.cycle(now_ns, DriveCommand::On(torque(1.0)), &mut FrameQueue::new(2));
     }
     assert_eq!((drive.state().power, drive.state().fault), (Power::Unknown, fault::POWER_LOST));
     let mut drive = enabled(Mode::Torque);

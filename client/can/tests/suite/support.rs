@@ -1,9 +1,9 @@
 //! Drives from a few lines of YAML, random numbers with a fixed seed, and what several tests ask.
 
-use sarrus_can::drive::{Drive, Mode, Receipt, Setpoint, Wish};
+use sarrus_can::drive::{Drive, DriveCommand, Mode, Receipt, Setpoint};
 use sarrus_can::frame::{Frame, FrameQueue, Id};
 use sarrus_can::protocol::{Common, Settings, protocol};
-use sarrus_models::{Findings, yaml};
+use sarrus_models::{Diagnostics, yaml};
 
 /// No limit, no watchdog.
 pub(crate) const COMMON: Common =
@@ -27,20 +27,21 @@ pub(crate) fn settled(
     file: &str,
 ) -> Result<(Box<dyn Drive>, Settings), String> {
     let protocol = protocol(name).expect("a protocol");
-    let mut findings = Findings::new(false);
-    let node =
-        yaml::read("drive.yml", yaml.as_bytes().to_vec(), "a drive", &mut findings).expect("YAML");
+    let mut diagnostics = Diagnostics::new(false);
+    let node = yaml::read("drive.yml", yaml.as_bytes().to_vec(), "a drive", &mut diagnostics)
+        .expect("YAML");
     let settings = Settings::read(
         &node,
         "the drive",
         protocol.keys,
         &[],
         &|_| Ok(file.to_owned()),
-        &mut findings,
+        &mut diagnostics,
     );
-    let drive = settings
-        .and_then(|settings| Some(((protocol.make)(&settings, common, &mut findings)?, settings)));
-    let report = findings.into_report();
+    let drive = settings.and_then(|settings| {
+        Some(((protocol.make)(&settings, common, &mut diagnostics)?, settings))
+    });
+    let report = diagnostics.into_report();
     drive.ok_or_else(|| report.to_string())
 }
 
@@ -50,17 +51,17 @@ pub(crate) fn drive(name: &str, yaml: &str, common: Common) -> Box<dyn Drive> {
 }
 
 /// The frames of one cycle, as `candump -L` writes them.
-pub(crate) fn cycle(drive: &mut dyn Drive, wish: Wish) -> Vec<String> {
+pub(crate) fn cycle(drive: &mut dyn Drive, command: DriveCommand) -> Vec<String> {
     let mut queue = FrameQueue::new(32);
-    drive.cycle(0, wish, &mut queue);
+    drive.cycle(0, command, &mut queue);
     assert_eq!(queue.dropped(), 0);
     queue.frames().iter().map(Frame::to_string).collect()
 }
 
 /// The data of the last frame of one cycle.
-pub(crate) fn last(drive: &mut dyn Drive, wish: Wish) -> Frame {
+pub(crate) fn last(drive: &mut dyn Drive, command: DriveCommand) -> Frame {
     let mut queue = FrameQueue::new(32);
-    drive.cycle(0, wish, &mut queue);
+    drive.cycle(0, command, &mut queue);
     *queue.frames().last().expect("a frame")
 }
 
@@ -146,10 +147,10 @@ pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
                 assert!(!value.is_infinite(), "{receipt:?}");
             }
         }
-        let wish = match random.bits() % 4 {
-            0 => Wish::Off,
-            1 => Wish::Reset,
-            _ => Wish::On(Setpoint {
+        let command = match random.bits() % 4 {
+            0 => DriveCommand::Off,
+            1 => DriveCommand::Reset,
+            _ => DriveCommand::On(Setpoint {
                 position: 1e300,
                 velocity: -1e300,
                 torque: 1e300,
@@ -158,7 +159,7 @@ pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
             }),
         };
         let mut queue = FrameQueue::new(16);
-        drive.cycle(round, wish, &mut queue);
+        drive.cycle(round, command, &mut queue);
         assert_eq!(queue.dropped(), 0);
         assert!(!queue.frames().is_empty());
         if random.bits().is_multiple_of(1000) {

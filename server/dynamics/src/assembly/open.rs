@@ -2,7 +2,7 @@
 
 use super::{AssembleError, Assembled, assemble, units, zero};
 use crate::description::Description;
-use crate::fault::CompileError;
+use crate::diagnostic::CompileError;
 use crate::model::Model;
 
 /// A robot whose loops may be open at its zero pose: rank, mobility and masses are not judged, so

@@ -10,7 +10,7 @@ use crate::closure::{
     Blocks, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian,
     constraint_residual, local_poses, scaled,
 };
-use crate::fault::{Fault, Site};
+use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
@@ -48,8 +48,8 @@ pub(super) fn analyse(
     names: &[String],
     row_names: &[String],
     site: Site,
-    errors: &mut Vec<Fault>,
-    warnings: &mut Vec<Fault>,
+    errors: &mut Vec<Diagnostic>,
+    warnings: &mut Vec<Diagnostic>,
 ) -> Option<Analysis> {
     let (n, rows) = (cluster.n_v, cluster.rows.len());
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
@@ -75,7 +75,7 @@ pub(super) fn analyse(
     cluster.dependent.retain(|v| !locked.contains(v));
     if !locked.is_empty() {
         let name = |v: &usize| names[*v].as_str();
-        warnings.push(Fault {
+        warnings.push(Diagnostic {
             site,
             found: format!(
                 "idle joints, which turn a rod between its ball joints and nothing else: {}",
@@ -100,7 +100,7 @@ pub(super) fn analyse(
                 off_by(&samples, &cluster, r, n)
             )
         });
-        warnings.push(Fault {
+        warnings.push(Diagnostic {
             site,
             found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
             expected: format!("{n_dependent} independent axes for {n_dependent} dependent joints"),
@@ -160,7 +160,7 @@ pub(super) fn close_zero(
     bodies: &[Body<Dd>],
     numerical: &mut Numerical<Dd>,
     site: Site,
-) -> Option<Fault> {
+) -> Option<Diagnostic> {
     if matches!(cluster.closure, Closure::Coupling(_)) {
         return None;
     }
@@ -176,7 +176,7 @@ pub(super) fn close_zero(
     };
     let (open, offset) = (gap(false), gap(true));
     if open > OPEN * cluster.length {
-        return Some(Fault {
+        return Some(Diagnostic {
             site,
             found: format!("a loop that is open by {open:.3e} m (or rad) at the zero pose"),
             expected: "placements that coincide at zero".into(),
@@ -203,7 +203,7 @@ pub(super) fn close_zero(
         let outcome =
             numerical.close(&part, bodies, &mut state.local(&mut scratch), Level::Position);
         if outcome.status != Status::Ok {
-            return Some(Fault {
+            return Some(Diagnostic {
                 site,
                 found: format!("loops that do not close at y = 0 ({})", outcome.status),
                 expected: "a closed pose where the independents are zero and the couplings have their offsets".into(),
@@ -368,7 +368,7 @@ fn wrong_mobility(
     names: &[String],
     row_names: &[String],
     site: Site,
-) -> Fault {
+) -> Diagnostic {
     let mobility = cluster.n_v - rank;
     let mut found = format!(
         "mobility {mobility} ({} joints less rank {rank} of {} rows)",
@@ -394,7 +394,7 @@ fn wrong_mobility(
     if !moving.is_empty() {
         found += &format!("; joints that the independents do not determine: {}", moving.join(", "));
     }
-    Fault {
+    Diagnostic {
         site,
         found,
         expected: format!("mobility {} as declared by jointnames_independent", cluster.n_vy),

@@ -13,7 +13,7 @@ use super::{Body, Cluster, Frame, Freedom, JointTerms, Meta, Model, Motion, Orde
 use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut, CutRow};
 use crate::description::{self as written, Description, JointKind, Loop, SubmechanismKind};
-use crate::fault::{Fault, Site};
+use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, mul, zero};
 
@@ -32,7 +32,7 @@ pub(super) struct Assembly {
 
 impl Assembly {
     /// Builds everything that needs no numbers beyond the description's.
-    pub(super) fn new(description: &Description, errors: &mut Vec<Fault>) -> Option<Assembly> {
+    pub(super) fn new(description: &Description, errors: &mut Vec<Diagnostic>) -> Option<Assembly> {
         let skeleton = Skeleton::new(description).map_err(|fault| errors.push(fault)).ok()?;
         let n_joints = description.joints.len();
         let mut moving_of = vec![usize::MAX; n_joints];
@@ -66,7 +66,7 @@ impl Assembly {
             }
         }
         if ties.iter().flatten().any(|m| *m == usize::MAX) {
-            errors.push(Fault {
+            errors.push(Diagnostic {
                 site: Site::Robot,
                 found: "a coupling to a fixed joint".into(),
                 expected: "masters that move".into(),
@@ -142,10 +142,10 @@ impl Assembly {
 }
 
 /// The submechanism of each joint.
-fn owners(description: &Description, errors: &mut Vec<Fault>) -> Option<Vec<usize>> {
+fn owners(description: &Description, errors: &mut Vec<Diagnostic>) -> Option<Vec<usize>> {
     let mut owner = vec![usize::MAX; description.joints.len()];
     let mut fault = |site, found: String, expected: &str| {
-        errors.push(Fault {
+        errors.push(Diagnostic {
             site,
             found,
             expected: expected.into(),
@@ -231,7 +231,7 @@ impl<'a> Builder<'a> {
         skeleton: &'a Skeleton,
         partition: &'a Partition,
         submechanism_of: &'a [usize],
-        errors: &mut Vec<Fault>,
+        errors: &mut Vec<Diagnostic>,
     ) -> Option<Builder<'a>> {
         let n = skeleton.moving.len();
         let mut turn = Vec::with_capacity(n);
@@ -243,7 +243,7 @@ impl<'a> Builder<'a> {
                 }
                 (_, Some(axis)) => onto_z(&axis),
                 (_, None) => {
-                    errors.push(Fault {
+                    errors.push(Diagnostic {
                         site: Site::Joint(j),
                         found: format!("joint {} with an axis without direction", joint.name),
                         expected: "a vector of some length".into(),
@@ -597,7 +597,7 @@ impl<'a> Builder<'a> {
         mut self,
         row_owner: &[(usize, Option<(usize, usize)>)],
         loops: &[Vec<Loop>],
-        errors: &mut Vec<Fault>,
+        errors: &mut Vec<Diagnostic>,
     ) -> Option<(Model<Dd>, Meta)> {
         self.model.zero = vec![Dd::ZERO; self.model.order.q.len()];
         for body in self.model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
@@ -608,7 +608,7 @@ impl<'a> Builder<'a> {
             let s = self.submechanism_of[self.skeleton.moving[joints[0]]];
             if cluster.rows.is_empty() {
                 if !cluster.dependent.is_empty() {
-                    errors.push(Fault {
+                    errors.push(Diagnostic {
                         site: Site::Submechanism(s),
                         found: format!(
                             "joint {} that is not independent and in no loop",

@@ -5,12 +5,16 @@ use nalgebra::Vector3;
 
 use super::geometry::{pose, unit, vector};
 use crate::description::{Cut, Description, JointKind, Loop, Row, Submechanism, SubmechanismKind};
-use crate::fault::{Fault, Site};
+use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::{Pose, cross, mul, t_mul};
 
 /// The loops of a submechanism: those given, or those of its type.
-pub(super) fn loops(description: &Description, s: usize, errors: &mut Vec<Fault>) -> Vec<Loop> {
+pub(super) fn loops(
+    description: &Description,
+    s: usize,
+    errors: &mut Vec<Diagnostic>,
+) -> Vec<Loop> {
     let submechanism = &description.submechanisms[s];
     if !submechanism.loops.is_empty() {
         return submechanism.loops.clone();
@@ -35,7 +39,7 @@ pub(super) fn loops(description: &Description, s: usize, errors: &mut Vec<Fault>
         _ => None,
     };
     of_type.unwrap_or_else(|| {
-        errors.push(Fault {
+        errors.push(Diagnostic {
             site: Site::Submechanism(s),
             found: format!(
                 "dependent joints in {} (type {}) that nothing determines",

@@ -7,7 +7,7 @@ use super::assemble::Assembly;
 use super::{ClosureInfo, ClosureKind, Compiled, Meta, Model, closed_forms, masses};
 use crate::closure::{Closure, Numerical};
 use crate::description::{Description, SubmechanismKind};
-use crate::fault::{CompileError, Fault, Site};
+use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::scalar::{Dd, Scalar};
 
 /// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.
@@ -35,8 +35,8 @@ impl Model<f64> {
 
 fn build(
     description: &Description,
-    errors: &mut Vec<Fault>,
-    warnings: &mut Vec<Fault>,
+    errors: &mut Vec<Diagnostic>,
+    warnings: &mut Vec<Diagnostic>,
 ) -> Option<Compiled> {
     let assembly = Assembly::new(description, errors)?;
     let mut exact = assembly.model.clone();
@@ -117,7 +117,7 @@ fn build(
                 Closure::Numerical(numerical)
             }
             Some(Err(why)) => {
-                warnings.push(Fault {
+                warnings.push(Diagnostic {
                     site,
                     found: format!(
                         "a {} whose {why}",
@@ -136,7 +136,7 @@ fn build(
                     info[s].misfit = f64::max(info[s].misfit, misfit);
                 }
                 if misfit > POLISHABLE && kind == SubmechanismKind::ParallelogramChain {
-                    warnings.push(Fault {
+                    warnings.push(Diagnostic {
                         site,
                         found: format!("{worst} by {misfit:.3e} of the mechanism's size"),
                         expected: "opposite sides equal and axes parallel, or type FOURBAR".into(),
@@ -147,7 +147,7 @@ fn build(
                     continue;
                 }
                 if misfit > POLISHABLE {
-                    errors.push(Fault {
+                    errors.push(Diagnostic {
                         site,
                         found: format!("{worst}: off by {misfit:.3e} of the mechanism's size"),
                         expected: format!(
@@ -179,7 +179,7 @@ fn build(
     for (s, of) in
         model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR)
     {
-        warnings.push(Fault {
+        warnings.push(Diagnostic {
             site: Site::Submechanism(s),
             found: format!("loops that are singular at the zero pose (sigma {:.1e})", of.sigma_min),
             expected: "a zero pose from which requests without a guess can go on".into(),
@@ -212,8 +212,8 @@ fn set_numerical(info: &mut [ClosureInfo], assembly: &Assembly, c: usize) {
 }
 
 /// Couplings of full rank that no pose satisfies.
-fn contradicting_couplings(names: &[String], site: Site) -> Fault {
-    Fault {
+fn contradicting_couplings(names: &[String], site: Site) -> Diagnostic {
+    Diagnostic {
         site,
         found: format!("couplings between {} that contradict each other", names.join(", ")),
         expected: "as many couplings as dependent joints, or more that repeat them".into(),
@@ -222,7 +222,11 @@ fn contradicting_couplings(names: &[String], site: Site) -> Fault {
 }
 
 /// A type that has no closed form, or whose closed form these loops are not.
-fn not_closed_form(kind: SubmechanismKind, description: &Description, s: usize) -> Option<Fault> {
+fn not_closed_form(
+    kind: SubmechanismKind,
+    description: &Description,
+    s: usize,
+) -> Option<Diagnostic> {
     let (expected, help) = match kind {
         SubmechanismKind::Numerical | SubmechanismKind::Serial => return None,
         SubmechanismKind::Transmission | SubmechanismKind::Differential => {
@@ -233,7 +237,7 @@ fn not_closed_form(kind: SubmechanismKind, description: &Description, s: usize) 
             "nothing to do: it is closed numerically from its loops",
         ),
     };
-    Some(Fault {
+    Some(Diagnostic {
         site: Site::Submechanism(s),
         found: format!("type {}", description.submechanisms[s].type_name),
         expected: expected.into(),

@@ -11,7 +11,7 @@ use super::Model;
 use super::analysis::{POSES, noise};
 use crate::closure::Level;
 use crate::description::Description;
-use crate::fault::{Fault, Site};
+use crate::diagnostic::{Diagnostic, Site};
 use crate::workspace::Workspace;
 use crate::{plan, tree};
 
@@ -28,8 +28,8 @@ pub(crate) const UNEQUAL: f64 = 1e6;
 pub(super) fn check(
     model: &Model<f64>,
     description: &Description,
-    errors: &mut Vec<Fault>,
-    warnings: &mut Vec<Fault>,
+    errors: &mut Vec<Diagnostic>,
+    warnings: &mut Vec<Diagnostic>,
 ) -> Vec<f64> {
     let mut ws = Workspace::for_plans(model, []);
     let n = model.meta.sizes.n_vy;
@@ -53,7 +53,7 @@ pub(super) fn check(
         let bad: Vec<usize> = (0..n).filter(|i| !enough(i)).collect();
         if !bad.is_empty() {
             let (site, names) = joints(model, description, &bad);
-            errors.push(Fault {
+            errors.push(Diagnostic {
                 site,
                 found: format!("no inertia that resists the motion of {names}"),
                 expected: "a positive definite reduced mass matrix".into(),
@@ -70,7 +70,7 @@ pub(super) fn check(
     if !unequal.is_empty() {
         let (site, names) = joints(model, description, &unequal);
         let ratio = worst.iter().copied().fold(0.0, f64::max);
-        warnings.push(Fault {
+        warnings.push(Diagnostic {
             site,
             found: format!("masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}", ratio.log10()),
             expected: format!("a joint's inertia at most {UNEQUAL:.0e} times what is left of it where the joints behind it are free"),

@@ -34,7 +34,7 @@ pub(crate) use terms::{JointTerms, Rotor};
 use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut};
 use crate::description::Limits;
-use crate::fault::Fault;
+use crate::diagnostic::Diagnostic;
 use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
 
@@ -247,7 +247,7 @@ pub struct Compiled {
     /// The same model with constants to 32 digits, for truth.
     pub exact: Model<Dd>,
     /// What is remarkable but no error.
-    pub warnings: Vec<Fault>,
+    pub warnings: Vec<Diagnostic>,
 }
 
 impl<C> Model<C> {

@@ -2,7 +2,7 @@
 
 use super::assemble::Builder;
 use crate::description::Terms;
-use crate::fault::{Fault, Site};
+use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::{Dd, Real};
 
 /// Springs, dampers and rotors of all joints, each in the order of the velocities.
@@ -59,7 +59,7 @@ impl<C: Copy> JointTerms<C> {
 
 impl Builder<'_> {
     /// Reads the terms off the joints; those of a joint of several freedoms are a fault.
-    pub(super) fn terms(&mut self, moving_of: &[usize], errors: &mut Vec<Fault>) {
+    pub(super) fn terms(&mut self, moving_of: &[usize], errors: &mut Vec<Diagnostic>) {
         let joints = self
             .description
             .joints
@@ -70,7 +70,7 @@ impl Builder<'_> {
             let body = &self.model.bodies[self.body_of[moving_of[j]]];
             let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = joint.terms;
             if body.motion.n_v() > 1 {
-                errors.push(Fault {
+                errors.push(Diagnostic {
                     site: Site::Joint(j),
                     found: format!(
                         "damping, a spring or a rotor in the joint {} of several freedoms",

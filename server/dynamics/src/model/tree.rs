@@ -2,7 +2,7 @@
 //! depth-first order.
 
 use crate::description::{Description, Joint, JointKind};
-use crate::fault::{Fault, Site};
+use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::Dd;
 use crate::spatial::Pose;
 
@@ -23,7 +23,7 @@ pub(super) struct Skeleton {
 
 impl Skeleton {
     /// Walks the joints from the root outwards.
-    pub(super) fn new(description: &Description) -> Result<Skeleton, Fault> {
+    pub(super) fn new(description: &Description) -> Result<Skeleton, Diagnostic> {
         let n_links = description.links.len();
         let mut joint_of = vec![None; n_links];
         for (j, joint) in description.joints.iter().enumerate() {
@@ -120,8 +120,8 @@ impl Skeleton {
 }
 
 /// A fault that only a description made by hand can have.
-fn fault(site: Site, found: &str, expected: &str) -> Fault {
-    Fault {
+fn fault(site: Site, found: &str, expected: &str) -> Diagnostic {
+    Diagnostic {
         site,
         found: found.into(),
         expected: expected.into(),

@@ -74,7 +74,7 @@ impl Plan {
         for k in 0..n {
             ws.ydd[k] = ws.tau_y[k] - ws.C_y[k];
         }
-        if self.wants(Field::CY) && self.wanted.given.has(Field::Wrenches) {
+        if self.wants(Field::CY) && self.query.given.has(Field::Wrenches) {
             self.bias_force(model, ws, input, false);
         }
         if self.steps.mass_matrix {
@@ -114,7 +114,7 @@ impl Plan {
         }
         if self.wants(Field::Lambda) {
             // τ_q of the motion less the given forces is what the loops supply
-            let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
+            let wrench = self.query.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
             tree::newton_euler(
                 model,
                 &ws.q,
@@ -147,7 +147,7 @@ impl Plan {
     /// True where ÿ of the whole system balances the given forces along every independent motion up
     /// to rounding, or so nearly that M_y makes little of what is left.
     fn balanced<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
-        let wrench = self.wanted.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
+        let wrench = self.query.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
         // q̈ = G ÿ + g: that of the system need not keep the loops closed
         let mut qdd = core::mem::take(&mut ws.start_rate);
         qdd.copy_from_slice(&ws.qdd);

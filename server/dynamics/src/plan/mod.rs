@@ -16,7 +16,7 @@ pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use method::Method;
 pub(crate) use state::local;
 
-use sarrus_proto::{Field, FieldSet, Layout, Request, Status, Wanted, WantedError, Warnings};
+use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request, Status, Warnings};
 
 use crate::closure::Level;
 use crate::model::Model;
@@ -27,7 +27,7 @@ use crate::workspace::Needs;
 /// ```
 /// use sarrus_dynamics::{Model, Plan, Workspace};
 /// use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind};
-/// use sarrus_proto::{Field, FieldSet, Request, Status, Wanted};
+/// use sarrus_proto::{Field, FieldSet, Request, Status, Query};
 ///
 /// // a pendulum: 1 kg, 1 m below a horizontal axis
 /// let bob = Inertial { origin: Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.0; 6] };
@@ -45,7 +45,7 @@ use crate::workspace::Needs;
 ///     gravity: [0.0, 0.0, -9.81],
 /// };
 /// let model = Model::compile(&description)?.model;
-/// let wanted = Wanted::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
+/// let wanted = Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
 /// let plan = Plan::new(&model, &wanted)?;
 /// let mut workspace = Workspace::new(&model);
 /// let mut tau = [0.0];
@@ -56,7 +56,7 @@ use crate::workspace::Needs;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Plan {
-    wanted: Wanted,
+    query: Query,
     request: Request,
     given: Layout,
     want: Layout,
@@ -114,11 +114,11 @@ impl Plan {
     /// The plan for `wanted` on `model`. Forward dynamics goes by the model's choice
     /// ([`Model::forward_method`]), or by projection where M_y is wanted too. Allocates; errors
     /// name the field that does not fit.
-    pub fn new<C>(model: &Model<C>, wanted: &Wanted) -> Result<Plan, WantedError> {
-        let with_mass_matrix = wanted.want.has_any(&[Field::MY, Field::CondMy]);
+    pub fn new<C>(model: &Model<C>, query: &Query) -> Result<Plan, QueryError> {
+        let with_mass_matrix = query.want.has_any(&[Field::MY, Field::CondMy]);
         Plan::with_method(
             model,
-            wanted,
+            query,
             if with_mass_matrix { Method::Projection } else { model.forward_method() },
         )
     }
@@ -127,13 +127,13 @@ impl Plan {
     /// [`crate::Workspace::for_plans`].
     pub fn with_method<C>(
         model: &Model<C>,
-        wanted: &Wanted,
+        query: &Query,
         method: Method,
-    ) -> Result<Plan, WantedError> {
+    ) -> Result<Plan, QueryError> {
         use Field::*;
-        let request = wanted.check(model.meta.links.len())?;
+        let request = query.check(model.meta.links.len())?;
         let sizes = model.meta.sizes;
-        let (given, want) = (wanted.given, wanted.want);
+        let (given, want) = (query.given, query.want);
         let space = |y, q, u| {
             [(y, Space::Independent), (q, Space::Tree), (u, Space::Actuation)]
                 .into_iter()
@@ -145,7 +145,7 @@ impl Plan {
         let acceleration = space(Ydd, Qdd, Udd);
 
         let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
-        let frames = wanted.n_frames > 0
+        let frames = query.n_frames > 0
             && want.has_any(&[
                 FramePose,
                 FrameTwist,
@@ -196,12 +196,12 @@ impl Plan {
             conditions,
         };
         let of = |links: &[u16]| links.iter().map(|link| *link as usize).collect::<Vec<_>>();
-        let (frame_links, wrench_links) = (of(wanted.frames()), of(wanted.wrench_links()));
+        let (frame_links, wrench_links) = (of(query.frames()), of(query.wrench_links()));
         Ok(Plan {
-            wanted: *wanted,
+            query: *query,
             request,
-            given: Layout::of_given(wanted, &sizes),
-            want: Layout::of_want(wanted, &sizes),
+            given: Layout::of_given(query, &sizes),
+            want: Layout::of_want(query, &sizes),
             fingerprint: model.meta.fingerprint,
             steps,
             method,
@@ -223,8 +223,8 @@ impl Plan {
     }
 
     /// What the plan was made for.
-    pub fn wanted(&self) -> &Wanted {
-        &self.wanted
+    pub fn query(&self) -> &Query {
+        &self.query
     }
 
     /// How forward dynamics is done.
@@ -239,11 +239,11 @@ impl Plan {
     }
 
     fn wants(&self, field: Field) -> bool {
-        self.wanted.want.has(field)
+        self.query.want.has(field)
     }
 
     fn wants_any(&self, fields: &[Field]) -> bool {
-        self.wanted.want.0 & FieldSet::of(fields).0 != 0
+        self.query.want.0 & FieldSet::of(fields).0 != 0
     }
 }
 

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
-    Answer, ConnectError, ConnectOptions, Door, Error, Robot, Status, Wanted, Warnings,
+    Answer, ConnectError, ConnectOptions, Error, Query, Robot, Status, Transport, Warnings,
 };
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::ServerName;
@@ -28,10 +28,10 @@ pub(super) struct Reply {
 
 impl Engine {
     /// Asks for `output`, packed as `wanted` says, from `input`.
-    pub(super) fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
+    pub(super) fn ask(&mut self, query: &Query, input: &[f64], output: &mut [f64]) -> Reply {
         match self {
-            Engine::Here(here) => here.ask(wanted, input, output),
-            Engine::There(there) => there.ask(wanted, input, output),
+            Engine::Here(here) => here.ask(query, input, output),
+            Engine::There(there) => there.ask(query, input, output),
         }
     }
 
@@ -53,10 +53,10 @@ impl Here {
         Here { workspace: Workspace::new(&model), model, plans: Vec::new() }
     }
 
-    fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
-        let known = self.plans.iter().position(|plan| plan.wanted() == wanted);
+    fn ask(&mut self, query: &Query, input: &[f64], output: &mut [f64]) -> Reply {
+        let known = self.plans.iter().position(|plan| plan.query() == query);
         let index =
-            match known.map_or_else(|| Plan::new(&self.model, wanted).map(Some), |_| Ok(None)) {
+            match known.map_or_else(|| Plan::new(&self.model, query).map(Some), |_| Ok(None)) {
                 Err(error) => return Reply::failed(Status::BadRequest, error.to_string()),
                 Ok(Some(plan)) => {
                     if self.plans.len() == PLANS {
@@ -88,21 +88,21 @@ pub(super) struct There {
 }
 
 impl There {
-    /// Connects through a lane, or through the requests door when all lanes are taken.
+    /// Connects through a lane, or through the service when all lanes are taken.
     pub(super) fn connect(name: &str) -> Result<There, ConnectError> {
         // a bad name is told before anything is made
         ServerName::new(name)?;
         let robot = match Robot::connect(name) {
-            Err(ConnectError::FullHouse { .. }) => Robot::connect_with(
+            Err(ConnectError::NoFreeSlot { .. }) => Robot::connect_with(
                 name,
-                ConnectOptions { door: Door::Requests, ..ConnectOptions::default() },
+                ConnectOptions { transport: Transport::Service, ..ConnectOptions::default() },
             ),
             outcome => outcome,
         };
         Ok(There { robot: robot?, lost: None, was_lost: false })
     }
 
-    fn ask(&mut self, wanted: &Wanted, input: &[f64], output: &mut [f64]) -> Reply {
+    fn ask(&mut self, query: &Query, input: &[f64], output: &mut [f64]) -> Reply {
         // each look for a lost server takes a second: the lines between two looks are answered at
         // once
         if let Some((since, status, words)) = &self.lost
@@ -111,7 +111,7 @@ impl There {
             return Reply::failed(*status, words.clone());
         }
         let error =
-            match self.robot.prepare(wanted).and_then(|plan| self.robot.ask(plan, input, output)) {
+            match self.robot.prepare(query).and_then(|plan| self.robot.ask(plan, input, output)) {
                 Ok(answer) => {
                     self.lost = None;
                     return Reply { answer, words: None };
@@ -120,7 +120,7 @@ impl There {
             };
         let words = error.to_string();
         let status = match error {
-            Error::Wanted(_) | Error::TooLarge { .. } => {
+            Error::Query(_) | Error::TooLarge { .. } => {
                 return Reply::failed(Status::BadRequest, words);
             }
             Error::TooManyPlans { .. } => return Reply::failed(Status::Overloaded, words),

@@ -173,7 +173,7 @@ impl Session {
         if let Some(problem) = asked.doubt.take() {
             let failed = Answer { status: problem.status, warnings: Warnings::NONE };
             let nothing = Layout::of_want(
-                &sarrus_client::Wanted::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
+                &sarrus_client::Query::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
                 &self.model.sizes(),
             );
             answer::answer(
@@ -222,14 +222,14 @@ impl Session {
     /// Packs, asks, and asks again without the one output that may fail alone.
     fn ask(&mut self, asked: &mut Asked) -> (Reply, Layout, Vec<f64>) {
         let sizes = self.model.sizes();
-        let given = Layout::of_given(&asked.wanted, &sizes);
+        let given = Layout::of_given(&asked.query, &sizes);
         let mut input = vec![0.0; given.len()];
         for field in &asked.given {
             let room = given.slot(field.field).and_then(|slot| input.get_mut(slot.range()));
             room.into_iter().flatten().zip(&field.numbers).for_each(|(to, number)| *to = *number);
         }
         loop {
-            let want = Layout::of_want(&asked.wanted, &sizes);
+            let want = Layout::of_want(&asked.query, &sizes);
             let (n_in, n_out) = (given.len(), want.len());
             if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
                 // in process it could be answered; the same line gets the same answer everywhere
@@ -242,12 +242,12 @@ impl Session {
                 return (Reply::failed(Status::BadRequest, error.to_string()), want, Vec::new());
             }
             let mut numbers = vec![f64::NAN; n_out];
-            let reply = self.engine.ask(&asked.wanted, &input, &mut numbers);
+            let reply = self.engine.ask(&asked.query, &input, &mut numbers);
             if reply.answer.status == Status::SingularActuation
-                && asked.wanted.want.has(Field::JacobianActuator)
+                && asked.query.want.has(Field::JacobianActuator)
             {
-                asked.wanted.want =
-                    FieldSet(asked.wanted.want.0 & !FieldSet::of(&[Field::JacobianActuator]).0);
+                asked.query.want =
+                    FieldSet(asked.query.want.0 & !FieldSet::of(&[Field::JacobianActuator]).0);
                 continue;
             }
             return (reply, want, numbers);

@@ -1,6 +1,6 @@
 //! One line in: what it gives and what it wants, or why it is no request.
 
-use sarrus_client::{Field, FieldSet, ModelInfo, Request, Status, Wanted, WantedError};
+use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, Request, Status};
 
 use super::json::{Fault, Value};
 use super::request::{Asked, Given, INPUTS, Output, Problem};
@@ -182,25 +182,25 @@ impl Reader<'_> {
         let want = outputs
             .iter()
             .fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
-        let mut wanted = Wanted::new(request, given, want);
+        let mut query = Query::new(request, given, want);
         let frames = self.frames.unwrap_or_default();
-        wanted = wanted.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
+        query = query.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
         if !self.wrenches.is_empty() {
-            wanted = wanted
+            query = query
                 .with_wrenches(&self.wrenches.iter().map(|(link, _)| *link).collect::<Vec<u16>>());
         }
         let key = |name: &str| {
             self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset)
         };
-        wanted.check(self.model.links.len()).map_err(|error| {
+        query.check(self.model.links.len()).map_err(|error| {
             let place = match error {
-                WantedError::NotAnInput(field) => key(field.name()),
-                WantedError::Conflict(a, b) => key(a.name()).max(key(b.name())),
-                WantedError::NotAnOutput(field) => outputs
+                QueryError::NotAnInput(field) => key(field.name()),
+                QueryError::Conflict(a, b) => key(a.name()).max(key(b.name())),
+                QueryError::NotAnOutput(field) => outputs
                     .iter()
                     .find(|(output, _)| *output == Output::Field(field))
                     .map(|(_, offset)| *offset),
-                WantedError::TooMany { what, .. } => key(what),
+                QueryError::TooMany { what, .. } => key(what),
                 _ => None,
             };
             Problem::from(Fault { offset: place.unwrap_or(root.offset), words: error.to_string() })
@@ -212,7 +212,7 @@ impl Reader<'_> {
             given.push(Given { field: Field::Wrenches, numbers, offset: root.offset });
         }
         Ok(Asked {
-            wanted,
+            query,
             outputs: outputs.into_iter().map(|(output, _)| output).collect(),
             frames: frames.into_iter().map(|(name, _)| name).collect(),
             given,

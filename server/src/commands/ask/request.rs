@@ -1,13 +1,13 @@
 //! What a line asks: the names that scripts use, and what they stand for.
 
-use sarrus_client::{Field, FieldSet, Status, Wanted};
+use sarrus_client::{Field, FieldSet, Query, Status};
 
 use super::json::Fault;
 
 /// What one line asks.
 #[derive(Debug)]
 pub(super) struct Asked {
-    pub(super) wanted: Wanted,
+    pub(super) query: Query,
     /// What the answer holds, in its order.
     pub(super) outputs: Vec<Output>,
     /// Names of the links in `wanted.frames`.

@@ -10,7 +10,7 @@ use clap::Args;
 use sarrus_models::CheckReport;
 
 use super::output::{Format, FormatFlag, finish, json_line};
-use super::robot::{RobotFlags, findings, refuse};
+use super::robot::{RobotFlags, diagnostics, refuse};
 use pose::Numbers;
 
 /// Flags of `check`.
@@ -54,7 +54,7 @@ impl Check {
             Format::Json => json_line(&report),
             Format::Text if report.errors.is_empty() => in_words(&report),
             Format::Text => {
-                findings(&report.errors, &report.warnings)
+                diagnostics(&report.errors, &report.warnings)
                     + &report.assembled.as_ref().map(assembled::in_words).unwrap_or_default()
             }
         };
@@ -122,7 +122,7 @@ fn in_words(report: &CheckReport) -> String {
         1 => "valid, 1 warning\n".to_owned(),
         n => format!("valid, {n} warnings\n"),
     };
-    text + &findings(&[], &report.warnings)
+    text + &diagnostics(&[], &report.warnings)
 }
 
 /// A count and the names that are counted, in lines of about a hundred letters.

@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use hdrhistogram::Histogram;
 use sarrus_client::{
-    Answer, ConnectError, ConnectOptions, Door, Error, LoadError, Options, Patience, Robot, Source,
-    Status, describe,
+    Answer, ConnectError, ConnectOptions, Error, LoadError, Options, Robot, Source, Status,
+    Transport, WaitStrategy, describe,
 };
 use sarrus_dynamics::{Plan, Workspace};
 use sarrus_models::{bundled, load};
@@ -112,7 +112,7 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
 
     // the mathematics alone
     let model = loaded.compiled.model;
-    let plan = Plan::new(&model, &WANTED).map_err(Error::Wanted)?;
+    let plan = Plan::new(&model, &WANTED).map_err(Error::Query)?;
     let mut workspace = Workspace::new(&model);
     let in_process =
         |input: &[f64], output: &mut [f64]| Ok(plan.run(&model, &mut workspace, input, output));
@@ -120,22 +120,22 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
         go_on("in process", 0.2 + 0.1 * done)
     })?;
 
-    // the server, through both doors
+    // the server, through both transports
     let name = format!("demo-{}", std::process::id());
     // decided by all processors, not by the part that each of them gets
-    let (wait, patience) = (Wait::fitting(), Patience::fitting());
+    let (wait, wait_strategy) = (Wait::auto(), WaitStrategy::auto());
     let processors = Processors::split();
     processors.iter().try_for_each(Processors::take_servers).map_err(DemoError::Server)?;
     let _server = ServerProcess::start(ROBOT, &name, wait).map_err(DemoError::Server)?;
     processors.iter().try_for_each(Processors::take_controllers).map_err(DemoError::Server)?;
     let mut ways = Vec::new();
-    for (k, (door, way)) in
-        [(Door::Lane, "lane"), (Door::Requests, "requests door")].into_iter().enumerate()
+    for (k, (transport, way)) in
+        [(Transport::Lane, "lane"), (Transport::Service, "service")].into_iter().enumerate()
     {
         let options = ConnectOptions {
-            door,
+            transport,
             timeout: TIMEOUT,
-            patience,
+            wait_strategy,
             fingerprint: Some(info.fingerprint),
         };
         let mut robot = Robot::connect_with(&name, options)?;

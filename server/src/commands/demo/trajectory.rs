@@ -1,6 +1,6 @@
 //! What the demo's controller follows, and the truth about it.
 
-use sarrus_client::{Field, FieldSet, Layout, ModelInfo, Request, Status, Wanted};
+use sarrus_client::{Field, FieldSet, Layout, ModelInfo, Query, Request, Status};
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Model, Plan, Workspace};
 
@@ -14,7 +14,7 @@ pub(super) const SAMPLES: usize = 5001;
 pub(super) const REACH: f64 = 0.3;
 
 /// Motion in, actuator forces out.
-pub(super) const WANTED: Wanted = Wanted::new(
+pub(super) const WANTED: Query = Query::new(
     Request::InverseDynamics,
     FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
     FieldSet::of(&[Field::TauU]),

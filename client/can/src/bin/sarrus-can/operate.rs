@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use sarrus_client::Observer;
-use sarrus_client::actuators::{ActuatorState, Operation, Reason, Standing, flag};
+use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
 
 /// Flags of the three.
 #[derive(Args)]
@@ -43,8 +43,8 @@ impl Operate {
                 let _ = writeln!(io::stdout(), "{}", goal(operation));
                 ExitCode::SUCCESS
             }
-            Err(standings) => {
-                eprintln!("sarrus-can {name}: {standings}");
+            Err(states) => {
+                eprintln!("sarrus-can {name}: {states}");
                 ExitCode::from(1)
             }
         }
@@ -104,25 +104,25 @@ struct Standings {
     enabled: usize,
     arming: usize,
     fault: usize,
-    standing: u32,
+    state: u32,
     reason: u32,
 }
 
 impl Standings {
     fn of(state: &ActuatorState) -> Standings {
-        let flags = state.flags.iter().zip(&state.standings).take(state.n_u as usize);
+        let flags = state.flags.iter().zip(&state.states).take(state.n_u as usize);
         let with_motor: Vec<u32> = flags
             .filter(|(flags, _)| *flags & flag::NO_MOTOR == 0)
-            .map(|(_, standing)| *standing)
+            .map(|(_, state)| *state)
             .collect();
         let count =
-            |standing: Standing| with_motor.iter().filter(|of| **of == standing as u32).count();
+            |state: MechanismState| with_motor.iter().filter(|of| **of == state as u32).count();
         Standings {
             all: with_motor.len(),
-            enabled: count(Standing::Enabled),
-            arming: count(Standing::Arming),
-            fault: count(Standing::Fault),
-            standing: state.standing,
+            enabled: count(MechanismState::Enabled),
+            arming: count(MechanismState::Arming),
+            fault: count(MechanismState::Fault),
+            state: state.state,
             reason: state.reason,
         }
     }
@@ -130,11 +130,11 @@ impl Standings {
 
 impl core::fmt::Display for Standings {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let standing = Standing::from_code(self.standing).map_or("unknown", Standing::name);
+        let state = MechanismState::from_code(self.state).map_or("unknown", MechanismState::name);
         let reason = Reason::from_code(self.reason).map_or("unknown", Reason::name);
         write!(
             f,
-            "the bridge is {standing}: {reason}; {} of {} actuators have power",
+            "the bridge is {state}: {reason}; {} of {} actuators have power",
             self.enabled, self.all
         )
     }

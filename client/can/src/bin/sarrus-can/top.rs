@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use sarrus_client::actuators::{ActuatorState, Reason, Standing, flag};
+use sarrus_client::actuators::{ActuatorState, MechanismState, Reason, flag};
 use sarrus_client::watch::{BridgeStatistics, Times};
 use sarrus_client::{ConnectError, Observer};
 use serde_json::{Value, json};
@@ -74,8 +74,8 @@ impl Top {
     }
 }
 
-fn standing(code: u32) -> &'static str {
-    Standing::from_code(code).map_or("unknown", Standing::name)
+fn state_name(code: u32) -> &'static str {
+    MechanismState::from_code(code).map_or("unknown", MechanismState::name)
 }
 
 fn reason(code: u32) -> &'static str {
@@ -120,7 +120,7 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     let _ = writeln!(
         out,
         "{} ({})   process {}, {up:.0} s, {} cycles",
-        standing(state.standing),
+        state_name(state.state),
         reason(state.reason),
         s.process,
         s.cycles
@@ -179,7 +179,7 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     for (place, name) in s.actuators.iter().enumerate().take(s.n_u as usize) {
         rows.push(vec![
             name.as_str().to_owned(),
-            standing(of(&state.standings, place)).to_owned(),
+            state_name(of(&state.states, place)).to_owned(),
             reason(of(&state.reasons, place)).to_owned(),
             format!("{:.4}", of(&state.position, place)),
             format!("{:.3}", of(&state.velocity, place)),
@@ -216,14 +216,14 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
         .take(s.n_u as usize)
         .map(|(place, name)| {
             let number = |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
-            json!({"name": name.as_str(), "state": standing(of(&state.standings, place)), "reason": reason(of(&state.reasons, place)),
+            json!({"name": name.as_str(), "state": state_name(of(&state.states, place)), "reason": reason(of(&state.reasons, place)),
                "position": number(&state.position), "velocity": number(&state.velocity), "effort": number(&state.effort),
                "temperature": number(&state.temperature), "fault": of(&state.faults, place), "flags": flags(of(&state.flags, place)),
                "measured_ns": of(&state.measured_ns, place)})
         })
         .collect();
     json!({
-        "state": standing(state.standing), "reason": reason(state.reason), "sequence": state.sequence, "command": state.command,
+        "state": state_name(state.state), "reason": reason(state.reason), "sequence": state.sequence, "command": state.command,
         "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint), "process": s.process, "cycles": s.cycles,
         "commands": {"accepted": s.accepted, "not_finite": s.not_finite, "negative": s.negative, "old": s.old, "ahead": s.ahead,
                      "wrong_model": s.wrong_model, "wrong_size": s.wrong_size},

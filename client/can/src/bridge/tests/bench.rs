@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 use sarrus_models::yaml;
 use sarrus_proto::actuators::MAX_ACTUATORS;
 
@@ -16,7 +16,7 @@ use crate::protocol::{Common, Protocol, Settings};
 pub(super) const MS: u64 = 1_000_000;
 
 /// What a motor was told.
-pub(super) type Told = std::sync::Arc<std::sync::Mutex<Vec<Wish>>>;
+pub(super) type Told = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
 
 /// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a
 /// fault; the answer likewise.
@@ -29,14 +29,14 @@ struct Plain {
 }
 
 impl Drive for Plain {
-    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
-        self.told.lock().unwrap().push(wish);
-        if wish == Wish::Reset {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        self.told.lock().unwrap().push(command);
+        if command == DriveCommand::Reset {
             self.state.fault = 0;
         }
         out.push_some(Frame::classic(
             Id::Standard(self.id),
-            &[u8::from(matches!(wish, Wish::On(_)))],
+            &[u8::from(matches!(command, DriveCommand::On(_)))],
         ));
     }
     fn encode(&self, _setpoint: &Setpoint, out: &mut FrameQueue) {
@@ -111,9 +111,9 @@ impl Bench {
         let watchdog_ms: [std::sync::Arc<AtomicU32>; 3] =
             core::array::from_fn(|_| std::sync::Arc::new(AtomicU32::new(50)));
         let settings = || {
-            let mut findings = Findings::new(false);
-            let node = yaml::read("", b"{}".to_vec(), "settings", &mut findings).unwrap();
-            Settings::read(&node, "", &[], &[], &|_| Err(String::new()), &mut findings).unwrap()
+            let mut diagnostics = Diagnostics::new(false);
+            let node = yaml::read("", b"{}".to_vec(), "settings", &mut diagnostics).unwrap();
+            Settings::read(&node, "", &[], &[], &|_| Err(String::new()), &mut diagnostics).unwrap()
         };
         let motor = |i: usize| MotorConfig {
             actuator: i,
@@ -234,7 +234,7 @@ impl Bench {
         self.steps(3);
         self.bridge.operate(self.now_ns, Operation::Arm);
         self.steps(5);
-        assert_eq!(self.standings(), [Standing::Enabled; 3]);
+        assert_eq!(self.states(), [MechanismState::Enabled; 3]);
     }
 
     /// One command more, which is the last, and ages.
@@ -247,21 +247,21 @@ impl Bench {
         assert_eq!(self.bridge.command(self.now_ns, &command), Verdict::Accepted);
     }
 
-    pub(super) fn standings(&self) -> [Standing; 3] {
-        core::array::from_fn(|i| Standing::from_code(self.bridge.state().standings[i]).unwrap())
+    pub(super) fn states(&self) -> [MechanismState; 3] {
+        core::array::from_fn(|i| MechanismState::from_code(self.bridge.state().states[i]).unwrap())
     }
 
     pub(super) fn reason(&self, i: usize) -> Reason {
         Reason::from_code(self.bridge.state().reasons[i]).unwrap()
     }
 
-    pub(super) fn last(&self, i: usize) -> Wish {
+    pub(super) fn last(&self, i: usize) -> DriveCommand {
         *self.told[i].lock().unwrap().last().unwrap()
     }
 
     pub(super) fn setpoint(&self, i: usize) -> Setpoint {
         match self.last(i) {
-            Wish::On(setpoint) => setpoint,
+            DriveCommand::On(setpoint) => setpoint,
             other => panic!("motor {i} is told {other:?}"),
         }
     }

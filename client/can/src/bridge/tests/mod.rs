@@ -15,9 +15,13 @@ use sarrus_proto::actuators::flag;
 fn nothing_has_power_before_it_is_armed() {
     let mut bench = Bench::new(|_| {});
     bench.steps(50);
-    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
     assert!(
-        bench.told.iter().all(|told| told.lock().unwrap().iter().all(|wish| *wish == Wish::Off))
+        bench.told.iter().all(|told| told
+            .lock()
+            .unwrap()
+            .iter()
+            .all(|command| *command == DriveCommand::Off))
     );
 }
 
@@ -30,7 +34,9 @@ fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
     let told = bench.told[0].lock().unwrap().clone();
     let setpoints: Vec<Setpoint> = told
         .iter()
-        .filter_map(|wish| if let Wish::On(setpoint) = wish { Some(*setpoint) } else { None })
+        .filter_map(
+            |command| if let DriveCommand::On(setpoint) = command { Some(*setpoint) } else { None },
+        )
         .collect();
     assert_eq!(setpoints[0], Setpoint { position: 0.2, ..Setpoint::default() });
     // from 0.2 to 0.5 in 100 ms, no step larger than its share
@@ -47,26 +53,23 @@ fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
 
 #[test]
 fn arming_waits_for_every_motor_the_buses_and_a_command() {
-    let wait = |prepare: &dyn Fn(&mut Bench), reason: Reason| {
-        let mut bench = Bench::new(|_| {});
-        prepare(&mut bench);
-        bench.steps(3);
-        bench.bridge.operate(bench.now_ns, Operation::Arm);
-        bench.steps(5);
-        assert_eq!(bench.bridge.state().standing, Standing::Arming as u32, "{reason:?}");
-        assert_eq!(bench.reason(0), reason);
-        // not for ever
-        bench.steps(600);
-        assert_eq!(bench.standings(), [Standing::Disabled; 3]);
-        assert_eq!(bench.reason(0), reason);
-        assert!(
-            bench.told.iter().all(|told| told
-                .lock()
-                .unwrap()
-                .iter()
-                .all(|wish| *wish == Wish::Off))
-        );
-    };
+    let wait =
+        |prepare: &dyn Fn(&mut Bench), reason: Reason| {
+            let mut bench = Bench::new(|_| {});
+            prepare(&mut bench);
+            bench.steps(3);
+            bench.bridge.operate(bench.now_ns, Operation::Arm);
+            bench.steps(5);
+            assert_eq!(bench.bridge.state().state, MechanismState::Arming as u32, "{reason:?}");
+            assert_eq!(bench.reason(0), reason);
+            // not for ever
+            bench.steps(600);
+            assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+            assert_eq!(bench.reason(0), reason);
+            assert!(bench.told.iter().all(|told| {
+                told.lock().unwrap().iter().all(|command| *command == DriveCommand::Off)
+            }));
+        };
     wait(&|bench| bench.answers[2] = false, Reason::FeedbackStale);
     wait(&|bench| bench.fault[1] = 9, Reason::MotorFault);
     wait(&|bench| bench.commands = false, Reason::NoCommand);
@@ -81,7 +84,7 @@ fn a_motor_that_is_not_calibrated_is_never_armed() {
     bench.steps(3);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.step();
-    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
     assert_eq!(bench.reason(0), Reason::NotCalibrated);
 }
 
@@ -95,12 +98,12 @@ fn late_commands_bring_damping_and_lost_ones_no_power() {
     assert_eq!(bench.setpoint(0), Setpoint { position: 0.2, damping: 3.0, ..Setpoint::default() });
     assert_ne!(bench.bridge.state().flags[0] & flag::DAMPED, 0);
     bench.steps(80);
-    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
-    assert_eq!((bench.last(0), bench.reason(0)), (Wish::Off, Reason::CommandLost));
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+    assert_eq!((bench.last(0), bench.reason(0)), (DriveCommand::Off, Reason::CommandLost));
     // commands that come back do not arm
     bench.commands = true;
     bench.steps(200);
-    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
 }
 
 #[test]
@@ -113,7 +116,7 @@ fn commands_that_come_back_in_time_grow_again_from_where_the_actuator_is() {
     bench.step();
     bench.commands = true;
     bench.step();
-    assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+    assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
     let first = bench.setpoint(0);
     assert_eq!((first.position, first.stiffness), (0.9, 0.0));
 }
@@ -178,9 +181,15 @@ fn a_motor_that_fails_stops_its_closed_mechanism_and_no_other() {
         let mut bench = Bench::armed();
         prepare(&mut bench);
         bench.steps(30);
-        assert_eq!(bench.standings(), [Standing::Fault, Standing::Fault, Standing::Enabled]);
-        assert_eq!((bench.last(0), bench.last(1), bench.reason(0)), (Wish::Off, Wish::Off, reason));
-        assert!(matches!(bench.last(2), Wish::On(_)));
+        assert_eq!(
+            bench.states(),
+            [MechanismState::Fault, MechanismState::Fault, MechanismState::Enabled]
+        );
+        assert_eq!(
+            (bench.last(0), bench.last(1), bench.reason(0)),
+            (DriveCommand::Off, DriveCommand::Off, reason)
+        );
+        assert!(matches!(bench.last(2), DriveCommand::On(_)));
     }
 }
 
@@ -190,7 +199,7 @@ fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
     bench.arm();
     bench.fault[2] = 1;
     bench.steps(3);
-    assert_eq!(bench.standings(), [Standing::Fault; 3]);
+    assert_eq!(bench.states(), [MechanismState::Fault; 3]);
     assert_eq!((bench.reason(0), bench.reason(2)), (Reason::OtherMechanism, Reason::MotorFault));
 }
 
@@ -221,7 +230,7 @@ fn requests_of_another_time_give_no_power_and_take_it_at_any_time() {
         Some(Operation::Disarm)
     );
     bench.steps(5);
-    assert_eq!(bench.standings(), [Standing::Disabled; 3]);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
     // a later disarm that came before an earlier arm
     let now_ns = bench.now_ns;
     bench.bridge.request(now_ns, &request(now_ns - 1, Operation::Disarm));
@@ -239,16 +248,16 @@ fn a_motor_whose_watchdog_is_not_as_configured_has_no_power() {
         bench.watchdog_ms[1].store(ms, Ordering::Relaxed);
         bench.steps(3);
         assert_eq!(
-            (bench.standings()[0], bench.reason(0), bench.last(0)),
-            (Standing::Fault, reason, Wish::Off)
+            (bench.states()[0], bench.reason(0), bench.last(0)),
+            (MechanismState::Fault, reason, DriveCommand::Off)
         );
         bench.bridge.operate(bench.now_ns, Operation::Reset);
         bench.bridge.operate(bench.now_ns, Operation::Arm);
         bench.steps(3);
-        assert_eq!((bench.standings()[0], bench.reason(0)), (Standing::Arming, reason));
+        assert_eq!((bench.states()[0], bench.reason(0)), (MechanismState::Arming, reason));
         bench.watchdog_ms[1].store(50, Ordering::Relaxed);
         bench.steps(5);
-        assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+        assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
     }
 }
 
@@ -271,13 +280,16 @@ fn a_fault_stays_until_it_is_reset_and_a_reset_does_not_arm() {
     bench.fault[2] = 0;
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(50);
-    assert_eq!(bench.standings()[2], Standing::Fault);
+    assert_eq!(bench.states()[2], MechanismState::Fault);
     bench.bridge.operate(bench.now_ns, Operation::Reset);
     bench.steps(50);
-    assert_eq!(bench.standings(), [Standing::Enabled, Standing::Enabled, Standing::Disabled]);
+    assert_eq!(
+        bench.states(),
+        [MechanismState::Enabled, MechanismState::Enabled, MechanismState::Disabled]
+    );
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(5);
-    assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+    assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
 }
 
 #[test]
@@ -285,7 +297,10 @@ fn a_bus_that_goes_off_stops_its_mechanisms() {
     let mut bench = Bench::armed();
     bench.bridge.bus_event(bench.now_ns, 0, BusEvent::BusOff);
     bench.step();
-    assert_eq!(bench.standings(), [Standing::Fault, Standing::Fault, Standing::Enabled]);
+    assert_eq!(
+        bench.states(),
+        [MechanismState::Fault, MechanismState::Fault, MechanismState::Enabled]
+    );
     assert_eq!(bench.reason(0), Reason::BusOff);
 }
 
@@ -294,8 +309,8 @@ fn a_bridge_that_was_stopped_lets_go() {
     let mut bench = Bench::armed();
     bench.now_ns += 2_000 * MS;
     bench.step();
-    assert_ne!(bench.standings(), [Standing::Enabled; 3]);
-    assert_eq!((bench.last(0), bench.reason(0)), (Wish::Off, Reason::Stalled));
+    assert_ne!(bench.states(), [MechanismState::Enabled; 3]);
+    assert_eq!((bench.last(0), bench.reason(0)), (DriveCommand::Off, Reason::Stalled));
 }
 
 #[test]
@@ -381,7 +396,7 @@ fn a_mechanism_that_is_armed_does_not_disturb_another_that_follows() {
         bench.step();
         assert_eq!(bench.setpoint(0), before);
     }
-    assert_eq!(bench.standings(), [Standing::Enabled; 3]);
+    assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
 }
 
 #[test]

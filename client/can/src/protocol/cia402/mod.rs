@@ -33,10 +33,11 @@ use std::f64::consts::TAU;
 use super::number::{limited, steps};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared, Wish,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Shared,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 use setup::{PARAMETERS, READABLE, Setup};
 use states::{DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, SHUTDOWN, SWITCH_ON, State};
 
@@ -134,10 +135,14 @@ struct Cia402 {
     heartbeat_ns: Option<u64>,
 }
 
-fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
     let (node, master) = (settings.integer("node") as u16, settings.integer("master") as u16);
     if node == master {
-        findings.error(
+        diagnostics.error(
             settings.place("master"),
             format!("`master` is {node} like `node`"),
             "another node",
@@ -291,15 +296,15 @@ impl Cia402 {
 }
 
 impl Drive for Cia402 {
-    fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         self.beat(now_ns, out);
-        let wanted = match wish {
-            Wish::On(wanted) => wanted,
-            Wish::Off => {
+        let wanted = match command {
+            DriveCommand::On(wanted) => wanted,
+            DriveCommand::Off => {
                 self.lost = false;
                 return self.stay_off(now_ns, out);
             }
-            Wish::Reset => {
+            DriveCommand::Reset => {
                 (self.asked, self.followed, self.lost, self.emergency) = (false, false, false, 0);
                 if self.setup.fault != 0 {
                     self.setup.again();

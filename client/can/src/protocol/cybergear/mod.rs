@@ -26,12 +26,12 @@ use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
-    Wish,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::{INDICES, KEYS, PARAMETERS, RUN_MODE};
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 
 /// CyberGear and RobStride.
 pub(super) const CYBERGEAR: Protocol = Protocol {
@@ -99,7 +99,11 @@ struct CyberGear {
     turn: bool,
 }
 
-fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
     let is_cybergear = settings.text("model") == "cybergear";
     let mut ranges = CYBERGEAR_RANGES;
     let mut good = true;
@@ -108,7 +112,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
             *range = settings.number(key);
         } else if !is_cybergear {
             let found = format!("the drive has no `{key}`");
-            findings.error(
+            diagnostics.error(
                 settings.place("model"),
                 found,
                 "the range of this RobStride",
@@ -270,18 +274,18 @@ impl CyberGear {
 }
 
 impl Drive for CyberGear {
-    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.step == Step::Done && self.runs.is_some() && self.state().fault == 0;
-        let wanted = match wish {
-            Wish::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
-            Wish::On(_) => return self.stay_off(out),
-            Wish::Off => {
+        let wanted = match command {
+            DriveCommand::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
+            DriveCommand::On(_) => return self.stay_off(out),
+            DriveCommand::Off => {
                 if self.stage != Stage::Off {
                     (self.stage, self.turn) = (Stage::Off, false);
                 }
                 return self.stay_off(out);
             }
-            Wish::Reset => {
+            DriveCommand::Reset => {
                 (self.stage, self.told_fault) = (Stage::Off, 0);
                 self.turns.trust();
                 self.prepare();

@@ -20,10 +20,10 @@ mod signals;
 use super::number::limited;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog, Wish,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 use signals::{Finder, Named, Role, Sent, Told, frames, value};
 
 /// Any DBC file.
@@ -120,11 +120,15 @@ const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "da
 const UNITS: [&str; 5] =
     ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
 
-fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
     let messages = match file::parse(settings.text("file")) {
         Ok(messages) => messages,
         Err((line, what)) => {
-            findings.error(
+            diagnostics.error(
                 settings.place("file"),
                 format!("line {line} of the DBC file: {what}"),
                 "a DBC file",
@@ -133,7 +137,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
             return None;
         }
     };
-    let mut finder = Finder { messages: &messages, settings, findings, good: true };
+    let mut finder = Finder { messages: &messages, settings, diagnostics, good: true };
     let mut wanted: Vec<(Named, Role)> = Vec::new();
     wanted.extend(finder.of("enable").map(|named| (named, Role::Enable)));
     for (i, key) in SETPOINTS.iter().enumerate() {
@@ -264,22 +268,24 @@ impl Dbc {
 }
 
 impl Drive for Dbc {
-    fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         self.silent = self.is_silent(now_ns);
         let is_ready = self.place.is_finite()
             && self.state().power != Power::Unknown
             && self.state().fault == 0;
-        match (wish, self.stage) {
-            (Wish::On(wanted), Stage::Told | Stage::Asked) => {
+        match (command, self.stage) {
+            (DriveCommand::On(wanted), Stage::Told | Stage::Asked) => {
                 self.stage = Stage::Asked;
                 self.send(true, &wanted, out);
             }
-            (Wish::On(wanted), Stage::Off) if is_ready => {
+            (DriveCommand::On(wanted), Stage::Off) if is_ready => {
                 self.stage = Stage::Told;
                 self.send(false, &wanted, out);
             }
-            (Wish::On(_), Stage::Off | Stage::Lost) => self.send(false, &self.neutral(), out),
-            (Wish::Off | Wish::Reset, _) => {
+            (DriveCommand::On(_), Stage::Off | Stage::Lost) => {
+                self.send(false, &self.neutral(), out)
+            }
+            (DriveCommand::Off | DriveCommand::Reset, _) => {
                 self.stage = Stage::Off;
                 self.send(false, &self.neutral(), out);
             }

@@ -4,13 +4,13 @@
 use super::super::Settings;
 use super::file::{Message, Multiplexing, Signal};
 use crate::frame::{Frame, Id};
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 
 /// What a signal that is sent holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     Enable,
-    /// Place in position, velocity, torque, stiffness, damping.
+    /// Span in position, velocity, torque, stiffness, damping.
     Setpoint(usize),
     Constant(f64),
 }
@@ -137,7 +137,7 @@ pub(super) fn value(told: Option<&Told>, now_ns: u64, most_ns: u64) -> f64 {
 pub(super) struct Finder<'a> {
     pub(super) messages: &'a [Message],
     pub(super) settings: &'a Settings,
-    pub(super) findings: &'a mut Findings,
+    pub(super) diagnostics: &'a mut Diagnostics,
     pub(super) good: bool,
 }
 
@@ -191,7 +191,7 @@ impl Finder<'_> {
     }
 
     pub(super) fn wrong(&mut self, key: &str, found: String, expected: &str, help: &str) {
-        self.findings.error(self.settings.place(key), found, expected, help);
+        self.diagnostics.error(self.settings.place(key), found, expected, help);
         self.good = false;
     }
 }

@@ -25,7 +25,7 @@ const SAME_RANGE: f64 = 1e-4;
 /// Registers that there are.
 const LAST: u8 = 81;
 
-/// Place in [`PARAMETERS`], its register and whether that is a whole number.
+/// Span in [`PARAMETERS`], its register and whether that is a whole number.
 const READABLE: [(u8, bool); 10] = [
     (TIMEOUT, true),
     (CONTROL_MODE, true),

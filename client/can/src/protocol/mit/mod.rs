@@ -31,12 +31,12 @@ use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared,
-    Watchdog, Wish,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Shared, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use damiao::Registers;
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 
 /// MIT mode.
 pub(super) const MIT: Protocol = Protocol {
@@ -114,7 +114,11 @@ struct Mit {
     turn: bool,
 }
 
-fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
     let variant = match settings.text("variant") {
         "mini_cheetah" => Variant::MiniCheetah,
         "t_motor" => Variant::TMotor,
@@ -124,7 +128,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
     let (id, reply_id) = (settings.integer("id") as u16, settings.integer("reply_id") as u16);
     if id == reply_id {
         let found = format!("`id` and `reply_id` are both {id}");
-        findings.error(
+        diagnostics.error(
             settings.place("reply_id"),
             found,
             "two identifiers",
@@ -236,17 +240,17 @@ impl Mit {
 }
 
 impl Drive for Mit {
-    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
-        let wanted = match wish {
-            Wish::On(wanted) if self.stage != Stage::Off || self.ready() => wanted,
-            Wish::On(_) => return self.stay_off(out),
-            Wish::Off => {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        let wanted = match command {
+            DriveCommand::On(wanted) if self.stage != Stage::Off || self.ready() => wanted,
+            DriveCommand::On(_) => return self.stay_off(out),
+            DriveCommand::Off => {
                 if self.stage != Stage::Off {
                     (self.stage, self.turn) = (Stage::Off, false);
                 }
                 return self.stay_off(out);
             }
-            Wish::Reset => {
+            DriveCommand::Reset => {
                 self.stage = Stage::Off;
                 self.turns.trust();
                 self.prepare();

@@ -31,11 +31,11 @@ use std::f64::consts::TAU;
 use super::number::{limited, single, steps};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
-    Wish,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 use subframes::{EMPTY, Payload, TEMPERATURE, value, varuint};
 
 /// moteus.
@@ -129,10 +129,14 @@ struct Moteus {
 /// The longest watchdog that eight bits of hundredths of a second can say `[ms]`.
 const LONGEST_WATCHDOG_MS: u32 = 1270;
 
-fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
     if common.mode == Mode::Impedance && !(settings.has("kp") && settings.has("kd")) {
         let found = "the drive has not both of `kp` and `kd`";
-        findings.error(
+        diagnostics.error(
             settings.place("kp"),
             found,
             "the controller's own gains",
@@ -142,7 +146,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
     }
     if common.watchdog_ms > LONGEST_WATCHDOG_MS {
         let found = format!("a watchdog of {} ms", common.watchdog_ms);
-        findings.error(
+        diagnostics.error(
             settings.place("id"),
             found,
             format!("at most {LONGEST_WATCHDOG_MS} with moteus"),
@@ -256,18 +260,20 @@ impl Moteus {
 }
 
 impl Drive for Moteus {
-    fn cycle(&mut self, _now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.servo_mode == Some(STOPPED)
             && self.watchdog != Watchdog::Unknown
             && self.state().fault == 0;
-        let wanted = match wish {
-            Wish::On(wanted) if is_ready || matches!(self.stage, Stage::Asked | Stage::On) => {
+        let wanted = match command {
+            DriveCommand::On(wanted)
+                if is_ready || matches!(self.stage, Stage::Asked | Stage::On) =>
+            {
                 wanted
             }
-            Wish::On(_) => return out.push_some(self.stop()),
-            Wish::Off | Wish::Reset => {
+            DriveCommand::On(_) => return out.push_some(self.stop()),
+            DriveCommand::Off | DriveCommand::Reset => {
                 self.stage = Stage::Off;
-                self.not_finite &= wish == Wish::Off;
+                self.not_finite &= command == DriveCommand::Off;
                 return out.push_some(self.stop());
             }
         };

@@ -26,11 +26,11 @@ use std::f64::consts::TAU;
 use super::number::{limited, single, steps};
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint, Wish,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::KEYS;
-use sarrus_models::Findings;
+use sarrus_models::Diagnostics;
 use setup::Setup;
 
 /// ODrive CANSimple.
@@ -98,7 +98,11 @@ struct ODrive {
     temperature: f64,
 }
 
-fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<Box<dyn Drive>> {
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
     let endpoint = |key| settings.has(key).then(|| settings.integer(key) as u16);
     let endpoints =
         match (endpoint("watchdog_timeout_endpoint"), endpoint("enable_watchdog_endpoint")) {
@@ -106,7 +110,7 @@ fn make(settings: &Settings, common: Common, findings: &mut Findings) -> Option<
             (None, None) => None,
             _ => {
                 let place = settings.place("watchdog_timeout_endpoint");
-                findings.error(
+                diagnostics.error(
                     place,
                     "one of the watchdog's two endpoints",
                     "both or none",
@@ -221,23 +225,23 @@ fn pair(frame: &Frame) -> Option<(f64, f64)> {
 }
 
 impl Drive for ODrive {
-    fn cycle(&mut self, now_ns: u64, wish: Wish, out: &mut FrameQueue) {
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         if self.axis_state.is_some() && now_ns.saturating_sub(self.heard_ns) > HEARTBEAT_LOST_NS {
             // measurements alone do not tell whether it has power, or errors
             self.axis_state = None;
             self.stage = if self.stage == Stage::Off { Stage::Off } else { Stage::Lost };
         }
         let is_ready = self.setup.is_done() && self.axis_state.is_some() && self.state().fault == 0;
-        let wanted = match wish {
-            Wish::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
-            Wish::On(_) => return self.stay_off(out),
-            Wish::Off => {
+        let wanted = match command {
+            DriveCommand::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
+            DriveCommand::On(_) => return self.stay_off(out),
+            DriveCommand::Off => {
                 if self.stage != Stage::Off {
                     (self.stage, self.turn) = (Stage::Off, 0);
                 }
                 return self.stay_off(out);
             }
-            Wish::Reset => {
+            DriveCommand::Reset => {
                 (self.stage, self.turn, self.not_finite) = (Stage::Off, 0, false);
                 self.prepare();
                 // a set-point, so that the watchdog does not bite again at once

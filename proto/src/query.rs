@@ -48,7 +48,7 @@ impl Request {
         }
     }
 
-    /// What is answered when a script names no wish.
+    /// What is answered when a script names no query.
     pub const fn default_want(self) -> FieldSet {
         match self {
             Request::Kinematics | Request::Map => {
@@ -61,11 +61,11 @@ impl Request {
 }
 
 /// What a plan is made for: the fields that a request gives and those that the answer holds. Its
-/// bytes are those on the wire, so it holds plain numbers only and is checked by [`Wanted::check`]
+/// bytes are those on the wire, so it holds plain numbers only and is checked by [`Query::check`]
 /// before use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(C)]
-pub struct Wanted {
+pub struct Query {
     /// Number of the [`Request`].
     pub request: u32,
     /// How many entries of `frames` count.
@@ -82,10 +82,10 @@ pub struct Wanted {
     pub wrench_links: [u16; MAX_WRENCHES],
 }
 
-/// Why a [`Wanted`] cannot be planned.
+/// Why a [`Query`] cannot be planned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum WantedError {
+pub enum QueryError {
     /// The request's number is unknown.
     UnknownRequest(u32),
     /// A bit of `given` or `want` stands for no field of this version.
@@ -109,39 +109,39 @@ pub enum WantedError {
     Conflict(Field, Field),
 }
 
-impl fmt::Display for WantedError {
+impl fmt::Display for QueryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            WantedError::UnknownRequest(code) => {
+            QueryError::UnknownRequest(code) => {
                 write!(f, "request number {code} is unknown; this version knows 1 to 4")
             }
-            WantedError::UnknownField => {
+            QueryError::UnknownField => {
                 f.write_str("a field number is unknown to this version; client and server differ")
             }
-            WantedError::TooMany { what, limit } => {
+            QueryError::TooMany { what, limit } => {
                 write!(f, "too many {what}; a plan names at most {limit}")
             }
-            WantedError::UnknownLink(index) => write!(f, "link number {index} is not in the model"),
-            WantedError::NotAnInput(field) => {
+            QueryError::UnknownLink(index) => write!(f, "link number {index} is not in the model"),
+            QueryError::NotAnInput(field) => {
                 write!(f, "`{}` is no input of this request", field.name())
             }
-            WantedError::NotAnOutput(field) => {
+            QueryError::NotAnOutput(field) => {
                 write!(f, "`{}` is no output of this request", field.name())
             }
-            WantedError::Missing(what) => write!(f, "nothing says {what}"),
-            WantedError::Conflict(a, b) => {
+            QueryError::Missing(what) => write!(f, "nothing says {what}"),
+            QueryError::Conflict(a, b) => {
                 write!(f, "`{}` and `{}` exclude each other; give one", a.name(), b.name())
             }
         }
     }
 }
 
-impl core::error::Error for WantedError {}
+impl core::error::Error for QueryError {}
 
-impl Wanted {
-    /// A wish without frames and wrenches.
-    pub const fn new(request: Request, given: FieldSet, want: FieldSet) -> Wanted {
-        Wanted {
+impl Query {
+    /// A query without frames and wrenches.
+    pub const fn new(request: Request, given: FieldSet, want: FieldSet) -> Query {
+        Query {
             request: request as u32,
             n_frames: 0,
             n_wrenches: 0,
@@ -152,18 +152,18 @@ impl Wanted {
         }
     }
 
-    /// The same wish with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and
-    /// refused by [`Wanted::check`].
+    /// The same query with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and
+    /// refused by [`Query::check`].
     #[must_use]
-    pub fn with_frames(mut self, links: &[u16]) -> Wanted {
+    pub fn with_frames(mut self, links: &[u16]) -> Query {
         self.n_frames = links.len().min(u16::MAX as usize) as u16;
         self.frames.iter_mut().zip(links).for_each(|(slot, link)| *slot = *link);
         self
     }
 
-    /// The same wish with wrenches on these links; gives [`Field::Wrenches`].
+    /// The same query with wrenches on these links; gives [`Field::Wrenches`].
     #[must_use]
-    pub fn with_wrenches(mut self, links: &[u16]) -> Wanted {
+    pub fn with_wrenches(mut self, links: &[u16]) -> Query {
         self.n_wrenches = links.len().min(u16::MAX as usize) as u16;
         self.wrench_links.iter_mut().zip(links).for_each(|(slot, link)| *slot = *link);
         self.given = self.given.with(Field::Wrenches);
@@ -181,23 +181,23 @@ impl Wanted {
     }
 
     /// Checks everything that does not depend on numbers; `n_links` is the model's count of links.
-    pub fn check(&self, n_links: usize) -> Result<Request, WantedError> {
+    pub fn check(&self, n_links: usize) -> Result<Request, QueryError> {
         use Field::*;
         let request =
-            Request::from_code(self.request).ok_or(WantedError::UnknownRequest(self.request))?;
+            Request::from_code(self.request).ok_or(QueryError::UnknownRequest(self.request))?;
         if !self.given.is_known() || !self.want.is_known() {
-            return Err(WantedError::UnknownField);
+            return Err(QueryError::UnknownField);
         }
         if self.n_frames as usize > MAX_FRAMES {
-            return Err(WantedError::TooMany { what: "frames", limit: MAX_FRAMES });
+            return Err(QueryError::TooMany { what: "frames", limit: MAX_FRAMES });
         }
         if self.n_wrenches as usize > MAX_WRENCHES {
-            return Err(WantedError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
+            return Err(QueryError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
         }
         if let Some(link) =
             self.frames().iter().chain(self.wrench_links()).find(|link| **link as usize >= n_links)
         {
-            return Err(WantedError::UnknownLink(*link));
+            return Err(QueryError::UnknownLink(*link));
         }
 
         // what may be given
@@ -212,20 +212,20 @@ impl Wanted {
             Request::Map => MOTION.0 | FORCES.0,
         };
         if let Some(field) = self.given.iter().find(|field| inputs >> *field as u8 & 1 == 0) {
-            return Err(WantedError::NotAnInput(field));
+            return Err(QueryError::NotAnInput(field));
         }
         // one space for each order of motion, and one for the forces
         for group in [[Y, Q, U], [Yd, Qd, Ud], [Ydd, Qdd, Udd], [TauQ, TauY, TauU]] {
             let mut given = group.into_iter().filter(|field| self.given.has(*field));
             if let (Some(a), Some(b)) = (given.next(), given.next()) {
-                return Err(WantedError::Conflict(a, b));
+                return Err(QueryError::Conflict(a, b));
             }
         }
         if !self.given.has_any(&[Y, Q, U]) {
-            return Err(WantedError::Missing("where the robot is: give y, q or u"));
+            return Err(QueryError::Missing("where the robot is: give y, q or u"));
         }
         if request == Request::ForwardDynamics && !self.given.has_any(&[TauQ, TauY, TauU]) {
-            return Err(WantedError::Missing("the forces: give tau_u, tau_y or tau_q"));
+            return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
         }
 
         // what may be asked
@@ -272,14 +272,14 @@ impl Wanted {
                 Request::Map => FieldSet::of(&[TauY, TauU, TauUnactuated]).0,
             };
         if let Some(field) = self.want.iter().find(|field| outputs >> *field as u8 & 1 == 0) {
-            return Err(WantedError::NotAnOutput(field));
+            return Err(QueryError::NotAnOutput(field));
         }
         let forces_given = self.given.has_any(&[TauQ, TauY, TauU]);
         if request == Request::Map
             && !forces_given
             && self.want.has_any(&[TauY, TauU, TauUnactuated])
         {
-            return Err(WantedError::Missing("the forces: give tau_u, tau_y or tau_q"));
+            return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
         }
         Ok(request)
     }

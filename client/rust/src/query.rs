@@ -1,24 +1,24 @@
-use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Request, Wanted, WantedError};
+use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, QueryError, Request};
 
 use crate::{Error, PlanId, Robot};
 
-/// A wanted set in the making, by the names that scripts see.
-pub struct Wish<'a> {
+/// A query in the making, by the names that scripts see.
+pub struct QueryBuilder<'a> {
     robot: &'a mut Robot,
-    wanted: Wanted,
+    query: Query,
 }
 
-impl<'a> Wish<'a> {
-    pub(crate) fn new(robot: &'a mut Robot, request: Request) -> Wish<'a> {
-        Wish { robot, wanted: Wanted::new(request, FieldSet::EMPTY, request.default_want()) }
+impl<'a> QueryBuilder<'a> {
+    pub(crate) fn new(robot: &'a mut Robot, request: Request) -> QueryBuilder<'a> {
+        QueryBuilder { robot, query: Query::new(request, FieldSet::EMPTY, request.default_want()) }
     }
 
     /// The fields that each request gives, such as `y`.
     ///
     /// # Errors
     /// [`Error::UnknownName`].
-    pub fn given(mut self, names: &[&str]) -> Result<Wish<'a>, Error> {
-        self.wanted.given = FieldSet(self.wanted.given.0 | fields(names)?.0);
+    pub fn given(mut self, names: &[&str]) -> Result<QueryBuilder<'a>, Error> {
+        self.query.given = FieldSet(self.query.given.0 | fields(names)?.0);
         Ok(self)
     }
 
@@ -26,32 +26,32 @@ impl<'a> Wish<'a> {
     ///
     /// # Errors
     /// [`Error::UnknownName`].
-    pub fn want(mut self, names: &[&str]) -> Result<Wish<'a>, Error> {
-        self.wanted.want = fields(names)?;
+    pub fn want(mut self, names: &[&str]) -> Result<QueryBuilder<'a>, Error> {
+        self.query.want = fields(names)?;
         Ok(self)
     }
 
-    /// The links whose frames are asked; which fields of frames is said in [`Wish::want`].
+    /// The links whose frames are asked; which fields of frames is said in [`QueryBuilder::want`].
     ///
     /// # Errors
-    /// [`Error::UnknownName`], [`Error::Wanted`] when there are too many.
-    pub fn frames(mut self, links: &[&str]) -> Result<Wish<'a>, Error> {
-        self.wanted = self.wanted.with_frames(&self.links(links, "frames", MAX_FRAMES)?);
+    /// [`Error::UnknownName`], [`Error::Query`] when there are too many.
+    pub fn frames(mut self, links: &[&str]) -> Result<QueryBuilder<'a>, Error> {
+        self.query = self.query.with_frames(&self.links(links, "frames", MAX_FRAMES)?);
         Ok(self)
     }
 
     /// The links that wrenches act on; adds `wrenches` to what is given.
     ///
     /// # Errors
-    /// As [`Wish::frames`].
-    pub fn wrenches(mut self, links: &[&str]) -> Result<Wish<'a>, Error> {
-        self.wanted = self.wanted.with_wrenches(&self.links(links, "wrenches", MAX_WRENCHES)?);
+    /// As [`QueryBuilder::frames`].
+    pub fn wrenches(mut self, links: &[&str]) -> Result<QueryBuilder<'a>, Error> {
+        self.query = self.query.with_wrenches(&self.links(links, "wrenches", MAX_WRENCHES)?);
         Ok(self)
     }
 
     /// The set as it stands.
-    pub fn wanted(&self) -> &Wanted {
-        &self.wanted
+    pub fn query(&self) -> &Query {
+        &self.query
     }
 
     /// Prepares a plan for the set.
@@ -59,12 +59,12 @@ impl<'a> Wish<'a> {
     /// # Errors
     /// As [`Robot::prepare`].
     pub fn prepare(self) -> Result<PlanId, Error> {
-        self.robot.prepare(&self.wanted)
+        self.robot.prepare(&self.query)
     }
 
     fn links(&self, names: &[&str], what: &'static str, limit: usize) -> Result<Vec<u16>, Error> {
         if names.len() > limit {
-            return Err(Error::Wanted(WantedError::TooMany { what, limit }));
+            return Err(Error::Query(QueryError::TooMany { what, limit }));
         }
         let info = self.robot.model();
         let unknown = |name: &str| Error::UnknownName {

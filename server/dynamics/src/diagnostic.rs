@@ -21,7 +21,7 @@ pub enum Site {
 
 /// Something wrong with, or remarkable about, a description.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct Diagnostic {
     /// Where it stands.
     pub site: Site,
     /// What was found.
@@ -32,7 +32,7 @@ pub struct Fault {
     pub help: String,
 }
 
-impl fmt::Display for Fault {
+impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, expected {}, {}", self.found, self.expected, self.help)
     }
@@ -43,7 +43,7 @@ impl fmt::Display for Fault {
 #[error("{} fault(s) in the description; the first: {}", errors.len(), errors.first().map(ToString::to_string).unwrap_or_default())]
 pub struct CompileError {
     /// What must be mended.
-    pub errors: Vec<Fault>,
+    pub errors: Vec<Diagnostic>,
     /// What may stay.
-    pub warnings: Vec<Fault>,
+    pub warnings: Vec<Diagnostic>,
 }
