@@ -10,6 +10,7 @@
 
 mod assembly;
 mod branch_sparse;
+mod builder;
 mod closure;
 mod closures_at_zero;
 pub mod description;
@@ -24,6 +25,7 @@ mod tree;
 mod workspace;
 
 pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use builder::{CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId};
 pub use closures_at_zero::ClosureAtZero;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use implicit::ImplicitForm;
