@@ -117,7 +117,7 @@ pub(crate) fn variants(
         What::Text(k) => (TEXTS[k].urdf(), TEXTS[k].submechanisms),
         What::Chain(k) => {
             let (closures, n) = CHAINS[k];
-            let description = chain_of_lambdas(n);
+            let description = chain_of_lambdas(n)?;
             let compiled = if query(closures) {
                 vec![Variant { closures, compiled: Model::compile(&description)? }]
             } else {

@@ -2,12 +2,12 @@
 //! of mass.
 
 use sarrus_dynamics::Field;
-use sarrus_dynamics::description::{Cut, Description, SubmechanismKind as Kind};
+use sarrus_dynamics::description::{Cut, Description, Inertial, SubmechanismKind as Kind};
 
 use super::ask::{Ask, State};
 use super::case::{At, Cases, Truth};
-use super::mechanisms::{LOOSE, RHOMBUS, bricard, door, four_bar};
-use super::robot::{Draft, Robot, Turn, X, Y, Z};
+use super::mechanisms::{BASE, LOOSE, RHOMBUS, bricard, door, four_bar};
+use super::robot::{Robot, Turn, X, Y, Z, cut, finish, joint, mechanism};
 use super::sweep;
 use crate::Outcome;
 use crate::report::Effort;
@@ -21,11 +21,11 @@ pub(super) fn redundant(cases: &mut Cases, effort: &Effort) -> Outcome {
     let mut values = vec![0.0];
     values.extend(sweep(effort, -16, -1, 5));
     let robots: [(&str, Description); 5] = [
-        ("four-bar of three rows", four_bar(LOOSE, Kind::Numerical, "xyz")),
-        ("four-bar of six rows", four_bar(LOOSE, Kind::Numerical, "xyzabc")),
-        ("parallelogram of six rows", four_bar(RHOMBUS, Kind::Numerical, "xyzabc")),
-        ("Bricard of six rows", bricard(false)),
-        ("Bricard of five rows", bricard(true)),
+        ("four-bar of three rows", four_bar(LOOSE, Kind::Numerical, "xyz")?),
+        ("four-bar of six rows", four_bar(LOOSE, Kind::Numerical, "xyzabc")?),
+        ("parallelogram of six rows", four_bar(RHOMBUS, Kind::Numerical, "xyzabc")?),
+        ("Bricard of six rows", bricard(false)?),
+        ("Bricard of five rows", bricard(true)?),
     ];
     for (name, plain) in robots {
         for &value in &values {
@@ -62,7 +62,7 @@ pub(super) fn redundant(cases: &mut Cases, effort: &Effort) -> Outcome {
 fn idle(cases: &mut Cases) -> Outcome {
     cases.family("idle freedoms", "y, rad");
     let (spinning, plain) =
-        (Robot::new("rod that may spin", door(true))?, Robot::new("rod", door(false))?);
+        (Robot::new("rod that may spin", door(true)?)?, Robot::new("rod", door(false)?)?);
     for value in [0.4, 0.2, -0.2, -0.4] {
         let state = State { y: vec![value], ..State::of(&plain, 0.2)? };
         let ask = Ask::inverse(&state, &[TauY, TauU]);
@@ -73,28 +73,22 @@ fn idle(cases: &mut Cases) -> Outcome {
     // a five-bar with one independent, a four-bar with two rows too many about skew axes, a loose
     // sleeve
     let five = {
-        let mut of = Draft::new(Kind::Numerical);
-        let mut link = 0;
-        for at in [[0.0, 0.0, 0.0], [0.2, 0.9, 0.0], [0.8, 1.3, 0.0]] {
-            link = of.joint(link, Turn, at, Z);
-        }
-        let other = of.joint(0, Turn, [2.1, -0.1, 0.0], Z);
-        of.cut(link, other, [1.4, 1.0, 0.0], "xy");
-        of.finish(&[0], &[0])
+        let mut of = mechanism(Kind::Numerical);
+        let first = joint(&mut of, BASE, Turn, [0.0, 0.0, 0.0], Z);
+        let second = joint(&mut of, first, Turn, [0.2, 0.9, 0.0], Z);
+        let third = joint(&mut of, second, Turn, [0.8, 1.3, 0.0], Z);
+        let other = joint(&mut of, BASE, Turn, [2.1, -0.1, 0.0], Z);
+        cut(&mut of, third, other, [1.4, 1.0, 0.0], "xy");
+        finish(of, &[first], &[first])?
     };
     let skew = {
-        let mut of = Draft::new(Kind::Numerical);
-        let mut link = 0;
-        for (at, axis) in [
-            ([0.0, 0.0, 0.0], X),
-            ([0.2, 0.9, 0.3], Y),
-            ([0.8, 1.3, -0.2], Z),
-            ([1.0, 0.1, 0.4], [0.6, 0.0, 0.8]),
-        ] {
-            link = of.joint(link, Turn, at, axis);
-        }
-        of.cut(0, link, [1.4, 1.0, 0.0], "xyzabc");
-        of.finish(&[0], &[0])
+        let mut of = mechanism(Kind::Numerical);
+        let first = joint(&mut of, BASE, Turn, [0.0, 0.0, 0.0], X);
+        let second = joint(&mut of, first, Turn, [0.2, 0.9, 0.3], Y);
+        let third = joint(&mut of, second, Turn, [0.8, 1.3, -0.2], Z);
+        let last = joint(&mut of, third, Turn, [1.0, 0.1, 0.4], [0.6, 0.0, 0.8]);
+        cut(&mut of, BASE, last, [1.4, 1.0, 0.0], "xyzabc");
+        finish(of, &[first], &[first])?
     };
     for (name, of, value) in
         [("five-bar of one independent", five, 2.0), ("closed chain without mobility", skew, -2.0)]
@@ -117,24 +111,17 @@ pub(super) fn subtree(cases: &mut Cases, effort: &Effort) -> Outcome {
         [("four-bar on an arm", Kind::FourBar), ("four-bar on an arm", Kind::Numerical)]
     {
         for value in sweep(effort, -3, 6, 5) {
-            let mut of = Draft::new(kind);
-            let arm = of.joint(0, Turn, [-0.4, 0.2, 0.3], [0.36, 0.48, 0.8]);
+            let mut of = mechanism(Kind::Serial);
+            let centre = [0.6, -0.5, 0.62].map(|x| x * value);
+            of.default_inertial(Inertial::new(1.0, centre, [0.2, 0.01, 0.02, 0.3, 0.0, 0.25]));
+            let arm = joint(&mut of, BASE, Turn, [-0.4, 0.2, 0.3], [0.36, 0.48, 0.8]);
+            of.submechanism("bars", kind);
             let [a, b, c, d] = LOOSE.map(|p| [p[0], p[1], 0.0]);
-            let crank = of.joint(arm, Turn, a, Z);
-            let coupler = of.joint(crank, Turn, b, Z);
-            let rocker = of.joint(arm, Turn, d, Z);
-            of.cut(coupler, rocker, c, "xy");
-            let mut of = of.finish(&[1], &[1]);
-            // the arm is a mechanism of its own
-            let mut serial = of.submechanisms[0].clone();
-            of.submechanisms[0].spanning_tree.retain(|j| *j != 0);
-            (serial.name, serial.kind, serial.type_name) = ("arm".into(), Kind::Serial, "R".into());
-            (serial.spanning_tree, serial.independent, serial.active) = (vec![0], vec![0], vec![0]);
-            serial.loops.clear();
-            of.submechanisms.insert(0, serial);
-            for inertial in of.links.iter_mut().filter_map(|link| link.inertial.as_mut()) {
-                inertial.origin.xyz = [0.6, -0.5, 0.62].map(|x| x * value);
-            }
+            let crank = joint(&mut of, arm, Turn, a, Z);
+            let coupler = joint(&mut of, crank, Turn, b, Z);
+            let rocker = joint(&mut of, arm, Turn, d, Z);
+            cut(&mut of, coupler, rocker, c, "xy");
+            let of = finish(of, &[crank], &[crank])?;
             if let Some(robot) = cases.load(name, At { value, method: "-" }, Robot::new(name, of)) {
                 cases.questions(
                     &robot,

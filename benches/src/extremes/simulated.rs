@@ -3,13 +3,13 @@
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind, Terms};
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Field, Request};
+use sarrus_dynamics::{Field, LinkId, Request};
 use sarrus_simulation::{Input, Method, Run, Settings, Setup, Source, Space, Start, simulate};
 
 use super::ask::{Ask, State};
 use super::case::{At, Cases};
 use super::mechanisms::rods;
-use super::robot::{Draft, Robot, Slide, X, bundled};
+use super::robot::{Robot, X, bundled, mechanism};
 use super::runs::{Judged, apart, setup};
 use super::sweep;
 use crate::Outcome;
@@ -45,12 +45,12 @@ fn reference(setup: &Setup<'_>, start: &Start, like: Settings) -> Outcome<Run> {
 
 /// A mass of 1 kg on a slider, with a spring and a damper.
 fn oscillator(stiffness: f64, damping: f64) -> Outcome<Robot> {
-    let mut of = Draft::new(Kind::Serial);
-    of.joint(0, Slide, [0.0; 3], X);
-    of.description.gravity = [0.0; 3];
-    let mut of = of.finish(&[0], &[0]);
-    of.joints[0].terms = Terms { stiffness, damping, ..Terms::default() };
-    Robot::new("mass on a spring", of)
+    let mut of = mechanism(Kind::Serial);
+    of.gravity([0.0; 3])
+        .prismatic("slider", LinkId::BASE, X)
+        .spring(stiffness, 0.0)
+        .damping(damping);
+    Robot::new("mass on a spring", of.build()?)
 }
 
 /// Where it is after t when it starts at 1 from rest.
@@ -96,7 +96,7 @@ pub(super) fn stiff(cases: &mut Cases, effort: &Effort) -> Outcome {
     }
     cases.family("simulated stiff joint", "stiffness, N m/rad");
     for value in sweep(effort, 0, 9, 3) {
-        let mut of = rods(2);
+        let mut of = rods(2)?;
         of.joints[1].terms = Terms { stiffness: value, damping: value.sqrt(), ..Terms::default() };
         against_reference(cases, "2 rods", value, of, &[])?;
     }
@@ -160,7 +160,7 @@ fn every_method(
 /// Fixed steps from too long to short, tolerances from none to all.
 pub(super) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
     for name in ["pendulum", "lambda", "four_bars_2"] {
-        let robot = Robot::new(name, if name == "pendulum" { rods(1) } else { bundled(name)? })?;
+        let robot = Robot::new(name, if name == "pendulum" { rods(1)? } else { bundled(name)? })?;
         let start = from(&[0.3], &[1.0]);
         // judged at the end alone: samples on the way would shorten the steps
         let truth = reference(
@@ -215,7 +215,7 @@ pub(super) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
 /// (M_y ẏ) of the first joint.
 pub(super) fn conserved(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("conservation", "s simulated without gravity, damping and forces");
-    let mut of = rods(3);
+    let mut of = rods(3)?;
     of.gravity = [0.0; 3];
     let robot = Robot::new("3 rods", of)?;
     let state = State::of(&robot, 0.5)?;

@@ -40,15 +40,15 @@ impl Way {
 fn known() -> Outcome<Vec<Way>> {
     let (out, meet) = (toggle(), reach_of_lambda());
     let list: [(&str, Description, f64); 9] = [
-        ("lambda at its reach", lambda(Kind::Rrpr), meet),
-        ("lambda at its reach", lambda(Kind::Numerical), meet),
-        ("four-bar at its dead centre", four_bar(LOOSE, Kind::FourBar, "xy"), out),
-        ("four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xy"), out),
-        ("welded four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xyzabc"), out),
-        ("parallelogram going flat", four_bar(RHOMBUS, Kind::ParallelogramChain, "xy"), FRAC_PI_2),
-        ("parallelogram going flat", four_bar(RHOMBUS, Kind::Numerical, "xy"), FRAC_PI_2),
-        ("Bricard", bricard(false), -FRAC_PI_6),
-        ("Bricard cut at a revolute", bricard(true), -FRAC_PI_6),
+        ("lambda at its reach", lambda(Kind::Rrpr)?, meet),
+        ("lambda at its reach", lambda(Kind::Numerical)?, meet),
+        ("four-bar at its dead centre", four_bar(LOOSE, Kind::FourBar, "xy")?, out),
+        ("four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xy")?, out),
+        ("welded four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xyzabc")?, out),
+        ("parallelogram going flat", four_bar(RHOMBUS, Kind::ParallelogramChain, "xy")?, FRAC_PI_2),
+        ("parallelogram going flat", four_bar(RHOMBUS, Kind::Numerical, "xy")?, FRAC_PI_2),
+        ("Bricard", bricard(false)?, -FRAC_PI_6),
+        ("Bricard cut at a revolute", bricard(true)?, -FRAC_PI_6),
     ];
     list.into_iter()
         .map(|(name, of, reach)| {
@@ -241,11 +241,11 @@ pub(super) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
         Robot::new("squeezer", bundled("squeezer")?)?,
         Robot::new(
             "four-bar of a full turn",
-            four_bar(super::mechanisms::GRASHOF, Kind::Numerical, "xy"),
+            four_bar(super::mechanisms::GRASHOF, Kind::Numerical, "xy")?,
         )?,
         Robot::new("lambda numerical", numerical(bundled("lambda")?))?,
         Robot::new("Stewart numerical", numerical(bundled("stewart")?))?,
-        Robot::new("Bricard", bricard(false))?,
+        Robot::new("Bricard", bricard(false)?)?,
     ];
     for robot in &robots {
         let direction = State::of(robot, 1.0)?.y;

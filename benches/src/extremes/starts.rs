@@ -23,8 +23,8 @@ pub(super) fn inconsistent(cases: &mut Cases, effort: &Effort) -> Outcome {
         Robot::new("wrist", bundled("wrist")?)?,
         Robot::new("lambda", numerical(bundled("lambda")?))?,
         Robot::new("delta", bundled("delta")?)?,
-        Robot::new("Bricard", bricard(false))?,
-        Robot::new("welded four-bar", four_bar(LOOSE, Kind::Numerical, "xyzabc"))?,
+        Robot::new("Bricard", bricard(false)?)?,
+        Robot::new("welded four-bar", four_bar(LOOSE, Kind::Numerical, "xyzabc")?)?,
         Robot::new("upper body", bundled("rh5v2_upper_body")?)?,
     ];
     for robot in &robots {

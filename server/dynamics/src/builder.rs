@@ -133,6 +133,11 @@ impl DescriptionBuilder {
         }
     }
 
+    /// How many joints there are so far.
+    pub fn n_joints(&self) -> usize {
+        self.description.joints.len()
+    }
+
     /// Gravity `[m/s²]` (3) {root}.
     pub fn gravity(&mut self, gravity: [f64; 3]) -> &mut DescriptionBuilder {
         self.description.gravity = gravity;
