@@ -15,6 +15,7 @@ mod closure;
 mod closures_at_zero;
 pub mod description;
 mod diagnostic;
+pub mod guide;
 mod implicit;
 mod linear;
 mod model;
