@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use sarrus_can::config::{Configuration, ConfigurationError, MotorConfig};
-use sarrus_can::drive::Setpoint;
-use sarrus_can::frame::FrameQueue;
-use sarrus_can::load;
+use sarrus_can_core::bus_load;
+use sarrus_can_core::config::{Configuration, ConfigurationError, MotorConfig};
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::FrameQueue;
 use sarrus_models::Report;
 use serde_json::{Value, json};
 
@@ -91,7 +91,7 @@ fn text(configuration: &Configuration) -> String {
     let mut rows = vec![
         ["bus", "channel", "bit rate", "frames", "longest", "load"].map(String::from).to_vec(),
     ];
-    for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
+    for (bus, load) in configuration.buses.iter().zip(bus_load::loads(configuration)) {
         let data = bus.data_bitrate.map(|rate| format!(" / {rate}")).unwrap_or_default();
         rows.push(vec![
             bus.name.clone(),
@@ -174,7 +174,7 @@ pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
 }
 
 fn object(configuration: &Configuration) -> Value {
-    let buses: Vec<Value> = configuration.buses.iter().zip(load::loads(configuration)).map(|(bus, load)| {
+    let buses: Vec<Value> = configuration.buses.iter().zip(bus_load::loads(configuration)).map(|(bus, load)| {
         json!({"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate, "data_bitrate": bus.data_bitrate,
                "frames": load.frames, "busy_us": load.busy * 1e6, "load": load.fraction, "serial_load": load.serial})
     }).collect();

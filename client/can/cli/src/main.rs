@@ -1,20 +1,22 @@
 //! `sarrus-can`: the CAN bridge as a program, and what a robot's owner needs around it.
 
+#![forbid(unsafe_code)]
+
 mod bus;
 mod check;
 mod listen;
 mod operate;
 mod replay;
 mod run;
-mod say;
 mod simulate;
+mod stderr;
 mod top;
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use sarrus_can::config::{Configuration, ConfigurationError};
+use sarrus_can_core::config::{Configuration, ConfigurationError};
 use sarrus_client::actuators::Operation;
 
 /// The CAN bridge of sarrus.

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use sarrus_can::bridge::Bridge;
-use sarrus_can::log::{self, Line, What};
+use sarrus_can_core::bridge::Bridge;
+use sarrus_can_core::log::{self, Line, What};
 
 /// Flags of `replay`.
 #[derive(Args)]

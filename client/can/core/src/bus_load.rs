@@ -1,6 +1,6 @@
 //! How busy a configuration makes its buses, by the longest that its frames can be.
 
-use crate::bits;
+use crate::bit_stuffing;
 use crate::config::Configuration;
 use crate::drive::Setpoint;
 use crate::frame::{Frame, FrameQueue};
@@ -42,7 +42,13 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
             continue;
         };
         let duration = |frame: &Frame| {
-            bits::duration(frame.id, frame.kind, frame.data().len(), bus.bitrate, bus.data_bitrate)
+            bit_stuffing::duration(
+                frame.id,
+                frame.kind,
+                frame.data().len(),
+                bus.bitrate,
+                bus.data_bitrate,
+            )
         };
         if let Some((frame, time_ns)) = motor.drive.heartbeat() {
             load.busy += duration(&frame) * configuration.period_ns() as f64
@@ -63,8 +69,13 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
         for reply in motor.drive.replies() {
             load.frames += 1;
             load.bytes[1] += slcan::length(reply.id, reply.len);
-            load.busy +=
-                bits::duration(reply.id, reply.kind, reply.len, bus.bitrate, bus.data_bitrate);
+            load.busy += bit_stuffing::duration(
+                reply.id,
+                reply.kind,
+                reply.len,
+                bus.bitrate,
+                bus.data_bitrate,
+            );
         }
     }
     for (load, bus) in loads.iter_mut().zip(&configuration.buses) {
@@ -119,7 +130,7 @@ mod tests {
                 Configuration::read("motors.yml", text.into_bytes(), &surroundings).unwrap();
             super::loads(&configuration)[0].busy
         };
-        let heartbeat = bits::duration(
+        let heartbeat = bit_stuffing::duration(
             crate::frame::Id::Standard(0x77F),
             crate::frame::FrameKind::Classic,
             1,

@@ -21,10 +21,10 @@
 //! Source: Xiaomi, *CyberGear user manual*, chapter 4.
 
 use super::{Body, Firmware};
-use crate::drive::Setpoint;
-use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::Common;
-use crate::settings::Settings;
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
 
 /// Ranges of the manual, for those that the settings leave out: position ±4π rad, velocity
 /// `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.

@@ -14,10 +14,10 @@
 //! Source: Vector, *DBC File Format Documentation* 1.0.5.
 
 use super::{Body, Firmware};
-use crate::drive::{Mode, Setpoint};
-use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::Common;
-use crate::settings::Settings;
+use sarrus_can_core::drive::{Mode, Setpoint};
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
 
 /// Stiffness and damping of its own position and speed loops `[N m/rad, N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [40.0, 2.0];

@@ -2,23 +2,25 @@
 //! rehearsals.
 //!
 //! Everything here is written from the makers' manuals and not from the drives of
-//! [`crate::protocol`]: the two are a check of each other. No I/O and no clock; frames and times
+//! [`sarrus_can_core::protocol`]: the two are a check of each other. No I/O and no clock; frames and times
 //! are arguments. To add a protocol: a file here, and its line in `firmware` below.
 
-mod body;
+#![forbid(unsafe_code)]
+
 mod cia402;
 mod cybergear;
 mod dbc;
 mod mit;
 mod moteus;
 mod odrive;
+mod plant;
 
-pub use body::{Body, Physics};
+pub use plant::{Body, Physics};
 
-use crate::drive::Setpoint;
-use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::Common;
-use crate::settings::Settings;
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
 
 /// What a motor's firmware does. Nothing is checked here that firmware does not check.
 trait Firmware: Send + core::fmt::Debug {
@@ -189,6 +191,3 @@ fn firmware(
 fn standard(id: u32, bytes: &[u8]) -> Option<Frame> {
     Frame::classic(Id::standard(id)?, bytes)
 }
-
-#[cfg(test)]
-mod tests;

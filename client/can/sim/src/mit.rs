@@ -24,10 +24,10 @@
 //! MIT protocol.
 
 use super::{Body, Firmware, standard};
-use crate::drive::Setpoint;
-use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::Common;
-use crate::settings::Settings;
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
 
 /// Identifier of a Damiao's registers.
 const REGISTERS: u16 = 0x7FF;

@@ -26,10 +26,10 @@
 use core::f64::consts::TAU;
 
 use super::{Body, Firmware, standard};
-use crate::drive::Setpoint;
-use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::Common;
-use crate::settings::Settings;
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
 
 /// Time between two heartbeats `[ns]`.
 const HEARTBEAT_NS: u64 = 100_000_000;

@@ -1,6 +1,6 @@
 //! The motor without its protocol: rotor, power, watchdog.
 
-use crate::drive::Setpoint;
+use sarrus_can_core::drive::Setpoint;
 
 /// Longest step of the integration `[s]`.
 const STEP: f64 = 0.5e-3;

@@ -5,8 +5,8 @@ use std::io;
 use std::os::fd::OwnedFd;
 
 use rustix::io::{Errno, read, write};
-use sarrus_can::frame::Frame;
-use sarrus_can::slcan::{self, Line, MAX_LINE};
+use sarrus_can_core::frame::Frame;
+use sarrus_can_core::slcan::{self, Line, MAX_LINE};
 
 /// Bytes that are read at once.
 const READ: usize = 4096;

@@ -1,8 +1,8 @@
 //! Buses: what sends and receives frames, by python-can's names of interfaces.
 
-mod lasting;
 mod lines;
 mod pseudo;
+mod reconnecting;
 mod serial;
 mod socketcan;
 
@@ -13,14 +13,14 @@ use std::time::Duration;
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
-use sarrus_can::bridge::BusEvent;
-use sarrus_can::config::BusConfig;
-use sarrus_can::frame::Frame;
-use sarrus_can::interface::InterfaceError;
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_core::config::BusConfig;
+use sarrus_can_core::frame::Frame;
+use sarrus_can_core::netlink::InterfaceError;
 use thiserror::Error;
 
-pub(crate) use lasting::Lasting;
 pub(crate) use pseudo::Pseudo;
+pub(crate) use reconnecting::Lasting;
 
 /// A bus that is open. Nothing here waits; [`wait_for`] does.
 pub(crate) trait Bus: Send {

@@ -6,9 +6,9 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::fs::{Mode, OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
-use sarrus_can::bridge::BusEvent;
-use sarrus_can::frame::Frame;
-use sarrus_can::slcan::Line;
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_core::frame::Frame;
+use sarrus_can_core::slcan::Line;
 
 use super::lines::LinePort;
 use super::{Bus, BusError, Heard, Sent};
@@ -88,11 +88,12 @@ impl Bus for Pseudo {
             };
             match line {
                 Line::Frame(frame) if self.open && !self.listen_only && !self.off => {
-                    let taken: &[u8] = if matches!(frame.id, sarrus_can::frame::Id::Standard(_)) {
-                        b"z\r"
-                    } else {
-                        b"Z\r"
-                    };
+                    let taken: &[u8] =
+                        if matches!(frame.id, sarrus_can_core::frame::Id::Standard(_)) {
+                            b"z\r"
+                        } else {
+                            b"Z\r"
+                        };
                     self.answer(taken)?;
                     return Ok(Some(Heard::Frame(frame)));
                 }

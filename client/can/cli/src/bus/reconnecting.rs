@@ -4,11 +4,11 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::time::{Duration, Instant};
 
 use rustix::event::{EventfdFlags, eventfd};
-use sarrus_can::bridge::BusEvent;
-use sarrus_can::frame::Frame;
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_core::frame::Frame;
 
 use super::{Address, Bus, BusError, Heard, Sent, open};
-use crate::say::say;
+use crate::stderr::say;
 
 /// A bus that is gone is opened anew this often.
 const REOPEN: Duration = Duration::from_millis(500);

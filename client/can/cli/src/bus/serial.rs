@@ -6,8 +6,8 @@ use std::os::fd::{AsFd, BorrowedFd};
 use rustix::fs::{FlockOperation, Mode, OFlags, flock};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
-use sarrus_can::frame::Frame;
-use sarrus_can::slcan::{BITRATES, DATA_BITRATES, Line};
+use sarrus_can_core::frame::Frame;
+use sarrus_can_core::slcan::{BITRATES, DATA_BITRATES, Line};
 
 use super::lines::LinePort;
 use super::{Address, Bus, BusError, Heard, Sent};

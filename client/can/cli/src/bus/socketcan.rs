@@ -13,9 +13,9 @@ use rustix::net::{
     AddressFamily, RecvAncillaryBuffer, RecvFlags, SendFlags, SocketFlags, SocketType, recv,
     recvmsg, send, socket_with,
 };
-use sarrus_can::bridge::BusEvent;
-use sarrus_can::frame::{Frame, FrameKind, Id};
-use sarrus_can::interface::{Interface, InterfaceError, error_events, question};
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_core::frame::{Frame, FrameKind, Id};
+use sarrus_can_core::netlink::{Interface, InterfaceError, error_events, question};
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
 use super::{Address, Bus, BusError, Heard, Sent};

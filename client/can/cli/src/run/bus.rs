@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd};
-use sarrus_can::bridge::BusEvent;
-use sarrus_can::config::BusConfig;
-use sarrus_can::frame::Frame;
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_core::config::BusConfig;
+use sarrus_can_core::frame::Frame;
 
 use super::realtime;
 use crate::bus::{Address, Bus, BusError, Heard, Lasting, Sent, wait_for};
-use crate::say::say;
+use crate::stderr::say;
 use sarrus_client::now_ns;
 
 /// Room for frames and events on their way between two threads.

@@ -18,10 +18,10 @@ use std::time::Duration;
 
 use clap::Args;
 use rustix::process::{Pid, Signal, getppid};
-use sarrus_can::bridge::Bridge;
-use sarrus_can::config::Configuration;
-use sarrus_can::load;
-use sarrus_can::telemetry::Telemetry;
+use sarrus_can_core::bridge::Bridge;
+use sarrus_can_core::bus_load;
+use sarrus_can_core::config::Configuration;
+use sarrus_can_core::telemetry::Telemetry;
 use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
@@ -31,7 +31,7 @@ use signal_hook::consts::{
 };
 
 use crate::bus::{Address, own};
-use crate::say::{self, say};
+use crate::stderr::{self, say};
 use bus::BusThread;
 use rules::Rules;
 use sarrus_client::now_ns;
@@ -77,7 +77,7 @@ impl Run {
             Ok(configuration) => configuration,
             Err(code) => return code,
         };
-        say::never_wait();
+        stderr::never_wait();
         configuration.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));
         let code = match self.bridge(configuration, parent) {
             Ok(()) => ExitCode::SUCCESS,
@@ -86,7 +86,7 @@ impl Run {
                 ExitCode::from(2)
             }
         };
-        say::finish();
+        stderr::finish();
         code
     }
 
@@ -106,7 +106,7 @@ impl Run {
         let node = domain.node::<Threadsafe>()?;
         let services = BridgeEnd::create(&node, &name)?;
 
-        let (loads, fingerprint) = (load::loads(&configuration), configuration.fingerprint);
+        let (loads, fingerprint) = (bus_load::loads(&configuration), configuration.fingerprint);
         let bridge = Bridge::new(configuration);
         let (mut threads, mut ends, mut owned) = (Vec::new(), Vec::new(), Vec::new());
         for (number, config) in bridge.configuration().buses.iter().enumerate() {

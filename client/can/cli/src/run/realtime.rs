@@ -8,7 +8,7 @@ use thread_priority::{
 };
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
-use crate::say::say;
+use crate::stderr::say;
 
 /// Keeps all memory in memory; says why where it does not.
 ///

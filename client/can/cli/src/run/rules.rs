@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
-use sarrus_can::bridge::{Bridge, BusEvent};
-use sarrus_can::telemetry::{CycleTimes, Telemetry};
+use sarrus_can_core::bridge::{Bridge, BusEvent};
+use sarrus_can_core::telemetry::{CycleTimes, Telemetry};
 use sarrus_proto::bridge::BridgeEnd;
 
 use super::bus::BusEnd;

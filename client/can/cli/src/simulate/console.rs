@@ -5,8 +5,8 @@
 //! (the adapter's state, over slcan). `loss`, `delay` and the adapter's state are for all buses, or
 //! for one whose name follows.
 
-use sarrus_can::bridge::BusEvent;
-use sarrus_can::motor::Simulated;
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_sim::Simulated;
 
 use super::line::Line;
 use super::plant::Plant;

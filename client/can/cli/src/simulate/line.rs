@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use sarrus_can::bridge::BusEvent;
-use sarrus_can::frame::{Frame, FrameQueue};
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_core::frame::{Frame, FrameQueue};
 
 use serde_json::{Value, json};
 

@@ -21,8 +21,8 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags};
-use sarrus_can::config::Configuration;
-use sarrus_can::motor::Physics;
+use sarrus_can_core::config::Configuration;
+use sarrus_can_sim::Physics;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::bus::{self, Address, Bus, BusError, Lasting, Pseudo};

@@ -1,9 +1,9 @@
 //! The motors of all simulated buses, and what they move.
 
-use sarrus_can::config::Configuration;
-use sarrus_can::frame::{Frame, FrameQueue};
-use sarrus_can::mapping::Mapping;
-use sarrus_can::motor::{Physics, Simulated};
+use sarrus_can_core::config::Configuration;
+use sarrus_can_core::frame::{Frame, FrameQueue};
+use sarrus_can_core::mapping::Mapping;
+use sarrus_can_sim::{Physics, Simulated};
 use serde_json::{Value, json};
 
 use super::Dynamics;

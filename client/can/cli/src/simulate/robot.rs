@@ -9,9 +9,9 @@
 // the symbols of the equation
 #![allow(non_snake_case)]
 
-use sarrus_can::config::Configuration;
-use sarrus_can::mapping::Mapping;
-use sarrus_can::motor::{Body, Physics};
+use sarrus_can_core::config::Configuration;
+use sarrus_can_core::mapping::Mapping;
+use sarrus_can_sim::{Body, Physics};
 use sarrus_client::{Options, PlanId, Request, Robot, Status};
 
 /// Time constant in which a brake stops its own rotor `[s]`.

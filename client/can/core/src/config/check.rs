@@ -7,9 +7,9 @@ use sarrus_models::yaml::{Span, quoted};
 
 use super::Configuration;
 use super::read::Read;
+use crate::bus_load::{self, REFUSED, WARNED};
 use crate::drive::{Setpoint, Shared, Watchdog};
 use crate::frame::{FrameQueue, Id};
-use crate::load::{self, REFUSED, WARNED};
 
 /// Motors against each other and against the robot's mechanisms.
 pub(super) fn motors(
@@ -205,7 +205,7 @@ pub(super) fn whole(
             "motors answer once a cycle; make it longer, or rate_hz higher",
         );
     }
-    for (bus, load) in configuration.buses.iter().zip(load::loads(configuration)) {
+    for (bus, load) in configuration.buses.iter().zip(bus_load::loads(configuration)) {
         let name = quoted(&bus.name);
         for (what, fraction) in
             [(name.clone(), load.fraction), (format!("the serial port of {name}"), load.serial)]

@@ -3,8 +3,8 @@
 use crate::support::{
     COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, try_drive,
 };
-use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
-use sarrus_can::protocol::{Common, fault};
+use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
+use sarrus_can_core::protocol::{Common, fault};
 
 const STOPPED: &str = "02000AFD#7FFF7FFF7FFF012C";
 const RUNS: &str = "02800AFD#7FFF7FFF7FFF012C";

@@ -1,9 +1,9 @@
 //! Motors that a DBC file describes.
 
 use crate::support::{COMMON, Random, survives_hostile_frames, try_drive};
-use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint};
-use sarrus_can::frame::{Frame, FrameQueue};
-use sarrus_can::protocol::{Common, fault};
+use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint};
+use sarrus_can_core::frame::{Frame, FrameQueue};
+use sarrus_can_core::protocol::{Common, fault};
 
 const FILE: &str = r#"VERSION ""
 BU_: Host Motor

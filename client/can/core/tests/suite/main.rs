@@ -7,7 +7,6 @@
 )]
 
 mod cia402;
-mod closed_loop;
 mod cybergear;
 mod dbc;
 mod mit;

@@ -3,11 +3,11 @@
 use crate::support::{
     COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
 };
-use sarrus_can::drive::{
+use sarrus_can_core::drive::{
     Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog,
 };
-use sarrus_can::frame::FrameQueue;
-use sarrus_can::protocol::{Common, fault};
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::protocol::{Common, fault};
 
 const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
 const ZERO: Setpoint =

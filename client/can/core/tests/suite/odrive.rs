@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 use crate::support::{
     COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, torque, try_drive,
 };
-use sarrus_can::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
-use sarrus_can::frame::FrameQueue;
-use sarrus_can::protocol::{Common, fault};
+use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::protocol::{Common, fault};
 
 const IDLE: &str = "061#0000000001000000";
 const CLOSED: &str = "061#0000000008000000";

@@ -1,8 +1,8 @@
 //! Drives from a few lines of YAML, random numbers with a fixed seed, and what several tests ask.
 
-use sarrus_can::drive::{Drive, DriveCommand, Mode, Receipt, Setpoint};
-use sarrus_can::frame::{Frame, FrameQueue, Id};
-use sarrus_can::protocol::{Common, Settings, protocol};
+use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Receipt, Setpoint};
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::{Common, Settings, protocol};
 use sarrus_models::{Diagnostics, yaml};
 
 /// No limit, no watchdog.
@@ -16,16 +16,6 @@ pub(crate) fn try_drive(
     common: Common,
     file: &str,
 ) -> Result<Box<dyn Drive>, String> {
-    settled(name, yaml, common, file).map(|(drive, _)| drive)
-}
-
-/// The same with the settings, of which a simulated motor can be made.
-pub(crate) fn settled(
-    name: &str,
-    yaml: &str,
-    common: Common,
-    file: &str,
-) -> Result<(Box<dyn Drive>, Settings), String> {
     let protocol = protocol(name).expect("a protocol");
     let mut diagnostics = Diagnostics::new(false);
     let node = yaml::read("drive.yml", yaml.as_bytes().to_vec(), "a drive", &mut diagnostics)
@@ -38,9 +28,7 @@ pub(crate) fn settled(
         &|_| Ok(file.to_owned()),
         &mut diagnostics,
     );
-    let drive = settings.and_then(|settings| {
-        Some(((protocol.make)(&settings, common, &mut diagnostics)?, settings))
-    });
+    let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut diagnostics));
     let report = diagnostics.into_report();
     drive.ok_or_else(|| report.to_string())
 }

@@ -28,10 +28,10 @@ use core::f64::consts::TAU;
 use self::objects::{Object, Objects, Pdo};
 use self::states::{Drive, State};
 use super::{Body, Firmware, standard};
-use crate::drive::{Mode, Setpoint};
-use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::Common;
-use crate::settings::Settings;
+use sarrus_can_core::drive::{Mode, Setpoint};
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
 
 /// Gains of its own loops: torque for position `[N m/rad]`, for velocity `[N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [60.0, 2.0];

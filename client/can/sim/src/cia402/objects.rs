@@ -1,6 +1,6 @@
 //! The object dictionary of the simulated drive, and the mappings of its PDOs.
 
-use crate::drive::Mode;
+use sarrus_can_core::drive::Mode;
 
 /// Objects that PDOs can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

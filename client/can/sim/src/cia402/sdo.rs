@@ -7,8 +7,8 @@
 //! | 80 | refused, with a code; also the host's own end of a transfer |
 
 use super::objects::{Abort, Objects};
-use crate::frame::{Frame, FrameQueue};
-use crate::motor::standard;
+use crate::standard;
+use sarrus_can_core::frame::{Frame, FrameQueue};
 
 /// What it does not understand.
 const UNKNOWN: Abort = 0x0504_0001;

@@ -26,10 +26,10 @@ use core::f64::consts::TAU;
 
 use self::registers::{Answer, COUNTS, Kind, chunk, units, varuint};
 use super::{Body, Firmware};
-use crate::drive::Setpoint;
-use crate::frame::{Frame, FrameQueue, Id, MAX_DATA};
-use crate::protocol::Common;
-use crate::settings::Settings;
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id, MAX_DATA};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
 
 const STOPPED: u8 = 0;
 const FAULT: u8 = 1;

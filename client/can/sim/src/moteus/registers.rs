@@ -1,6 +1,6 @@
 //! Values of registers in their types, and the bytes of answers.
 
-use crate::frame::{Frame, Id, MAX_DATA};
+use sarrus_can_core::frame::{Frame, Id, MAX_DATA};
 
 /// A type of values, and its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

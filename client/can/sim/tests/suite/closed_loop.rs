@@ -2,12 +2,12 @@
 //! alone: power, set-points, watchdog.
 
 use crate::support::settled;
-use sarrus_can::drive::{
+use sarrus_can_core::drive::{
     Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog,
 };
-use sarrus_can::frame::FrameQueue;
-use sarrus_can::motor::{Physics, Simulated};
-use sarrus_can::protocol::Common;
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::protocol::Common;
+use sarrus_can_sim::{Physics, Simulated};
 
 const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
 const MS: u64 = 1_000_000;

@@ -1,10 +1,12 @@
 //! Drives and motors against each other: both were written from the makers' manuals, neither from
 //! the other.
 
-use crate::drive::{Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog};
-use crate::frame::FrameQueue;
-use crate::motor::{Physics, Simulated};
-use crate::protocol::{Common, Settings, protocol};
+use sarrus_can_core::drive::{
+    Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog,
+};
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::protocol::{Common, Settings, protocol};
+use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::{Diagnostics, yaml};
 
 const MS: u64 = 1_000_000;
