@@ -2,8 +2,8 @@
 
 use sarrus_dynamics::Status;
 
-use crate::engine::Engine;
-use crate::stepper::{Attempt, Stepper};
+use crate::methods::{Attempt, Stepper};
+use crate::motion::engine::Engine;
 
 /// How often a step without an answer is split.
 const SPLITS: u32 = 16;

@@ -8,8 +8,8 @@ use differential_equations::methods::{DormandPrince, ExplicitRungeKutta, Ordinar
 use differential_equations::ode::{ODE, OrdinaryNumericalMethod};
 use sarrus_dynamics::Status;
 
-use crate::engine::Engine;
-use crate::stepper::{Attempt, FREE, Stepper};
+use crate::methods::{Attempt, FREE, Stepper};
+use crate::motion::engine::Engine;
 
 type Method = ExplicitRungeKutta<Ordinary, DormandPrince, f64, Vec<f64>, 8, 12, 16>;
 

@@ -7,11 +7,11 @@ use sarrus_dynamics::{
     Answer, Compiled, Field, FieldSet, Model, Query, Request, Status, Warnings, Workspace,
 };
 
-use crate::asked::Asked;
 use crate::error::SimulationError;
-use crate::input::OnTree;
-use crate::rates::{Mechanism, Rates};
-use crate::springs::{Effect, Springs};
+use crate::forces::inputs::OnTree;
+use crate::forces::springs::{Effect, Springs};
+use crate::motion::rates::{Mechanism, Rates};
+use crate::planned::Planned;
 
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
@@ -219,7 +219,7 @@ impl Engine {
     /// The first state of all where no closed pose is known: closures start from their own zero.
     pub(crate) fn settle_from_zero(&mut self, x: &mut [f64]) -> Result<Status, SimulationError> {
         let model = &self.compiled.model;
-        let mut asked = Asked::new(
+        let mut asked = Planned::new(
             model,
             &Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])),
         )?;

@@ -3,10 +3,10 @@
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
-use crate::asked::Asked;
-use crate::engine::Engine;
 use crate::error::SimulationError;
-use crate::run::EventKind;
+use crate::motion::engine::Engine;
+use crate::planned::Planned;
+use crate::run::output::EventKind;
 
 /// Distance to singularity below which better independents are looked for.
 pub(crate) const NEAR: f64 = 0.1;
@@ -22,7 +22,7 @@ const GROWN: f64 = 1.5;
 
 /// Looks at the independents after each step.
 pub(crate) struct Watch {
-    asked: Asked<f64>,
+    asked: Planned<f64>,
     workspace: Workspace<f64>,
     /// How near a singularity others were tried in vain; forgotten away from it.
     refused: f64,
@@ -50,7 +50,7 @@ impl Watch {
             return Ok(None);
         }
         let given = FieldSet::of(&[Y, QGuess, QdGuess]);
-        let asked = Asked::new(
+        let asked = Planned::new(
             model,
             &Query::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
         )?;

@@ -7,14 +7,14 @@
 
 use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Query, Request, Status, Workspace};
 
-use crate::asked::Asked;
-use crate::energy::Meter;
 use crate::error::SimulationError;
-use crate::rates::Mechanism;
-use crate::run::{End, Run, Sample};
-use crate::settings::{Method, Settings};
-use crate::simulate::Setup;
-use crate::start::Start;
+use crate::motion::energy::Meter;
+use crate::motion::rates::Mechanism;
+use crate::planned::Planned;
+use crate::run::Setup;
+use crate::run::output::{End, Run, Sample};
+use crate::run::settings::{Method, Settings};
+use crate::run::start::Start;
 
 /// The right-hand side in x = [q; q̇; work].
 struct Form<'a> {
@@ -22,7 +22,7 @@ struct Form<'a> {
     mechanism: Mechanism,
     form: ImplicitForm<f64>,
     /// Frames of the links that springs hang on.
-    frames: Option<Asked<f64>>,
+    frames: Option<Planned<f64>>,
     workspace: Workspace<f64>,
     tau_q: Vec<f64>,
     wrenches: Vec<f64>,
@@ -120,14 +120,14 @@ impl<'a> Form<'a> {
                 FieldSet::of(&[Field::Q, Field::Qd]),
                 FieldSet::of(&[Field::FramePose, Field::FrameTwist]),
             );
-            Some(Asked::new(
+            Some(Planned::new(
                 model,
                 &Query::new(Request::Kinematics, given, want).with_frames(&links),
             )?)
         };
         Ok(Form {
             form: ImplicitForm::with_wrenches(model, &links),
-            workspace: Workspace::for_plans(model, frames.iter().map(Asked::plan)),
+            workspace: Workspace::for_plans(model, frames.iter().map(Planned::plan)),
             frames,
             tau_q: vec![0.0; mechanism.sizes.n_v],
             wrenches: vec![0.0; 6 * links.len()],
@@ -144,7 +144,7 @@ impl<'a> Form<'a> {
         let guess: &[Field] = if checked.guess.is_some() { &[Field::QGuess] } else { &[] };
         let given =
             guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
-        let mut asked = Asked::new(
+        let mut asked = Planned::new(
             self.model,
             &Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd])),
         )?;

@@ -12,8 +12,8 @@
 use nalgebra::{Complex, DMatrix, DVector, Dyn, LU};
 use sarrus_dynamics::Status;
 
-use crate::engine::Engine;
-use crate::stepper::{Attempt, FREE, Stepper};
+use crate::methods::{Attempt, FREE, Stepper};
+use crate::motion::engine::Engine;
 
 const ROOT_6: f64 = 2.449_489_742_783_178;
 const C: [f64; 3] = [(4.0 - ROOT_6) / 10.0, (4.0 + ROOT_6) / 10.0, 1.0];

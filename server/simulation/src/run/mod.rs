@@ -1,21 +1,26 @@
 //! From a start through a span of time.
 
+mod implicit_form;
+pub(crate) mod output;
+pub(crate) mod settings;
+pub(crate) mod start;
+mod switching;
+
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Compiled, Model, Status};
 
 use crate::coordinates::Coordinates;
-use crate::energy::{Energy, Meter};
-use crate::engine::Engine;
 use crate::error::SimulationError;
-use crate::implicit;
-use crate::input::{Input, OnTree};
-use crate::run::{End, Event, EventKind, Run, Sample};
-use crate::settings::Settings;
-use crate::springs::{Spring, Springs};
-use crate::start::Start;
-use crate::stepper::{Attempt, Stepper};
-use crate::switch::{NEAR, Watch};
+use crate::forces::inputs::{Input, OnTree};
+use crate::forces::springs::{Spring, Springs};
+use crate::methods::{Attempt, Stepper};
+use crate::motion::energy::{Energy, Meter};
+use crate::motion::engine::Engine;
+use crate::run::output::{End, Event, EventKind, Run, Sample};
+use crate::run::settings::Settings;
+use crate::run::start::Start;
+use crate::run::switching::{NEAR, Watch};
 
 /// Distance to singularity below which double precision is not trusted with many digits.
 const DELICATE: f64 = 3e-3;
@@ -81,7 +86,7 @@ pub fn simulate(
     settings.check()?;
     let once = |settings: &Settings, progress: &mut dyn FnMut(f64)| {
         if settings.method.is_implicit_form() {
-            implicit::run(setup, start, settings, progress)
+            implicit_form::run(setup, start, settings, progress)
         } else {
             Simulator::new(setup, start, settings)?.run(progress)
         }

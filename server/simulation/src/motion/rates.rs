@@ -15,11 +15,11 @@ use sarrus_dynamics::{
     Answer, Field, FieldSet, Model, Query, Request, Sizes, Status, Warnings, Workspace,
 };
 
-use crate::asked::Asked;
 use crate::coordinates::Coordinates;
 use crate::error::SimulationError;
-use crate::input::OnTree;
-use crate::springs::{Effect, Springs};
+use crate::forces::inputs::OnTree;
+use crate::forces::springs::{Effect, Springs};
+use crate::planned::Planned;
 
 /// Numbers of G up to which it is asked for to continue closures along.
 const LARGEST: usize = 1 << 16;
@@ -113,8 +113,8 @@ pub(crate) struct Rates<T> {
     model: Model<T>,
     workspace: Workspace<T>,
     /// Where the robot is, for the forces that depend on it.
-    pose: Option<Asked<T>>,
-    forward: Asked<T>,
+    pose: Option<Planned<T>>,
+    forward: Planned<T>,
     y: Vec<T>,
     tau_q: Vec<T>,
     wrenches: Vec<T>,
@@ -134,7 +134,7 @@ impl<T: Scalar> Rates<T> {
             } else {
                 FieldSet::of(&[Q, Qd, FramePose, FrameTwist])
             };
-            Some(Asked::new(
+            Some(Planned::new(
                 &model,
                 &Query::new(Request::Kinematics, given, want).with_frames(links),
             )?)
@@ -147,9 +147,9 @@ impl<T: Scalar> Rates<T> {
         if !links.is_empty() {
             query = query.with_wrenches(links);
         }
-        let forward = Asked::new(&model, &query)?;
+        let forward = Planned::new(&model, &query)?;
         let workspace =
-            Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Asked::plan));
+            Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Planned::plan));
         let of = |n: usize| vec![T::ZERO; n];
         Ok(Rates {
             workspace,

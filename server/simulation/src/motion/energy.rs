@@ -5,9 +5,9 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Real, Scalar};
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
-use crate::asked::Asked;
 use crate::coordinates::{Coordinates, cross, turned};
 use crate::error::SimulationError;
+use crate::planned::Planned;
 
 /// Links in one plan.
 const CHUNK: usize = 32;
@@ -37,7 +37,7 @@ struct Mass {
 #[derive(Clone, Debug)]
 pub(crate) struct Meter<T> {
     masses: Vec<Mass>,
-    plans: Vec<Asked<T>>,
+    plans: Vec<Planned<T>>,
     workspace: Workspace<T>,
     gravity: [f64; 3],
     /// Velocity and inertia of each rotor; coordinate, stiffness and rest of each joint's spring.
@@ -68,10 +68,10 @@ impl<T: Scalar> Meter<T> {
         let given =
             guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
         let bare = FieldSet::of(&[Field::Residual, Field::Q, Field::Qd]);
-        let mut plans = vec![Asked::new(model, &Query::new(Request::Kinematics, given, bare))?];
+        let mut plans = vec![Planned::new(model, &Query::new(Request::Kinematics, given, bare))?];
         for chunk in links.chunks(CHUNK) {
             let want = FieldSet::of(&[Field::FramePose, Field::FrameTwist]);
-            plans.push(Asked::new(
+            plans.push(Planned::new(
                 model,
                 &Query::new(Request::Kinematics, given, want).with_frames(chunk),
             )?);
@@ -87,7 +87,7 @@ impl<T: Scalar> Meter<T> {
         }
         rotors.retain(|of| of.1 != 0.0);
         springs.retain(|of| of.1 != 0.0);
-        let workspace = Workspace::for_plans(model, plans.iter().map(Asked::plan));
+        let workspace = Workspace::for_plans(model, plans.iter().map(Planned::plan));
         Ok(Meter { masses, plans, workspace, gravity: description.gravity, rotors, springs })
     }
 

@@ -1,9 +1,9 @@
 //! By which method, how long, how exactly.
 
 use crate::error::SimulationError;
-use crate::fixed::{Fixed, Rule};
-use crate::radau::Radau;
-use crate::stepper::Stepper;
+use crate::methods::Stepper;
+use crate::methods::fixed_step::{Fixed, Rule};
+use crate::methods::radau5::Radau;
 
 /// Steps of a fixed length that one simulation may have.
 const MOST: f64 = 1e9;
@@ -161,9 +161,12 @@ impl Settings {
                 Box::new(Fixed::new(Rule::RungeKutta, step))
             }
             #[cfg(feature = "adaptive")]
-            Method::Dop853 => {
-                Box::new(crate::dop853::Dop853::new(self.rtol, self.atol, self.duration, self.step))
-            }
+            Method::Dop853 => Box::new(crate::methods::dop853::Dop853::new(
+                self.rtol,
+                self.atol,
+                self.duration,
+                self.step,
+            )),
             #[cfg(not(feature = "adaptive"))]
             Method::Dop853 => return Err(SimulationError::NotBuilt(self.method.name())),
             Method::Radau5 => Box::new(Radau::new(self.rtol, self.atol, self.step)),

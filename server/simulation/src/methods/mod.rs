@@ -1,8 +1,13 @@
 //! What every method of integration does.
 
+#[cfg(feature = "adaptive")]
+pub(crate) mod dop853;
+pub(crate) mod fixed_step;
+pub(crate) mod radau5;
+
 use sarrus_dynamics::Status;
 
-use crate::engine::Engine;
+use crate::motion::engine::Engine;
 
 /// How an attempt at a step ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

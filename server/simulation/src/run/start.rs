@@ -2,9 +2,9 @@
 
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
-use crate::asked::Asked;
 use crate::coordinates::Coordinates;
 use crate::error::SimulationError;
+use crate::planned::Planned;
 
 /// Change of a coordinate up to which a given pose counts as closed.
 const CLOSED: f64 = 1e-9;
@@ -91,7 +91,7 @@ fn closed(
         FieldSet::of(&[Q, Qd]),
         FieldSet::of(&[Y, Yd, Q, Qd, Residual]),
     );
-    let mut asked = Asked::new(model, &query)?;
+    let mut asked = Planned::new(model, &query)?;
     let mut workspace = Workspace::for_plans(model, [asked.plan()]);
     asked.give(Q, q);
     asked.give(Qd, qd);

@@ -2,8 +2,8 @@
 
 use sarrus_dynamics::Status;
 
-use crate::energy::Energy;
-use crate::engine::Counts;
+use crate::motion::energy::Energy;
+use crate::motion::engine::Counts;
 
 /// The robot at one time.
 #[derive(Clone, Debug, PartialEq)]

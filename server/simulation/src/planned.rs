@@ -7,17 +7,17 @@ use crate::error::SimulationError;
 
 /// A plan with its input and output.
 #[derive(Clone, Debug)]
-pub(crate) struct Asked<T> {
+pub(crate) struct Planned<T> {
     plan: Plan,
     input: Vec<T>,
     output: Vec<T>,
 }
 
-impl<T: Scalar> Asked<T> {
-    pub(crate) fn new(model: &Model<T>, query: &Query) -> Result<Asked<T>, SimulationError> {
+impl<T: Scalar> Planned<T> {
+    pub(crate) fn new(model: &Model<T>, query: &Query) -> Result<Planned<T>, SimulationError> {
         let plan = Plan::new(model, query)?;
         let (n, m) = (plan.given().len(), plan.want().len());
-        Ok(Asked { plan, input: vec![T::ZERO; n], output: vec![T::ZERO; m] })
+        Ok(Planned { plan, input: vec![T::ZERO; n], output: vec![T::ZERO; m] })
     }
 
     pub(crate) fn plan(&self) -> &Plan {
