@@ -3,9 +3,10 @@
 
 use std::hint::black_box;
 
-use crate::Outcome;
-use crate::cases::{self, Case, What};
-use crate::states::Robot;
+use sarrus_report::Outcome;
+use sarrus_report::robots::{Robot, What};
+
+use crate::cases::{self, Case};
 
 /// States that the calls go through in turn.
 const STATES: usize = 16;

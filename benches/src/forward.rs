@@ -12,10 +12,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use sarrus_dynamics::{Method, Model, Plan, Status, Workspace};
+use sarrus_report::Outcome;
+use sarrus_report::robots::{Question, Robot, What, packed};
 
-use crate::Outcome;
-use crate::cases::{Question, What, packed};
-use crate::states::Robot;
 use crate::table::{Table, ns};
 
 /// Rounds of batches, and how long a batch takes at least.

@@ -11,12 +11,12 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc::Service;
-use sarrus_benches::Outcome;
-use sarrus_benches::cores::Cores;
 use sarrus_proto::lane::{ComputeActive, ComputeClient, ComputePending, send_request};
 use sarrus_proto::message::{ComputeRequest, RequestHead};
 use sarrus_proto::service::{ComputeServer, open_compute, serve_compute};
 use sarrus_proto::{Domain, ServerName};
+use sarrus_report::Outcome;
+use sarrus_report::measure::cores::Cores;
 
 use crate::child::{Child, Role};
 

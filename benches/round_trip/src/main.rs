@@ -14,14 +14,15 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use sarrus_benches::Outcome;
-use sarrus_benches::cases::What;
-use sarrus_benches::cores::Cores;
-use sarrus_benches::printed::{Printed, machine};
-use sarrus_benches::progress::Progress;
-use sarrus_benches::states::Robot;
+use sarrus_benches::printed::Printed;
 use sarrus_benches::table::{Format, Table, ns};
-use sarrus_benches::timing::clock;
+use sarrus_report::Outcome;
+use sarrus_report::measure::cores::Cores;
+use sarrus_report::measure::machine::machine;
+use sarrus_report::measure::progress::Progress;
+use sarrus_report::measure::timing::clock;
+use sarrus_report::robots::Robot;
+use sarrus_report::robots::What;
 use serde_json::json;
 
 use crate::measure::{Effort, ROBOT, STATES, Trip};

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use sarrus_benches::report::{Axis, Figure, Pictures, Point, Series};
 use sarrus_models::Loaded;
+use sarrus_report::page::{Axis, Figure, Pictures, Point, Series};
 use sarrus_simulation::{EventKind, Method, Run, Sample};
 use serde_json::{Value, json};
 
