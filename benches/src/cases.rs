@@ -4,7 +4,7 @@
 use sarrus_dynamics::{Answer, Field, Method, Plan, Status, Workspace};
 use sarrus_report::Outcome;
 use sarrus_report::measure::timing::Timed;
-use sarrus_report::robots::{Question, Robot, Start, Variant, What, packed};
+use sarrus_report::robots::{Question, Robot, Start, Subject, Variant, packed};
 
 /// One row of the table.
 pub(crate) struct Case<'a> {
@@ -25,7 +25,7 @@ pub(crate) struct Case<'a> {
 /// does not fit.
 pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
     let mut cases = Vec::new();
-    let chain = matches!(robot.what, What::Chain(_));
+    let chain = matches!(robot.subject, Subject::Chain(_));
     for (k, variant) in robot.variants.iter().enumerate() {
         let closed_form = chain || variant.closures == "analytic";
         let starts: &[Start] =
@@ -83,7 +83,7 @@ impl<'a> Case<'a> {
         let start = ["", "/warm", "/cold"][self.start as usize];
         format!(
             "{}/{}{start}/{}",
-            self.robot.what.name(),
+            self.robot.subject.name(),
             self.variant.closures,
             self.question.name()
         )

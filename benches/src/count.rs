@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use sarrus_report::Outcome;
-use sarrus_report::robots::{Robot, What};
+use sarrus_report::robots::{Robot, Subject};
 
 use crate::cases::{self, Case};
 
@@ -22,8 +22,9 @@ pub fn run(count: &[String]) -> Outcome {
     let unknown = || format!("no case `{name}`; `--list` names them all");
     let mut parts = name.split('/');
     let (robot, closures) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
-    let what =
-        What::all().find(|what| what.name() == robot && what.may_have(name)).ok_or_else(unknown)?;
+    let what = Subject::all()
+        .find(|what| what.name() == robot && what.may_have(name))
+        .ok_or_else(unknown)?;
 
     let robot = Robot::load_some(what, STATES, |variant| variant == closures)?;
     let mut case = cases::of_robot(&robot)?

@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Workspace};
 use sarrus_report::Outcome;
-use sarrus_report::reference::Truth;
+use sarrus_report::reference::Reference;
 use sarrus_report::robots::{Question, Start};
 
 use crate::cases::Case;
@@ -31,18 +31,18 @@ pub(crate) fn measure(case: &mut Case<'_>, kept: &mut Kept) -> Outcome<Errors> {
     );
     if !kept.iter().any(|(of, _)| *of == key) {
         kept.retain(|((robot, closures, _), _)| (*robot, *closures) == (key.0, key.1));
-        kept.push((key, Truth::new(case.robot, case.place, case.question, case.start)?));
+        kept.push((key, Reference::new(case.robot, case.place, case.question, case.start)?));
     }
-    let truth = kept
+    let reference = kept
         .iter_mut()
         .find(|(of, _)| *of == key)
-        .map(|(_, truth)| truth)
+        .map(|(_, reference)| reference)
         .ok_or("no exact answers")?;
     let mut sizes = Vec::new();
     let mut backward: Option<f64> = None;
     for state in 0..case.inputs.len() {
-        truth.compute(case.robot, state)?;
-        let exact = truth.exact(case.plan.want(), state);
+        reference.compute(case.robot, state)?;
+        let exact = reference.exact(case.plan.want(), state);
         sizes.push(exact.error(case.answer(state)?));
         if case.question.is_forward() {
             let error = exact.backward_error(&case.output);
@@ -56,7 +56,7 @@ pub(crate) fn measure(case: &mut Case<'_>, kept: &mut Kept) -> Outcome<Errors> {
 }
 
 /// Exact answers that may serve again: robot, how its loops are closed, question.
-pub(crate) type Kept = Vec<((&'static str, &'static str, Question), Truth)>;
+pub(crate) type Kept = Vec<((&'static str, &'static str, Question), Reference)>;
 
 /// Mean and largest count of Newton steps of one call.
 fn newton_steps(case: &Case<'_>) -> Outcome<(f64, f64)> {

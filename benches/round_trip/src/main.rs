@@ -22,7 +22,7 @@ use sarrus_report::measure::machine::machine;
 use sarrus_report::measure::progress::Progress;
 use sarrus_report::measure::timing::clock;
 use sarrus_report::robots::Robot;
-use sarrus_report::robots::What;
+use sarrus_report::robots::Subject;
 use serde_json::json;
 
 use crate::measure::{Effort, ROBOT, STATES, Trip};
@@ -79,7 +79,7 @@ fn run(flags: &Flags) -> Outcome {
     let progress = Progress::silent();
     let cores = Cores::choose()?;
     cores.pin_client();
-    let robot = Robot::load(What::Bundled(ROBOT), STATES)?;
+    let robot = Robot::load(Subject::Bundled(ROBOT), STATES)?;
     let trips = measure::measure(&robot, &cores, &effort, &flags.only, &progress)?;
     progress.clear();
     let printed = Printed {

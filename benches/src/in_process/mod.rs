@@ -10,7 +10,7 @@ use sarrus_report::measure::cores::Cores;
 use sarrus_report::measure::machine::machine;
 use sarrus_report::measure::progress::Progress;
 use sarrus_report::measure::timing;
-use sarrus_report::robots::{Robot, What};
+use sarrus_report::robots::{Robot, Subject};
 use serde_json::json;
 
 use crate::cases::{self, Case};
@@ -62,7 +62,7 @@ pub fn run(options: &Options) -> Outcome {
 
     // the same states for every way to close a robot's loops
     let mut robots = Vec::new();
-    let whats: Vec<What> = What::all().filter(|what| what.may_have(&options.only)).collect();
+    let whats: Vec<Subject> = Subject::all().filter(|what| what.may_have(&options.only)).collect();
     for (k, what) in whats.iter().enumerate() {
         progress.show(what.name(), k as f64 / whats.len() as f64);
         match Robot::load(*what, what.states(if options.list { 0 } else { effort.states })) {

@@ -4,10 +4,10 @@ use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Status, Workspace};
 
 use crate::Outcome;
-use crate::robots::{Question, Robot, Start, What, packed};
+use crate::robots::{Question, Robot, Start, Subject, packed};
 
 /// The same question in double-double.
-pub struct Truth {
+pub struct Reference {
     /// Place of the variant among those of its robot.
     place: usize,
     plan: Plan,
@@ -32,9 +32,14 @@ struct ExactField<'a> {
     least: f64,
 }
 
-impl Truth {
+impl Reference {
     /// For a question to a variant of a robot.
-    pub fn new(robot: &Robot, place: usize, question: Question, start: Start) -> Outcome<Truth> {
+    pub fn new(
+        robot: &Robot,
+        place: usize,
+        question: Question,
+        start: Start,
+    ) -> Outcome<Reference> {
         let mut query = question.query();
         // the warm start leads to the pose that a cold one has to find
         if start != Start::None {
@@ -46,11 +51,11 @@ impl Truth {
         }
         let model = &robot.variants[place].compiled.exact;
         // M_y of a chain is only read, not factorised: that would take n³
-        let plan = match robot.what {
-            What::Chain(_) => Plan::with_method(model, &query, Method::Recursion)?,
+        let plan = match robot.subject {
+            Subject::Chain(_) => Plan::with_method(model, &query, Method::Recursion)?,
             _ => Plan::new(model, &query)?,
         };
-        Ok(Truth {
+        Ok(Reference {
             place,
             workspace: Workspace::for_plans(model, [&plan]),
             plan,

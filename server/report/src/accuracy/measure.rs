@@ -8,9 +8,9 @@ use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Layout, Status};
 use super::methods::Method;
 use crate::Outcome;
 use crate::measure::timing::{Timed, interleaved};
-use crate::reference::Truth;
+use crate::reference::Reference;
 use crate::robots::Robot;
-use crate::robots::{Question, Start, What};
+use crate::robots::{Question, Start, Subject};
 
 /// What a method with one setting costs and what it is worth.
 #[derive(Clone, Debug)]
@@ -30,14 +30,14 @@ pub(super) struct Measured {
 }
 
 /// Exact answers, by question, variant and start.
-pub(super) struct Truths<'a> {
+pub(super) struct References<'a> {
     robot: &'a Robot,
-    kept: Vec<((Question, usize, bool), Truth)>,
+    kept: Vec<((Question, usize, bool), Reference)>,
 }
 
-impl<'a> Truths<'a> {
-    pub(super) fn new(robot: &'a Robot) -> Truths<'a> {
-        Truths { robot, kept: Vec::new() }
+impl<'a> References<'a> {
+    pub(super) fn new(robot: &'a Robot) -> References<'a> {
+        References { robot, kept: Vec::new() }
     }
 
     /// The error of an answer to a question at a state, whose numbers are those of `want`: on
@@ -52,19 +52,19 @@ impl<'a> Truths<'a> {
         // a cold start has to find the pose that a warm one leads to
         let key = (asked, place, start != Start::None);
         if !self.kept.iter().any(|(of, _)| *of == key) {
-            self.kept.push((key, Truth::new(self.robot, place, asked, start)?));
+            self.kept.push((key, Reference::new(self.robot, place, asked, start)?));
         }
-        let truth = self
+        let reference = self
             .kept
             .iter_mut()
             .find(|(of, _)| *of == key)
-            .map(|(_, truth)| truth)
+            .map(|(_, reference)| reference)
             .ok_or("no exact answers")?;
         for before in 0..=state {
-            truth.compute(self.robot, before)?;
+            reference.compute(self.robot, before)?;
         }
-        let exact = truth.exact(want, state);
-        let chain = matches!(self.robot.what, What::Chain(_));
+        let exact = reference.exact(want, state);
+        let chain = matches!(self.robot.subject, Subject::Chain(_));
         Ok(if chain && asked == Question::ForwardDynamics {
             exact.backward_error(answer)
         } else {
@@ -95,13 +95,13 @@ impl Timed for Run<'_> {
 pub(super) fn measure(
     robot: &Robot,
     methods: &mut [Method],
-    truths: &mut Truths<'_>,
+    references: &mut References<'_>,
     rounds: Duration,
     shown: impl Fn(f64),
 ) -> Outcome<Vec<Measured>> {
     let mut measured = Vec::new();
     for method in methods.iter_mut() {
-        measured.push(errors(robot, method, truths)?);
+        measured.push(errors(robot, method, references)?);
     }
     // a method that does not answer is not timed
     let fine = |of: &Measured| of.fault.is_none();
@@ -123,7 +123,11 @@ pub(super) fn layout(robot: &Robot, asked: Question) -> Layout {
     Layout::of_want(&asked.query(), &robot.variants[0].compiled.model.sizes())
 }
 
-fn errors(robot: &Robot, method: &mut Method, truths: &mut Truths<'_>) -> Outcome<Measured> {
+fn errors(
+    robot: &Robot,
+    method: &mut Method,
+    references: &mut References<'_>,
+) -> Outcome<Measured> {
     let Method { asked, place, start, .. } = *method;
     let want = layout(robot, asked);
     let exact = &robot.variants[place].compiled.exact;
@@ -136,7 +140,7 @@ fn errors(robot: &Robot, method: &mut Method, truths: &mut Truths<'_>) -> Outcom
             break;
         }
         let answer = method.runner.answer();
-        let error = truths.error((asked, place, start), &want, state, &answer)?;
+        let error = references.error((asked, place, start), &want, state, &answer)?;
         worst = if error > worst || error.is_nan() { error } else { worst };
         if let (Some(form), Some(slot)) = (&mut form, want.slot(Field::Q)) {
             let q: Vec<Dd> = answer[slot.range()].iter().map(|x| Dd::from(*x)).collect();

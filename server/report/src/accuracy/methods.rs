@@ -7,7 +7,7 @@ use sarrus_dynamics::{Method as Forward, Model, Plan};
 use super::runner::{Implicit, Planned, Runner, with_start};
 use crate::Outcome;
 use crate::robots::Robot;
-use crate::robots::{Question, Start, Variant, What};
+use crate::robots::{Question, Start, Subject, Variant};
 
 /// Ends of Newton's method where only it is asked, and where dynamics follow; a tolerance of the
 /// last step each.
@@ -37,7 +37,7 @@ pub(super) struct Method {
 
 /// A way to close loops: the variant, its name, where Newton's method starts.
 #[derive(Clone, Copy)]
-struct Way<'a> {
+struct Closing<'a> {
     place: usize,
     variant: &'a Variant,
     name: &'static str,
@@ -56,23 +56,23 @@ pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
     let mut methods = Methods { robot, all: Vec::new() };
     let given = robot.variants.first().ok_or("no variant")?;
     let numerical = robot.variants.iter().position(|variant| variant.closures == "numerical");
-    let chain = matches!(robot.what, What::Chain(_));
+    let chain = matches!(robot.subject, Subject::Chain(_));
     let closed_form = chain || given.closures == "analytic";
     if given.closures != "numerical" {
         let (name, start) =
             if closed_form { ("closed form", Start::None) } else { ("as given", Start::Warm) };
-        methods.given(Way { place: 0, variant: given, name, start, default: true })?;
+        methods.given(Closing { place: 0, variant: given, name, start, default: true })?;
     }
     if let Some(place) = numerical {
         let variant = &robot.variants[place];
-        methods.newton(Way {
+        methods.newton(Closing {
             place,
             variant,
             name: "Newton, warm",
             start: Start::Warm,
             default: place == 0,
         })?;
-        methods.cold(Way {
+        methods.cold(Closing {
             place,
             variant,
             name: "Newton, cold",
@@ -85,35 +85,35 @@ pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
 
 impl Methods<'_> {
     /// Closed forms, or what the robot's file says.
-    fn given(&mut self, way: Way<'_>) -> Outcome {
-        let model = &way.variant.compiled.model;
+    fn given(&mut self, closing: Closing<'_>) -> Outcome {
+        let model = &closing.variant.compiled.model;
         let single = model.convert(|x| x as f32);
         for asked in [Question::State, Question::InverseDynamics] {
-            self.ask(&way, model, asked, "double", "", way.default)?;
-            self.ask(&way, &single, asked, "single", "", false)?;
+            self.ask(&closing, model, asked, "double", "", closing.default)?;
+            self.ask(&closing, &single, asked, "single", "", false)?;
         }
-        self.forward(&way, model, "", way.default)?;
+        self.forward(&closing, model, "", closing.default)?;
         for method in [Forward::Recursion, Forward::Projection] {
-            self.ask(&way, &single, Question::Forced(method), "single", "", false)?;
+            self.ask(&closing, &single, Question::Forced(method), "single", "", false)?;
         }
         if model.sizes().n_v <= LARGEST_SQUARE {
-            self.implicit(&way, model, "")?;
+            self.implicit(&closing, model, "")?;
         }
         Ok(())
     }
 
     /// Newton's method from a closed pose nearby, ended everywhere.
-    fn newton(&mut self, way: Way<'_>) -> Outcome {
-        let model = &way.variant.compiled.model;
+    fn newton(&mut self, closing: Closing<'_>) -> Outcome {
+        let model = &closing.variant.compiled.model;
         let small = model.sizes().n_v <= LARGEST_SQUARE;
         for tolerance in TOLERANCES {
             let (looser, label) =
                 (model.with_tolerance(tolerance, 10), format!("tolerance {tolerance:.0e}"));
-            self.ask(&way, &looser, Question::State, "double", &label, false)?;
+            self.ask(&closing, &looser, Question::State, "double", &label, false)?;
             if FEW_TOLERANCES.contains(&tolerance) {
-                self.ask(&way, &looser, Question::InverseDynamics, "double", &label, false)?;
+                self.ask(&closing, &looser, Question::InverseDynamics, "double", &label, false)?;
                 self.ask(
-                    &way,
+                    &closing,
                     &looser,
                     Question::Forced(model.forward_method()),
                     "double",
@@ -121,21 +121,21 @@ impl Methods<'_> {
                     false,
                 )?;
                 if small {
-                    self.implicit(&way, &looser, &label)?;
+                    self.implicit(&closing, &looser, &label)?;
                 }
             }
         }
         for asked in [Question::State, Question::InverseDynamics] {
-            self.ask(&way, model, asked, "double", "usual end", way.default)?;
+            self.ask(&closing, model, asked, "double", "usual end", closing.default)?;
         }
-        self.forward(&way, model, "usual end", way.default)?;
+        self.forward(&closing, model, "usual end", closing.default)?;
         for steps in STEPS {
             let (bounded, label) =
                 (model.with_tolerance(0.0, steps), format!("at most {steps} steps"));
-            self.ask(&way, &bounded, Question::State, "double, bounded steps", &label, false)?;
+            self.ask(&closing, &bounded, Question::State, "double, bounded steps", &label, false)?;
             if steps <= 3 {
                 self.ask(
-                    &way,
+                    &closing,
                     &bounded,
                     Question::InverseDynamics,
                     "double, bounded steps",
@@ -148,7 +148,7 @@ impl Methods<'_> {
         for tolerance in TOLERANCES_IN_SINGLE {
             let label = format!("tolerance {tolerance:.0e}");
             self.ask(
-                &way,
+                &closing,
                 &single.with_tolerance(tolerance, 10),
                 Question::State,
                 "single",
@@ -159,19 +159,19 @@ impl Methods<'_> {
         for asked in
             [Question::State, Question::InverseDynamics, Question::Forced(model.forward_method())]
         {
-            self.ask(&way, &single, asked, "single", "usual end", false)?;
+            self.ask(&closing, &single, asked, "single", "usual end", false)?;
         }
         Ok(())
     }
 
     /// Newton's method from the closed pose at zero: more steps, so that more of them can be left
     /// out.
-    fn cold(&mut self, way: Way<'_>) -> Outcome {
-        let model = &way.variant.compiled.model;
+    fn cold(&mut self, closing: Closing<'_>) -> Outcome {
+        let model = &closing.variant.compiled.model;
         for tolerance in FEW_TOLERANCES {
             let label = format!("tolerance {tolerance:.0e}");
             self.ask(
-                &way,
+                &closing,
                 &model.with_tolerance(tolerance, 10),
                 Question::State,
                 "double",
@@ -179,11 +179,11 @@ impl Methods<'_> {
                 false,
             )?;
         }
-        self.ask(&way, model, Question::State, "double", "usual end", false)?;
+        self.ask(&closing, model, Question::State, "double", "usual end", false)?;
         for steps in STEPS_FROM_ZERO {
             let label = format!("at most {steps} steps");
             self.ask(
-                &way,
+                &closing,
                 &model.with_tolerance(0.0, steps),
                 Question::State,
                 "double, bounded steps",
@@ -195,12 +195,18 @@ impl Methods<'_> {
     }
 
     /// Forward dynamics by every method that fits.
-    fn forward(&mut self, way: &Way<'_>, model: &Model, label: &str, default: bool) -> Outcome {
+    fn forward(
+        &mut self,
+        closing: &Closing<'_>,
+        model: &Model,
+        label: &str,
+        default: bool,
+    ) -> Outcome {
         let small = model.sizes().n_v <= LARGEST_SQUARE;
         for method in Forward::ALL {
             if small || method != Forward::Kkt {
                 self.ask(
-                    way,
+                    closing,
                     model,
                     Question::Forced(method),
                     "double",
@@ -214,22 +220,22 @@ impl Methods<'_> {
 
     fn ask<T: Scalar>(
         &mut self,
-        way: &Way<'_>,
+        closing: &Closing<'_>,
         model: &Model<T>,
         asked: Question,
         scalar: &str,
         label: &str,
         default: bool,
     ) -> Outcome {
-        let query = with_start(asked.query(), way.start);
+        let query = with_start(asked.query(), closing.start);
         let (plan, before) = match asked {
             Question::Forced(method) => {
                 (Plan::with_method(model, &query, method)?, format!("{}, ", method.name()))
             }
             _ => (Plan::new(model, &query)?, String::new()),
         };
-        let runner = Box::new(Planned::new(model.clone(), plan, self.robot, way.place));
-        let series = format!("{before}{}, {scalar}", way.name);
+        let runner = Box::new(Planned::new(model.clone(), plan, self.robot, closing.place));
+        let series = format!("{before}{}, {scalar}", closing.name);
         let asked = if asked.is_forward() { Question::ForwardDynamics } else { asked };
         let label = if label.is_empty() { "usual" } else { label }.to_owned();
         self.all.push(Method {
@@ -237,25 +243,25 @@ impl Methods<'_> {
             series,
             label,
             default,
-            place: way.place,
-            start: way.start,
+            place: closing.place,
+            start: closing.start,
             runner,
         });
         Ok(())
     }
 
-    fn implicit(&mut self, way: &Way<'_>, model: &Model, label: &str) -> Outcome {
-        let runner = Box::new(Implicit::new(model, self.robot, way.place, way.start)?);
+    fn implicit(&mut self, closing: &Closing<'_>, model: &Model, label: &str) -> Outcome {
+        let runner = Box::new(Implicit::new(model, self.robot, closing.place, closing.start)?);
         let label = if label.is_empty() { "usual" } else { label }.to_owned();
-        let series = format!("implicit form with Baumgarte, {}, double", way.name);
+        let series = format!("implicit form with Baumgarte, {}, double", closing.name);
         let (asked, default) = (Question::ForwardDynamics, false);
         self.all.push(Method {
             asked,
             series,
             label,
             default,
-            place: way.place,
-            start: way.start,
+            place: closing.place,
+            start: closing.start,
             runner,
         });
         Ok(())

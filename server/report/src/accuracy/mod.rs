@@ -12,25 +12,25 @@ use std::time::Duration;
 use sarrus_dynamics::Model;
 use sarrus_dynamics::description::{Description, SubmechanismKind};
 
-use self::measure::{Measured, Truths, layout, measure, only_q};
+use self::measure::{Measured, References, layout, measure, only_q};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
-use crate::page::{Axis, Figure, Point, Section, Series, Table, exponent, front};
+use crate::page::{Axis, Figure, Point, Section, Series, Table, exponent, pareto_front};
 use crate::peer::{self, Asked, Peer};
 use crate::robots::catalogue::variants;
-use crate::robots::{Question, Robot, Start, Variant, What};
+use crate::robots::{Question, Robot, Start, Subject, Variant};
 
 /// The robots.
-const ROBOTS: [What; 8] = [
-    What::Bundled("lambda"),
-    What::Bundled("torso"),
-    What::Bundled("ankle"),
-    What::Bundled("wrist"),
-    What::Bundled("stewart"),
-    What::Bundled("rh5v2_upper_body"),
-    What::Bundled("rh5v2_full"),
-    What::Chain(1),
+const ROBOTS: [Subject; 8] = [
+    Subject::Bundled("lambda"),
+    Subject::Bundled("torso"),
+    Subject::Bundled("ankle"),
+    Subject::Bundled("wrist"),
+    Subject::Bundled("stewart"),
+    Subject::Bundled("rh5v2_upper_body"),
+    Subject::Bundled("rh5v2_full"),
+    Subject::Chain(1),
 ];
 /// The questions, as the page and the files call them, and as peers know them.
 const QUESTIONS: [(Question, &str, &str, Asked); 3] = [
@@ -61,19 +61,19 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let amount = if effort.quick { Amount::QUICK } else { Amount::FULL };
     let mut section = Section::new("accuracy", "Error against run time");
     let (mut rows, mut places, mut silent) = (Vec::new(), Vec::new(), None);
-    for (k, what) in ROBOTS.into_iter().enumerate() {
+    for (k, subject) in ROBOTS.into_iter().enumerate() {
         let share = |done: f64| (k as f64 + done) / ROBOTS.len() as f64;
-        progress.show(&title(what), share(0.0));
-        let robot = load(what, amount.states)?;
+        progress.show(&title(subject), share(0.0));
+        let robot = load(subject, amount.states)?;
         let (figures, measured, peer) =
-            robot_figures(&robot, amount, |done| progress.show(&title(what), share(done)))?;
+            robot_figures(&robot, amount, |done| progress.show(&title(subject), share(done)))?;
         let place = |(figure, of): (&Figure, &Measured)| row(&robot, figure, of);
         let defaults = measured.iter().filter(|of| of.default);
         let with_figure = defaults.filter_map(|of| {
-            Some((figures.iter().find(|figure| figure.id == id(what, of.asked))?, of))
+            Some((figures.iter().find(|figure| figure.id == id(subject, of.asked))?, of))
         });
-        let of_robot: Vec<Place> = with_figure.map(place).collect();
-        places.push(sentence(what, &of_robot));
+        let of_robot: Vec<DefaultRow> = with_figure.map(place).collect();
+        places.push(sentence(subject, &of_robot));
         for of in &of_robot {
             let worst = section.worst_error.unwrap_or(0.0);
             section.worst_error =
@@ -101,16 +101,16 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
 }
 
 /// A robot as it is given and by Newton's method, on the same states.
-fn load(what: What, n_states: usize) -> Outcome<Robot> {
-    let n_states = what.states(n_states);
-    let (description, mut all) = variants(what, |name| !name.starts_with("hybrid-"))?;
-    if matches!(what, What::Chain(_)) {
+fn load(subject: Subject, n_states: usize) -> Outcome<Robot> {
+    let n_states = subject.states(n_states);
+    let (description, mut all) = variants(subject, |name| !name.starts_with("hybrid-"))?;
+    if matches!(subject, Subject::Chain(_)) {
         all.push(Variant {
             closures: "numerical",
             compiled: Model::compile(&made_numerical(&description))?,
         });
     }
-    Robot::with_variants(what, description, all, n_states)
+    Robot::with_variants(subject, description, all, n_states)
 }
 
 /// The same robot with every loop closed by Newton's method.
@@ -122,18 +122,18 @@ fn made_numerical(description: &Description) -> Description {
     description
 }
 
-fn title(what: What) -> String {
-    if matches!(what, What::Chain(_)) {
+fn title(subject: Subject) -> String {
+    if matches!(subject, Subject::Chain(_)) {
         "chain of 100 lambdas".to_owned()
     } else {
-        what.name().to_owned()
+        subject.name().to_owned()
     }
 }
 
-fn id(what: What, asked: Question) -> String {
+fn id(subject: Subject, asked: Question) -> String {
     let of =
         QUESTIONS.iter().find(|(question, ..)| *question == asked).map_or("", |(_, _, id, _)| *id);
-    format!("accuracy-{}-{of}", what.name())
+    format!("accuracy-{}-{of}", subject.name())
 }
 
 /// The figures of one robot, what is in them, and why a peer is missing.
@@ -143,8 +143,8 @@ fn robot_figures(
     shown: impl Fn(f64),
 ) -> Outcome<(Vec<Figure>, Vec<Measured>, Option<String>)> {
     let mut methods = methods::of_robot(robot)?;
-    let mut truths = Truths::new(robot);
-    let measured = measure(robot, &mut methods, &mut truths, amount.rounds, shown)?;
+    let mut references = References::new(robot);
+    let measured = measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
     let (runs, missing) =
         match peer::pinocchio(&robot.description, &robot.states, 0, amount.of_peer)? {
             Peer::Measured { runs, .. } => (runs, None),
@@ -154,19 +154,19 @@ fn robot_figures(
     for (question, name, _, asked) in QUESTIONS {
         let mut figure =
             figure(robot, question, name, measured.iter().filter(|of| of.asked == question));
-        figure.series.extend(of_peer(robot, &mut truths, &runs, question, asked)?);
-        if let (Some(why), true) = (&missing, robot.what != What::Chain(1)) {
+        figure.series.extend(of_peer(robot, &mut references, &runs, question, asked)?);
+        if let (Some(why), true) = (&missing, robot.subject != Subject::Chain(1)) {
             figure.caption += &format!(" {why}");
         }
         figures.push(figure);
     }
-    Ok((figures, measured, missing.filter(|_| robot.what == ROBOTS[0])))
+    Ok((figures, measured, missing.filter(|_| robot.subject == ROBOTS[0])))
 }
 
 /// What a peer adds to a figure; of a state it finds q alone.
 fn of_peer(
     robot: &Robot,
-    truths: &mut Truths<'_>,
+    references: &mut References<'_>,
     runs: &[peer::Run],
     question: Question,
     asked: Asked,
@@ -183,7 +183,7 @@ fn of_peer(
         for (state, answer) in run.answers.iter().enumerate().filter(|_| run.asked == asked) {
             let fits = answer.len() == want.len();
             of_run.push(if fits {
-                truths.error((question, 0, start), &want, state, answer)?
+                references.error((question, 0, start), &want, state, answer)?
             } else {
                 f64::NAN
             });
@@ -210,9 +210,9 @@ fn figure<'a>(
     measured: impl Iterator<Item = &'a Measured>,
 ) -> Figure {
     let chain_forward =
-        matches!(robot.what, What::Chain(_)) && question == Question::ForwardDynamics;
+        matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;
     let mut series: Vec<Series> = Vec::new();
-    let mut add = |name: String, front: bool, point: Point| match series
+    let mut add = |name: String, competes: bool, point: Point| match series
         .iter_mut()
         .find(|of| of.name == name)
     {
@@ -220,7 +220,7 @@ fn figure<'a>(
             of.line = true;
             of.points.push(point);
         }
-        None => series.push(Series { name, line: false, front, points: vec![point] }),
+        None => series.push(Series { name, line: false, competes, points: vec![point] }),
     };
     let mut residuals = Vec::new();
     for of in measured {
@@ -253,8 +253,8 @@ fn figure<'a>(
         String::new()
     };
     Figure {
-        id: id(robot.what, question),
-        title: format!("{}: {name}", title(robot.what)),
+        id: id(robot.subject, question),
+        title: format!("{}: {name}", title(robot.subject)),
         caption: format!(
             "{asked}. The largest error of {} states, {of}, over the median of batches that take turns. Warm: from the closed pose 1 ms \
              earlier; cold: from that at zero. Single precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
@@ -271,7 +271,7 @@ fn figure<'a>(
 }
 
 /// How a default method stands in its figure.
-struct Place {
+struct DefaultRow {
     asked: &'static str,
     error: f64,
     /// Its time against the fastest that is no less exact.
@@ -280,20 +280,21 @@ struct Place {
     cells: Vec<String>,
 }
 
-fn row(robot: &Robot, figure: &Figure, of: &Measured) -> Place {
+fn row(robot: &Robot, figure: &Figure, of: &Measured) -> DefaultRow {
     let asked = QUESTIONS
         .iter()
         .find(|(question, ..)| *question == of.asked)
         .map_or("", |(_, name, ..)| *name);
     let points =
-        figure.series.iter().filter(|series| series.front).flat_map(|series| &series.points);
+        figure.series.iter().filter(|series| series.competes).flat_map(|series| &series.points);
     let fastest = points
         .filter(|point| point.y <= of.error)
         .map(|point| point.x)
         .fold(f64::INFINITY, f64::min);
     let factor = of.ns / fastest;
-    let on_front =
-        front(figure).iter().any(|point| point.series == of.series && point.label == of.label);
+    let on_front = pareto_front(figure)
+        .iter()
+        .any(|point| point.series == of.series && point.label == of.label);
     let place = if on_front {
         "on the front".to_owned()
     } else {
@@ -302,7 +303,7 @@ fn row(robot: &Robot, figure: &Figure, of: &Measured) -> Place {
     let method = format!("{}, {}", of.series, of.label);
     let residual = of.residual.map_or("-".to_owned(), exponent);
     let cells = vec![
-        title(robot.what),
+        title(robot.subject),
         asked.to_owned(),
         method,
         format!("{:.0}", of.ns),
@@ -310,18 +311,18 @@ fn row(robot: &Robot, figure: &Figure, of: &Measured) -> Place {
         residual,
         place,
     ];
-    Place { asked, error: of.error, factor, on_front, cells }
+    DefaultRow { asked, error: of.error, factor, on_front, cells }
 }
 
 /// Where the default methods of a robot stand.
-fn sentence(what: What, places: &[Place]) -> String {
-    let word = |place: &Place| match (place.on_front, place.factor) {
+fn sentence(subject: Subject, places: &[DefaultRow]) -> String {
+    let word = |place: &DefaultRow| match (place.on_front, place.factor) {
         (true, _) => format!("{} on the front", place.asked),
         (_, factor) if factor < SAME_TIME => format!("{} within 5 % of the front", place.asked),
         (_, factor) => format!("{} {factor:.2} times the time of the front", place.asked),
     };
     let words: Vec<String> = places.iter().map(word).collect();
-    format!("{}, used without asking: {}", title(what), words.join(", "))
+    format!("{}, used without asking: {}", title(subject), words.join(", "))
 }
 
 #[cfg(test)]
@@ -331,8 +332,8 @@ mod tests {
 
     const SMALL: Amount = Amount { states: 6, rounds: Duration::from_millis(150), of_peer: 0.001 };
 
-    fn figures(what: What) -> (Vec<Figure>, Vec<Measured>) {
-        let robot = load(what, SMALL.states).unwrap();
+    fn figures(subject: Subject) -> (Vec<Figure>, Vec<Measured>) {
+        let robot = load(subject, SMALL.states).unwrap();
         let (figures, measured, _) = robot_figures(&robot, SMALL, |_| {}).unwrap();
         (figures, measured)
     }
@@ -343,13 +344,13 @@ mod tests {
 
     #[test]
     fn errors_are_finite_and_a_tighter_end_is_never_much_worse() {
-        for what in [
-            What::Bundled("torso"),
-            What::Bundled("wrist"),
-            What::Bundled("stewart"),
-            What::Chain(0),
+        for subject in [
+            Subject::Bundled("torso"),
+            Subject::Bundled("wrist"),
+            Subject::Bundled("stewart"),
+            Subject::Chain(0),
         ] {
-            let (figures, measured) = figures(what);
+            let (figures, measured) = figures(subject);
             assert_eq!(figures.len(), 3);
             for of in &measured {
                 let Measured { series, label, error, ns, fault, .. } = of;
@@ -403,13 +404,17 @@ mod tests {
 
     #[test]
     fn nothing_on_a_front_is_beaten_and_every_default_has_its_place() {
-        let what = What::Bundled("lambda");
-        let (figures, measured) = figures(what);
+        let subject = Subject::Bundled("lambda");
+        let (figures, measured) = figures(subject);
         for figure in &figures {
-            let best = front(figure);
+            let best = pareto_front(figure);
             assert!(!best.is_empty());
             let points = || {
-                figure.series.iter().filter(|series| series.front).flat_map(|series| &series.points)
+                figure
+                    .series
+                    .iter()
+                    .filter(|series| series.competes)
+                    .flat_map(|series| &series.points)
             };
             for of in &best {
                 assert!(
@@ -430,11 +435,11 @@ mod tests {
                 figure.series.iter().map(|series| &series.name).collect();
             assert_eq!(unique.len(), figure.series.len());
         }
-        let robot = load(what, 2).unwrap();
+        let robot = load(subject, 2).unwrap();
         let defaults: Vec<&Measured> = measured.iter().filter(|of| of.default).collect();
         assert_eq!(defaults.len(), 3, "{defaults:?}");
         for of in defaults {
-            let figure = figures.iter().find(|figure| figure.id == id(what, of.asked)).unwrap();
+            let figure = figures.iter().find(|figure| figure.id == id(subject, of.asked)).unwrap();
             let place = row(&robot, figure, of);
             assert!(place.factor >= 1.0 && place.cells.len() == 7, "{:?}", place.cells);
             assert!(!place.on_front || place.factor < 1.0 + 1e-12, "{:?}", place.cells);

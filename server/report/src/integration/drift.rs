@@ -26,7 +26,7 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
     let start = Start::Independent { y: vec![0.3], yd: vec![0.0], guess: None };
     let steps = STEPS[usize::from(effort.quick)];
     let duration = f64::from(steps) * STEP;
-    let (mut series, mut told) = (Vec::new(), Vec::new());
+    let (mut series, mut reported) = (Vec::new(), Vec::new());
     for method in Method::ALL.into_iter().filter(|method| !method.is_implicit_form()) {
         let step = method.is_fixed().then_some(STEP);
         let every = Some(duration / f64::from(SAMPLES));
@@ -40,7 +40,7 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
             y: (sample.balance() - first.balance()).abs() / size,
             label: String::new(),
         });
-        told.push(format!(
+        reported.push(format!(
             "{} {} in {} steps",
             method.name(),
             exponent(run.drift()),
@@ -49,7 +49,7 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
         series.push(Series {
             name: method.name().into(),
             line: true,
-            front: false,
+            competes: false,
             points: points.collect(),
         });
     }
@@ -64,5 +64,8 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
         y: Axis { label: "relative change of energy".into(), log: true },
         series,
     };
-    Ok((figure, format!("Energy drift of a free lambda over {duration} s: {}", told.join(", "))))
+    Ok((
+        figure,
+        format!("Energy drift of a free lambda over {duration} s: {}", reported.join(", ")),
+    ))
 }

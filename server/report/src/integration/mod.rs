@@ -23,7 +23,7 @@ const TIGHT: [(Method, f64); 2] = [(Method::Dop853, 1e-13), (Method::Radau5, 1e-
 /// Largest difference of the two up to which a problem has a reference.
 const AGREE: f64 = 1e-6;
 /// Seconds that one run may take in a quick report; a series ends where the next would take longer.
-const PATIENCE: [f64; 2] = [6.0, 0.25];
+const LONGEST_RUN: [f64; 2] = [6.0, 0.25];
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
@@ -97,12 +97,12 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         return Err(format!("{}: two methods differ by {agreement:.1e}", problem.id).into());
     }
 
-    // what is known from elsewhere to more digits is the truth
-    let (truth, known_to) = match &problem.known {
+    // what is known from elsewhere to more digits is the reference
+    let (reference, known_to) = match &problem.known {
         Some(known) if known.to < agreement => ([known.y.clone(), known.yd.clone()], known.to),
         _ => (found.clone(), agreement),
     };
-    let patience = PATIENCE[usize::from(effort.quick)];
+    let longest = LONGEST_RUN[usize::from(effort.quick)];
     let mut series = Vec::new();
     for method in Method::ALL {
         let settings: Vec<(String, Settings)> = if method.is_fixed() {
@@ -121,15 +121,15 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
             let start = Instant::now();
             let run = problem.run(&settings)?;
             let seconds = start.elapsed().as_secs_f64();
-            let error = end(&run).map_or(f64::NAN, |end| off(&end, &truth));
+            let error = end(&run).map_or(f64::NAN, |end| off(&end, &reference));
             let label =
                 if run.end.is_finished() { label } else { format!("{label}, {}", run.end.name()) };
             points.push(Point { x: seconds, y: error, label });
-            if seconds > patience {
+            if seconds > longest {
                 break;
             }
         }
-        series.push(Series { name: method.name().into(), line: true, front: true, points });
+        series.push(Series { name: method.name().into(), line: true, competes: true, points });
     }
     let reached = |series: &Series| {
         series
@@ -161,7 +161,7 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         title: problem.title.into(),
         caption: format!(
             "Error of y and ẏ at the end, by size, against the time of one whole simulation. The reference is known to {}. A series ends \
-             where its next point would take more than {patience} s.",
+             where its next point would take more than {longest} s.",
             exponent(known_to)
         ),
         command: String::new(),
@@ -173,12 +173,12 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
 }
 
 /// The larger of both differences by size.
-fn off(found: &[Vec<f64>; 2], truth: &[Vec<f64>; 2]) -> f64 {
+fn off(found: &[Vec<f64>; 2], reference: &[Vec<f64>; 2]) -> f64 {
     let by_size = |a: &[f64], b: &[f64]| {
         let size = b.iter().fold(1e-9, |size: f64, x| size.max(x.abs()));
         a.iter().zip(b).fold(0.0, |worst: f64, (a, b)| {
             if (a - b).is_nan() { f64::NAN } else { worst.max((a - b).abs()) }
         }) / size
     };
-    f64::max(by_size(&found[0], &truth[0]), by_size(&found[1], &truth[1]))
+    f64::max(by_size(&found[0], &reference[0]), by_size(&found[1], &reference[1]))
 }

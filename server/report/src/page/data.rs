@@ -37,7 +37,7 @@ fn figure_value(report: &Report, section: &Section, figure: &Figure) -> Value {
         "id": figure.id, "title": figure.title, "caption": figure.caption, "command": report.command_of(section, figure),
         "x": axis(&figure.x), "y": axis(&figure.y),
         "series": figure.series.iter().map(|series| json!({
-            "name": series.name, "line": series.line, "front": series.front,
+            "name": series.name, "line": series.line, "front": series.competes,
             "points": series.points.iter().map(|point| json!({ "x": point.x, "y": point.y, "label": point.label })).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
     })
@@ -46,7 +46,7 @@ fn figure_value(report: &Report, section: &Section, figure: &Figure) -> Value {
 fn case_value(case: &Case) -> Value {
     json!({
         "family": case.family, "robot": case.robot, "parameter": case.parameter, "value": case.value, "method": case.method,
-        "error": case.error, "backward_error": case.backward, "truth": case.truth, "status": case.status, "told": case.told, "verdict": case.verdict.name(),
+        "error": case.error, "backward_error": case.backward, "truth": case.reference, "status": case.status, "told": case.reported, "verdict": case.assessment.name(),
     })
 }
 
@@ -78,8 +78,8 @@ pub(super) fn result_table(section: &Section) -> Table {
             case.method.clone(),
             error,
             case.status.clone(),
-            case.told.clone(),
-            case.verdict.name().to_owned(),
+            case.reported.clone(),
+            case.assessment.name().to_owned(),
         ]);
         row
     };

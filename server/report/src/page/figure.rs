@@ -42,7 +42,7 @@ pub struct Series {
     /// Joined by a line.
     pub line: bool,
     /// Competes for the Pareto front of its figure, where less is better on both axes.
-    pub front: bool,
+    pub competes: bool,
     /// Points; a value that is not finite is not drawn but stands in the table.
     pub points: Vec<Point>,
 }

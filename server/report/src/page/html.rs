@@ -4,12 +4,12 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::data::{figure_table, result_table};
 use super::figure::Figure;
-use super::pareto::{ROUNDING, exponent, places};
+use super::pareto::{ROUNDING, exponent, summaries};
 use super::picture::{NARROW, WIDE, colours, picture, points, sign};
-use super::section::{Case, Report, Section, Table, Verdict};
+use super::section::{Assessment, Case, Report, Section, Table};
 use crate::Outcome;
 
-/// What browsers are told: nothing is loaded from anywhere.
+/// The content security policy: nothing is loaded from anywhere.
 const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
@@ -67,11 +67,11 @@ fn document(title: &str, body: &Markup) -> String {
 
 /// What was found, on one screen.
 fn top(report: &Report) -> Markup {
-    let places = places(&report.sections);
+    let summaries = summaries(&report.sections);
     let silent = report.silent_failures();
-    let against = places.iter().filter(|place| place.with_peer);
+    let against = summaries.iter().filter(|summary| summary.with_peer);
     let (front, ours) =
-        against.fold((0, 0), |(front, ours), place| (front + place.front, ours + place.ours));
+        against.fold((0, 0), |(front, ours), summary| (front + summary.front, ours + summary.ours));
     html! {
         header {
             h1 { "sarrus: error against run time, stiff and extreme cases" }
@@ -86,23 +86,23 @@ fn top(report: &Report) -> Markup {
                 @for sentence in &section.summary { p { (sentence) } }
                 @if let Some(failure) = &section.failure { p.bad { (section.title) ": not finished. " (failure) } }
             }
-            @if !places.is_empty() {
+            @if !summaries.is_empty() {
                 h2 id="places" { "Pareto places" }
                 p.soft {
                     "Fastest and most exact point of each front, as method (cost; error). Peers: the least time factor at which one of ours makes no \
                      larger error; errors up to " (exponent(ROUNDING)) " are rounding and count as equal there."
                 }
                 div.scroll {
-                    table.places {
+                    table.summaries {
                         thead { tr { th { "figure" } th { "on the front, ours of all" } th { "fastest" } th { "most exact" } th { "peers" } } }
                         tbody {
-                            @for place in &places {
+                            @for summary in &summaries {
                                 tr {
-                                    td { a href={ "#" (place.figure) } { (place.title) } }
-                                    td.number { (place.ours) " of " (place.front) }
-                                    td { (place.fastest) }
-                                    td { (place.most_exact) }
-                                    td { (place.peers) }
+                                    td { a href={ "#" (summary.figure) } { (summary.title) } }
+                                    td.number { (summary.ours) " of " (summary.front) }
+                                    td { (summary.fastest) }
+                                    td { (summary.most_exact) }
+                                    td { (summary.peers) }
                                 }
                             }
                         }
@@ -134,7 +134,7 @@ fn one(report: &Report, section: &Section) -> Outcome<Markup> {
         section id=(section.name) {
             h2 { (section.title) }
             @if nothing { p.empty { "Nothing was measured in this section." } }
-            @if !section.cases.is_empty() { (verdicts(section)) }
+            @if !section.cases.is_empty() { (assessments(section)) }
             div.figures { @for figure in &figures { (figure) } }
             @for table in &section.tables {
                 div.table id=(table.id) {
@@ -158,7 +158,7 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
     {
         signs.push((sign(Some((k, series.line)))?, series.name.as_str()));
     }
-    if figure.series.iter().any(|series| series.front) {
+    if figure.series.iter().any(|series| series.competes) {
         signs.push((sign(None)?, "Pareto front"));
     }
     let all: usize = figure.series.iter().map(|series| series.points.len()).sum();
@@ -192,17 +192,17 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
 }
 
 /// How many cases of each family ended how, and every case.
-fn verdicts(section: &Section) -> Markup {
+fn assessments(section: &Section) -> Markup {
     let mut families: Vec<&str> = Vec::new();
     for case in &section.cases {
         if !families.contains(&case.family.as_str()) {
             families.push(&case.family);
         }
     }
-    let count = |family: Option<&str>, verdict: Option<Verdict>| {
+    let count = |family: Option<&str>, assessment: Option<Assessment>| {
         let is = |case: &&Case| {
             family.is_none_or(|family| case.family == family)
-                && verdict.is_none_or(|verdict| case.verdict == verdict)
+                && assessment.is_none_or(|assessment| case.assessment == assessment)
         };
         section.cases.iter().filter(is).count()
     };
@@ -213,7 +213,7 @@ fn verdicts(section: &Section) -> Markup {
                 thead {
                     tr {
                         th { "driven to extremes" }
-                        @for verdict in Verdict::ALL { th { (verdict.name()) } }
+                        @for assessment in Assessment::ALL { th { (assessment.name()) } }
                         th { "cases" }
                     }
                 }
@@ -221,8 +221,8 @@ fn verdicts(section: &Section) -> Markup {
                     @for family in rows {
                         tr {
                             td { (family.unwrap_or("all")) }
-                            @for verdict in Verdict::ALL { @let n = count(family, Some(verdict));
-                                td.number.bad[verdict == Verdict::FailedSilently && n > 0] { (n) } }
+                            @for assessment in Assessment::ALL { @let n = count(family, Some(assessment));
+                                td.number.bad[assessment == Assessment::FailedSilently && n > 0] { (n) } }
                             td.number { (count(family, None)) }
                         }
                     }

@@ -15,6 +15,6 @@ mod section;
 mod tests;
 
 pub use self::figure::{Axis, DRAWN_FOR_ZERO, Figure, Pictures, Point, Series};
-pub(crate) use self::pareto::{PINOCCHIO, exponent, front};
+pub(crate) use self::pareto::{PINOCCHIO, exponent, pareto_front};
 pub(crate) use self::section::command;
-pub use self::section::{Case, Report, Section, Table, Verdict};
+pub use self::section::{Assessment, Case, Report, Section, Table};

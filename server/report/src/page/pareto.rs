@@ -27,7 +27,7 @@ pub(crate) struct Competitor<'a> {
 
 /// Every point of a figure that competes.
 fn competitors(figure: &Figure) -> Vec<Competitor<'_>> {
-    let of = figure.series.iter().filter(|series| series.front);
+    let of = figure.series.iter().filter(|series| series.competes);
     let points = of.flat_map(|series| series.points.iter().map(move |point| (series, point)));
     points
         .map(|(series, point)| Competitor {
@@ -41,7 +41,7 @@ fn competitors(figure: &Figure) -> Vec<Competitor<'_>> {
 }
 
 /// The front of a figure, from the left to the right; of equal points the first.
-pub(crate) fn front(figure: &Figure) -> Vec<Competitor<'_>> {
+pub(crate) fn pareto_front(figure: &Figure) -> Vec<Competitor<'_>> {
     let mut points = competitors(figure);
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let mut least = f64::INFINITY;
@@ -56,7 +56,7 @@ pub(crate) fn front(figure: &Figure) -> Vec<Competitor<'_>> {
 
 /// How a figure ends for the one who asks which method to take.
 #[derive(Clone, Debug)]
-pub(super) struct Place {
+pub(super) struct FrontSummary {
     pub(super) figure: String,
     pub(super) title: String,
     /// How many points are on the front, and how many of them are not a peer's.
@@ -71,21 +71,21 @@ pub(super) struct Place {
 }
 
 /// The place in every figure that has a front.
-pub(super) fn places(sections: &[Section]) -> Vec<Place> {
-    sections.iter().flat_map(|section| &section.figures).filter_map(place).collect()
+pub(super) fn summaries(sections: &[Section]) -> Vec<FrontSummary> {
+    sections.iter().flat_map(|section| &section.figures).filter_map(summary).collect()
 }
 
-fn place(figure: &Figure) -> Option<Place> {
-    let front = front(figure);
+fn summary(figure: &Figure) -> Option<FrontSummary> {
+    let front = pareto_front(figure);
     let (fastest, most_exact) = (front.first()?, front.last()?);
     let words = |point: &Competitor<'_>| {
         format!("{} ({}; {})", point.series, short(point.x), exponent(point.y))
     };
-    Some(Place {
+    Some(FrontSummary {
         figure: figure.id.clone(),
         title: figure.title.clone(),
         front: front.len(),
-        with_peer: figure.series.iter().any(|series| series.front && is_peer(&series.name)),
+        with_peer: figure.series.iter().any(|series| series.competes && is_peer(&series.name)),
         ours: front.iter().filter(|point| !is_peer(point.series)).count(),
         fastest: words(fastest),
         most_exact: words(most_exact),
@@ -97,7 +97,7 @@ fn place(figure: &Figure) -> Option<Place> {
 fn peers(figure: &Figure) -> String {
     let points = competitors(figure);
     let mut sentences: Vec<String> = Vec::new();
-    for series in figure.series.iter().filter(|series| series.front && is_peer(&series.name)) {
+    for series in figure.series.iter().filter(|series| series.competes && is_peer(&series.name)) {
         // the least factor by which one of ours that is no less exact is faster
         let factor = |theirs: &Competitor<'_>| {
             let ours = points
@@ -140,7 +140,7 @@ mod tests {
         Series {
             name: name.to_owned(),
             line: false,
-            front: true,
+            competes: true,
             points: points.iter().map(point).collect(),
         }
     }
@@ -155,7 +155,7 @@ mod tests {
             ..Figure::default()
         };
         let found: Vec<(f64, f64)> =
-            front(&figure).iter().map(|point| (point.x, point.y)).collect();
+            pareto_front(&figure).iter().map(|point| (point.x, point.y)).collect();
         assert_eq!(found, [(1.0, 9.0), (2.0, 4.0), (3.0, 1.0)]);
     }
 
@@ -181,12 +181,13 @@ mod tests {
             peers(&Figure { series: vec![ours.clone()], ..Figure::default() }),
             "none measured"
         );
-        let counts = |figure| place(figure).map(|place| (place.ours, place.front, place.with_peer));
+        let counts =
+            |figure| summary(figure).map(|place| (place.ours, place.front, place.with_peer));
         assert_eq!(counts(&better), Some((2, 3, true)));
         assert_eq!(
             counts(&Figure { series: vec![ours], ..Figure::default() }),
             Some((2, 2, false))
         );
-        assert!(place(&Figure::default()).is_none());
+        assert!(summary(&Figure::default()).is_none());
     }
 }

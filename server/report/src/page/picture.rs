@@ -7,12 +7,12 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::figure::{Figure, Series};
-use super::pareto::front;
+use super::pareto::pareto_front;
 use super::scale::Scale;
 use crate::Outcome;
 
 /// A series' colour on light and on dark pages; they differ in lightness too, and with a form each
-/// series is told apart without colour.
+/// series is distinct without colour.
 const COLOURS: [(RGBColor, &str); 8] = [
     (RGBColor(0x00, 0x72, 0xb2), "#56b4f5"),
     (RGBColor(0xd5, 0x5e, 0x00), "#ff8f4a"),
@@ -125,7 +125,7 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
 /// The front: up to each of its points everything is beaten by the one before.
 fn stairs(figure: &Figure, x: &Scale, y: &Scale, chart: &mut Chart<'_, '_>) -> Drawn {
     let mut steps: Vec<(f64, f64)> = Vec::new();
-    for point in front(figure) {
+    for point in pareto_front(figure) {
         let place = (x.place(point.x), y.place(point.y));
         steps.extend(steps.last().map(|last| (place.0, last.1)));
         steps.push(place);
@@ -246,7 +246,7 @@ mod tests {
 
     fn figure(points: &[(f64, f64)]) -> Figure {
         let points = points.iter().map(|&(x, y)| Point { x, y, label: String::new() }).collect();
-        let series = vec![Series { name: "a".into(), line: true, front: true, points }];
+        let series = vec![Series { name: "a".into(), line: true, competes: true, points }];
         let log = Axis { label: "error".into(), log: true };
         Figure {
             id: "f".into(),

@@ -26,7 +26,7 @@ impl Report {
 
     /// How many of them failed silently.
     pub fn silent_failures(&self) -> usize {
-        self.results().filter(|case| case.verdict == Verdict::FailedSilently).count()
+        self.results().filter(|case| case.assessment == Assessment::FailedSilently).count()
     }
 
     /// The largest error of an answer that was given as good; none where no section has one.
@@ -84,7 +84,7 @@ pub struct Section {
     pub figures: Vec<Figure>,
     /// Tables without a picture.
     pub tables: Vec<Table>,
-    /// Extreme cases with their verdicts.
+    /// Stress cases with their assessments.
     pub cases: Vec<Case>,
     /// Why it could not be finished.
     pub failure: Option<String>,
@@ -114,7 +114,7 @@ pub struct Table {
 
 /// How an extreme case ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Assessment {
     /// A good answer.
     Held,
     /// A worse answer that says so.
@@ -125,18 +125,18 @@ pub enum Verdict {
     FailedSilently,
 }
 
-impl Verdict {
-    /// Every verdict, from good to bad.
-    pub const ALL: [Verdict; 4] =
-        [Verdict::Held, Verdict::Degraded, Verdict::Failed, Verdict::FailedSilently];
+impl Assessment {
+    /// Every assessment, from good to bad.
+    pub const ALL: [Assessment; 4] =
+        [Assessment::Held, Assessment::Degraded, Assessment::Failed, Assessment::FailedSilently];
 
     /// Its name on the page and in JSON.
     pub fn name(self) -> &'static str {
         match self {
-            Verdict::Held => "held",
-            Verdict::Degraded => "degraded and said so",
-            Verdict::Failed => "failed and said so",
-            Verdict::FailedSilently => "failed silently",
+            Assessment::Held => "held",
+            Assessment::Degraded => "degraded and said so",
+            Assessment::Failed => "failed and said so",
+            Assessment::FailedSilently => "failed silently",
         }
     }
 }
@@ -144,7 +144,7 @@ impl Verdict {
 /// An extreme case: one value of a parameter, one method.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What is driven to extremes, such as `mass ratio`.
+    /// What is driven to its limits, such as `mass ratio`.
     pub family: String,
     /// On what.
     pub robot: String,
@@ -159,13 +159,13 @@ pub struct Case {
     /// Forward dynamics: the backward error.
     pub backward: Option<f64>,
     /// What the answer was compared with.
-    pub truth: String,
+    pub reference: String,
     /// The status, as `sarrus ask` prints it, or why it did not load.
     pub status: String,
-    /// How the user is told: warnings, fields, messages.
-    pub told: String,
+    /// What is reported beside the status: warnings, fields, messages.
+    pub reported: String,
     /// By the one rule for all.
-    pub verdict: Verdict,
+    pub assessment: Assessment,
 }
 
 /// The command that measures these sections again.

@@ -16,7 +16,7 @@ fn report() -> Report {
     let series = |name: &str, line: bool, points: &[(f64, f64)]| Series {
         name: name.into(),
         line,
-        front: !line,
+        competes: !line,
         points: points.iter().map(|&(x, y)| point(x, y)).collect(),
     };
     let log = |label: &str| Axis { label: label.into(), log: true };
@@ -29,7 +29,7 @@ fn report() -> Report {
         y: log("error"),
         series,
     };
-    let case = |verdict: Verdict, value: f64| Case {
+    let case = |assessment: Assessment, value: f64| Case {
         family: "mass ratio".into(),
         robot: "lambda".into(),
         parameter: "ratio".into(),
@@ -37,10 +37,10 @@ fn report() -> Report {
         method: "ID".into(),
         error: Some(1e-12),
         backward: None,
-        truth: "double-double".into(),
+        reference: "double-double".into(),
         status: "ok".into(),
-        told: String::new(),
-        verdict,
+        reported: String::new(),
+        assessment,
     };
     let accuracy = Section {
         summary: vec!["5 < 6".into()],
@@ -69,7 +69,7 @@ fn report() -> Report {
         ..Section::new("accuracy", "Error")
     };
     let extremes = Section {
-        cases: vec![case(Verdict::Held, 1.0), case(Verdict::FailedSilently, 1e9)],
+        cases: vec![case(Assessment::Held, 1.0), case(Assessment::FailedSilently, 1e9)],
         ..Section::new("extremes", "Extremes")
     };
     Report {

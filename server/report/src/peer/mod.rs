@@ -125,7 +125,7 @@ pub fn series(runs: &[Run], asked: Asked, error: impl Fn(usize, &[f64]) -> f64) 
             None => all.push(Series {
                 name: run.name.clone(),
                 line: false,
-                front: true,
+                competes: true,
                 points: vec![point],
             }),
         }
@@ -198,13 +198,13 @@ mod tests {
 
     use super::*;
     use crate::robots::Robot;
-    use crate::robots::{Question, What, packed};
+    use crate::robots::{Question, Subject, packed};
 
     #[test]
     fn pinocchio_agrees_where_it_is_built() {
         let mut compared = 0;
         for name in ["lambda", "torso", "wrist", "stewart", "rh5v2_upper_body", "rh5v2_full"] {
-            let robot = Robot::load(What::Bundled(name), 4).unwrap();
+            let robot = Robot::load(Subject::Bundled(name), 4).unwrap();
             let runs = match pinocchio(&robot.description, &robot.states, 0, 0.0).unwrap() {
                 Peer::Missing(why) => return println!("not run: {why}"),
                 Peer::Measured { runs, .. } => runs,

@@ -32,7 +32,7 @@ const CHAINS: [(&str, usize); 3] = [("10", 10), ("100", 100), ("1000", 1000)];
 
 /// What is loaded at once: its variants share their states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum What {
+pub enum Subject {
     /// By name.
     Bundled(&'static str),
     /// One of the small ones, by its place.
@@ -41,41 +41,42 @@ pub enum What {
     Chain(usize),
 }
 
-impl What {
+impl Subject {
     /// Every robot that is measured.
-    pub fn all() -> impl Iterator<Item = What> {
-        let texts = (0..TEXTS.len()).map(What::Text);
+    pub fn all() -> impl Iterator<Item = Subject> {
+        let texts = (0..TEXTS.len()).map(Subject::Text);
         BUNDLED
             .into_iter()
-            .map(What::Bundled)
+            .map(Subject::Bundled)
             .chain(texts)
-            .chain((0..CHAINS.len()).map(What::Chain))
+            .chain((0..CHAINS.len()).map(Subject::Chain))
     }
 
     /// The first part of the cases' names.
     pub fn name(self) -> &'static str {
         match self {
-            What::Bundled(name) => name,
-            What::Text(k) => TEXTS[k].name,
-            What::Chain(_) => "chain",
+            Subject::Bundled(name) => name,
+            Subject::Text(k) => TEXTS[k].name,
+            Subject::Chain(_) => "chain",
         }
     }
 
     /// True where its cases may have this in their names.
     pub fn may_have(self, only: &str) -> bool {
         let prefix = match self {
-            What::Chain(k) => format!("chain/{}", CHAINS[k].0),
+            Subject::Chain(k) => format!("chain/{}", CHAINS[k].0),
             _ => self.name().to_owned(),
         };
         // every robot has to be loaded where the query names none
-        let names_one = What::all().any(|what| only.starts_with(&format!("{}/", what.name())));
+        let names_one =
+            Subject::all().any(|subject| only.starts_with(&format!("{}/", subject.name())));
         !names_one || only.starts_with(&format!("{prefix}/")) || prefix.starts_with(only)
     }
 
     /// How many of the states of a run it takes: long chains take milliseconds.
     pub fn states(self, all: usize) -> usize {
         match self {
-            What::Chain(k) => all.min([64, 16, 4][k]),
+            Subject::Chain(k) => all.min([64, 16, 4][k]),
             _ => all,
         }
     }
@@ -91,22 +92,25 @@ pub struct Variant {
 }
 
 /// A way to close loops: its name and the types that are made `NUMERICAL`.
-type Way = (&'static str, fn(&str) -> bool);
+type Closing = (&'static str, fn(&str) -> bool);
 
-const NUMERICAL: Way = ("numerical", |_| true);
-const WAYS_OF_UPPER_BODY: [Way; 2] =
+const NUMERICAL: Closing = ("numerical", |_| true);
+const CLOSINGS_OF_UPPER_BODY: [Closing; 2] =
     [("hybrid-torso", |kind| kind == "2SPU+1U"), ("hybrid-elbows", |kind| kind == "RRPR")];
 
 /// The robot as it is given, then with closed forms replaced by Newton's method. `wanted` skips
 /// what need not be loaded.
-pub fn variants(what: What, query: impl Fn(&str) -> bool) -> Outcome<(Description, Vec<Variant>)> {
-    let (urdf, submechanisms) = match what {
-        What::Bundled(name) => {
+pub fn variants(
+    subject: Subject,
+    query: impl Fn(&str) -> bool,
+) -> Outcome<(Description, Vec<Variant>)> {
+    let (urdf, submechanisms) = match subject {
+        Subject::Bundled(name) => {
             let (urdf, submechanisms) = bundled_text(name).ok_or("no such robot")?;
             (urdf.to_owned(), submechanisms)
         }
-        What::Text(k) => (TEXTS[k].urdf(), TEXTS[k].submechanisms),
-        What::Chain(k) => {
+        Subject::Text(k) => (TEXTS[k].urdf(), TEXTS[k].submechanisms),
+        Subject::Chain(k) => {
             let (closures, n) = CHAINS[k];
             let description = chain_of_lambdas(n);
             let compiled = if query(closures) {
@@ -136,11 +140,14 @@ pub fn variants(what: What, query: impl Fn(&str) -> bool) -> Outcome<(Descriptio
         kept.push(Variant { closures, compiled: given.compiled });
     }
 
-    let ways =
-        if what == What::Bundled("rh5v2_upper_body") { &WAYS_OF_UPPER_BODY[..] } else { &[] };
+    let closings = if subject == Subject::Bundled("rh5v2_upper_body") {
+        &CLOSINGS_OF_UPPER_BODY[..]
+    } else {
+        &[]
+    };
     // couplings without loops have no other way
     let loops = submechanisms.contains("loop_constraints");
-    for &(name, changes) in ways.iter().chain(std::iter::once(&NUMERICAL)) {
+    for &(name, changes) in closings.iter().chain(std::iter::once(&NUMERICAL)) {
         if name == closures || !query(name) || !loops {
             continue;
         }

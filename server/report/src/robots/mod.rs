@@ -7,6 +7,6 @@ mod random;
 pub mod states;
 mod texts;
 
-pub use self::catalogue::{Variant, What};
+pub use self::catalogue::{Subject, Variant};
 pub use self::question::{Question, Start};
 pub use self::states::{Robot, State, packed};

@@ -3,7 +3,7 @@
 use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 
-use super::catalogue::{Variant, What, variants};
+use super::catalogue::{Subject, Variant, variants};
 use super::question::Question;
 use super::random::Random;
 use crate::Outcome;
@@ -26,7 +26,7 @@ const HALVINGS: u32 = 5;
 #[derive(Debug)]
 pub struct Robot {
     /// Which one.
-    pub what: What,
+    pub subject: Subject,
     /// Its name in the tables.
     pub name: &'static str,
     /// As it was read.
@@ -62,8 +62,8 @@ impl Robot {
     /// # Errors
     ///
     /// A robot that does not load, or whose loops close at less than half of the states.
-    pub fn load(what: What, n_states: usize) -> Outcome<Robot> {
-        Robot::load_some(what, n_states, |_| true)
+    pub fn load(subject: Subject, n_states: usize) -> Outcome<Robot> {
+        Robot::load_some(subject, n_states, |_| true)
     }
 
     /// The same with the variants of some names only.
@@ -71,21 +71,25 @@ impl Robot {
     /// # Errors
     ///
     /// As [`Robot::load`].
-    pub fn load_some(what: What, n_states: usize, query: impl Fn(&str) -> bool) -> Outcome<Robot> {
-        let (description, variants) = variants(what, query)?;
-        Robot::with_variants(what, description, variants, n_states)
+    pub fn load_some(
+        subject: Subject,
+        n_states: usize,
+        query: impl Fn(&str) -> bool,
+    ) -> Outcome<Robot> {
+        let (description, variants) = variants(subject, query)?;
+        Robot::with_variants(subject, description, variants, n_states)
     }
 
     /// Draws states that all of these variants can take.
     pub(crate) fn with_variants(
-        what: What,
+        subject: Subject,
         description: Description,
         variants: Vec<Variant>,
         n_states: usize,
     ) -> Outcome<Robot> {
         let mut robot = Robot {
-            what,
-            name: what.name(),
+            subject,
+            name: subject.name(),
             description,
             variants,
             states: Vec::new(),
@@ -94,7 +98,7 @@ impl Robot {
         };
         let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
         let model = &compiled.model;
-        let freedoms = freedoms(model, &robot.description);
+        let dofs = dofs(model, &robot.description);
         let mut checks = robot
             .variants
             .iter()
@@ -103,8 +107,8 @@ impl Robot {
 
         let mut random = Random(0);
         while robot.states.len() < n_states {
-            let mut state = drawn(&freedoms, robot.reach, model.sizes().n_u, &mut random);
-            let earlier = earlier(&freedoms, &state);
+            let mut state = drawn(&dofs, robot.reach, model.sizes().n_u, &mut random);
+            let earlier = earlier(&dofs, &state);
             let mut fits = true;
             for (k, check) in checks.iter_mut().enumerate() {
                 fits = fits && check.fits(k, &earlier, &mut state);
@@ -148,7 +152,7 @@ pub fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
 
 /// What an independent velocity moves.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Freedom {
+enum Dof {
     Angle,
     Length,
     /// The first of six of a floating joint, whose place comes before its quaternion, or of three
@@ -160,8 +164,8 @@ enum Freedom {
     Rest,
 }
 
-/// The freedoms of y in the caller's order.
-fn freedoms(model: &Model, description: &Description) -> Vec<Freedom> {
+/// The dofs of y in the caller's order.
+fn dofs(model: &Model, description: &Description) -> Vec<Dof> {
     let names = model.independent_names();
     let slides = |name: &String| {
         description
@@ -169,53 +173,53 @@ fn freedoms(model: &Model, description: &Description) -> Vec<Freedom> {
             .iter()
             .any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic)
     };
-    let freedom = |name: &String| match name.strip_suffix("/rx") {
-        Some(joint) => Freedom::Turn { floating: names.contains(&format!("{joint}/tx")) },
-        None if name.contains('/') => Freedom::Rest,
-        None if slides(name) => Freedom::Length,
-        None => Freedom::Angle,
+    let dof = |name: &String| match name.strip_suffix("/rx") {
+        Some(joint) => Dof::Turn { floating: names.contains(&format!("{joint}/tx")) },
+        None if name.contains('/') => Dof::Rest,
+        None if slides(name) => Dof::Length,
+        None => Dof::Angle,
     };
-    names.iter().map(freedom).collect()
+    names.iter().map(dof).collect()
 }
 
 /// A random state without guesses.
-fn drawn(freedoms: &[Freedom], reach: f64, n_u: usize, random: &mut Random) -> State {
+fn drawn(dofs: &[Dof], reach: f64, n_u: usize, random: &mut Random) -> State {
     let mut y = Vec::new();
-    for freedom in freedoms {
-        match freedom {
-            Freedom::Angle => y.push(reach * ANGLE * random.next()),
-            Freedom::Length => y.push(reach * LENGTH * random.next()),
-            Freedom::Turn { floating } => {
+    for dof in dofs {
+        match dof {
+            Dof::Angle => y.push(reach * ANGLE * random.next()),
+            Dof::Length => y.push(reach * LENGTH * random.next()),
+            Dof::Turn { floating } => {
                 if *floating {
                     y.extend([(); 3].map(|()| reach * LENGTH * random.next()));
                 }
                 let [a, b, c] = [(); 3].map(|()| 0.5 * reach * ANGLE * random.next());
                 y.extend(unit([a, b, c, 1.0]));
             }
-            Freedom::Rest => {}
+            Dof::Rest => {}
         }
     }
     State {
         y,
-        yd: freedoms.iter().map(|_| VELOCITY * random.next()).collect(),
-        ydd: freedoms.iter().map(|_| ACCELERATION * random.next()).collect(),
+        yd: dofs.iter().map(|_| VELOCITY * random.next()).collect(),
+        ydd: dofs.iter().map(|_| ACCELERATION * random.next()).collect(),
         tau_u: (0..n_u).map(|_| FORCE * random.next()).collect(),
         guesses: Vec::new(),
     }
 }
 
 /// y shortly before a state.
-fn earlier(freedoms: &[Freedom], state: &State) -> Vec<f64> {
+fn earlier(dofs: &[Dof], state: &State) -> Vec<f64> {
     let mut y = state.y.clone();
     let mut at = 0;
-    for (k, freedom) in freedoms.iter().enumerate() {
+    for (k, dof) in dofs.iter().enumerate() {
         let step = |j: usize| -EARLIER * state.yd[k + j];
-        match freedom {
-            Freedom::Angle | Freedom::Length => {
+        match dof {
+            Dof::Angle | Dof::Length => {
                 y[at] += step(0);
                 at += 1;
             }
-            Freedom::Turn { floating } => {
+            Dof::Turn { floating } => {
                 if *floating {
                     // the body is nearly parallel to its parent
                     (0..3).for_each(|j| y[at + j] += step(3 + j));
@@ -233,7 +237,7 @@ fn earlier(freedoms: &[Freedom], state: &State) -> Vec<f64> {
                 y[at..at + 4].copy_from_slice(&turned);
                 at += 4;
             }
-            Freedom::Rest => {}
+            Dof::Rest => {}
         }
     }
     y

@@ -2,7 +2,7 @@
 
 use super::harness::assess::HELD;
 use super::harness::case::Case;
-use crate::page::{self, Axis, Figure, Point, Section, Series, Table, Verdict};
+use crate::page::{self, Assessment, Axis, Figure, Point, Section, Series, Table};
 
 /// Values of a parameter that a picture shows; the others stand in its table.
 const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
@@ -32,7 +32,7 @@ pub(crate) fn section(cases: &[Case]) -> Section {
     section.summary = summary(cases, families.len());
     section.worst_error = cases
         .iter()
-        .filter(|case| case.verdict == Verdict::Held)
+        .filter(|case| case.assessment == Assessment::Held)
         .filter_map(|case| case.error)
         .reduce(f64::max);
     section.tables.push(overview(&families));
@@ -41,24 +41,24 @@ pub(crate) fn section(cases: &[Case]) -> Section {
         section.figures.extend(errors(family));
     }
     section.figures.extend(times(cases));
-    section.cases = cases.iter().map(told).collect();
+    section.cases = cases.iter().map(reported).collect();
     section
 }
 
-fn count(cases: &[Case], verdict: Verdict) -> usize {
-    cases.iter().filter(|case| case.verdict == verdict).count()
+fn count(cases: &[Case], assessment: Assessment) -> usize {
+    cases.iter().filter(|case| case.assessment == assessment).count()
 }
 
 fn summary(cases: &[Case], families: usize) -> Vec<String> {
-    let of = |verdict| count(cases, verdict);
-    let silent = of(Verdict::FailedSilently);
+    let of = |assessment| count(cases, assessment);
+    let silent = of(Assessment::FailedSilently);
     let mut lines = vec![
         format!(
             "{} cases in {families} families: {} held, {} degraded and said so, {} failed and said so, {silent} failed silently.",
             cases.len(),
-            of(Verdict::Held),
-            of(Verdict::Degraded),
-            of(Verdict::Failed)
+            of(Assessment::Held),
+            of(Assessment::Degraded),
+            of(Assessment::Failed)
         ),
         format!(
             "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a larger error, and the answer warns of \
@@ -67,7 +67,7 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
     ];
     let worst = cases
         .iter()
-        .filter(|case| case.verdict == Verdict::Degraded && case.asked != "simulation")
+        .filter(|case| case.assessment == Assessment::Degraded && case.asked != "simulation")
         .max_by(|a, b| f64::total_cmp(&a.error.unwrap_or(0.0), &b.error.unwrap_or(0.0)));
     if let Some(case) = worst {
         let error = case.error.unwrap_or(f64::NAN);
@@ -76,15 +76,17 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
             case.mechanism, case.family, case.value
         ));
     }
-    lines.extend(cases.iter().filter(|case| case.verdict == Verdict::FailedSilently).take(20).map(
-        |case| {
-            let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
-            format!(
-                "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
-                case.family, case.mechanism, case.asked, case.value, case.method
-            )
-        },
-    ));
+    lines.extend(
+        cases.iter().filter(|case| case.assessment == Assessment::FailedSilently).take(20).map(
+            |case| {
+                let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+                format!(
+                    "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
+                    case.family, case.mechanism, case.asked, case.value, case.method
+                )
+            },
+        ),
+    );
     lines
 }
 
@@ -132,7 +134,7 @@ fn overview(families: &[&[Case]]) -> Table {
         let first = &family[0];
         let held = family
             .iter()
-            .filter(|case| case.verdict == Verdict::Held)
+            .filter(|case| case.assessment == Assessment::Held)
             .filter_map(|case| case.error)
             .reduce(f64::max);
         let mut row = vec![
@@ -165,15 +167,17 @@ fn range(family: &[Case]) -> String {
     if least <= most { format!("{least:e} … {most:e}") } else { "-".into() }
 }
 
-/// By method or robot: verdicts, where it first does not hold, and how that is told.
+/// By method or robot: assessments, where it first does not hold, and how that is reported.
 fn table(family: &[Case]) -> Table {
     let row = |(key, cases): (String, Vec<&Case>)| {
-        let of = |verdict| cases.iter().filter(|case| case.verdict == verdict).count().to_string();
+        let of = |assessment| {
+            cases.iter().filter(|case| case.assessment == assessment).count().to_string()
+        };
         let mut row = vec![key];
-        row.extend(Verdict::ALL.map(of));
+        row.extend(Assessment::ALL.map(of));
         let broken = cases
             .iter()
-            .filter(|case| case.verdict != Verdict::Held)
+            .filter(|case| case.assessment != Assessment::Held)
             .min_by(|a, b| f64::total_cmp(&extremity(a), &extremity(b)));
         row.extend(match broken {
             None => ["-".to_owned(), "-".to_owned(), "-".to_owned()],
@@ -190,7 +194,7 @@ fn table(family: &[Case]) -> Table {
     };
     let mut columns =
         vec![if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" }.to_owned()];
-    columns.extend(Verdict::ALL.map(|verdict| verdict.name().to_owned()));
+    columns.extend(Assessment::ALL.map(|assessment| assessment.name().to_owned()));
     columns.extend(["first breaks at", "robot", "how the user is told"].map(str::to_owned));
     Table {
         id: format!("{}-verdicts", id(family[0].family)),
@@ -201,11 +205,11 @@ fn table(family: &[Case]) -> Table {
     }
 }
 
-/// Status, warnings and what else is told.
+/// Status, warnings and what else is reported.
 fn how(case: &Case) -> String {
     let mut parts = vec![case.status.clone()];
     parts.extend(case.warnings.iter().cloned());
-    parts.extend((!case.told.is_empty()).then(|| case.told.clone()));
+    parts.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
     parts
         .extend(case.error.filter(|error| *error > HELD).map(|error| format!("error {error:.1e}")));
     parts.join("; ")
@@ -228,10 +232,10 @@ fn errors(family: &[Case]) -> Option<Figure> {
         let mut points: Vec<Point> = Vec::new();
         for case in cases.iter().filter(|case| DRAWN.contains(&case.value)) {
             let Some(error) = case.error else { continue };
-            let mark = if case.verdict == Verdict::Held {
+            let mark = if case.assessment == Assessment::Held {
                 String::new()
             } else {
-                format!(", {}", case.verdict.name())
+                format!(", {}", case.assessment.name())
             };
             let point =
                 Point { x: case.value, y: error, label: format!("{}{mark}", case.mechanism) };
@@ -242,10 +246,11 @@ fn errors(family: &[Case]) -> Option<Figure> {
             }
         }
         points.sort_by(|a, b| f64::total_cmp(&a.x, &b.x));
-        Series { name: key, line: true, front: false, points }
+        Series { name: key, line: true, competes: false, points }
     };
-    let silent = count(family, Verdict::FailedSilently);
-    let (degraded, failed) = (count(family, Verdict::Degraded), count(family, Verdict::Failed));
+    let silent = count(family, Assessment::FailedSilently);
+    let (degraded, failed) =
+        (count(family, Assessment::Degraded), count(family, Assessment::Failed));
     Some(Figure {
         id: id(name),
         title: format!("{}: error over {}", capital(name), family[0].parameter),
@@ -287,7 +292,7 @@ fn times(cases: &[Case]) -> Option<Figure> {
         };
         match series.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),
-            None => series.push(Series { name, line: true, front: false, points: vec![point] }),
+            None => series.push(Series { name, line: true, competes: false, points: vec![point] }),
         }
     }
     (!series.is_empty()).then(|| Figure {
@@ -303,9 +308,9 @@ fn times(cases: &[Case]) -> Option<Figure> {
 }
 
 /// A case as the report keeps it.
-fn told(case: &Case) -> page::Case {
-    let mut told = case.warnings.clone();
-    told.extend((!case.told.is_empty()).then(|| case.told.clone()));
+fn reported(case: &Case) -> page::Case {
+    let mut reported = case.warnings.clone();
+    reported.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
     page::Case {
         family: case.family.to_owned(),
         robot: case.mechanism.clone(),
@@ -314,9 +319,9 @@ fn told(case: &Case) -> page::Case {
         method: format!("{}, {}", case.asked, case.method),
         error: case.error.filter(|error| error.is_finite()),
         backward: case.backward,
-        truth: case.truth.to_owned(),
+        reference: case.reference.to_owned(),
         status: case.status.clone(),
-        told: told.join("; "),
-        verdict: case.verdict,
+        reported: reported.join("; "),
+        assessment: case.assessment,
     }
 }

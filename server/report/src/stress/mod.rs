@@ -63,7 +63,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
 mod tests {
     use super::harness::case::Case;
     use super::*;
-    use crate::page::Verdict;
+    use crate::page::Assessment;
 
     /// The rule for every family. What fails silently is printed as it can be asked again.
     fn check(effort: &Effort) {
@@ -78,19 +78,19 @@ mod tests {
             );
         }
         let silent: Vec<&Case> =
-            cases.all.iter().filter(|case| case.verdict == Verdict::FailedSilently).collect();
+            cases.all.iter().filter(|case| case.assessment == Assessment::FailedSilently).collect();
         assert!(
             silent.is_empty(),
             "{} of {} failed silently: {silent:#?}",
             silent.len(),
             cases.all.len()
         );
-        // every verdict but the last is met, so that the rule can tell them apart
-        for verdict in [Verdict::Held, Verdict::Degraded, Verdict::Failed] {
+        // every assessment but the last is met, so that the rule can tell them apart
+        for assessment in [Assessment::Held, Assessment::Degraded, Assessment::Failed] {
             assert!(
-                cases.all.iter().any(|case| case.verdict == verdict),
+                cases.all.iter().any(|case| case.assessment == assessment),
                 "no case {}",
-                verdict.name()
+                assessment.name()
             );
         }
         assert!(cases.all.len() >= 200);

@@ -93,7 +93,7 @@ fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
     let series = |name: &str, of: &dyn Fn(&Sample) -> f64| Series {
         name: name.to_owned(),
         line: true,
-        front: false,
+        competes: false,
         points: run
             .samples
             .iter()

@@ -6,9 +6,9 @@ use sarrus_dynamics::{Field, Method, Status};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::robots::chain::chain_of_lambdas;
-use crate::stress::harness::ask::{Ask, State, backward_error};
-use crate::stress::harness::assess::of_answer;
-use crate::stress::harness::case::{At, Case, Cases, Truth};
+use crate::stress::harness::ask::{Question, State, backward_error};
+use crate::stress::harness::assess::assess;
+use crate::stress::harness::case::{At, Case, Cases, Reference};
 use crate::stress::harness::robot::Robot;
 use crate::stress::mechanisms::rods;
 
@@ -41,24 +41,25 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
 
 fn one(cases: &mut Cases, robot: &Robot, n: usize, state: &State) -> Outcome {
     let value = n as f64;
-    let ask = Ask::inverse(state, &[Field::TauY]);
+    let ask = Question::inverse(state, &[Field::TauY]);
     let nanoseconds = ask.run(&robot.compiled.model)?.nanoseconds(&robot.compiled.model, 5);
-    cases.ask(robot, At { value, method: "recursion" }, "ID", &ask, &Truth::Same)?.nanoseconds =
-        Some(nanoseconds);
+    cases
+        .ask(robot, At { value, method: "recursion" }, "ID", &ask, &Reference::Same)?
+        .nanoseconds = Some(nanoseconds);
     for method in Method::ALL {
         if method != Method::Recursion && n > LARGEST_SQUARE {
             continue;
         }
-        let ask = Ask::forward(state, Some(method));
+        let ask = Question::forward(state, Some(method));
         let mut answer = ask.run(&robot.compiled.model)?;
         let backward = if answer.status() == Status::Ok {
             Some(backward_error(robot, &ask, &answer)?)
         } else {
             None
         };
-        // judged by the backward error: the condition of M_y grows like n⁴, so that no method can
+        // assessed by the backward error: the condition of M_y grows like n⁴, so that no method can
         // do better forwards
-        let verdict = of_answer(
+        let assessment = assess(
             answer.status(),
             answer.warnings(),
             backward.unwrap_or(f64::INFINITY),
@@ -68,9 +69,9 @@ fn one(cases: &mut Cases, robot: &Robot, n: usize, state: &State) -> Outcome {
             status: answer.status().name().to_owned(),
             warnings: answer.warnings().names().map(str::to_owned).collect(),
             error: backward,
-            truth: "ID∘FD in double-double",
+            reference: "ID∘FD in double-double",
             backward,
-            verdict,
+            assessment,
             nanoseconds: Some(answer.nanoseconds(&robot.compiled.model, 5)),
             ..cases.blank(&robot.name, At { value, method: method.name() }, "FD")
         };

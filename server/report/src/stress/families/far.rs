@@ -7,8 +7,8 @@ use sarrus_dynamics::{Field, Status};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::{Ask, State};
-use crate::stress::harness::case::{At, Cases, Truth};
+use crate::stress::harness::ask::{Question, State};
+use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::robot::{Robot, bundled, numerical};
 use crate::stress::mechanisms::{GRASHOF, RHOMBUS, four_bar, rods};
 use crate::stress::sweep;
@@ -47,8 +47,8 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
             state.forces(robot)?;
             let method = format!("{} with guess", robot.closures());
             let at = At { value, method: &method };
-            cases.ask(robot, at, "kinematics", &Ask::kinematics(&state), &Truth::Same)?;
-            cases.ask(robot, at, "FD", &Ask::forward(&state, None), &Truth::Same)?;
+            cases.ask(robot, at, "kinematics", &Question::kinematics(&state), &Reference::Same)?;
+            cases.ask(robot, at, "FD", &Question::forward(&state, None), &Reference::Same)?;
         }
     }
     Ok(())
@@ -69,8 +69,9 @@ fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
         } else {
             goal + TAU * f64::from(k - 80) / 80.0
         };
-        let answer = Ask::pose(&State { y: vec![at], guess: guess.take(), ..State::default() })
-            .run(&robot.compiled.model)?;
+        let answer =
+            Question::pose(&State { y: vec![at], guess: guess.take(), ..State::default() })
+                .run(&robot.compiled.model)?;
         if answer.status() != Status::Ok {
             return Ok(None);
         }

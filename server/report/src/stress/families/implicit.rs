@@ -7,8 +7,8 @@ use sarrus_dynamics::{Field, ImplicitForm, Status, Warnings};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::{Ask, State};
-use crate::stress::harness::assess::of_answer;
+use crate::stress::harness::ask::{Question, State};
+use crate::stress::harness::assess::assess;
 use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::robot::{Robot, bundled};
 use crate::stress::mechanisms::bricard;
@@ -27,7 +27,7 @@ fn robots() -> Outcome<Vec<Robot>> {
 
 /// A closed state in all tree coordinates, the pose then moved off the loops by this much.
 fn off_loops(robot: &Robot, value: f64) -> Outcome<(Vec<f64>, Vec<f64>)> {
-    let closed = Ask::kinematics(&State::of(robot, 0.1)?).run(&robot.compiled.model)?;
+    let closed = Question::kinematics(&State::of(robot, 0.1)?).run(&robot.compiled.model)?;
     let units = robot.units(Field::Q).unwrap_or_default();
     let off = |k: usize| {
         value * (2.4 * (k as f64 + 1.0)).sin() / units[k] * if units[k] == 1.0 { 1.0 } else { 0.1 }
@@ -36,7 +36,7 @@ fn off_loops(robot: &Robot, value: f64) -> Outcome<(Vec<f64>, Vec<f64>)> {
     Ok((q, closed.get(Field::Qd).to_vec()))
 }
 
-/// Poses off their loops are moved onto them; how far they were is told, and how far they then are
+/// Poses off their loops are moved onto them; how far they were is reported, and how far they then are
 /// is measured in double-double.
 pub(crate) fn projection(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("projection", "q off its loops, rad or tenths of the length");
@@ -56,13 +56,13 @@ pub(crate) fn projection(cases: &mut Cases, effort: &Effort) -> Outcome {
             let case = Case {
                 status: status.name().to_owned(),
                 error,
-                truth: "loops in double-double",
-                told: if status == Status::Ok {
+                reference: "loops in double-double",
+                reported: if status == Status::Ok {
                     format!("moved by {moved:.1e}")
                 } else {
                     String::new()
                 },
-                verdict: of_answer(status, Warnings::NONE, error.unwrap_or(f64::INFINITY), empty),
+                assessment: assess(status, Warnings::NONE, error.unwrap_or(f64::INFINITY), empty),
                 ..cases.blank(&robot.name, At { value, method: robot.closures() }, "projection")
             };
             cases.all.push(case);
@@ -82,19 +82,19 @@ fn open(robot: &Robot, q: &[f64]) -> Outcome<f64> {
         .filter_map(|name| names.iter().position(|x| x == name));
     let state =
         State { y: places.map(|at| q[at]).collect(), guess: Some(q.to_vec()), ..State::default() };
-    let closed = Ask::pose(&state).run(&robot.compiled.exact)?;
+    let closed = Question::pose(&state).run(&robot.compiled.exact)?;
     if closed.status() != Status::Ok {
         return Ok(f64::INFINITY);
     }
     Ok(apart(q, closed.get(Field::Q), &robot.units(Field::Q).unwrap_or_default()))
 }
 
-fn apart(x: &[f64], truth: &[Dd], units: &[f64]) -> f64 {
+fn apart(x: &[f64], reference: &[Dd], units: &[f64]) -> f64 {
     let (mut worst, mut size): (f64, f64) = (0.0, f64::MIN_POSITIVE);
-    for ((x, truth), unit) in x.iter().zip(truth).zip(units) {
-        let off = unit * (Dd::from(*x) - *truth).abs().hi();
+    for ((x, reference), unit) in x.iter().zip(reference).zip(units) {
+        let off = unit * (Dd::from(*x) - *reference).abs().hi();
         worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
-        size = size.max(unit * truth.abs().hi());
+        size = size.max(unit * reference.abs().hi());
     }
     worst / size
 }
@@ -120,7 +120,7 @@ pub(crate) fn baumgarte(cases: &mut Cases, effort: &Effort) -> Outcome {
                 &mut qdd,
             );
             let wide = |x: &[f64]| x.iter().map(|x| Dd::from(*x)).collect::<Vec<Dd>>();
-            let mut truth = vec![Dd::ZERO; qd.len()];
+            let mut reference = vec![Dd::ZERO; qd.len()];
             let gains = (Dd::from(value), Dd::from(value));
             let same = ImplicitForm::new(exact).accelerations(
                 exact,
@@ -129,11 +129,11 @@ pub(crate) fn baumgarte(cases: &mut Cases, effort: &Effort) -> Outcome {
                 &wide(&tau),
                 &[],
                 gains,
-                &mut truth,
+                &mut reference,
             );
             let error = match (status, same) {
                 (Status::Ok, Status::Ok) => {
-                    Some(apart(&qdd, &truth, &robot.units(Field::Qdd).unwrap_or_default()))
+                    Some(apart(&qdd, &reference, &robot.units(Field::Qdd).unwrap_or_default()))
                 }
                 (Status::Ok, _) => Some(f64::INFINITY),
                 _ => None,
@@ -141,7 +141,7 @@ pub(crate) fn baumgarte(cases: &mut Cases, effort: &Effort) -> Outcome {
             let case = Case {
                 status: status.name().to_owned(),
                 error,
-                verdict: of_answer(
+                assessment: assess(
                     status,
                     Warnings::NONE,
                     error.unwrap_or(f64::INFINITY),

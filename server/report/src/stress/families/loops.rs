@@ -6,15 +6,15 @@ use sarrus_dynamics::description::{Cut, Description, SubmechanismKind as Kind};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::{Ask, State};
-use crate::stress::harness::case::{At, Cases, Truth};
+use crate::stress::harness::ask::{Question, State};
+use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::robot::{Draft, Robot, Turn, X, Y, Z};
 use crate::stress::mechanisms::{LOOSE, RHOMBUS, bricard, door, four_bar};
 use crate::stress::sweep;
 
 use Field::{Lambda, TauU, TauY};
 
-/// Rows that say nothing new, moved apart as a rounded file does: told at load where it matters,
+/// Rows that say nothing new, moved apart as a rounded file does: reported at load where it matters,
 /// refused where it is no rounding.
 pub(crate) fn redundant(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("redundant rows", "m by which redundant rows contradict each other");
@@ -48,10 +48,10 @@ pub(crate) fn redundant(cases: &mut Cases, effort: &Effort) -> Outcome {
                 &robot,
                 at,
                 "ID, λ",
-                &Ask::inverse(&state, &[TauY, TauU, Lambda]),
-                &Truth::Same,
+                &Question::inverse(&state, &[TauY, TauU, Lambda]),
+                &Reference::Same,
             )?;
-            case.told = [std::mem::take(&mut case.told), warned].concat();
+            case.reported = [std::mem::take(&mut case.reported), warned].concat();
         }
     }
     idle(cases)
@@ -65,10 +65,16 @@ fn idle(cases: &mut Cases) -> Outcome {
         (Robot::new("rod that may spin", door(true))?, Robot::new("rod", door(false))?);
     for value in [0.4, 0.2, -0.2, -0.4] {
         let state = State { y: vec![value], ..State::of(&plain, 0.2)? };
-        let ask = Ask::inverse(&state, &[TauY, TauU]);
-        cases.ask(&spinning, At { value, method: "numerical" }, "ID", &ask, &Truth::Same)?;
-        let forward = Ask::forward(&state, None);
-        cases.ask(&spinning, At { value, method: "numerical" }, "FD", &forward, &Truth::Same)?;
+        let ask = Question::inverse(&state, &[TauY, TauU]);
+        cases.ask(&spinning, At { value, method: "numerical" }, "ID", &ask, &Reference::Same)?;
+        let forward = Question::forward(&state, None);
+        cases.ask(
+            &spinning,
+            At { value, method: "numerical" },
+            "FD",
+            &forward,
+            &Reference::Same,
+        )?;
     }
     // a five-bar with one independent, a four-bar with two rows too many about skew axes, a loose
     // sleeve
@@ -103,7 +109,7 @@ fn idle(cases: &mut Cases) -> Outcome {
         if let Some(robot) = cases.load(name, at, Robot::new(name, of)) {
             // it should not have been taken
             let state = State::of(&robot, 0.1)?;
-            cases.ask(&robot, at, "ID", &Ask::inverse(&state, &[TauY]), &Truth::None)?;
+            cases.ask(&robot, at, "ID", &Question::inverse(&state, &[TauY]), &Reference::None)?;
         }
     }
     Ok(())

@@ -4,8 +4,8 @@ use sarrus_dynamics::{Field, Method};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::{Ask, State};
-use crate::stress::harness::case::{At, Cases, Truth};
+use crate::stress::harness::ask::{Question, State};
+use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::robot::{Robot, bundled, numerical, scaled};
 use crate::stress::mechanisms::bricard;
 use crate::stress::sweep;
@@ -92,8 +92,8 @@ pub(crate) fn wrenches(cases: &mut Cases, effort: &Effort) -> Outcome {
                 &robot,
                 at,
                 "ID",
-                &Ask::inverse(&state, &want).pushed(&[link], wrench.clone()),
-                &Truth::Same,
+                &Question::inverse(&state, &want).pushed(&[link], wrench.clone()),
+                &Reference::Same,
             )?;
             for method in [Method::Recursion, Method::Projection] {
                 let at = At { value, method: method.name() };
@@ -101,8 +101,8 @@ pub(crate) fn wrenches(cases: &mut Cases, effort: &Effort) -> Outcome {
                     &robot,
                     at,
                     "FD",
-                    &Ask::forward(&state, Some(method)).pushed(&[link], wrench.clone()),
-                    &Truth::Same,
+                    &Question::forward(&state, Some(method)).pushed(&[link], wrench.clone()),
+                    &Reference::Same,
                 )?;
             }
         }
@@ -141,8 +141,8 @@ pub(crate) fn gravity(cases: &mut Cases, effort: &Effort) -> Outcome {
                     &robot,
                     at,
                     "ID at rest",
-                    &Ask::inverse(&state, &[Field::TauY, Field::TauQ]),
-                    &Truth::Same,
+                    &Question::inverse(&state, &[Field::TauY, Field::TauQ]),
+                    &Reference::Same,
                 )?;
             }
         }

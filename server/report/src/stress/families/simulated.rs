@@ -8,10 +8,10 @@ use sarrus_simulation::{Input, Method, Run, Settings, Setup, Source, Space, Star
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::{Ask, State};
+use crate::stress::harness::ask::{Question, State};
 use crate::stress::harness::case::{At, Cases};
 use crate::stress::harness::robot::{Draft, Robot, Slide, X, bundled};
-use crate::stress::harness::runs::{Judged, apart, setup};
+use crate::stress::harness::runs::{Comparison, apart, setup};
 use crate::stress::mechanisms::rods;
 use crate::stress::sweep;
 
@@ -83,14 +83,14 @@ pub(crate) fn stiff(cases: &mut Cases, effort: &Effort) -> Outcome {
                     e.max((at.y[0] - swung(stiffness, damping, at.time)).abs())
                 }))
             };
-            let judged = Judged { error: &error, truth: "closed form" };
+            let comparison = Comparison { error: &error, reference: "closed form" };
             every_method(
                 cases,
                 "mass on a spring",
                 value,
                 &setup(&robot),
                 &from(&[1.0], &[0.0]),
-                &judged,
+                &comparison,
             )?;
         }
     }
@@ -131,9 +131,10 @@ fn against_reference(
     let setup = Setup { inputs, ..setup(&robot) };
     let state = State::of(&robot, 0.1)?;
     let start = from(&state.y, &vec![0.0; state.yd.len()]);
-    let truth = reference(&setup, &start, settings(Method::Radau5, 1.0))?;
-    let judged = Judged { error: &|run| Ok(apart(run, &truth)), truth: "Radau at 1e-13" };
-    every_method(cases, name, value, &setup, &start, &judged)
+    let reference = reference(&setup, &start, settings(Method::Radau5, 1.0))?;
+    let comparison =
+        Comparison { error: &|run| Ok(apart(run, &reference)), reference: "Radau at 1e-13" };
+    every_method(cases, name, value, &setup, &start, &comparison)
 }
 
 fn every_method(
@@ -142,7 +143,7 @@ fn every_method(
     value: f64,
     setup: &Setup<'_>,
     start: &Start,
-    judged: &Judged<'_>,
+    comparison: &Comparison<'_>,
 ) -> Outcome {
     for method in Method::ALL {
         cases.simulation(
@@ -151,7 +152,7 @@ fn every_method(
             setup,
             start,
             &settings(method, 1.0),
-            judged,
+            comparison,
         )?;
     }
     Ok(())
@@ -162,13 +163,14 @@ pub(crate) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
     for name in ["pendulum", "lambda", "four_bars_2"] {
         let robot = Robot::new(name, if name == "pendulum" { rods(1) } else { bundled(name)? })?;
         let start = from(&[0.3], &[1.0]);
-        // judged at the end alone: samples on the way would shorten the steps
-        let truth = reference(
+        // compared at the end alone: samples on the way would shorten the steps
+        let reference = reference(
             &setup(&robot),
             &start,
             Settings { every: Some(1.0), ..settings(Method::Radau5, 1.0) },
         )?;
-        let judged = Judged { error: &|run| Ok(apart(run, &truth)), truth: "Radau at 1e-13" };
+        let comparison =
+            Comparison { error: &|run| Ok(apart(run, &reference)), reference: "Radau at 1e-13" };
         cases.family("step", "s");
         for method in [Method::Euler, Method::RungeKutta] {
             for value in sweep(effort, -4, 0, 4) {
@@ -184,7 +186,7 @@ pub(crate) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
                     &setup(&robot),
                     &start,
                     &settings,
-                    &judged,
+                    &comparison,
                 )?;
             }
         }
@@ -203,7 +205,7 @@ pub(crate) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
                     &setup(&robot),
                     &start,
                     &settings,
-                    &judged,
+                    &comparison,
                 )?;
             }
         }
@@ -221,8 +223,8 @@ pub(crate) fn conserved(cases: &mut Cases, effort: &Effort) -> Outcome {
     let state = State::of(&robot, 0.5)?;
     let momentum = |y: &[f64], yd: &[f64]| -> Outcome<f64> {
         let given = vec![(Field::Y, y.to_vec())];
-        let mass =
-            Ask::new(Request::InverseDynamics, given, &[Field::MY]).run(&robot.compiled.exact)?;
+        let mass = Question::new(Request::InverseDynamics, given, &[Field::MY])
+            .run(&robot.compiled.exact)?;
         Ok(mass.get(Field::MY).iter().zip(yd).map(|(m, v)| m.to_f64() * v).sum())
     };
     let error = |run: &Run| -> Outcome<f64> {
@@ -233,7 +235,7 @@ pub(crate) fn conserved(cases: &mut Cases, effort: &Effort) -> Outcome {
         }
         Ok(worst)
     };
-    let judged = Judged { error: &error, truth: "energy and momentum" };
+    let comparison = Comparison { error: &error, reference: "energy and momentum" };
     for value in sweep(effort, -1, if effort.quick { 1 } else { 2 }, 2) {
         for method in Method::ALL {
             let settings = Settings {
@@ -247,20 +249,20 @@ pub(crate) fn conserved(cases: &mut Cases, effort: &Effort) -> Outcome {
                 &setup(&robot),
                 &from(&state.y, &state.yd),
                 &settings,
-                &judged,
+                &comparison,
             )?;
         }
     }
     Ok(())
 }
 
-/// Starts off their loops are put on them, and how far is told; numbers that are none are refused.
+/// Starts off their loops are put on them, and how far is reported; numbers that are none are refused.
 pub(crate) fn starts(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("simulation off its loops", "rad or tenths of the length");
     for name in ["lambda", "wrist", "four_bars_2"] {
         let robot = Robot::new(name, bundled(name)?)?;
         let state = State::of(&robot, 0.1)?;
-        let closed = Ask::kinematics(&state).run(&robot.compiled.model)?;
+        let closed = Question::kinematics(&state).run(&robot.compiled.model)?;
         let (q, qd, units) = (
             closed.get(Field::Q),
             closed.get(Field::Qd),
@@ -268,12 +270,15 @@ pub(crate) fn starts(cases: &mut Cases, effort: &Effort) -> Outcome {
         );
         let names = robot.compiled.model.tree_q_names();
         let independent = |k: usize| robot.compiled.model.independent_q_names().contains(&names[k]);
-        let truth = reference(
+        let reference = reference(
             &setup(&robot),
             &Start::Tree { q: q.to_vec(), qd: qd.to_vec() },
             settings(Method::Radau5, 0.1),
         )?;
-        let judged = Judged { error: &|run| Ok(apart(run, &truth)), truth: "from the closed pose" };
+        let comparison = Comparison {
+            error: &|run| Ok(apart(run, &reference)),
+            reference: "from the closed pose",
+        };
         for value in sweep(effort, -15, -1, 4) {
             let off = |k: usize| {
                 if independent(k) {
@@ -293,21 +298,21 @@ pub(crate) fn starts(cases: &mut Cases, effort: &Effort) -> Outcome {
                 &setup(&robot),
                 &start,
                 &settings(Method::Dop853, 0.1),
-                &judged,
+                &comparison,
             )?;
         }
     }
     cases.family("simulation of nothing", "what is wrong: 1 NaN, 2 ∞, 3 zero, 4 negative, 5 1e300");
     let robot = Robot::new("lambda", bundled("lambda")?)?;
     // a step that is longer than the whole is the whole
-    let truth = reference(
+    let reference = reference(
         &setup(&robot),
         &from(&[0.1], &[0.0]),
         Settings { every: Some(0.1), ..settings(Method::Radau5, 0.1) },
     )?;
-    let wrong = Judged {
-        error: &|run| Ok(if run.time == 0.1 { apart(run, &truth) } else { f64::INFINITY }),
-        truth: "Radau at 1e-13",
+    let wrong = Comparison {
+        error: &|run| Ok(if run.time == 0.1 { apart(run, &reference) } else { f64::INFINITY }),
+        reference: "Radau at 1e-13",
     };
     for (value, bad) in
         [(1.0, f64::NAN), (2.0, f64::INFINITY), (3.0, 0.0), (4.0, -1.0), (5.0, 1e300)]

@@ -8,8 +8,8 @@ use sarrus_dynamics::{Field, Model, Request, Status};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::{Ask, State};
-use crate::stress::harness::case::{At, Cases, Truth};
+use crate::stress::harness::ask::{Question, State};
+use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::robot::{Robot, bundled, numerical};
 use crate::stress::mechanisms::{
     LOOSE, RHOMBUS, bricard, four_bar, lambda, reach_of_lambda, toggle,
@@ -17,7 +17,7 @@ use crate::stress::mechanisms::{
 use crate::stress::sweep;
 
 /// A robot, and the way to a singular pose: y = from + (1 − d) × to.
-struct Way {
+struct Approach {
     robot: Robot,
     from: Vec<f64>,
     to: Vec<f64>,
@@ -25,7 +25,7 @@ struct Way {
     guessed: bool,
 }
 
-impl Way {
+impl Approach {
     /// The y at a distance from the singular pose, along the way.
     fn at(&self, distance: f64) -> Vec<f64> {
         let size = self.to.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -39,7 +39,7 @@ impl Way {
 }
 
 /// Mechanisms of one freedom whose singular pose is known from their lengths.
-fn known() -> Outcome<Vec<Way>> {
+fn known() -> Outcome<Vec<Approach>> {
     let (out, meet) = (toggle(), reach_of_lambda());
     let list: [(&str, Description, f64); 9] = [
         ("lambda at its reach", lambda(Kind::Rrpr), meet),
@@ -54,7 +54,7 @@ fn known() -> Outcome<Vec<Way>> {
     ];
     list.into_iter()
         .map(|(name, of, reach)| {
-            Ok(Way {
+            Ok(Approach {
                 robot: Robot::new(name, of)?,
                 from: vec![0.0],
                 to: vec![reach],
@@ -66,9 +66,9 @@ fn known() -> Outcome<Vec<Way>> {
 
 /// Bundled robots along a straight way to where it ends in double-double, each pose from the one
 /// before; the end is bisected.
-fn searched() -> Outcome<Vec<Way>> {
+fn searched() -> Outcome<Vec<Approach>> {
     const STEP: f64 = 0.04;
-    let mut ways = Vec::new();
+    let mut approaches = Vec::new();
     for (name, direction) in [
         ("wrist", &[1.0, 0.4][..]),
         ("five_bar", &[1.0, 0.2]),
@@ -80,7 +80,7 @@ fn searched() -> Outcome<Vec<Way>> {
         let mut guess = None;
         while low + step > low && low < 3.1 {
             let y = direction.iter().map(|x| (low + step) * x).collect();
-            let answer = Ask::pose(&State { y, guess: guess.clone(), ..State::default() })
+            let answer = Question::pose(&State { y, guess: guess.clone(), ..State::default() })
                 .run(&robot.compiled.exact)?;
             if answer.status() == Status::Ok {
                 low += step;
@@ -90,7 +90,7 @@ fn searched() -> Outcome<Vec<Way>> {
             }
         }
         if low < 3.1 {
-            ways.push(Way {
+            approaches.push(Approach {
                 robot,
                 from: vec![0.0; direction.len()],
                 to: direction.iter().map(|x| low * x).collect(),
@@ -98,20 +98,20 @@ fn searched() -> Outcome<Vec<Way>> {
             });
         }
     }
-    Ok(ways)
+    Ok(approaches)
 }
 
 /// The Stewart platform where some twist moves no leg.
 const TYPE_II: &str = "Stewart at type II";
 
 /// The Stewart platform where its legs cannot hold a twist: det G_u = 0 along a turn.
-fn platform() -> Outcome<Way> {
+fn platform() -> Outcome<Approach> {
     let robot = Robot::new(TYPE_II, bundled("stewart")?)?;
     let (start, axis) = ([0.01, -0.02, 0.0, 0.0, 0.0, 0.0], 5);
     let sign = |turn: f64| -> Outcome<bool> {
         let mut y = start.to_vec();
         y[axis] = turn;
-        let answer = Ask::new(Request::Kinematics, vec![(Field::Y, y)], &[Field::GU])
+        let answer = Question::new(Request::Kinematics, vec![(Field::Y, y)], &[Field::GU])
             .run(&robot.compiled.exact)?;
         Ok(determinant(answer.get(Field::GU).to_vec(), 6) > 0.0)
     };
@@ -127,7 +127,7 @@ fn platform() -> Outcome<Way> {
     }
     let mut to = vec![0.0; 6];
     to[axis] = low;
-    Ok(Way { robot, from: start.to_vec(), to, guessed: false })
+    Ok(Approach { robot, from: start.to_vec(), to, guessed: false })
 }
 
 /// Determinant by elimination with pivots.
@@ -159,26 +159,26 @@ pub(crate) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("distance to a singularity", "rad from the singular pose");
     let values: Vec<f64> =
         (0..=15).filter(|k| !effort.quick || k % 3 == 0).map(|k| 10f64.powi(-k)).collect();
-    let mut ways = known()?;
-    ways.extend(searched()?);
-    ways.push(platform()?);
-    for way in &ways {
+    let mut approaches = known()?;
+    approaches.extend(searched()?);
+    approaches.push(platform()?);
+    for approach in &approaches {
         for &value in &values {
-            let mut state = State::of(&way.robot, 0.1)?;
-            state.y = way.at(value);
-            if way.guessed {
-                state.guess = followed(&way.robot.compiled.model, &way.at(value + 0.02))?;
+            let mut state = State::of(&approach.robot, 0.1)?;
+            state.y = approach.at(value);
+            if approach.guessed {
+                state.guess = followed(&approach.robot.compiled.model, &approach.at(value + 0.02))?;
             }
-            state.forces(&way.robot)?;
+            state.forces(&approach.robot)?;
             cases.questions(
-                &way.robot,
+                &approach.robot,
                 value,
                 &state,
                 true,
-                &[way.robot.compiled.model.forward_method()],
+                &[approach.robot.compiled.model.forward_method()],
             )?;
-            if way.robot.name == TYPE_II {
-                back_from_actuators(cases, way, value, &state)?;
+            if approach.robot.name == TYPE_II {
+                back_from_actuators(cases, approach, value, &state)?;
             }
         }
     }
@@ -187,26 +187,31 @@ pub(crate) fn distances(cases: &mut Cases, effort: &Effort) -> Outcome {
 
 /// The pose from what the actuators tell, rounded to a double as an encoder's is, and a guess near
 /// by.
-fn back_from_actuators(cases: &mut Cases, way: &Way, value: f64, state: &State) -> Outcome {
-    let model = &way.robot.compiled.model;
-    let near = Ask::pose(&State { y: way.at(value + 1e-3), ..State::default() })
+fn back_from_actuators(
+    cases: &mut Cases,
+    approach: &Approach,
+    value: f64,
+    state: &State,
+) -> Outcome {
+    let model = &approach.robot.compiled.model;
+    let near = Question::pose(&State { y: approach.at(value + 1e-3), ..State::default() })
         .run(model)?
         .get(Field::Q)
         .to_vec();
-    let u = Ask::kinematics(state)
-        .run(&way.robot.compiled.exact)?
+    let u = Question::kinematics(state)
+        .run(&approach.robot.compiled.exact)?
         .get(Field::U)
         .iter()
         .map(|u| u.hi())
         .collect();
     let ask =
-        Ask::new(Request::Kinematics, vec![(Field::U, u), (Field::QGuess, near)], &[Field::Q]);
+        Question::new(Request::Kinematics, vec![(Field::U, u), (Field::QGuess, near)], &[Field::Q]);
     cases.ask(
-        &way.robot,
-        At { value, method: way.robot.closures() },
+        &approach.robot,
+        At { value, method: approach.robot.closures() },
         "u to q",
         &ask,
-        &Truth::Of(&Ask::pose(state)),
+        &Reference::Of(&Question::pose(state)),
     )?;
     Ok(())
 }
@@ -214,21 +219,33 @@ fn back_from_actuators(cases: &mut Cases, way: &Way, value: f64, state: &State) 
 /// Targets beyond the reach: there is no answer, and none may be given.
 pub(crate) fn beyond(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("unreachable y", "rad beyond the reach");
-    for way in known()?.iter().take(5) {
+    for approach in known()?.iter().take(5) {
         // nearer than the rounding of lengths and y there is no beyond; the lambda can be put
         // together again more than 0.59 beyond
         for value in sweep(effort, -13, 0, 5).into_iter().map(|value| 0.5 * value) {
-            let mut state = State::of(&way.robot, 0.1)?;
-            state.y = way.at(-value);
-            let at = At { value, method: way.robot.closures() };
-            cases.ask(&way.robot, at, "kinematics", &Ask::kinematics(&state), &Truth::None)?;
-            cases.ask(&way.robot, at, "FD", &Ask::forward(&state, None), &Truth::None)?;
+            let mut state = State::of(&approach.robot, 0.1)?;
+            state.y = approach.at(-value);
+            let at = At { value, method: approach.robot.closures() };
+            cases.ask(
+                &approach.robot,
+                at,
+                "kinematics",
+                &Question::kinematics(&state),
+                &Reference::None,
+            )?;
+            cases.ask(
+                &approach.robot,
+                at,
+                "FD",
+                &Question::forward(&state, None),
+                &Reference::None,
+            )?;
         }
     }
     Ok(())
 }
 
-/// Far targets in one jump from zero; the truth is the pose at the end of the same way in small
+/// Far targets in one jump from zero; the reference is the pose at the end of the same way in small
 /// steps.
 pub(crate) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("big jump", "rad from the guess to the target");
@@ -255,16 +272,16 @@ pub(crate) fn jumps(cases: &mut Cases, effort: &Effort) -> Outcome {
         for &value in &values {
             let y: Vec<f64> = direction.iter().map(|x| value * x / size).collect();
             let state = State { y: y.clone(), ..State::default() };
-            let truth = match followed(&robot.compiled.exact, &y)? {
-                Some(q) => Truth::Known(vec![(Field::Q, q)]),
-                None => Truth::None,
+            let reference = match followed(&robot.compiled.exact, &y)? {
+                Some(q) => Reference::Known(vec![(Field::Q, q)]),
+                None => Reference::None,
             };
             cases.ask(
                 robot,
                 At { value, method: robot.closures() },
                 "pose",
-                &Ask::pose(&state),
-                &truth,
+                &Question::pose(&state),
+                &reference,
             )?;
         }
     }
@@ -283,7 +300,7 @@ fn followed<T: Scalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
             guess: guess.take(),
             ..State::default()
         };
-        let answer = Ask::pose(&state).run(model)?;
+        let answer = Question::pose(&state).run(model)?;
         if answer.status() != Status::Ok {
             return Ok(None);
         }

@@ -7,9 +7,9 @@ use sarrus_models::{Options, Source, bundled_text, load};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::page::Verdict;
-use crate::stress::harness::ask::{Ask, State};
-use crate::stress::harness::case::{At, Case, Cases, Truth};
+use crate::page::Assessment;
+use crate::stress::harness::ask::{Question, State};
+use crate::stress::harness::case::{At, Case, Cases, Reference};
 use crate::stress::harness::robot::{Robot, bundled, numerical};
 use crate::stress::mechanisms::{LOOSE, bricard, four_bar};
 use crate::stress::sweep;
@@ -31,17 +31,23 @@ pub(crate) fn inconsistent(cases: &mut Cases, effort: &Effort) -> Outcome {
         for value in sweep(effort, -15, -1, 4) {
             let mut state = State::of(robot, 0.2)?;
             let near = State { y: state.y.iter().map(|y| 0.95 * y).collect(), ..State::default() };
-            let pose = Ask::pose(&near).run(&robot.compiled.model)?.get(Q).to_vec();
+            let pose = Question::pose(&near).run(&robot.compiled.model)?.get(Q).to_vec();
             let units = robot.units(Q).unwrap_or_default();
             let off = |k: usize| {
                 value * ((k as f64 * 2.4).sin()) / units[k]
                     * if units[k] == 1.0 { 1.0 } else { 0.1 }
             };
             let bad: Vec<f64> = pose.iter().enumerate().map(|(k, q)| q + off(k)).collect();
-            let exact = Ask::kinematics(&State { guess: Some(pose), ..state.clone() });
+            let exact = Question::kinematics(&State { guess: Some(pose), ..state.clone() });
             state.guess = Some(bad.clone());
             let at = At { value, method: robot.closures() };
-            cases.ask(robot, at, "kinematics", &Ask::kinematics(&state), &Truth::Of(&exact))?;
+            cases.ask(
+                robot,
+                at,
+                "kinematics",
+                &Question::kinematics(&state),
+                &Reference::Of(&exact),
+            )?;
             // q itself off its loops: its independents are y, the rest the guess
             let names = robot.compiled.model.tree_q_names();
             let y = robot
@@ -50,13 +56,14 @@ pub(crate) fn inconsistent(cases: &mut Cases, effort: &Effort) -> Outcome {
                 .independent_q_names()
                 .iter()
                 .filter_map(|name| names.iter().position(|x| x == name));
-            let on = Ask::pose(&State { y: y.map(|at| bad[at]).collect(), ..State::default() });
+            let on =
+                Question::pose(&State { y: y.map(|at| bad[at]).collect(), ..State::default() });
             cases.ask(
                 robot,
                 at,
                 "q to q",
-                &Ask::new(Request::Kinematics, vec![(Field::Q, bad)], &[Q]),
-                &Truth::Of(&on),
+                &Question::new(Request::Kinematics, vec![(Field::Q, bad)], &[Q]),
+                &Reference::Of(&on),
             )?;
         }
     }
@@ -83,9 +90,15 @@ pub(crate) fn quaternions(cases: &mut Cases, effort: &Effort) -> Outcome {
             // beyond the tolerance there is no answer; within it the answer is that of the unit
             // quaternion
             let place = At { value, method };
-            let truth = Ask::inverse(&exact, &[TauY, TauU]);
-            let truth = if value > 1e-6 { Truth::None } else { Truth::Of(&truth) };
-            cases.ask(&robot, place, "ID", &Ask::inverse(&state, &[TauY, TauU]), &truth)?;
+            let reference = Question::inverse(&exact, &[TauY, TauU]);
+            let reference = if value > 1e-6 { Reference::None } else { Reference::Of(&reference) };
+            cases.ask(
+                &robot,
+                place,
+                "ID",
+                &Question::inverse(&state, &[TauY, TauU]),
+                &reference,
+            )?;
         }
     }
     Ok(())
@@ -98,7 +111,7 @@ pub(crate) fn hostile(cases: &mut Cases, _: &Effort) -> Outcome {
         let robot = Robot::new(name, bundled(name)?)?;
         let sizes = robot.compiled.model.sizes();
         let state = State::of(&robot, 0.1)?;
-        let pose = Ask::kinematics(&state).run(&robot.compiled.model)?;
+        let pose = Question::kinematics(&state).run(&robot.compiled.model)?;
         let field = |field: Field| (field, pose.get(field).to_vec());
         let link = robot.description.links.len() as u16 - 1;
         let given = |of: &[(Field, &[f64])]| {
@@ -107,29 +120,34 @@ pub(crate) fn hostile(cases: &mut Cases, _: &Effort) -> Outcome {
         let (n_u, n_v) = (vec![1.0; sizes.n_u], vec![1.0; sizes.n_v]);
         let motion = given(&[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]);
         let asks = [
-            Ask::new(
+            Question::new(
                 Request::Kinematics,
                 [motion.clone(), vec![(QGuess, field(Q).1)]].concat(),
                 &[Q, Qdd, U],
             ),
-            Ask::new(Request::Kinematics, vec![field(Q), field(Qd), field(Qdd)], &[Q, Yd, Ydd]),
-            Ask::new(
+            Question::new(
+                Request::Kinematics,
+                vec![field(Q), field(Qd), field(Qdd)],
+                &[Q, Yd, Ydd],
+            ),
+            Question::new(
                 Request::Kinematics,
                 vec![field(U), field(Ud), field(Udd), (QGuess, pose.get(Q).to_vec())],
                 &[Q, Yd, Ydd],
             ),
-            Ask::new(Request::InverseDynamics, motion, &[TauY, TauU]).pushed(&[link], vec![1.0; 6]),
-            Ask::new(
+            Question::new(Request::InverseDynamics, motion, &[TauY, TauU])
+                .pushed(&[link], vec![1.0; 6]),
+            Question::new(
                 Request::ForwardDynamics,
                 given(&[(Y, &state.y), (Yd, &state.yd), (TauY, &state.tau_y)]),
                 &[Ydd, Qdd],
             ),
-            Ask::new(
+            Question::new(
                 Request::ForwardDynamics,
                 given(&[(Y, &state.y), (Yd, &state.yd), (TauU, &n_u)]),
                 &[Ydd, Qdd],
             ),
-            Ask::new(
+            Question::new(
                 Request::ForwardDynamics,
                 given(&[(Y, &state.y), (Yd, &state.yd), (TauQ, &n_v)]),
                 &[Ydd, Qdd],
@@ -148,8 +166,8 @@ pub(crate) fn hostile(cases: &mut Cases, _: &Effort) -> Outcome {
                     let at = At { value, method };
                     let asked = format!("{}, {}", ask.name(), field.name());
                     // a huge number may be answered where the answer is right
-                    let truth = if bad.is_finite() { Truth::Same } else { Truth::None };
-                    cases.ask(&robot, at, &asked, &broken, &truth)?;
+                    let reference = if bad.is_finite() { Reference::Same } else { Reference::None };
+                    cases.ask(&robot, at, &asked, &broken, &reference)?;
                 }
             }
         }
@@ -191,18 +209,18 @@ pub(crate) fn files(cases: &mut Cases, _: &Effort) -> Outcome {
         let blank = cases.blank("lambda", At { value: k as f64, method: "file" }, name);
         let case = match load(&source, &Options::default()) {
             Err(error) => {
-                let told = error.to_string().lines().next().unwrap_or_default().to_owned();
+                let reported = error.to_string().lines().next().unwrap_or_default().to_owned();
                 Case {
                     status: "refused at load".into(),
-                    told,
-                    verdict: Verdict::Failed,
-                    truth: "-",
+                    reported,
+                    assessment: Assessment::Failed,
+                    reference: "-",
                     ..blank
                 }
             }
             Ok(loaded) => Case {
                 status: Status::Ok.name().into(),
-                told: format!("{} warnings", loaded.report.warnings.len()),
+                reported: format!("{} warnings", loaded.report.warnings.len()),
                 ..blank
             },
         };

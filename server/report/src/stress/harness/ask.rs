@@ -14,7 +14,7 @@ use Field::*;
 
 /// What is asked of a robot.
 #[derive(Clone, Debug)]
-pub(crate) struct Ask {
+pub(crate) struct Question {
     pub(crate) request: Request,
     /// How forward dynamics goes; none: as the model chooses.
     pub(crate) method: Option<Method>,
@@ -71,7 +71,7 @@ impl State {
 
     /// Forces that give about its ÿ, none of them quite.
     pub(crate) fn forces(&mut self, robot: &Robot) -> Outcome {
-        let motion = Ask::inverse(self, &[TauY]).run(&robot.compiled.model)?;
+        let motion = Question::inverse(self, &[TauY]).run(&robot.compiled.model)?;
         let one = |(k, tau): (usize, &f64)| {
             if tau.is_finite() { tau * (1.0 + 0.5 * scatter(k + 3)) } else { 1.0 }
         };
@@ -91,32 +91,35 @@ impl State {
     }
 }
 
-impl Ask {
-    pub(crate) fn new(request: Request, given: Vec<(Field, Vec<f64>)>, want: &[Field]) -> Ask {
-        Ask { request, method: None, given, want: want.to_vec(), wrenches: vec![] }
+impl Question {
+    pub(crate) fn new(request: Request, given: Vec<(Field, Vec<f64>)>, want: &[Field]) -> Question {
+        Question { request, method: None, given, want: want.to_vec(), wrenches: vec![] }
     }
 
     /// q, q̇, q̈, u, u̇, ü.
-    pub(crate) fn kinematics(of: &State) -> Ask {
-        Ask::new(Request::Kinematics, of.given(Ydd, &of.ydd), &[Q, Qd, Qdd, U, Ud, Udd])
+    pub(crate) fn kinematics(of: &State) -> Question {
+        Question::new(Request::Kinematics, of.given(Ydd, &of.ydd), &[Q, Qd, Qdd, U, Ud, Udd])
     }
 
     /// The pose alone.
-    pub(crate) fn pose(of: &State) -> Ask {
-        Ask::new(Request::Kinematics, of.positions(), &[Q])
+    pub(crate) fn pose(of: &State) -> Question {
+        Question::new(Request::Kinematics, of.positions(), &[Q])
     }
 
-    pub(crate) fn inverse(of: &State, want: &[Field]) -> Ask {
-        Ask::new(Request::InverseDynamics, of.given(Ydd, &of.ydd), want)
+    pub(crate) fn inverse(of: &State, want: &[Field]) -> Question {
+        Question::new(Request::InverseDynamics, of.given(Ydd, &of.ydd), want)
     }
 
     /// ÿ from τ_y.
-    pub(crate) fn forward(of: &State, method: Option<Method>) -> Ask {
-        Ask { method, ..Ask::new(Request::ForwardDynamics, of.given(TauY, &of.tau_y), &[Ydd]) }
+    pub(crate) fn forward(of: &State, method: Option<Method>) -> Question {
+        Question {
+            method,
+            ..Question::new(Request::ForwardDynamics, of.given(TauY, &of.tau_y), &[Ydd])
+        }
     }
 
     /// The same with wrenches on these links.
-    pub(crate) fn pushed(mut self, links: &[u16], wrenches: Vec<f64>) -> Ask {
+    pub(crate) fn pushed(mut self, links: &[u16], wrenches: Vec<f64>) -> Question {
         self.wrenches = links.to_vec();
         self.given.push((Wrenches, wrenches));
         self
@@ -210,26 +213,30 @@ impl<T: Scalar> Answered<T> {
     }
 }
 
-/// The largest error of an answer by size, over the fields that the truth has: max |x − truth| /
-/// max |truth|, lengths in those of the robot.
-pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, truth: &[(Field, Vec<Dd>)]) -> f64 {
-    let of_field = |(field, truth): &(Field, Vec<Dd>)| {
-        let units = robot.units(*field).unwrap_or_else(|| vec![1.0; truth.len()]);
+/// The largest error of an answer by size, over the fields that the reference has: max |x − reference| /
+/// max |reference|, lengths in those of the robot.
+pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, reference: &[(Field, Vec<Dd>)]) -> f64 {
+    let of_field = |(field, reference): &(Field, Vec<Dd>)| {
+        let units = robot.units(*field).unwrap_or_else(|| vec![1.0; reference.len()]);
         let (mut worst, mut size): (f64, f64) = (0.0, f64::MIN_POSITIVE);
-        for ((x, truth), unit) in answer.get(*field).iter().zip(truth).zip(&units) {
-            let off = unit * (Dd::from(*x) - *truth).to_f64().abs();
+        for ((x, reference), unit) in answer.get(*field).iter().zip(reference).zip(&units) {
+            let off = unit * (Dd::from(*x) - *reference).to_f64().abs();
             worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
-            size = size.max(unit * truth.to_f64().abs());
+            size = size.max(unit * reference.to_f64().abs());
         }
         if worst == 0.0 { 0.0 } else { worst / size }
     };
-    truth.iter().map(of_field).fold(0.0, f64::max)
+    reference.iter().map(of_field).fold(0.0, f64::max)
 }
 
 /// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖) of an answer to forward dynamics, by inverse
 /// dynamics in double-double. ‖M_y‖ is taken as the largest row sum, which is never larger than the
-/// norm, so that the error is never told too small.
-pub(crate) fn backward_error(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<f64> {
+/// norm, so that the error is never reported too small.
+pub(crate) fn backward_error(
+    robot: &Robot,
+    ask: &Question,
+    answer: &Answered<f64>,
+) -> Outcome<f64> {
     let exact = &robot.compiled.exact;
     let inverse = |ydd: Vec<f64>| {
         let given = ask
@@ -239,8 +246,11 @@ pub(crate) fn backward_error(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -
             .cloned()
             .chain([(Ydd, ydd)])
             .collect();
-        Ask { wrenches: ask.wrenches.clone(), ..Ask::new(Request::InverseDynamics, given, &[TauY]) }
-            .run(exact)
+        Question {
+            wrenches: ask.wrenches.clone(),
+            ..Question::new(Request::InverseDynamics, given, &[TauY])
+        }
+        .run(exact)
     };
     let (ydd, n) = (answer.get(Ydd), answer.get(Ydd).len());
     let (back, bias, ones) =

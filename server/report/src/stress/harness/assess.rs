@@ -1,21 +1,21 @@
-//! The verdict: one mechanical rule for every case.
+//! The assessment: one mechanical rule for every case.
 
 use sarrus_dynamics::{Status, Warnings};
 
-use crate::page::Verdict;
+use crate::page::Assessment;
 
 /// Error by size up to which an answer counts as right.
 pub(crate) const HELD: f64 = 1e-9;
 
 /// The rule for an answer: its status, its warnings, its error where it is ok, and whether a failed
 /// answer is NaN wherever it must be.
-pub(crate) fn of_answer(status: Status, warnings: Warnings, error: f64, empty: bool) -> Verdict {
+pub(crate) fn assess(status: Status, warnings: Warnings, error: f64, empty: bool) -> Assessment {
     match status {
-        Status::Ok if error <= HELD => Verdict::Held,
-        Status::Ok if error.is_finite() && warned(warnings) => Verdict::Degraded,
-        Status::Ok => Verdict::FailedSilently,
-        _ if empty => Verdict::Failed,
-        _ => Verdict::FailedSilently,
+        Status::Ok if error <= HELD => Assessment::Held,
+        Status::Ok if error.is_finite() && warned(warnings) => Assessment::Degraded,
+        Status::Ok => Assessment::FailedSilently,
+        _ if empty => Assessment::Failed,
+        _ => Assessment::FailedSilently,
     }
 }
 
@@ -32,18 +32,18 @@ mod tests {
     fn an_answer_that_is_wrong_without_a_word_has_failed_silently() {
         let (none, limits) = (Warnings::NONE, Warnings::LIMITS_EXCEEDED);
         let warned = Warnings::ILL_CONDITIONED;
-        for (status, warnings, error, empty, verdict) in [
-            (Status::Ok, none, 1e-10, false, Verdict::Held),
-            (Status::Ok, warned, 1e-10, false, Verdict::Held),
-            (Status::Ok, warned, 1e-3, false, Verdict::Degraded),
-            (Status::Ok, none, 1e-8, false, Verdict::FailedSilently),
-            (Status::Ok, limits, 1e-8, false, Verdict::FailedSilently),
-            (Status::Ok, warned, f64::INFINITY, false, Verdict::FailedSilently),
-            (Status::Ok, none, f64::NAN, false, Verdict::FailedSilently),
-            (Status::Unreachable, none, f64::INFINITY, true, Verdict::Failed),
-            (Status::Unreachable, none, f64::INFINITY, false, Verdict::FailedSilently),
+        for (status, warnings, error, empty, assessment) in [
+            (Status::Ok, none, 1e-10, false, Assessment::Held),
+            (Status::Ok, warned, 1e-10, false, Assessment::Held),
+            (Status::Ok, warned, 1e-3, false, Assessment::Degraded),
+            (Status::Ok, none, 1e-8, false, Assessment::FailedSilently),
+            (Status::Ok, limits, 1e-8, false, Assessment::FailedSilently),
+            (Status::Ok, warned, f64::INFINITY, false, Assessment::FailedSilently),
+            (Status::Ok, none, f64::NAN, false, Assessment::FailedSilently),
+            (Status::Unreachable, none, f64::INFINITY, true, Assessment::Failed),
+            (Status::Unreachable, none, f64::INFINITY, false, Assessment::FailedSilently),
         ] {
-            assert_eq!(of_answer(status, warnings, error, empty), verdict, "{status} {error}");
+            assert_eq!(assess(status, warnings, error, empty), assessment, "{status} {error}");
         }
     }
 }

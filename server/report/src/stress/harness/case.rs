@@ -5,11 +5,11 @@ use std::borrow::Cow;
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Method, Request, Status};
 
-use super::ask::{Answered, Ask, State, backward_error, error};
-use super::assess::{HELD, of_answer};
+use super::ask::{Answered, Question, State, backward_error, error};
+use super::assess::{HELD, assess};
 use super::robot::Robot;
 use crate::Outcome;
-use crate::page::Verdict;
+use crate::page::Assessment;
 
 /// One case: a robot, a parameter at a value, a question, and what became of it.
 #[derive(Clone, Debug)]
@@ -30,26 +30,26 @@ pub(crate) struct Case {
     pub(crate) status: String,
     /// Warnings of the answer.
     pub(crate) warnings: Vec<String>,
-    /// Error by size against the truth, where there is an answer.
+    /// Error by size against the reference, where there is an answer.
     pub(crate) error: Option<f64>,
-    /// The truth.
-    pub(crate) truth: &'static str,
+    /// The reference.
+    pub(crate) reference: &'static str,
     /// Forward dynamics: backward error.
     pub(crate) backward: Option<f64>,
     /// Time of a call in nanoseconds, where it was taken.
     pub(crate) nanoseconds: Option<f64>,
-    /// What the user is told beside the status.
-    pub(crate) told: String,
-    /// The verdict.
-    pub(crate) verdict: Verdict,
+    /// What is reported beside the status.
+    pub(crate) reported: String,
+    /// The assessment.
+    pub(crate) assessment: Assessment,
 }
 
 /// What an answer is compared with.
-pub(crate) enum Truth<'a> {
+pub(crate) enum Reference<'a> {
     /// The same question in double-double.
     Same,
     /// Another question in double-double, whose answer is the true one.
-    Of(&'a Ask),
+    Of(&'a Question),
     /// Numbers by closed form.
     Known(Vec<(Field, Vec<Dd>)>),
     /// There is no answer: any that is ok is wrong.
@@ -89,24 +89,29 @@ impl Cases {
             status: String::new(),
             warnings: vec![],
             error: None,
-            truth: "double-double",
+            reference: "double-double",
             backward: None,
             nanoseconds: None,
-            told: String::new(),
-            verdict: Verdict::FailedSilently,
+            reported: String::new(),
+            assessment: Assessment::FailedSilently,
         }
     }
 
     /// Loads a robot at a value of the parameter; one that is refused is a case of its own, whose
-    /// message is what the user is told.
+    /// message is what is reported.
     pub(crate) fn load(&mut self, name: &str, at: At<'_>, robot: Outcome<Robot>) -> Option<Robot> {
         match robot {
             Ok(robot) => Some(robot),
             Err(error) => {
-                let (status, told, verdict) =
-                    ("refused at load".to_owned(), error.to_string(), Verdict::Failed);
-                let case =
-                    Case { status, told, verdict, truth: "-", ..self.blank(name, at, "load") };
+                let (status, reported, assessment) =
+                    ("refused at load".to_owned(), error.to_string(), Assessment::Failed);
+                let case = Case {
+                    status,
+                    reported,
+                    assessment,
+                    reference: "-",
+                    ..self.blank(name, at, "load")
+                };
                 self.all.push(case);
                 None
             }
@@ -119,18 +124,18 @@ impl Cases {
         robot: &Robot,
         at: At<'_>,
         asked: &str,
-        ask: &Ask,
-        truth: &Truth<'_>,
+        ask: &Question,
+        reference: &Reference<'_>,
     ) -> Outcome<&mut Case> {
         let answer = ask.run(&robot.compiled.model)?;
         let ok = answer.status() == Status::Ok;
-        let (numbers, source) = if ok { true_numbers(robot, ask, truth)? } else { (None, "-") };
+        let (numbers, source) = if ok { true_numbers(robot, ask, reference)? } else { (None, "-") };
         let error =
             ok.then(|| numbers.map_or(f64::INFINITY, |numbers| error(robot, &answer, &numbers)));
         let forward = ok
             && ask.request == Request::ForwardDynamics
             && ask.given.iter().any(|(field, _)| *field == Field::TauY);
-        let backward = if forward && matches!(truth, Truth::Same) {
+        let backward = if forward && matches!(reference, Reference::Same) {
             Some(backward_error(robot, ask, &answer)?)
         } else {
             None
@@ -139,14 +144,14 @@ impl Cases {
             status: answer.status().name().to_owned(),
             warnings: answer.warnings().names().map(str::to_owned).collect(),
             error,
-            truth: source,
+            reference: source,
             backward,
-            told: if error.is_some_and(|error| error > HELD) {
+            reported: if error.is_some_and(|error| error > HELD) {
                 figures(robot, ask)?
             } else {
-                told(robot, ask, &answer)?
+                reported(robot, ask, &answer)?
             },
-            verdict: of_answer(
+            assessment: assess(
                 answer.status(),
                 answer.warnings(),
                 error.unwrap_or(f64::INFINITY),
@@ -171,16 +176,22 @@ impl Cases {
         let closures = robot.closures();
         let at = At { value, method: closures };
         if kinematics {
-            self.ask(robot, at, "kinematics", &Ask::kinematics(state), &Truth::Same)?;
+            self.ask(robot, at, "kinematics", &Question::kinematics(state), &Reference::Same)?;
         }
-        self.ask(robot, at, "ID", &Ask::inverse(state, &[Field::TauY, Field::TauU]), &Truth::Same)?;
+        self.ask(
+            robot,
+            at,
+            "ID",
+            &Question::inverse(state, &[Field::TauY, Field::TauU]),
+            &Reference::Same,
+        )?;
         for method in methods {
             let name = format!("{closures}, {}", method.name());
-            let ask = Ask::forward(state, Some(*method));
+            let ask = Question::forward(state, Some(*method));
             // the oracle in double-double would cost more and say the same
-            let exact = Ask { method: Some(Method::Recursion), ..ask.clone() };
+            let exact = Question { method: Some(Method::Recursion), ..ask.clone() };
             let case =
-                self.ask(robot, At { value, method: &name }, "FD", &ask, &Truth::Of(&exact))?;
+                self.ask(robot, At { value, method: &name }, "FD", &ask, &Reference::Of(&exact))?;
             if case.status == Status::Ok.name() {
                 let answer = ask.run(&robot.compiled.model)?;
                 case.backward = Some(backward_error(robot, &ask, &answer)?);
@@ -193,14 +204,14 @@ impl Cases {
 /// The true numbers of the wanted fields, if there are any, and where they come from.
 fn true_numbers(
     robot: &Robot,
-    ask: &Ask,
-    truth: &Truth<'_>,
+    ask: &Question,
+    reference: &Reference<'_>,
 ) -> Outcome<(Option<Vec<(Field, Vec<Dd>)>>, &'static str)> {
-    let exact = match truth {
-        Truth::Known(numbers) => return Ok((Some(numbers.clone()), "closed form")),
-        Truth::None => return Ok((None, "there is no answer")),
-        Truth::Same => ask,
-        Truth::Of(other) => other,
+    let exact = match reference {
+        Reference::Known(numbers) => return Ok((Some(numbers.clone()), "closed form")),
+        Reference::None => return Ok((None, "there is no answer")),
+        Reference::Same => ask,
+        Reference::Of(other) => other,
     };
     let answer = exact.run(&robot.compiled.exact)?;
     if answer.status() != Status::Ok {
@@ -213,7 +224,7 @@ fn true_numbers(
 }
 
 /// What helps beside status and warnings: what can be asked after a failure.
-fn told(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<String> {
+fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<String> {
     use Field::*;
     if matches!(
         answer.status(),
@@ -228,8 +239,8 @@ fn told(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<String> {
         .cloned()
         .collect();
     let want = [Residual, SigmaMin, NearestY, Uncontrolled];
-    let helps = Ask::new(Request::Kinematics, given, &want).run(&robot.compiled.model)?;
-    let mut told: Vec<Cow<'_, str>> = Vec::new();
+    let helps = Question::new(Request::Kinematics, given, &want).run(&robot.compiled.model)?;
+    let mut reported: Vec<Cow<'_, str>> = Vec::new();
     for (field, name) in [
         (Residual, "residual"),
         (SigmaMin, "σ_min"),
@@ -244,14 +255,14 @@ fn told(robot: &Robot, ask: &Ask, answer: &Answered<f64>) -> Outcome<String> {
             .collect();
         let relevant = field != Uncontrolled || answer.status() == Status::SingularActuation;
         if relevant && !numbers.is_empty() && numbers.iter().all(|x| x.is_finite()) {
-            told.push(format!("{name} {}", few.join(" ")).into());
+            reported.push(format!("{name} {}", few.join(" ")).into());
         }
     }
-    Ok(told.join(", "))
+    Ok(reported.join(", "))
 }
 
 /// The figures by which a user can judge an answer.
-fn figures(robot: &Robot, ask: &Ask) -> Outcome<String> {
+fn figures(robot: &Robot, ask: &Question) -> Outcome<String> {
     use Field::{CondGu, CondMy, Q, QGuess, SigmaMin, U, Y};
     let given: Vec<_> = ask
         .given
@@ -260,9 +271,10 @@ fn figures(robot: &Robot, ask: &Ask) -> Outcome<String> {
         .cloned()
         .collect();
     let want = [SigmaMin, CondGu, CondMy];
-    let figures = Ask::new(Request::InverseDynamics, given, &want).run(&robot.compiled.model)?;
-    let told = want.map(|field| {
+    let figures =
+        Question::new(Request::InverseDynamics, given, &want).run(&robot.compiled.model)?;
+    let reported = want.map(|field| {
         figures.get(field).first().map_or(String::new(), |x| format!("{} {x:.1e}", field.name()))
     });
-    Ok(told.join(", "))
+    Ok(reported.join(", "))
 }

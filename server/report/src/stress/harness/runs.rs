@@ -6,17 +6,17 @@ use super::assess::HELD;
 use super::case::{At, Case, Cases};
 use super::robot::Robot;
 use crate::Outcome;
-use crate::page::Verdict;
+use crate::page::Assessment;
 
 /// An estimate tells an error where it is at least this share of it.
 const TELLS: f64 = 0.1;
 
-/// What a simulation is judged by.
-pub(crate) struct Judged<'a> {
+/// What a simulation is compared with.
+pub(crate) struct Comparison<'a> {
     /// The largest error by size over all samples.
     pub(crate) error: &'a dyn Fn(&Run) -> Outcome<f64>,
-    /// Where the truth comes from.
-    pub(crate) truth: &'static str,
+    /// Where the reference comes from.
+    pub(crate) reference: &'static str,
 }
 
 /// A robot with nothing on it but its own springs and dampers.
@@ -25,16 +25,16 @@ pub(crate) fn setup(robot: &Robot) -> Setup<'_> {
 }
 
 /// The largest difference of y over the samples of two runs that sample at the same times, by size.
-pub(crate) fn apart(run: &Run, truth: &Run) -> f64 {
+pub(crate) fn apart(run: &Run, reference: &Run) -> f64 {
     let (mut worst, mut size): (f64, f64) = (0.0, f64::MIN_POSITIVE);
-    for (a, b) in run.samples.iter().zip(&truth.samples) {
-        for (x, truth) in a.y.iter().zip(&b.y) {
-            let off = (x - truth).abs();
+    for (a, b) in run.samples.iter().zip(&reference.samples) {
+        for (x, reference) in a.y.iter().zip(&b.y) {
+            let off = (x - reference).abs();
             worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
-            size = size.max(truth.abs());
+            size = size.max(reference.abs());
         }
     }
-    if run.samples.len() < truth.samples.len() { f64::INFINITY } else { worst / size }
+    if run.samples.len() < reference.samples.len() { f64::INFINITY } else { worst / size }
 }
 
 impl Cases {
@@ -48,18 +48,18 @@ impl Cases {
         setup: &Setup<'_>,
         start: &Start,
         settings: &Settings,
-        by: &Judged<'_>,
+        by: &Comparison<'_>,
     ) -> Outcome {
         let settings = Settings { estimate: true, ..*settings };
         let run = match simulate(setup, start, &settings, &mut |_| ()) {
             Ok(run) => run,
             Err(error) => {
-                let (status, told) = ("refused at start".to_owned(), error.to_string());
+                let (status, reported) = ("refused at start".to_owned(), error.to_string());
                 let case = Case {
                     status,
-                    told,
-                    verdict: Verdict::Failed,
-                    truth: "-",
+                    reported,
+                    assessment: Assessment::Failed,
+                    reference: "-",
                     ..self.blank(name, at, "simulation")
                 };
                 self.all.push(case);
@@ -75,32 +75,32 @@ impl Cases {
             .fold(f64::MIN_POSITIVE, |size: f64, y| size.max(y.abs()));
         let estimate = run.error_estimate.map_or(0.0, |[y, _]| y / size);
         let warned = tells(estimate, error) || tells(run.drift(), error);
-        let verdict = match error {
-            None => Verdict::Failed,
-            Some(error) if error <= HELD => Verdict::Held,
-            Some(_) if warned => Verdict::Degraded,
-            Some(_) => Verdict::FailedSilently,
+        let assessment = match error {
+            None => Assessment::Failed,
+            Some(error) if error <= HELD => Assessment::Held,
+            Some(_) if warned => Assessment::Degraded,
+            Some(_) => Assessment::FailedSilently,
         };
-        let mut told =
+        let mut reported =
             vec![format!("error estimate {estimate:.1e}, energy drift {:.1e}", run.drift())];
         if run.correction[0] > 0.0 {
-            told.push(format!("start moved by {:.1e}", run.correction[0]));
+            reported.push(format!("start moved by {:.1e}", run.correction[0]));
         }
-        told.extend(
+        reported.extend(
             run.events
                 .iter()
                 .any(|event| event.kind == EventKind::Stiff)
                 .then(|| "the problem is stiff for this method".to_owned()),
         );
         if !finished {
-            told.push(format!("at {:.3e} of {:.3e} s", run.time, settings.duration));
+            reported.push(format!("at {:.3e} of {:.3e} s", run.time, settings.duration));
         }
         let case = Case {
             status: run.end.name().to_owned(),
             error,
-            truth: by.truth,
-            told: told.join(", "),
-            verdict,
+            reference: by.reference,
+            reported: reported.join(", "),
+            assessment,
             ..self.blank(name, at, "simulation")
         };
         self.all.push(case);
