@@ -6,9 +6,9 @@ use sarrus_dynamics::{Field, Method, Status};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::robots::chain::chain_of_lambdas;
-use crate::stress::harness::ask::{Question, State, backward_error};
 use crate::stress::harness::assess::assess;
 use crate::stress::harness::case::{At, Case, Cases, Reference};
+use crate::stress::harness::question::{Question, State, backward_error};
 use crate::stress::harness::robot::Robot;
 use crate::stress::mechanisms::rods;
 

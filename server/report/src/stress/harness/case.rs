@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Method, Request, Status};
 
-use super::ask::{Answered, Question, State, backward_error, error};
 use super::assess::{HELD, assess};
+use super::question::{Answered, Question, State, backward_error, error};
 use super::robot::Robot;
 use crate::Outcome;
 use crate::page::Assessment;
@@ -196,6 +196,14 @@ impl Cases {
                 let answer = ask.run(&robot.compiled.model)?;
                 case.backward = Some(backward_error(robot, &ask, &answer)?);
             }
+        }
+        Ok(())
+    }
+
+    /// Inverse dynamics and forward dynamics by every method, where the robot loads.
+    pub(crate) fn dynamics(&mut self, name: &str, value: f64, robot: Outcome<Robot>) -> Outcome {
+        if let Some(robot) = self.load(name, At { value, method: "-" }, robot) {
+            self.questions(&robot, value, &State::of(&robot, 0.25)?, false, &Method::ALL)?;
         }
         Ok(())
     }

@@ -5,10 +5,10 @@ use sarrus_dynamics::description::Terms;
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::State;
 use crate::stress::harness::case::{At, Cases};
+use crate::stress::harness::question::State;
 use crate::stress::harness::robot::{Robot, bundled};
-use crate::stress::sweep;
+use crate::stress::harness::sweep;
 
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     let kinds: [(&str, &str, fn(f64) -> Terms); 3] = [

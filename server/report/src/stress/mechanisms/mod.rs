@@ -1,8 +1,12 @@
-//! The small mechanisms that several families share.
+//! Small mechanisms that several families share; straight approaches to singular poses; states off
+//! their loops.
+
+pub(super) mod approach;
+pub(super) mod open_loops;
 
 use sarrus_dynamics::description::{Description, Inertial, Placement, SubmechanismKind as Kind};
 
-use super::harness::robot::{Draft, Slide, Turn, X, Y, Z};
+use crate::stress::harness::robot::{Draft, Slide, Turn, X, Y, Z};
 
 /// Crank, coupler and rocker of four different lengths: A, B, C, D in the plane x y.
 pub(crate) const LOOSE: [[f64; 2]; 4] = [[0.0, 0.0], [0.2, 0.9], [1.4, 1.0], [2.1, -0.1]];

@@ -7,11 +7,11 @@ use sarrus_dynamics::{Field, Status};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::ask::{Question, State};
 use crate::stress::harness::case::{At, Cases, Reference};
+use crate::stress::harness::question::{Question, State};
 use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::harness::sweep;
 use crate::stress::mechanisms::{GRASHOF, RHOMBUS, four_bar, rods};
-use crate::stress::sweep;
 
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("many turns", "y, rad");
