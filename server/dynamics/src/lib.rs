@@ -14,6 +14,7 @@ mod closure;
 mod closures_at_zero;
 pub mod description;
 mod diagnostic;
+mod fingerprint;
 mod implicit;
 mod linear;
 mod model;

@@ -53,23 +53,22 @@ fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
 
 #[test]
 fn arming_waits_for_every_motor_the_buses_and_a_command() {
-    let wait =
-        |prepare: &dyn Fn(&mut Bench), reason: Reason| {
-            let mut bench = Bench::new(|_| {});
-            prepare(&mut bench);
-            bench.steps(3);
-            bench.bridge.operate(bench.now_ns, Operation::Arm);
-            bench.steps(5);
-            assert_eq!(bench.bridge.state().state, MechanismState::Arming as u32, "{reason:?}");
-            assert_eq!(bench.reason(0), reason);
-            // not for ever
-            bench.steps(600);
-            assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
-            assert_eq!(bench.reason(0), reason);
-            assert!(bench.told.iter().all(|told| {
-                told.lock().unwrap().iter().all(|command| *command == DriveCommand::Off)
-            }));
-        };
+    let wait = |prepare: &dyn Fn(&mut Bench), reason: Reason| {
+        let mut bench = Bench::new(|_| {});
+        prepare(&mut bench);
+        bench.steps(3);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        assert_eq!(bench.bridge.state().state, MechanismState::Arming as u32, "{reason:?}");
+        assert_eq!(bench.reason(0), reason);
+        // not for ever
+        bench.steps(600);
+        assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+        assert_eq!(bench.reason(0), reason);
+        assert!(bench.told.iter().all(|told| {
+            told.lock().unwrap().iter().all(|command| *command == DriveCommand::Off)
+        }));
+    };
     wait(&|bench| bench.answers[2] = false, Reason::FeedbackStale);
     wait(&|bench| bench.fault[1] = 9, Reason::MotorFault);
     wait(&|bench| bench.commands = false, Reason::NoCommand);
