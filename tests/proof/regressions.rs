@@ -34,13 +34,13 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
     };
     let names = robot.model.tree_names();
     let locked: Vec<&String> = (0..names.len()).filter(|v| still(*v)).map(|v| &names[v]).collect();
-    let mut told: Vec<&String> = robot.model.closures()[0].idle.iter().collect();
-    told.sort_by_key(|name| names.iter().position(|of| of == *name));
-    assert_eq!((told.len(), told), (2, locked));
+    let mut reported: Vec<&String> = robot.model.closures()[0].idle.iter().collect();
+    reported.sort_by_key(|name| names.iter().position(|of| of == *name));
+    assert_eq!((reported.len(), reported), (2, locked));
 }
 
 #[test]
-fn wishing_for_good_independents_does_not_take_an_answer_away() {
+fn asking_for_good_independents_does_not_take_an_answer_away() {
     // nearly flat, K has nearly lost rank; and a platform far out
     let flat =
         [1e-3, 1e-4, 1e-6].map(|off| ("four_bars_2", vec![off - std::f64::consts::FRAC_PI_2]));

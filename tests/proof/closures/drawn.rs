@@ -28,8 +28,8 @@ fn crank_rocker(seeded: &mut Seeded, straight: bool) -> [Vector; 4] {
     let span = add(o, -1.0, a);
     let d = norm(span);
     let along = (d * d + lengths[1].powi(2) - lengths[2].powi(2)) / (2.0 * d);
-    let aside = (lengths[1].powi(2) - along * along).sqrt() * seeded.sign();
-    let b = add(add(a, along / d, span), aside / d, [-span[1], span[0], 0.0]);
+    let offset = (lengths[1].powi(2) - along * along).sqrt() * seeded.sign();
+    let b = add(add(a, along / d, span), offset / d, [-span[1], span[0], 0.0]);
     [[0.0; 3], a, b, o]
 }
 

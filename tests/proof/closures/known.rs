@@ -59,7 +59,7 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
         let (form, newton) = (compile(&draft.description), numerical(&draft.description));
         assert_eq!(form.model.closures()[0].kind, ClosureKind::Analytic);
         let (y, yd) = ([0.4, -0.3], [1.0, -2.0]);
-        let (mine, truth) =
+        let (mine, reference) =
             (answers(&form.model, &y, &yd).unwrap(), answers(&newton.model, &y, &yd).unwrap());
         assert!(mine.0.get(GBias).iter().all(|x| *x == 0.0));
         assert!(
@@ -69,10 +69,13 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
         );
         // a cut of five rows has redundant ones, whose forces are a choice
         for field in [Q, G, GBias, K] {
-            let error = error_by_size(mine.0.get(field), truth.0.get(field), 1.0);
-            assert!(error < 1e-13 * truth.0.get(CondKd)[0], "seed {seed} {field:?}: {error:.1e}");
+            let error = error_by_size(mine.0.get(field), reference.0.get(field), 1.0);
+            assert!(
+                error < 1e-13 * reference.0.get(CondKd)[0],
+                "seed {seed} {field:?}: {error:.1e}"
+            );
         }
-        // a little off starts Newton's method, more is closed by it and told
+        // a little off starts Newton's method, more is closed by it and reported
         let polished = compile(&parallelograms(seed, seed % 4 == 0, 1e-5).description);
         assert_eq!(polished.model.closures()[0].kind, ClosureKind::Analytic);
         let state = answers(&polished.model, &y, &yd).unwrap();

@@ -52,7 +52,7 @@ fn a_chain_of_a_thousand_loops_is_solved_and_gives_its_forces_back() {
     assert!(error <= 1e-12 && back <= 1e-12, "{error:.2e} {back:.2e}");
 }
 
-/// Spherical joints in a row, and one that a loop's cluster hangs from.
+/// Spherical joints in a row, and one that a loop's cluster has as parent.
 #[test]
 fn the_methods_agree_on_spherical_joints() {
     let mut robot = lambdas(2);
