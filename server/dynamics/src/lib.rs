@@ -47,6 +47,7 @@ mod compile;
 mod constrained;
 pub mod description;
 mod diagnostic;
+mod fingerprint;
 mod initial_pose;
 mod linalg;
 mod mechanism;
