@@ -2,9 +2,9 @@
 
 use super::joint::vector;
 use super::{DescriptionBuilder, LinkId};
-use crate::assembly::placement;
 use crate::description::{Cut, Loop, Placement, Row};
 use crate::diagnostic::{Diagnostic, Site};
+use crate::initial_pose::placement;
 use crate::spatial::Pose;
 
 /// A cut as far as it was said.

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::{DescriptionBuilder, LinkId};
+use crate::compile::pose_of;
 use crate::description::{Inertial, Joint, JointKind, Limits, Link, Placement, Terms};
-use crate::model::pose_of;
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{Pose, t_mul};
 

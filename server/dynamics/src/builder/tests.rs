@@ -42,7 +42,7 @@ fn a_point_of_the_root_is_the_same_place_from_any_link() {
     robot.independent([first]);
     let description = robot.build().unwrap();
     let poses: Vec<_> = description.joints.iter().fold(vec![Pose::identity()], |mut all, joint| {
-        all.push(all[joint.parent].then(&crate::model::pose_of(&joint.origin)));
+        all.push(all[joint.parent].then(&crate::compile::pose_of(&joint.origin)));
         all
     });
     let far = |x: &nalgebra::Vector3<Dd>, point: [f64; 3]| {
@@ -53,7 +53,7 @@ fn a_point_of_the_root_is_the_same_place_from_any_link() {
     let cut = &description.submechanisms[0].loops[0];
     let Cut::Placed { predecessor, successor } = &cut.cut else { panic!("{cut:?}") };
     for (link, place) in [(cut.predecessor, predecessor), (cut.successor, successor)] {
-        let x = poses[link].then(&crate::model::pose_of(place));
+        let x = poses[link].then(&crate::compile::pose_of(place));
         assert!(far(&x.p, [3.0, 1.0, -1.0]) < 1e-15);
         // along the root's axes
         for (i, axis) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].into_iter().enumerate()
