@@ -1,69 +1,47 @@
-use core::fmt;
+//! How an answer ends: its status, and the warnings beside it.
 
-macro_rules! statuses {
-    ($($(#[$doc:meta])* $variant:ident = $code:literal, $name:literal;)*) => {
-        /// How a request ended. The numbers are part of the wire contract and never change.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[repr(u32)]
-        #[non_exhaustive]
-        pub enum Status { $($(#[$doc])* $variant = $code,)* }
+use crate::wire_enum::wire_enum;
 
-        impl Status {
-            /// Every status, in the order of its number.
-            pub const ALL: &[Status] = &[$(Status::$variant,)*];
-
-            /// The name that scripts see.
-            pub const fn name(self) -> &'static str {
-                match self { $(Status::$variant => $name,)* }
-            }
-
-            /// The status of a number on the wire; `None` for a number that this version does not
-            /// know.
-            pub const fn from_code(code: u32) -> Option<Status> {
-                match code { $($code => Some(Status::$variant),)* _ => None }
-            }
-        }
-    };
-}
-
-statuses! {
-    /// The answer is complete.
-    Ok = 0, "ok";
-    /// The request itself is malformed: a field missing, two that exclude each other, a quaternion
-    /// not of unit length.
-    BadRequest = 1, "bad_request";
-    /// An input number is NaN or infinite, or so large that the answer would be.
-    NonFiniteInput = 2, "non_finite_input";
-    /// The number of input or output numbers does not fit the plan.
-    WrongSize = 3, "wrong_size";
-    /// The request was made for a model with another fingerprint.
-    WrongModel = 4, "wrong_model";
-    /// The request or plan number is not known.
-    UnknownRequest = 5, "unknown_request";
-    /// Newton's method ran out of steps although the target seems reachable.
-    NotConverged = 6, "not_converged";
-    /// The straight path from the guess to the target crosses a singularity onto another branch.
-    BranchChanged = 7, "branch_changed";
-    /// No closed pose has these coordinates.
-    Unreachable = 8, "unreachable";
-    /// The closure loses rank at the answer: the mechanism gains a freedom.
-    SingularClosure = 9, "singular_closure";
-    /// The declared independent coordinates do not determine the motion at the answer.
-    SingularIndependents = 10, "singular_independents";
-    /// The actuators do not determine the motion (or a force cannot be mapped to them) at the
-    /// answer.
-    SingularActuation = 11, "singular_actuation";
-    /// The reduced mass matrix is not positive definite.
-    MassNotPositive = 12, "mass_not_positive";
-    /// The server has more work than it accepts.
-    Overloaded = 13, "overloaded";
-    /// The server is stopping.
-    ShuttingDown = 14, "shutting_down";
-}
-
-impl fmt::Display for Status {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+wire_enum! {
+    /// How a request ended. The numbers are part of the wire contract and never change.
+    ///
+    /// Number 15 is kept for `corrupt_answer`, which a client sets when a checksum fails; no answer
+    /// of this version has a checksum. A number that a client does not know is an error there and
+    /// never one of these.
+    Status: u32 {
+        /// The answer is complete.
+        Ok = 0, "ok";
+        /// The request itself is malformed: a field missing, two that exclude each other, a
+        /// quaternion not of unit length.
+        BadRequest = 1, "bad_request";
+        /// An input number is NaN or infinite, or so large that the answer would be.
+        NonFiniteInput = 2, "non_finite_input";
+        /// The number of input or output numbers does not fit the plan.
+        WrongSize = 3, "wrong_size";
+        /// The request was made for a model with another fingerprint.
+        WrongModel = 4, "wrong_model";
+        /// The request or plan number is not known.
+        UnknownRequest = 5, "unknown_request";
+        /// Newton's method ran out of steps although the target seems reachable.
+        NotConverged = 6, "not_converged";
+        /// The straight path from the guess to the target crosses a singularity onto another
+        /// branch.
+        BranchChanged = 7, "branch_changed";
+        /// No closed pose has these coordinates.
+        Unreachable = 8, "unreachable";
+        /// The closure loses rank at the answer: the mechanism gains a freedom.
+        SingularClosure = 9, "singular_closure";
+        /// The declared independent coordinates do not determine the motion at the answer.
+        SingularIndependents = 10, "singular_independents";
+        /// The actuators do not determine the motion (or a force cannot be mapped to them) at the
+        /// answer.
+        SingularActuation = 11, "singular_actuation";
+        /// The reduced mass matrix is not positive definite.
+        MassNotPositive = 12, "mass_not_positive";
+        /// The server has more work than it accepts.
+        Overloaded = 13, "overloaded";
+        /// The server is stopping.
+        ShuttingDown = 14, "shutting_down";
     }
 }
 

@@ -129,7 +129,10 @@ impl Remote {
             };
             match session.exchange(&head, input, output, &self.options, &mut deadline) {
                 Exchange::Answered(head) => {
-                    let status = Status::from_code(head.status).unwrap_or(Status::BadRequest);
+                    let Some(status) = Status::from_code(head.status) else {
+                        output.fill(f64::NAN);
+                        return Err(Error::UnknownStatus { code: head.status });
+                    };
                     return Ok(Answer { status, warnings: Warnings(head.warnings) });
                 }
                 Exchange::Lost => self.session = None,

@@ -9,16 +9,16 @@ faults! { urdf:
         "robot.urdf:1:1: a document type declaration (DTD), expected a file without one, remove it; the five entities of XML itself need none";
     what_is_not_xml_is_told_where_it_breaks:
         "</robot>" => "</robt>",
-        "robot.urdf:42:1: this is not XML: expected 'robot' tag, not 'robt', expected a well-formed URDF file, mend the file at this place";
+        "robot.urdf:42:1: this is not XML: expected 'robot' tag, not 'robt', expected a well-formed URDF file, correct the file at this position";
     a_file_that_ends_early_is_told_at_its_end:
         "</robot>\n" => "",
-        "robot.urdf:42:1: this is not XML: the root node was opened but never closed, expected a well-formed URDF file, mend the file at this place";
+        "robot.urdf:42:1: this is not XML: the root node was opened but never closed, expected a well-formed URDF file, correct the file at this position";
     a_faulty_attribute_is_told:
         r#"<mass value="1.5"/>"# => "<mass value=1.5/>",
-        "robot.urdf:6:19: this is not XML: expected a quote not '1', expected a well-formed URDF file, mend the file at this place";
+        "robot.urdf:6:19: this is not XML: expected a quote not '1', expected a well-formed URDF file, correct the file at this position";
     another_robot_format_is_told:
         r#"<robot name="lambda">"# => r#"<sdf name="lambda"><robot/></sdf><robot>"#,
-        "robot.urdf:1:34: this is not XML: unknown token, expected a well-formed URDF file, mend the file at this place";
+        "robot.urdf:1:34: this is not XML: unknown token, expected a well-formed URDF file, correct the file at this position";
     a_robot_needs_a_name:
         r#"<robot name="lambda">"# => "<robot>",
         r#"robot.urdf:1:1: `robot` has no `name`, expected name="…", add it"#;

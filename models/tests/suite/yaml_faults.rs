@@ -6,7 +6,7 @@ use super::*;
 faults! { yaml:
     what_is_not_yaml_is_told_where_it_breaks:
         "[elbow, swing, slide]\n  jointnames_spanningtree" => "[elbow, swing, slide\n  jointnames_spanningtree",
-        "submechanisms.yml:7:26: this is not YAML: illegal placement of ':' indicator, expected a submechanism file, mend the file at this place";
+        "submechanisms.yml:7:26: this is not YAML: illegal placement of ':' indicator, expected a submechanism file, correct the file at this position";
     an_anchor_and_its_alias_are_errors:
         "[elbow]\n" => "&one [elbow]\n  jointnames_other: *one\n",
         "submechanisms.yml:8:27: an anchor (`&…`), expected a file without anchors and aliases, write the value out where it is used",

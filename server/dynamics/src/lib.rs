@@ -28,9 +28,10 @@ pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, reze
 pub use closures_at_zero::ClosureAtZero;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use implicit::ImplicitForm;
-pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
+pub use model::{Compiled, Model};
 pub use plan::{Answer, Method, Plan};
 pub use sarrus_proto::{
-    Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status, Warnings,
+    ClosureInfo, ClosureKind, Field, FieldSet, JointLimits, Layout, ModelInfo, Query, QueryError,
+    Request, Sizes, Slot, Status, Warnings,
 };
 pub use workspace::Workspace;

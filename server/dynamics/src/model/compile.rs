@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use super::analysis::{self, Analysis};
 use super::assemble::Assembly;
-use super::{ClosureInfo, ClosureKind, Compiled, Meta, Model, closed_forms, masses};
+use super::{Compiled, Model, closed_forms, masses};
+use sarrus_proto::{ClosureInfo, ClosureKind, ModelInfo};
+
 use crate::closure::{Closure, Numerical};
 use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
@@ -172,7 +174,7 @@ fn build(
     if !errors.is_empty() {
         return None;
     }
-    exact.meta = Arc::new(Meta { closures: info, ..assembly.meta.clone() });
+    exact.meta = Arc::new(ModelInfo { closures: info, ..assembly.meta.clone() });
     let mut model = exact.map(Dd::to_f64);
     model.inertia = masses::check(&model, description, errors, warnings);
     exact.inertia.clone_from(&model.inertia);

@@ -140,14 +140,14 @@ mod tests {
         let line = r#" {"a" : [1, -2.5e3 ,{}], "ü": "x"} "#;
         let root = Value::parse(line).unwrap();
         let members = root.members(8).unwrap();
-        let places: Vec<&str> = members
+        let spans: Vec<&str> = members
             .iter()
             .flat_map(|(key, value)| [&line[key.offset..], &line[value.offset..]])
             .collect();
         assert!(
-            places[0].starts_with(r#""a""#)
-                && places[1].starts_with("[1")
-                && places[2].starts_with(r#""ü""#)
+            spans[0].starts_with(r#""a""#)
+                && spans[1].starts_with("[1")
+                && spans[2].starts_with(r#""ü""#)
         );
         let mut items = Vec::new();
         members[0].1.items(|item| {

@@ -125,7 +125,7 @@ impl Truth {
 
 /// How many numbers go in and come out.
 pub(super) fn counts(model: &ModelInfo) -> (usize, usize) {
-    let sizes = model.sizes();
+    let sizes = model.sizes;
     (Layout::of_given(&WANTED, &sizes).len(), Layout::of_want(&WANTED, &sizes).len())
 }
 
