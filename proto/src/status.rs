@@ -5,9 +5,7 @@ use crate::wire_enum::wire_enum;
 wire_enum! {
     /// How a request ended. The numbers are part of the wire contract and never change.
     ///
-    /// Number 15 is kept for `corrupt_answer`, which a client sets when a checksum fails; no answer
-    /// of this version has a checksum. A number that a client does not know is an error there and
-    /// never one of these.
+    /// The last two are set by a client and sent by no server.
     Status: u32 {
         /// The answer is complete.
         Ok = 0, "ok";
@@ -42,6 +40,23 @@ wire_enum! {
         Overloaded = 13, "overloaded";
         /// The server is stopping.
         ShuttingDown = 14, "shutting_down";
+        /// The answer is not what the server sent: its checksum fails. Kept for that; answers of
+        /// this version have no checksum.
+        CorruptAnswer = 15, "corrupt_answer";
+        /// The request ended in a way that this client does not know: the server is of another
+        /// version. The numbers are NaN.
+        UnknownStatus = 16, "unknown_status";
+    }
+}
+
+impl Status {
+    /// The status of an answer by its number; one that this version does not know is
+    /// [`Status::UnknownStatus`] and never another.
+    pub const fn of_answer(code: u32) -> Status {
+        match Status::from_code(code) {
+            Some(status) => status,
+            None => Status::UnknownStatus,
+        }
     }
 }
 
@@ -92,7 +107,11 @@ mod tests {
             assert_eq!(*status as usize, code);
             assert_eq!(Status::from_code(code as u32), Some(*status));
         }
-        assert_eq!(Status::from_code(15), None);
+        for code in [17, 1 << 31, u32::MAX] {
+            assert_eq!(Status::from_code(code), None);
+            assert_eq!(Status::of_answer(code), Status::UnknownStatus);
+        }
+        assert_eq!(Status::of_answer(8), Status::Unreachable);
         assert_eq!(Status::Unreachable as u32, 8);
         assert_eq!(Status::ShuttingDown.name(), "shutting_down");
     }

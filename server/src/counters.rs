@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn buckets_tell_ticks_to_a_sixteenth() {
+    fn buckets_resolve_ticks_to_a_sixteenth() {
         for exponent in 0..42 {
             for ticks in
                 [1_u64 << exponent, (1 << exponent) + (1 << exponent) / 3, (2 << exponent) - 1]

@@ -28,7 +28,7 @@ use crate::Wait;
 use crate::counters::{Counters, Transport};
 use crate::engine::{Engine, Input};
 
-/// Sweeps between two looks at what the maintenance thread wants.
+/// Sweeps between two looks at the orders of the maintenance thread.
 const SWEEPS_BETWEEN_MAIL: u32 = 32;
 /// How long a heartbeat may be old.
 const BEAT: Duration = Duration::from_millis(1);

@@ -20,10 +20,10 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// See it work: a server process, a controller that asks it, and the truth about every answer.
+    /// See it work: a server process, a controller that asks it, and every answer checked.
     ///
     /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and
-    /// within 1e-12 of the truth.
+    /// within 1e-12 of double-double arithmetic.
     Demo(commands::demo::Demo),
     /// Read a robot's files: every fault of them, or what the robot is.
     ///

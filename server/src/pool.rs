@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exhausted_pool_falls_through_to_the_system_and_tells() {
+    fn an_exhausted_pool_falls_through_to_the_system_and_counts_it() {
         let _alone = ALONE.lock().unwrap();
         let mut blocks = Vec::with_capacity(9);
         let before = counts();

@@ -82,7 +82,7 @@ fn fields_keep_their_numbers_and_names() {
 
 #[test]
 fn statuses_and_requests_keep_their_numbers_and_names() {
-    const NAMES: [&str; 15] = [
+    const NAMES: [&str; 17] = [
         "ok",
         "bad_request",
         "non_finite_input",
@@ -98,6 +98,8 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
         "mass_not_positive",
         "overloaded",
         "shutting_down",
+        "corrupt_answer",
+        "unknown_status",
     ];
     for (code, name) in NAMES.into_iter().enumerate() {
         assert_eq!(Status::from_code(code as u32).map(Status::name), Some(name));
@@ -159,9 +161,9 @@ fn calls_refusals_and_what_a_bridge_says_keep_their_numbers_and_names() {
 
 #[test]
 fn a_number_that_this_version_does_not_know_has_no_meaning() {
-    // 15 is kept for `corrupt_answer`
-    for code in [15, 16, 1 << 16, u32::MAX] {
+    for code in [17, 18, 1 << 16, u32::MAX] {
         assert_eq!((Status::from_code(code), Status::name_of(code)), (None, "unknown"));
+        assert_eq!(Status::of_answer(code), Status::UnknownStatus);
     }
     for code in [99, u32::MAX] {
         assert_eq!((Call::from_code(code), Refusal::from_code(code)), (None, None));

@@ -109,15 +109,6 @@ pub enum Error {
         /// How long was waited.
         timeout: Duration,
     },
-    /// The answer ended in a way that this client does not know; its numbers are NaN.
-    #[error(
-        "the server answers with status {code}, which this client does not know; use client and \
-         server of one version"
-    )]
-    UnknownStatus {
-        /// The number of the status.
-        code: u32,
-    },
     /// Attaching failed, at first or again after the server was restarted.
     #[error(transparent)]
     Connect(#[from] ConnectError),

@@ -41,7 +41,7 @@ fn reported_of_cut(lines: &str) -> Vec<String> {
 }
 
 #[test]
-fn an_unknown_cut_joint_is_told_with_the_nearest() {
+fn an_unknown_cut_joint_is_reported_with_the_nearest() {
     let expected = "submechanisms.yml:14:21: the cut joint type `revolut` is not known, expected spherical, weld, revolute, planar_revolute, prismatic, cylindrical, universal, did you mean `revolute`?";
     assert_eq!(reported_of_cut("cut_joint_type: revolut\n    axis: [0, 0, 1]"), [expected]);
 }

@@ -136,7 +136,7 @@ fn a_long_list_costs_no_more_than_its_length() {
 }
 
 #[test]
-fn a_file_cut_anywhere_is_told_or_read() {
+fn a_file_cut_anywhere_is_reported_or_read() {
     for end in (0..URDF.len()).step_by(3) {
         assert!(
             reported_of(&URDF.as_bytes()[..end], Some(YAML.as_bytes()), false)
@@ -150,7 +150,7 @@ fn a_file_cut_anywhere_is_told_or_read() {
 }
 
 #[test]
-fn damaged_files_are_told_or_read() {
+fn damaged_files_are_reported_or_read() {
     const SEED: u64 = 0x5a44;
     println!("seed {SEED:#x}");
     let mut random = Random(SEED);

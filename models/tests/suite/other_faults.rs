@@ -18,7 +18,7 @@ fn remove(path: &std::path::Path) {
 }
 
 #[test]
-fn bytes_that_are_not_utf8_are_told_with_their_place() {
+fn bytes_that_are_not_utf8_are_reported_with_their_position() {
     let mut urdf = URDF.as_bytes().to_vec();
     let at = URDF.find("rocker").unwrap();
     urdf[at] = 0xe9;
@@ -32,7 +32,7 @@ fn bytes_that_are_not_utf8_are_told_with_their_place() {
 }
 
 #[test]
-fn another_format_is_told() {
+fn another_format_is_reported() {
     let expected = "robot.urdf:1:1: the outermost element is `sdf`, expected `robot`, give a URDF file (expand xacro files, convert SDF or MJCF first)\n";
     assert_eq!(reported_of(b"<sdf version=\"1.7\"/>", None, false), expected);
     assert_eq!(
@@ -46,7 +46,7 @@ fn another_format_is_told() {
 }
 
 #[test]
-fn an_empty_robot_and_an_empty_list_are_told() {
+fn an_empty_robot_and_an_empty_list_are_reported() {
     let reported = reported_of(b"<robot name=\"r\"/>", Some(b""), false);
     let expected = "robot.urdf:1:1: the robot has no link, expected at least one, add links\n\
         submechanisms.yml:1:1: the file is nothing, expected a mapping with the keys submechanisms, exoskeletons, correct it\n";
@@ -64,7 +64,7 @@ fn an_empty_robot_and_an_empty_list_are_told() {
 }
 
 #[test]
-fn faults_of_both_files_are_told_at_once_in_the_order_of_their_places() {
+fn faults_of_both_files_are_reported_at_once_in_the_order_of_their_positions() {
     let urdf = with(
         &with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"x\"/>"),
         "<axis xyz=\"0 1 0\"/>",
@@ -102,7 +102,7 @@ fn a_file_that_cannot_be_opened_is_no_fault_of_its_content() {
 }
 
 #[test]
-fn an_unknown_robot_is_told_with_the_nearest() {
+fn an_unknown_robot_is_reported_with_the_nearest() {
     let Err(error) = load(&Source::Bundled("stewert".into()), &Options::default()) else {
         panic!()
     };
@@ -112,7 +112,7 @@ fn an_unknown_robot_is_told_with_the_nearest() {
 }
 
 #[test]
-fn a_smurf_file_without_a_robot_is_told() {
+fn a_smurf_file_without_a_robot_is_reported() {
     for (name, content, what) in [
         (
             "a.smurf",

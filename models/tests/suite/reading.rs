@@ -219,7 +219,7 @@ fn a_lenient_reader_warns_of_inertias_and_reads_on() {
 }
 
 #[test]
-fn a_finding_as_json_has_the_names_that_scripts_see() {
+fn a_diagnostic_as_json_has_the_names_that_scripts_see() {
     let Err(LoadError::Faults(report)) = load(
         &Source::Text {
             urdf: with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"heavy\"/>").into(),

@@ -40,7 +40,7 @@ fn the_names_of_sdf_are_read_from_dynamics() {
 }
 
 #[test]
-fn dry_friction_is_told_and_not_read() {
+fn dry_friction_is_reported_and_not_read() {
     let (terms, reported) = elbow(&with_dynamics("<dynamics damping=\"0\" friction=\"0.1\"/>"));
     assert_eq!(terms, Terms::default());
     let expected = "robot.urdf:27:5: the joint `elbow` has dry friction, which is not modelled, expected `damping`, add it to the forces of the actuators, or remove it\n";

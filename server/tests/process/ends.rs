@@ -99,7 +99,7 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
 }
 
 #[test]
-fn a_killed_server_is_told_and_a_new_one_is_found() {
+fn a_killed_server_is_reported_and_a_new_one_is_found() {
     for transport in [Transport::Lane, Transport::Service] {
         let sandbox = Sandbox::new();
         let server = sandbox.serve("phoenix", &[]);

@@ -200,7 +200,7 @@ fn lies_through_a_lane_get_their_status() {
 }
 
 #[test]
-fn lies_through_the_requests_door_get_their_status() {
+fn lies_through_the_service_get_their_status() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("transport", &[]);
     let name = ServerName::new("transport").unwrap();

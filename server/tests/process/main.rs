@@ -104,7 +104,7 @@ fn a_larger_plan_gets_a_larger_lane() {
 }
 
 #[test]
-fn no_server_is_told_at_once() {
+fn no_server_is_reported_at_once() {
     let sandbox = Sandbox::new();
     let start = Instant::now();
     let error = sandbox.connect("nobody", Transport::Lane).err().unwrap();
@@ -151,7 +151,7 @@ fn another_model_than_expected_is_refused() {
 }
 
 #[test]
-fn no_free_slot_is_told_and_the_requests_door_stays_open() {
+fn no_free_slot_is_reported_and_the_service_stays_open() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("full", &["--lanes", "2"]);
     let first = Asker::new(sandbox.connect("full", Transport::Lane).unwrap());

@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_value_knows_its_place() {
+    fn every_value_knows_its_span() {
         let line = r#" {"a" : [1, -2.5e3 ,{}], "ü": "x"} "#;
         let root = Value::parse(line).unwrap();
         let members = root.members(8).unwrap();
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_of_syntax_have_their_place() {
+    fn faults_of_syntax_have_their_offset() {
         let fault = |text| Value::parse(text).map(|value| value.offset).unwrap_err();
         assert_eq!(
             fault(r#"{"y":[0.1 0.2]}"#),

@@ -70,7 +70,7 @@ impl Report {
     pub(super) fn new(
         model: &ModelInfo,
         (numbers_in, numbers_out): (usize, usize),
-        truth_is_whole: bool,
+        reference_is_whole: bool,
         ways: Vec<Way>,
     ) -> Report {
         let of_kind = |kind| model.closures.iter().filter(|closure| closure.kind == kind).count();
@@ -83,7 +83,7 @@ impl Report {
             samples: SAMPLES,
             numbers_in,
             numbers_out,
-            good: truth_is_whole
+            good: reference_is_whole
                 && worst_error < LIMIT
                 && ways.iter().all(|way| way.failed == 0 && way.requests > 0),
             worst_error,
@@ -139,9 +139,9 @@ impl Report {
             0 => format!("\nAll {requests} answers are ok. "),
             n => format!("\n{n} of {requests} answers FAILED. "),
         };
-        let verdict = if self.worst_error < LIMIT { "within" } else { "OUTSIDE" };
+        let relation = if self.worst_error < LIMIT { "within" } else { "OUTSIDE" };
         text + &format!(
-            "Worst error {:.1e} of the largest force of its sample, {verdict} the limit of \
+            "Worst error {:.1e} of the largest force of its sample, {relation} the limit of \
              {LIMIT:.0e}.\n",
             self.worst_error
         )
