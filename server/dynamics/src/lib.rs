@@ -41,26 +41,26 @@ RUSTFLAGS="-C target-cpu=x86-64-v3" cargo install ...
 For processors without FMA turn on the feature `portable`: the same results, slowly."#
 );
 
-mod assembly;
-mod branch_sparse;
+mod algorithms;
 mod closure;
-mod closures_at_zero;
+mod compile;
+mod constrained;
 pub mod description;
 mod diagnostic;
-mod implicit;
-mod linear;
+mod fingerprint;
+mod initial_pose;
+mod linalg;
+mod mechanism;
 mod model;
 mod plan;
 pub mod scalar;
 mod spatial;
-mod tree;
 mod workspace;
 
-pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
-pub use closures_at_zero::ClosureAtZero;
+pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
-pub use implicit::ImplicitForm;
-pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
+pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use model::{ClosureAtZero, ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Answer, Method, Plan};
 pub use sarrus_proto::{
     Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status, Warnings,
