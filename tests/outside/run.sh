@@ -70,7 +70,7 @@ lines=$(grep -oE "$wanted" "$place/error" | awk '!seen[$0]++')
 [ "$(grep -c . <<<"$lines")" -eq 2 ] ||
     fail "the error does not hold the two lines to paste:" "$(cat "$place/error")"
 echo "$lines" | while read -r line; do
-    grep -qFx "$line" "$root/.cargo/config.toml" || fail "the project itself is built without: $line"
+    grep -qFx "$line" "$root/.cargo/config.toml" || fail "the project is built without: $line"
 done
 
 # (c) the portable build compiles
