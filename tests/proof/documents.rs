@@ -218,7 +218,20 @@ fn versions_agree() {
     let newest = page("CHANGELOG.md")
         .lines()
         .find_map(|line| line.strip_prefix("## [")?.split(']').next().map(str::to_owned));
-    assert_eq!(newest, Some(version), "the newest entry of the changelog is another version");
+    assert_eq!(
+        newest.as_ref(),
+        Some(&version),
+        "the newest entry of the changelog is another version"
+    );
+    assert!(
+        page("CITATION.cff").contains(&format!("\nversion: {version}\n")),
+        "CITATION.cff is of another version than {version}"
+    );
+    for line in workspace.lines().filter(|line| line.starts_with("sarrus-")) {
+        let other =
+            line.contains("version = ") && !line.contains(&format!("version = \"{version}\""));
+        assert!(!other, "a crate of the workspace is asked for in another version: {line}");
+    }
     for path in files("Cargo.toml").iter().filter(|path| *path != "Cargo.toml") {
         let manifest = page(path);
         for line in [
