@@ -10,12 +10,9 @@
 //! | `cylindrical` | axis | b c rb rc |
 //! | `universal` | axis on the predecessor, axis2 on the successor | x y z u |
 //!
-//! x, y, z are the axes of the cut frame. b is the one of them that is least along `axis` (the
-//! first of several), made perpendicular to it; c = axis × b. The letter r stands for a turn, axis
-//! · log(R_Pᵀ R_S), which is exact wherever the cut leaves the turns about one line or none. A
-//! universal joint leaves two, and its turn about axis × axis2 is none of them only at zero; what
-//! it keeps is u, axis · (R_Pᵀ R_S axis2) = 0.
+//! What the rows are is said at [`CutJoint`], which makes them.
 
+use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::Row;
 
 use crate::report::{Diagnostics, Span, quoted};
@@ -73,57 +70,17 @@ impl CutKind {
     /// The rows in the predecessor's cut frame, and in the successor's where they stand against a
     /// direction of it.
     pub(crate) fn rows(self, axis: [f64; 3], axis2: [f64; 3]) -> Vec<Row> {
-        let [b, c] = across(axis);
-        let frame = [("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])];
-        let plane = [("b", b), ("c", c)];
-        let (linear, angular): (&[(&str, [f64; 3])], &[(&str, [f64; 3])]) = match self {
-            Spherical | Universal => (&frame, &[]),
-            Weld => (&frame, &frame),
-            Revolute => (&frame, &plane),
-            PlanarRevolute => (&plane, &[]),
-            Prismatic => (&plane, &frame),
-            Cylindrical => (&plane, &plane),
+        let joint = match self {
+            Spherical => CutJoint::Spherical,
+            Weld => CutJoint::Weld,
+            Revolute => CutJoint::Revolute { axis },
+            PlanarRevolute => CutJoint::PlanarRevolute { axis },
+            Prismatic => CutJoint::Prismatic { axis },
+            Cylindrical => CutJoint::Cylindrical { axis },
+            Universal => CutJoint::Universal { axis, axis2 },
         };
-        let linear = linear
-            .iter()
-            .map(|(name, [x, y, z])| ((*name).to_owned(), [0.0, 0.0, 0.0, *x, *y, *z], None));
-        let angular = angular
-            .iter()
-            .map(|(name, [x, y, z])| (format!("r{name}"), [*x, *y, *z, 0.0, 0.0, 0.0], None));
-        // what is perpendicular up to the rounding of a file is so
-        let [x, y, z] = unit(axis);
-        let along = dot([x, y, z], axis2);
-        let against = unit([axis2[0] - along * x, axis2[1] - along * y, axis2[2] - along * z]);
-        let turn =
-            (self == Universal).then(|| ("u".to_owned(), [x, y, z, 0.0, 0.0, 0.0], Some(against)));
-        linear
-            .chain(angular)
-            .chain(turn)
-            .map(|(name, axis, against)| Row { name, axis, against })
-            .collect()
+        joint.rows()
     }
-}
-
-/// Two directions b and c = axis × b, perpendicular to an axis and of unit length; exact where the
-/// axis is one of the frame.
-fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
-    let a = unit(axis);
-    let mut k = 0;
-    for i in 1..3 {
-        if a[i].abs() < a[k].abs() {
-            k = i;
-        }
-    }
-    let b = unit(core::array::from_fn(|i| if i == k { 1.0 - a[k] * a[k] } else { -a[k] * a[i] }));
-    // 0.0 turns −0.0 round
-    [b, [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]]
-        .map(|v| v.map(|x| x + 0.0))
-}
-
-fn unit(v: [f64; 3]) -> [f64; 3] {
-    let length = dot(v, v).sqrt();
-    // a cut without an axis has no row of it
-    if length > 0.0 { v.map(|x| x / length) } else { v }
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -228,29 +185,6 @@ fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_directions_across_an_axis_of_the_frame_are_axes_of_the_frame() {
-        assert_eq!(across([3.0, 0.0, 0.0]), [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-        assert_eq!(across([0.0, 1.0, 0.0]), [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
-        assert_eq!(across([0.0, 0.0, 0.5]), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-    }
-
-    #[test]
-    fn the_directions_across_a_tilted_axis_are_a_right_handed_frame_with_it() {
-        let axis = [0.36, 0.48, -0.8];
-        let [b, c] = across(axis);
-        for (value, expected) in [
-            (dot(b, axis), 0.0),
-            (dot(c, axis), 0.0),
-            (dot(b, c), 0.0),
-            (dot(b, b), 1.0),
-            (dot(c, c), 1.0),
-        ] {
-            assert!((value - expected).abs() < 4e-16, "{value} {expected}");
-        }
-        assert!(c[2] * (axis[0] * b[1] - axis[1] * b[0]) > 0.0);
-    }
 
     #[test]
     fn every_kind_has_as_many_rows_as_it_says() {

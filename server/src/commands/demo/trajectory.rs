@@ -52,8 +52,7 @@ impl Trajectory {
         }
     }
 
-    /// y, ẏ and ÿ of one sample, packed one after the other (thesis of the base document, 6.1 to
-    /// 6.3).
+    /// y, ẏ and ÿ of one sample, packed one after the other [K21, 6.1 to 6.3].
     pub(super) fn sample(&self, k: usize, input: &mut [f64]) {
         let rate = 2.0 * std::f64::consts::PI / DURATION;
         let t = k as f64 * DURATION / (SAMPLES - 1) as f64;
