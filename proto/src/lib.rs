@@ -6,6 +6,7 @@
 //! also holds the services over shared memory.
 
 pub mod actuators;
+pub mod counts;
 mod field;
 mod layout;
 mod query;
