@@ -6,6 +6,7 @@
 //! to know about a robot ([`ModelInfo`]). With it, it also holds the services over shared memory.
 
 pub mod actuators;
+pub mod counts;
 mod field;
 mod info;
 mod layout;

@@ -79,7 +79,7 @@ impl Telemetry {
         let counters = bridge.counters();
         self.wake.saturating_record(times.wake_ns);
         self.work.saturating_record(times.work_ns);
-        if counters.accepted > 0 {
+        if counters.commands.accepted > 0 {
             self.age.saturating_record(counters.age_ns);
         }
         if counters.replies > self.replies {
@@ -107,13 +107,7 @@ impl Telemetry {
         let mut told = BridgeStatistics {
             stamp_ns: now_ns,
             cycles: counters.cycles,
-            accepted: counters.accepted,
-            not_finite: counters.not_finite,
-            negative: counters.negative,
-            old: counters.old,
-            ahead: counters.ahead,
-            wrong_model: counters.wrong_model,
-            wrong_size: counters.wrong_size,
+            commands: counters.commands,
             wake: times(&self.wake),
             work: times(&self.work),
             age: times(&self.age),
@@ -124,14 +118,8 @@ impl Telemetry {
             let Some((state, counters)) = bridge.bus_counters(bus) else { continue };
             *into = BusStatistics {
                 state: state as u64,
-                sent: sent.saturating_sub(counters.dropped),
-                received: counters.received,
-                unknown: counters.unknown,
-                malformed: counters.malformed,
-                dropped: counters.dropped,
-                overrun: counters.overrun,
-                passive: counters.passive,
-                off: counters.off,
+                sent: sent.saturating_sub(counters.counts.dropped),
+                counts: counters.counts,
                 ..*into
             };
         }

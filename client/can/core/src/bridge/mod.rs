@@ -20,7 +20,7 @@ mod verdict;
 
 pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
-pub use verdict::Verdict;
+pub use sarrus_proto::counts::CommandVerdict;
 
 use sarrus_proto::actuators::{
     ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
@@ -121,19 +121,19 @@ impl Bridge {
     /// Takes a frame that came on a bus at `now_ns`.
     pub fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
-        of_bus.counters.received += 1;
+        of_bus.counters.counts.received += 1;
         let mut is_known = false;
         for motor in self.motors.iter_mut().filter(|motor| motor.config.bus == bus) {
             match motor.config.drive.receive(now_ns, frame) {
                 Receipt::NotMine => continue,
-                Receipt::Malformed => of_bus.counters.malformed += 1,
+                Receipt::Malformed => of_bus.counters.counts.malformed += 1,
                 Receipt::Noted | Receipt::Parameter(..) => {}
                 Receipt::Measured(measured) => {
                     if let Some(reply_ns) = motor.measured(now_ns, &measured) {
                         self.counters.reply_ns = reply_ns;
                         self.counters.replies += 1;
                     } else if !measured.position.is_finite() {
-                        of_bus.counters.malformed += 1;
+                        of_bus.counters.counts.malformed += 1;
                     }
                 }
             }
@@ -141,7 +141,7 @@ impl Bridge {
             break;
         }
         if !is_known {
-            of_bus.counters.unknown += 1;
+            of_bus.counters.counts.unknown += 1;
         }
     }
 
@@ -169,10 +169,10 @@ impl Bridge {
     }
 
     /// Takes a command, or says why not; a command that is not taken changes nothing but a counter.
-    pub fn command(&mut self, now_ns: u64, command: &ActuatorCommand) -> Verdict {
-        let verdict = self.judge(now_ns, command);
-        self.counters.add(verdict);
-        if verdict == Verdict::Accepted {
+    pub fn command(&mut self, now_ns: u64, command: &ActuatorCommand) -> CommandVerdict {
+        let verdict = self.assess(now_ns, command);
+        self.counters.commands.add(verdict);
+        if verdict == CommandVerdict::Accepted {
             self.command = *command;
             self.commanded = true;
         }

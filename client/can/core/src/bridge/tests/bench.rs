@@ -244,7 +244,7 @@ impl Bench {
         self.now_ns += 1;
         let mut command = self.command();
         change(&mut command);
-        assert_eq!(self.bridge.command(self.now_ns, &command), Verdict::Accepted);
+        assert_eq!(self.bridge.command(self.now_ns, &command), CommandVerdict::Accepted);
     }
 
     pub(super) fn states(&self) -> [MechanismState; 3] {

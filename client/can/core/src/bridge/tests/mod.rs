@@ -137,10 +137,10 @@ fn one_number_that_is_none_rejects_the_whole_command() {
                 &mut command.damping,
             ];
             fields[field][2] = number;
-            assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::NotFinite);
+            assert_eq!(bench.bridge.command(bench.now_ns, &command), CommandVerdict::NotFinite);
         }
     }
-    assert_eq!(bench.bridge.counters().not_finite, 20);
+    assert_eq!(bench.bridge.counters().commands.not_finite, 20);
     bench.steps(120);
     assert_eq!(bench.reason(0), Reason::CommandLost, "commands that are not taken feed no deadman");
     assert!(position.is_finite());
@@ -157,18 +157,21 @@ fn commands_of_the_past_the_future_and_other_robots_are_not_taken() {
     let (last, now_ns) = (bench.sequence, bench.now_ns);
     let judged =
         |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(now_ns + 1, &command);
-    assert_eq!(judged(&mut bench, ActuatorCommand { sequence: last, ..good }), Verdict::Old);
-    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), Verdict::Old);
+    assert_eq!(judged(&mut bench, ActuatorCommand { sequence: last, ..good }), CommandVerdict::Old);
+    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), CommandVerdict::Old);
     assert_eq!(
         judged(&mut bench, ActuatorCommand { stamp_ns: now_ns + 10 * MS, ..good }),
-        Verdict::Ahead
+        CommandVerdict::Ahead
     );
-    assert_eq!(judged(&mut bench, ActuatorCommand { fingerprint: 8, ..good }), Verdict::WrongModel);
-    assert_eq!(judged(&mut bench, ActuatorCommand { n_u: 2, ..good }), Verdict::WrongSize);
+    assert_eq!(
+        judged(&mut bench, ActuatorCommand { fingerprint: 8, ..good }),
+        CommandVerdict::WrongModel
+    );
+    assert_eq!(judged(&mut bench, ActuatorCommand { n_u: 2, ..good }), CommandVerdict::WrongSize);
     let mut negative = good;
     negative.stiffness[1] = -1.0;
-    assert_eq!(judged(&mut bench, negative), Verdict::Negative);
-    assert_eq!(judged(&mut bench, good), Verdict::Accepted);
+    assert_eq!(judged(&mut bench, negative), CommandVerdict::Negative);
+    assert_eq!(judged(&mut bench, good), CommandVerdict::Accepted);
 }
 
 #[test]
@@ -422,7 +425,7 @@ fn frames_of_strangers_and_malformed_ones_are_counted_and_not_used() {
     // the right identifier on another bus
     bench.bridge.receive(bench.now_ns, 1, &Frame::classic(Id::Standard(16), &[1, 0, 90]).unwrap());
     bench.step();
-    let counters = |bus| *bench.bridge.bus_counters(bus).unwrap().1;
+    let counters = |bus| bench.bridge.bus_counters(bus).unwrap().1.counts;
     assert_eq!((counters(0).unknown, counters(0).malformed, counters(1).unknown), (1, 1, 1));
     assert_eq!(bench.bridge.state().position[0], before);
 }

@@ -18,6 +18,7 @@ mod file;
 mod signals;
 
 use super::number::limited;
+use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
@@ -80,18 +81,6 @@ const fn number(name: &'static str, default: &'static str, about: &'static str) 
 /// A temperature counts for this time: it is told seldom, and changes slowly `[ns]`.
 const TEMPERATURE_NS: u64 = 10_000_000_000;
 
-/// The way to power.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Off,
-    /// The set-point was sent, without power.
-    Told,
-    /// Power was asked for.
-    Asked,
-    /// The motor let go by itself; it gets no power before it was told to be off.
-    Lost,
-}
-
 #[derive(Debug)]
 struct Dbc {
     torque_limit: f64,
@@ -113,7 +102,7 @@ struct Dbc {
     code: u32,
     not_finite: bool,
     power: Power,
-    stage: Stage,
+    power_up: PowerUp,
 }
 
 const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
@@ -208,7 +197,7 @@ fn make(
         code: 0,
         not_finite: false,
         power: Power::Unknown,
-        stage: Stage::Off,
+        power_up: PowerUp::primed(),
     }))
 }
 
@@ -260,9 +249,7 @@ impl Dbc {
     }
 
     fn powered(&mut self, is_on: bool) {
-        if self.power == Power::On && self.stage == Stage::Asked && !is_on {
-            self.stage = Stage::Lost;
-        }
+        self.power_up.report(is_on);
         self.power = if is_on { Power::On } else { Power::Off };
     }
 }
@@ -273,21 +260,17 @@ impl Drive for Dbc {
         let is_ready = self.place.is_finite()
             && self.state().power != Power::Unknown
             && self.state().fault == 0;
-        match (command, self.stage) {
-            (DriveCommand::On(wanted), Stage::Told | Stage::Asked) => {
-                self.stage = Stage::Asked;
-                self.send(true, &wanted, out);
-            }
-            (DriveCommand::On(wanted), Stage::Off) if is_ready => {
-                self.stage = Stage::Told;
-                self.send(false, &wanted, out);
-            }
-            (DriveCommand::On(_), Stage::Off | Stage::Lost) => {
-                self.send(false, &self.neutral(), out)
-            }
-            (DriveCommand::Off | DriveCommand::Reset, _) => {
-                self.stage = Stage::Off;
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(_) | Action::Reset | Action::Withhold => {
                 self.send(false, &self.neutral(), out);
+            }
+            Action::Prime(setpoint) => self.send(false, &setpoint, out),
+            Action::Ask(setpoint) | Action::Await(setpoint) | Action::Follow(setpoint) => {
+                // a motor that said before that it has power does not say so again
+                if self.power == Power::On {
+                    self.power_up.report(true);
+                }
+                self.send(true, &setpoint, out);
             }
         }
     }
@@ -333,7 +316,7 @@ impl Drive for Dbc {
         }
         self.place = position;
         if self.enabled.is_none() {
-            self.power = if self.stage == Stage::Asked { Power::On } else { Power::Off };
+            self.power = if self.power_up.is_asked() { Power::On } else { Power::Off };
         }
         Receipt::Measured(Measurement {
             position,
@@ -345,14 +328,14 @@ impl Drive for Dbc {
 
     fn state(&self) -> DriveState {
         let is_known = !self.silent && self.health().all(Told::is_known);
-        let power = match (self.power, self.stage) {
+        let power = match self.power {
             _ if !is_known => Power::Unknown,
-            (Power::Off, Stage::Told | Stage::Asked) => Power::Starting,
-            (power, _) => power,
+            Power::Off if self.power_up.is_starting() => Power::Starting,
+            power => power,
         };
         let fault = match self.code {
             0 if self.not_finite => fault::NOT_FINITE,
-            0 if self.stage == Stage::Lost => fault::POWER_LOST,
+            0 if self.power_up.stage() == Stage::Lost => fault::POWER_LOST,
             0 if self.silent => fault::SILENT,
             code => code,
         };
@@ -367,7 +350,8 @@ impl Drive for Dbc {
             .chain([position])
             .for_each(Told::forget);
         (self.silent, self.place, self.code, self.not_finite) = (false, f64::NAN, 0, false);
-        (self.power, self.stage) = (Power::Unknown, Stage::Off);
+        self.power = Power::Unknown;
+        self.power_up.forget();
     }
 
     fn identifiers(&self) -> Vec<Id> {

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::process::{Command, Output};
 
-use sarrus_can_core::bridge::{Bridge, BusEvent, Verdict};
+use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::config::Configuration;
 use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_sim::{Physics, Simulated};
@@ -71,7 +71,7 @@ impl Session {
     }
 
     /// A command of random numbers, changed.
-    fn command_with(&mut self, change: impl FnOnce(&mut ActuatorCommand)) -> Verdict {
+    fn command_with(&mut self, change: impl FnOnce(&mut ActuatorCommand)) -> CommandVerdict {
         self.sequence += 1;
         let n_u = self.configuration.actuators.len();
         let mut command = ActuatorCommand {
@@ -110,25 +110,37 @@ impl Session {
     /// Commands that are refused.
     fn bad_commands(&mut self) {
         let (now_ns, sequence) = (self.now_ns, self.sequence);
-        assert_eq!(self.command_with(|command| command.position[3] = f64::NAN), Verdict::NotFinite);
+        assert_eq!(
+            self.command_with(|command| command.position[3] = f64::NAN),
+            CommandVerdict::NotFinite
+        );
         assert_eq!(
             self.command_with(|command| command.effort[0] = f64::INFINITY),
-            Verdict::NotFinite
+            CommandVerdict::NotFinite
         );
-        assert_eq!(self.command_with(|command| command.stiffness[1] = -1.0), Verdict::Negative);
-        assert_eq!(self.command_with(|command| command.sequence = sequence), Verdict::Old);
-        assert_eq!(self.command_with(|command| command.stamp_ns -= 1_000_000_000), Verdict::Old);
+        assert_eq!(
+            self.command_with(|command| command.stiffness[1] = -1.0),
+            CommandVerdict::Negative
+        );
+        assert_eq!(self.command_with(|command| command.sequence = sequence), CommandVerdict::Old);
+        assert_eq!(
+            self.command_with(|command| command.stamp_ns -= 1_000_000_000),
+            CommandVerdict::Old
+        );
         assert_eq!(
             self.command_with(|command| command.stamp_ns = now_ns + 10_000_000_000),
-            Verdict::Ahead
+            CommandVerdict::Ahead
         );
-        assert_eq!(self.command_with(|command| command.fingerprint ^= 1), Verdict::WrongModel);
-        assert_eq!(self.command_with(|command| command.n_u -= 1), Verdict::WrongSize);
+        assert_eq!(
+            self.command_with(|command| command.fingerprint ^= 1),
+            CommandVerdict::WrongModel
+        );
+        assert_eq!(self.command_with(|command| command.n_u -= 1), CommandVerdict::WrongSize);
     }
 
     /// Frames that no motor sends: cut short, too long for what they say, of others.
     fn bad_frames(&mut self) {
-        let before = *self.bridge.bus_counters(0).unwrap().1;
+        let before = self.bridge.bus_counters(0).unwrap().1.counts;
         for text in [
             "101#",
             "101#11",
@@ -142,7 +154,7 @@ impl Session {
             writeln!(self.log, "{}", json!({"t": self.now_ns, "frame": text, "bus": bus})).unwrap();
             self.bridge.receive(self.now_ns, 0, &Frame::from_text(text).unwrap());
         }
-        let after = self.bridge.bus_counters(0).unwrap().1;
+        let after = self.bridge.bus_counters(0).unwrap().1.counts;
         assert!(after.malformed > before.malformed && after.unknown > before.unknown);
     }
 
