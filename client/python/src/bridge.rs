@@ -18,7 +18,7 @@ use crate::frames::{PyFrame, list};
 use crate::log::Log;
 use crate::service::operation_of;
 
-/// The rules, of one robot: what its motors are told in each cycle. Times are nanoseconds of the
+/// The rules, of one robot: what its motors are given in each cycle. Times are nanoseconds of the
 /// monotonic clock.
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {

@@ -16,7 +16,7 @@ use serde_json::{Map, Value, json};
 use crate::check::{Format, table};
 
 /// Time for the first state and statistics to come.
-const PATIENCE: Duration = Duration::from_secs(3);
+const TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Flags of `top`.
 #[derive(Args)]
@@ -55,7 +55,7 @@ impl Top {
                 (state, heard) = (Some(new), Instant::now());
             }
             statistics = observer.statistics().or(statistics);
-            if heard.elapsed() > PATIENCE || (statistics.is_none() && begin.elapsed() > PATIENCE) {
+            if heard.elapsed() > TIMEOUT || (statistics.is_none() && begin.elapsed() > TIMEOUT) {
                 return Err(Box::new(ConnectError::SilentBridge { name: self.name.clone() }));
             }
             if let (Some(state), Some(statistics)) = (&state, &statistics) {

@@ -314,7 +314,7 @@ impl Reader<'_, '_> {
                     top.place(key),
                     found,
                     "a robot that `sarrus check` accepts",
-                    "run `sarrus check` and mend them",
+                    "run `sarrus check` and fix them",
                 );
                 None
             }

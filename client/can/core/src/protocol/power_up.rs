@@ -23,7 +23,7 @@ pub(super) enum Stage {
     Asked(u8),
     /// The motor follows.
     On,
-    /// The motor lost its power by itself; it gets none before it was told to be off.
+    /// The motor lost its power by itself; it gets none before it was off by command.
     Lost,
 }
 

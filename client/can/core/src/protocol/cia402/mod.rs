@@ -8,7 +8,7 @@
 //!   580 + node SDO, expedited. 700 + node heartbeat, 0 when the drive booted.
 //! - 200 + node, sent: control word 6040 u16, then target position 607A i32, target velocity 60FF
 //!   i32 or target torque 6071 i16; behind a position or a velocity the torque offset 60B2 i16, if
-//!   wanted. All little-endian, taken at SYNC.
+//!   desired. All little-endian, taken at SYNC.
 //! - 180 + node, received after SYNC: status word 6041 u16, position 6064 i32, torque 6077 i16. 280
 //!   + node: velocity 606C i32.
 //! - Positions in counts, `counts_per_turn` of them in a turn of the output; velocities in
@@ -129,7 +129,7 @@ struct Cia402 {
     counted: Option<(i32, i64)>,
     /// The first PDO came, and not yet the second one of its cycle.
     is_new: bool,
-    /// When it last told its status, or was set up `[ns]`.
+    /// When it last reported its status, or was set up `[ns]`.
     heard_ns: Option<u64>,
     torque: f64,
     heartbeat_ns: Option<u64>,
@@ -159,7 +159,7 @@ fn make(
     };
     let torque_offset = settings.flag("torque_offset") && common.mode != Mode::Torque;
     let velocity_feedback = settings.flag("velocity_feedback");
-    let setup = Setup::new(setup::Wanted {
+    let setup = Setup::new(setup::Desired {
         node,
         master,
         mode: common.mode,
@@ -201,14 +201,14 @@ impl Cia402 {
     }
 
     /// The control word with a set-point.
-    fn command(&self, control: u16, wanted: &Setpoint) -> Option<Frame> {
+    fn command(&self, control: u16, setpoint: &Setpoint) -> Option<Frame> {
         let per_mille = self.rated_torque / 1000.0;
-        let torque = (steps(limited(wanted.torque, self.torque_limit), per_mille, 32_767) as i16)
+        let torque = (steps(limited(setpoint.torque, self.torque_limit), per_mille, 32_767) as i16)
             .to_le_bytes();
         let [low, high] = control.to_le_bytes();
         let target = match self.mode {
-            Mode::Position => steps(wanted.position, TAU / self.counts, i32::MAX),
-            Mode::Velocity => steps(wanted.velocity, TAU / self.velocity_counts, i32::MAX),
+            Mode::Position => steps(setpoint.position, TAU / self.counts, i32::MAX),
+            Mode::Velocity => steps(setpoint.velocity, TAU / self.velocity_counts, i32::MAX),
             Mode::Torque | Mode::Impedance => {
                 return self.frame(0x200, &[low, high, torque[0], torque[1]]);
             }
@@ -237,7 +237,7 @@ impl Cia402 {
         }
     }
 
-    /// Whether it should have told its status for this time.
+    /// Whether it should have reported its status for this time.
     fn is_silent(&self, now_ns: u64, time_ns: u64) -> bool {
         self.setup.is_done()
             && self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > time_ns)
@@ -273,7 +273,7 @@ impl Cia402 {
         self.emergency_holds |= self.power_up.report(state == State::Enabled);
         let follows = self.power_up.stage() == Stage::On || self.emergency_holds;
         if state != State::Faulty && self.emergency != 0 && !follows {
-            // told by EMCY and gone without one
+            // reported by EMCY and gone without one
             self.emergency = 0;
         }
     }

@@ -15,7 +15,7 @@
 //!   read, 21 tells faults u32 and warnings u32, 0 answers who is there.
 //!
 //! Around zero a range has no code for zero: the two codes beside it are sent in turn. Beyond ±
-//! `position_range` the feedback is followed, and told as a fault. The motor's watchdog is the
+//! `position_range` the feedback is followed, and reported as a fault. The motor's watchdog is the
 //! parameter canTimeout in units of 50 µs; it is off as motors are delivered.
 
 mod keys;
@@ -90,9 +90,9 @@ struct CyberGear {
     power_up: PowerUp,
     /// Feedback's mode.
     runs: Option<u32>,
-    /// Faults of the feedback, and those that the motor told by themselves.
+    /// Faults of the feedback, and those that the motor reported by themselves.
     motor_fault: u32,
-    told_fault: u32,
+    reported_fault: u32,
     refused: bool,
     turns: Turns,
     odd: bool,
@@ -144,7 +144,7 @@ fn make(
             power_up: PowerUp::primed(),
             runs: None,
             motor_fault: 0,
-            told_fault: 0,
+            reported_fault: 0,
             refused: false,
             turns: Turns::default(),
             odd: false,
@@ -170,10 +170,10 @@ impl CyberGear {
         self.frame(kind, self.host, [low, high, 0, 0, a, b, c, d])
     }
 
-    fn setpoint(&self, wanted: &Setpoint) -> Option<Frame> {
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
         let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
-            Mode::Torque => Setpoint { torque: wanted.torque, ..Setpoint::default() },
-            _ => *wanted,
+            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
+            _ => *setpoint,
         };
         let torque = self.torque.code(limited(torque, self.torque_limit), self.odd);
         let [a, b] = self.position.code(position, self.odd).to_be_bytes();
@@ -239,8 +239,8 @@ impl CyberGear {
                 } else {
                     Watchdog::Set((number / TIMEOUT_PER_MS).max(1))
                 };
-                let is_wanted = self.watchdog_ms == 0 || number == self.timeout();
-                self.step = if is_wanted { Step::Done } else { Step::WriteTimeout };
+                let is_desired = self.watchdog_ms == 0 || number == self.timeout();
+                self.step = if is_desired { Step::Done } else { Step::WriteTimeout };
             }
             return Receipt::Parameter(INDICES.len(), f64::from(number));
         }
@@ -277,7 +277,7 @@ impl Drive for CyberGear {
         match self.power_up.action(command, is_ready) {
             Action::Idle(n) => self.idle(n, out),
             Action::Reset => {
-                self.told_fault = 0;
+                self.reported_fault = 0;
                 self.turns.trust();
                 self.prepare();
                 out.push_some(self.power_off(1));
@@ -321,7 +321,7 @@ impl Drive for CyberGear {
             READ => self.read(bytes),
             FAULTS => {
                 let [a, b, c, d, ..] = bytes;
-                self.told_fault = u32::from_le_bytes([a, b, c, d]);
+                self.reported_fault = u32::from_le_bytes([a, b, c, d]);
                 Receipt::Noted
             }
             _ => Receipt::Noted,
@@ -336,7 +336,7 @@ impl Drive for CyberGear {
             Some(_) => Power::Off,
         };
         let fault = match self.power_up.stage() {
-            _ if self.told_fault != 0 => self.told_fault,
+            _ if self.reported_fault != 0 => self.reported_fault,
             _ if self.motor_fault != 0 => self.motor_fault,
             _ if self.refused => fault::MODE_REFUSED,
             Stage::Lost => fault::POWER_LOST,
@@ -352,7 +352,7 @@ impl Drive for CyberGear {
 
     fn forget(&mut self) {
         self.power_up.forget();
-        (self.runs, self.motor_fault, self.told_fault) = (None, 0, 0);
+        (self.runs, self.motor_fault, self.reported_fault) = (None, 0, 0);
         self.turns.forget();
         self.prepare();
     }

@@ -21,7 +21,7 @@
 //! special command: then the torque code FFA is sent, and to a RobStride, which reads more such
 //! commands, a position one step lower. Around zero a range has no code for zero: the two codes
 //! beside it are sent in turn. Beyond ± `position_range` the feedback begins again at the other
-//! end: it is followed there, and told as a fault, since no set-point can be said there.
+//! end: it is followed there, and reported as a fault, since no set-point can be said there.
 
 mod damiao;
 
@@ -165,10 +165,10 @@ impl Mit {
     }
 
     /// A set-point in its 8 bytes, never those of a special command.
-    fn setpoint(&self, wanted: Setpoint) -> Option<Frame> {
+    fn setpoint(&self, setpoint: Setpoint) -> Option<Frame> {
         let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
-            Mode::Torque => Setpoint { torque: wanted.torque, ..Setpoint::default() },
-            _ => wanted,
+            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
+            _ => setpoint,
         };
         let odd = self.odd;
         let torque = self.torque.code(limited(torque, self.torque_limit), odd);

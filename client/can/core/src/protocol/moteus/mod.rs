@@ -175,21 +175,21 @@ impl Moteus {
         self.frame(&Moteus::query(payload.add(&[0x11, WATCHDOG])))
     }
 
-    fn setpoint(&self, wanted: &Setpoint) -> Option<Frame> {
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
         let [kp, kd] = match self.mode {
             Mode::Impedance => {
                 let [kp, kd] = self.gains;
-                let stiffness = (wanted.stiffness * TAU / kp).clamp(0.0, 1.0);
-                [stiffness, (wanted.damping * TAU / kd).clamp(0.0, stiffness)]
+                let stiffness = (setpoint.stiffness * TAU / kp).clamp(0.0, 1.0);
+                [stiffness, (setpoint.damping * TAU / kd).clamp(0.0, stiffness)]
             }
             Mode::Position => [1.0, 1.0],
             Mode::Torque | Mode::Velocity => [0.0, 0.0],
         };
-        let mut torque = wanted.torque;
+        let mut torque = setpoint.torque;
         if self.mode == Mode::Impedance && self.velocity.is_finite() {
             let [_, own] = self.gains;
             torque +=
-                (wanted.damping - kd * own / TAU).max(0.0) * (wanted.velocity - self.velocity);
+                (setpoint.damping - kd * own / TAU).max(0.0) * (setpoint.velocity - self.velocity);
         }
         let torque = steps(limited(torque, self.torque_limit), TORQUE_STEP, WHOLE) as i16;
         // rounded towards less; the lowest value means the controller's own limit
@@ -202,8 +202,8 @@ impl Moteus {
             Mode::Torque | Mode::Velocity => payload,
             Mode::Impedance | Mode::Position => payload
                 .add(&[0x0E, 0x20])
-                .add(&single(wanted.position / TAU).to_le_bytes())
-                .add(&single(wanted.velocity / TAU).to_le_bytes()),
+                .add(&single(setpoint.position / TAU).to_le_bytes())
+                .add(&single(setpoint.velocity / TAU).to_le_bytes()),
         };
         let payload = payload
             .add(&[0x04, 4, 0x22])

@@ -11,10 +11,10 @@
 //!   endpoint: u8 1 | 0, endpoint u16, 0, value.
 //! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last
 //!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
-//!   temperatures of bridge and motor f32 f32; 1C torque wanted and estimated f32 f32.
+//!   temperatures of bridge and motor f32 f32; 1C desired and estimated torque f32 f32.
 //!
 //! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
-//! wanted) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
+//! needed) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
 //! turns/s) where other masters overflow. The endpoints of its watchdog have other numbers in each
 //! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
 
@@ -135,12 +135,12 @@ impl ODrive {
         self.frame(STATE, &state.to_le_bytes())
     }
 
-    fn setpoint(&self, wanted: &Setpoint) -> Option<Frame> {
-        let torque = limited(wanted.torque, self.torque_limit);
-        let velocity = wanted.velocity / TAU;
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
+        let torque = limited(setpoint.torque, self.torque_limit);
+        let velocity = setpoint.velocity / TAU;
         match self.mode {
             Mode::Position => {
-                let [a, b, c, d] = single(wanted.position / TAU).to_le_bytes();
+                let [a, b, c, d] = single(setpoint.position / TAU).to_le_bytes();
                 let [e, f] = (steps(velocity, self.velocity_scale, 32_767) as i16).to_le_bytes();
                 let [g, h] = (steps(torque, self.torque_scale, 32_767) as i16).to_le_bytes();
                 self.frame(POSITION, &[a, b, c, d, e, f, g, h])
