@@ -87,18 +87,17 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Checks `cut_joint_type` and its axes; the place of each row that they make.
+/// Checks `cut_joint_type` and its axes; the position of each row that they make.
 pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
-    let axes = ["axis", "axis2"].map(|key| {
-        node.get(key).map(|value| (key, value.place, direction(node, key, diagnostics)))
-    });
-    let Some((written, place)) = word(node, "cut_joint_type", diagnostics) else {
-        if let Some((key, place, _)) =
+    let axes = ["axis", "axis2"]
+        .map(|key| node.get(key).map(|value| (key, value.span, direction(node, key, diagnostics))));
+    let Some((written, span)) = word(node, "cut_joint_type", diagnostics) else {
+        if let Some((key, span, _)) =
             axes.into_iter().flatten().next().filter(|_| node.get("cut_joint_type").is_none())
         {
             let found = format!("`{key}` without a `cut_joint_type`");
             diagnostics.error(
-                place,
+                span,
                 found,
                 "both or neither",
                 "add `cut_joint_type`, or write the axis in constraint_axes",
@@ -109,7 +108,7 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
     if let Some(other) = node.get("constraint_axes") {
         let help = "remove one of them";
         diagnostics.error(
-            other.place,
+            other.span,
             "the loop has `constraint_axes` and a `cut_joint_type`",
             "one of them",
             help,
@@ -120,7 +119,7 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
         let help =
             diagnostics.did_you_mean(&written, names, "write any other cut by its constraint_axes");
         diagnostics.error(
-            place,
+            span,
             format!("the cut joint type {} is not known", quoted(&written)),
             names.join(", "),
             help,
@@ -131,15 +130,15 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
         match given {
             None if k < kind.n_axes() => {
                 diagnostics.error(
-                    place,
+                    span,
                     format!("a {written} cut without `{key}`"),
                     format!("`{key}: [x, y, z]` in the cut frame"),
                     "add it",
                 );
             }
-            Some((_, place, _)) if k >= kind.n_axes() => {
+            Some((_, span, _)) if k >= kind.n_axes() => {
                 diagnostics.error(
-                    *place,
+                    *span,
                     format!("a {written} cut with `{key}`"),
                     "none",
                     "remove it",
@@ -148,20 +147,21 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
             _ => {}
         }
     }
-    if let (Universal, [Some((_, _, Some(first))), Some((_, place, Some(second)))]) = (kind, axes) {
+    if let (Universal, [Some((_, _, Some(first))), Some((_, span, Some(second)))]) = (kind, axes) {
         let along = dot(first, second) / (dot(first, first) * dot(second, second)).sqrt();
         // a little off is the rounding of a file
         if along.abs() > 1e-6 {
             let found = format!("the two axes of a universal cut have the cosine {along:.3e}");
             diagnostics.error(
-                place,
+                span,
                 found,
                 "perpendicular axes",
-                "correct one of them, or write the cut as revolute joints in the tree and a spherical cut",
+                "correct one of them, or write the cut as revolute joints in the tree and a \
+                 spherical cut",
             );
         }
     }
-    vec![place; kind.n_rows()]
+    vec![span; kind.n_rows()]
 }
 
 /// A direction of some length.
@@ -172,9 +172,9 @@ fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f
     if (1e-6..=1e6).contains(&size) {
         return Some(axis);
     }
-    let place = node.get(key).map_or(node.place, |value| value.place);
+    let span = node.get(key).map_or(node.span, |value| value.span);
     diagnostics.error(
-        place,
+        span,
         format!("`{key}` of the loop constraint has a length near {size:e}"),
         "a direction as [0, 0, 1]",
         "correct it",
