@@ -1,6 +1,6 @@
 //! One submechanism under construction, and what it has where nothing is said.
 
-use super::cut::Draft;
+use super::cut::PendingCut;
 use crate::description::{Joint, JointKind, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 
@@ -12,7 +12,7 @@ pub(super) struct Group {
     pub(super) spanning_tree: Vec<usize>,
     pub(super) independent: Option<Vec<usize>>,
     pub(super) active: Option<Vec<usize>>,
-    pub(super) cuts: Vec<Draft>,
+    pub(super) cuts: Vec<PendingCut>,
 }
 
 impl Group {
