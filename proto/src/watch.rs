@@ -1,11 +1,11 @@
-//! What a running CAN bridge tells those who watch it.
+//! Statistics of a running CAN bridge.
 
 use crate::actuators::MAX_ACTUATORS;
 use crate::counts::{BusCounts, CommandCounts};
 
 /// Most buses of a bridge.
 pub const MAX_BUSES: usize = 16;
-/// Longest name of an actuator or a bus that is told `[byte]`; longer ones are cut.
+/// Longest name of an actuator or a bus that is published `[byte]`; longer ones are cut.
 pub const MAX_LABEL: usize = 32;
 
 /// A name as it travels: UTF-8, filled up with zeros.
@@ -71,7 +71,7 @@ pub struct BusStatistics {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BridgeStatistics {
-    /// When this was told, by the monotonic clock of this machine `[ns]`.
+    /// When this was published, by the monotonic clock of this machine `[ns]`.
     pub stamp_ns: u64,
     /// When the bridge started `[ns]`.
     pub started_ns: u64,

@@ -71,7 +71,7 @@ impl Settings {
         }
         let mut settings = BTreeMap::new();
         for key in keys {
-            let place = node.get(key.name).map_or(node.place, |value| value.place);
+            let place = node.get(key.name).map_or(node.span, |value| value.span);
             let written = match (node.get(key.name), key.default) {
                 (Some(value), _) => match &value.value {
                     Value::Scalar { text, .. } => Some(text.as_str()),
@@ -82,7 +82,7 @@ impl Settings {
                 (None, None) => {
                     let found = format!("{of} has no {}", quoted(key.name));
                     diagnostics.error(
-                        node.place,
+                        node.span,
                         found,
                         key.expected(),
                         format!("add `{}`: {}", key.name, key.about),
@@ -125,7 +125,7 @@ impl Settings {
             };
             settings.insert(key.name, (setting, place));
         }
-        good.then_some(Settings { place: node.place, settings })
+        good.then_some(Settings { place: node.span, settings })
     }
 
     /// Whether there is something at a setting.
