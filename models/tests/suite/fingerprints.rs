@@ -4,7 +4,24 @@ use sarrus_models::bundled;
 
 use super::*;
 
-const FINGERPRINTS: &[(&str, u64)] = &[];
+const FINGERPRINTS: [(&str, u64); 16] = [
+    ("lambda", 0x95ec_5127_e53b_89b8),
+    ("torso", 0x0a07_3552_f703_daeb),
+    ("ankle", 0xaf02_04c9_1a56_4ed9),
+    ("parallelogram", 0x5477_072e_3724_4082),
+    ("stewart", 0xaa24_718e_e6b4_712d),
+    ("wrist", 0x4248_5cce_a633_87e4),
+    ("r3_lambda_r", 0x9781_357f_51f6_5892),
+    ("rh5v2_upper_body", 0xa194_7867_99b7_6e85),
+    ("rh5v2_full", 0x8345_c289_62f6_f7d2),
+    ("four_bars_2", 0x20df_e02d_9ee0_acb7),
+    ("five_bar", 0x4f01_0f58_9796_d06d),
+    ("squeezer", 0xcefb_fb05_af0a_2e6f),
+    ("bricard", 0x6ffa_bf98_c353_0a63),
+    ("delta", 0xc002_fa24_39b2_3964),
+    ("active_ankle", 0x9b27_0d15_8dcb_bf9a),
+    ("stewart_floating", 0x65fc_912c_c35e_952e),
+];
 
 #[test]
 fn every_bundled_robot_keeps_its_fingerprint() {

@@ -168,7 +168,7 @@ fn the_fingerprint_of_a_description_made_by_hand_is_this_number() {
     assert_eq!(bytes[9..15], *"röbot".as_bytes());
     assert_eq!(bytes[15..23], 3_u64.to_le_bytes());
     assert_eq!(bytes[bytes.len() - 8..], (-9.81_f64).to_bits().to_le_bytes());
-    assert_eq!((bytes.len(), everything().fingerprint()), (1138, 0x8a9e36812d709faa));
+    assert_eq!((bytes.len(), everything().fingerprint()), (1138, 0x8a9e_3681_2d70_9faa));
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Files of the CAN bridge: its configuration, a DBC file, a log.
 
 use sarrus_can_core::bridge::Bridge;
+use sarrus_can_core::bus_load::loads;
 use sarrus_can_core::config::{Configuration, Surroundings};
 use sarrus_can_core::frame::Frame;
-use sarrus_can_core::bus_load::loads;
 use sarrus_can_core::log::{Line, sent};
 use sarrus_models::{LoadError, Loaded, Options, Report, Source, load};
 use sarrus_proto::actuators::Operation;
