@@ -6,6 +6,7 @@
 //! also holds the services over shared memory.
 
 pub mod actuators;
+mod answer;
 mod field;
 mod layout;
 mod query;
@@ -27,6 +28,7 @@ pub mod message;
 #[cfg(feature = "transport")]
 pub mod service;
 
+pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};
 pub use layout::{Layout, Sizes, Slot};
 pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, Request};
@@ -38,3 +40,5 @@ pub use domain::{Domain, DomainError, LaneId, MAX_NAME, ServerName};
 pub use info::{Closure, JointLimits, ModelInfo, ModelSizes};
 #[cfg(feature = "transport")]
 pub use message::PROTOCOL_VERSION;
+#[cfg(feature = "transport")]
+pub use service::NodeId;

@@ -98,6 +98,11 @@ impl<'a> Control<'a> {
         }
     }
 
+    /// Releases a plan by the server's number of it.
+    pub(crate) fn release(&self, number: u32) -> Result<(), ConnectError> {
+        self.granted(Call::Release, [number.into(), 0], None).map(|_| ())
+    }
+
     /// A lane of one's own that holds so many numbers each way.
     pub(crate) fn lane(
         &self,

@@ -6,7 +6,12 @@ use sarrus_proto::{Closure, JointLimits, ModelInfo};
 /// What there is to know about a loaded model: what [`crate::Robot::model`] gives in process, and
 /// what a server sends.
 pub fn describe(loaded: &Loaded) -> ModelInfo {
-    let model: &Model<f64> = &loaded.compiled.model;
+    let warnings = loaded.report.warnings.iter().map(ToString::to_string);
+    describe_model(&loaded.compiled.model, warnings.collect())
+}
+
+/// The same of a model, with what is remarkable about it.
+pub(crate) fn describe_model(model: &Model<f64>, warnings: Vec<String>) -> ModelInfo {
     let closures = model.closures().iter().map(|closure| Closure {
         name: closure.name.clone(),
         type_name: closure.type_name.clone(),
@@ -29,7 +34,7 @@ pub fn describe(loaded: &Loaded) -> ModelInfo {
         links: model.link_names().to_vec(),
         limits: model.tree_limits().iter().map(|limits| limits.as_ref().map(finite)).collect(),
         closures: closures.collect(),
-        warnings: loaded.report.warnings.iter().map(ToString::to_string).collect(),
+        warnings,
     }
 }
 

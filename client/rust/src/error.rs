@@ -2,7 +2,9 @@ use std::time::Duration;
 
 use sarrus_proto::message::Refusal;
 use sarrus_proto::service::ServiceError;
-use sarrus_proto::{DomainError, PROTOCOL_VERSION, QueryError};
+use sarrus_proto::{DomainError, FailedState, Field, PROTOCOL_VERSION, QueryError};
+
+use crate::UnknownName;
 
 /// Why a client cannot attach to a server.
 #[derive(Debug, thiserror::Error)]
@@ -89,7 +91,8 @@ pub enum ConnectError {
     Service(ServiceError),
 }
 
-/// Why a robot cannot answer at all; an answer that failed is an [`crate::Answer`] with its status.
+/// Why a robot does not answer. A request through [`crate::Robot::ask`] that ends with another
+/// status than `ok` is no error but an [`crate::Answer`]; [`crate::Answer::ok`] makes it one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -121,16 +124,25 @@ pub enum Error {
         /// What the server says.
         reason: String,
     },
-    /// A name stands for no field or link.
-    #[error("`{name}` is no {what}; {help}")]
-    UnknownName {
-        /// What the name should be of.
-        what: &'static str,
-        /// The name.
-        name: String,
-        /// What to do.
-        help: String,
+    /// Names in a query that stand for no field or link: all of them.
+    #[error("{}", lines(names))]
+    UnknownNames {
+        /// The names.
+        names: Vec<UnknownName>,
     },
+    /// An array does not fit this robot.
+    #[error("`{}` has {found} numbers, expected {expected}", field.name())]
+    WrongSize {
+        /// What the array is for.
+        field: Field,
+        /// How many numbers it has.
+        found: usize,
+        /// How many this robot's has.
+        expected: usize,
+    },
+    /// The robot answered, but this state has no answer.
+    #[error(transparent)]
+    Failed(#[from] FailedState),
     /// The plan moves more numbers than a request carries.
     #[error(
         "the plan takes {n_in} numbers and gives {n_out}, expected at most {max_in} and {max_out}; ask for fewer fields or frames at a time"
@@ -147,18 +159,26 @@ pub enum Error {
     },
     /// The server's table of plans is full.
     #[error(
-        "the server holds {limit} plans and takes no more; use queries that are registered, or restart it"
+        "the server's clients hold {limit} plans and it takes no more; release some with \
+         `Robot::release`, or use queries that are registered"
     )]
     TooManyPlans {
         /// Size of the table.
         limit: usize,
     },
-    /// The plan is another robot's.
-    #[error("plan {index} was not prepared by this robot; prepare it with the robot that is asked")]
-    UnknownPlan {
-        /// Its number.
-        index: usize,
-    },
+    /// The plan is another robot's, be it one of the same model.
+    #[error(
+        "the plan was prepared by another robot; prepare it with the robot that is asked, also \
+         where both are of one model"
+    )]
+    UnknownPlan,
+    /// The plan is this robot's, but was released.
+    #[error("the plan was released; prepare it again")]
+    ReleasedPlan,
+}
+
+fn lines(names: &[UnknownName]) -> String {
+    names.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 impl ConnectError {

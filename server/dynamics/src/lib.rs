@@ -28,8 +28,9 @@ pub use closures_at_zero::ClosureAtZero;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use implicit::ImplicitForm;
 pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
-pub use plan::{Answer, Method, Plan};
+pub use plan::{Method, Plan};
 pub use sarrus_proto::{
-    Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status, Warnings,
+    Answer, FailedState, Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status,
+    Warnings,
 };
 pub use workspace::Workspace;
