@@ -37,3 +37,8 @@ pub use sarrus_proto::{
     Status, Warnings,
 };
 pub use sarrus_proto::{actuators, watch};
+
+/// The page for users: its programs are compiled, and run where they need no server.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;
