@@ -8,26 +8,25 @@
 // the symbols of the equations
 #![allow(non_snake_case)]
 
-mod assembly;
-mod branch_sparse;
+mod algorithms;
 mod closure;
-mod closures_at_zero;
+mod compile;
+mod constrained;
 pub mod description;
 mod diagnostic;
-mod implicit;
-mod linear;
+mod initial_pose;
+mod linalg;
+mod mechanism;
 mod model;
 mod plan;
 pub mod scalar;
 mod spatial;
-mod tree;
 mod workspace;
 
-pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
-pub use closures_at_zero::ClosureAtZero;
+pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
-pub use implicit::ImplicitForm;
-pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
+pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use model::{ClosureAtZero, ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Method, Plan};
 pub use sarrus_proto::{
     Answer, FailedState, Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status,
