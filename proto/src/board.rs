@@ -2,7 +2,7 @@
 //! may read.
 
 use iceoryx2::node::Node;
-use iceoryx2::port::reader::EntryHandle;
+use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer, WriterCreateError};
 use iceoryx2::prelude::{CallbackProgression, PortFactory, ServiceName, ZeroCopySend};
 use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
@@ -277,6 +277,8 @@ impl StatusReaders {
 pub struct StatusReader {
     heartbeat: EntryHandle<Threadsafe, u64, Heartbeat>,
     statistics: EntryHandle<Threadsafe, u64, Statistics>,
+    // the server sees by it that this client is there
+    _port: Reader<Threadsafe, u64>,
 }
 
 impl StatusReader {
@@ -298,7 +300,7 @@ impl StatusReader {
         };
         let heartbeat = reader.entry(&HEARTBEAT).map_err(other_version)?;
         let statistics = reader.entry(&STATISTICS).map_err(other_version)?;
-        Ok(StatusReader { heartbeat, statistics })
+        Ok(StatusReader { heartbeat, statistics, _port: reader })
     }
 
     /// The last sign of life.
