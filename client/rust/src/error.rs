@@ -17,7 +17,11 @@ pub enum ConnectError {
         name: String,
     },
     /// A server has this name but does not answer.
-    #[error("the server `{name}` gave no answer within {} s; see whether its process is stopped or has crashed", timeout.as_secs_f64())]
+    #[error(
+        "the server `{name}` gave no answer within {} s; see whether its process is stopped or \
+         has crashed",
+        timeout.as_secs_f64()
+    )]
     NoAnswer {
         /// The name.
         name: String,
@@ -40,7 +44,8 @@ pub enum ConnectError {
     },
     /// The server speaks another version of the protocol.
     #[error(
-        "the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and server of one version"
+        "the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and \
+         server of one version"
     )]
     WrongVersion {
         /// The server's version; zero where its payloads are so different that it cannot be asked.
@@ -48,7 +53,8 @@ pub enum ConnectError {
     },
     /// The server holds another model than the one expected.
     #[error(
-        "the server holds the model {found:016x}, expected {expected:016x}; connect anew to use the new model"
+        "the server holds the model {found:016x}, expected {expected:016x}; connect anew to use \
+         the new model"
     )]
     WrongModel {
         /// Fingerprint of the server's model.
@@ -71,7 +77,8 @@ pub enum ConnectError {
     ShuttingDown,
     /// The server's answer makes no sense.
     #[error(
-        "the server's answer {what} makes no sense to this client; use client and server of one version"
+        "the server's answer {what} makes no sense to this client; use client and server of one \
+         version"
     )]
     BadAnswer {
         /// What was asked.
@@ -97,7 +104,11 @@ pub enum ConnectError {
 #[non_exhaustive]
 pub enum Error {
     /// The server is gone and did not come back in time. The next request looks for it again.
-    #[error("the server `{name}` is gone, waited {} s for it; start it again, the next request finds it", timeout.as_secs_f64())]
+    #[error(
+        "the server `{name}` is gone, waited {} s for it; start it again, the next request finds \
+         it",
+        timeout.as_secs_f64()
+    )]
     ServerGone {
         /// The server's name.
         name: String,
@@ -105,7 +116,11 @@ pub enum Error {
         timeout: Duration,
     },
     /// The server lives but did not answer in time.
-    #[error("the server `{name}` lives but gave no answer within {} s; allow more time in `ConnectOptions::timeout`", timeout.as_secs_f64())]
+    #[error(
+        "the server `{name}` lives but gave no answer within {} s; allow more time in \
+         `ConnectOptions::timeout`",
+        timeout.as_secs_f64()
+    )]
     NoAnswer {
         /// The server's name.
         name: String,
@@ -145,7 +160,8 @@ pub enum Error {
     Failed(#[from] FailedState),
     /// The plan moves more numbers than a request carries.
     #[error(
-        "the plan takes {n_in} numbers and gives {n_out}, expected at most {max_in} and {max_out}; ask for fewer fields or frames at a time"
+        "the plan takes {n_in} numbers and gives {n_out}, expected at most {max_in} and {max_out}; \
+         ask for fewer fields or frames at a time"
     )]
     TooLarge {
         /// Numbers in.
@@ -219,7 +235,8 @@ impl ConnectError {
             Some(Refusal::NoLane) => ConnectError::NoFreeSlot {
                 transport: "lanes of the server",
                 limit: response.numbers[0] as usize,
-                help: "close a client, serve with more --lanes, or connect through Transport::Service",
+                help: "close a client, serve with more --lanes, or connect through \
+                       Transport::Service",
             },
             Some(Refusal::Stopping) => ConnectError::ShuttingDown,
             Some(Refusal::Failed) => ConnectError::Failed {

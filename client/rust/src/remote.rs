@@ -73,11 +73,9 @@ impl Remote {
         let (Some(node), Some(session)) = (&self.node, &mut self.session) else { return };
         let Some(number) = session.plans.get_mut(place).and_then(Option::take) else { return };
         let deadline = Instant::now() + self.options.timeout;
-        let told = Control::open(node, &self.name, Some(self.fingerprint), deadline)
-            .ok()
-            .filter(|(_, hello)| hello.instance == session.instance)
-            .is_some_and(|(control, _)| control.release(number).is_ok());
-        if !told {
+        let (fingerprint, instance) = (self.fingerprint, session.instance);
+        let control = Control::resume(node, &self.name, fingerprint, instance, deadline);
+        if control.and_then(|control| control.release(number)).is_err() {
             self.session = None;
         }
     }
@@ -151,10 +149,8 @@ impl Remote {
         else {
             return Ok(());
         };
-        let (control, hello) = Control::open(node, &self.name, Some(self.fingerprint), deadline)?;
-        if hello.instance != session.instance {
-            return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() }.into());
-        }
+        let (fingerprint, instance) = (self.fingerprint, session.instance);
+        let control = Control::resume(node, &self.name, fingerprint, instance, deadline)?;
         let number = control.plan(plan)?;
         if let Err(error) = session.grow(&control, prepared.needs()) {
             // without a lane, and with a plan that nobody knows here: begin anew

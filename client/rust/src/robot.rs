@@ -73,8 +73,8 @@ impl Robot {
     /// Connects to a server on this machine, with a lane of one's own.
     ///
     /// # Errors
-    /// [`ConnectError`], each with what to do; when all lanes are taken, [`crate::Transport::Service`]
-    /// may still be open.
+    /// [`ConnectError`], each with what to do; when all lanes are taken,
+    /// [`crate::Transport::Service`] may still be open.
     pub fn connect(name: &str) -> Result<Robot, ConnectError> {
         Robot::connect_with(name, ConnectOptions::default())
     }
