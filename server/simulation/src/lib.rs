@@ -38,32 +38,20 @@
 // the symbols of the equations
 #![allow(non_snake_case)]
 
-mod asked;
 mod coordinates;
-#[cfg(feature = "adaptive")]
-mod dop853;
-mod energy;
-mod engine;
 mod error;
-mod fixed;
-mod implicit;
-mod input;
-mod radau;
-mod rates;
+mod forces;
+mod methods;
+mod motion;
+mod planned;
 mod run;
-mod settings;
-mod simulate;
-mod springs;
-mod start;
-mod stepper;
-mod switch;
 
-pub use energy::Energy;
-pub use engine::Counts;
 pub use error::SimulationError;
-pub use input::{Input, Source, Space};
-pub use run::{End, Event, EventKind, Run, Sample};
-pub use settings::{Method, Settings};
-pub use simulate::{Setup, simulate};
-pub use springs::{Point, Spring};
-pub use start::Start;
+pub use forces::inputs::{Input, Source, Space};
+pub use forces::springs::{Point, Spring};
+pub use motion::energy::Energy;
+pub use motion::engine::Counts;
+pub use run::output::{End, Event, EventKind, Run, Sample};
+pub use run::settings::{Method, Settings};
+pub use run::start::Start;
+pub use run::{Setup, simulate};

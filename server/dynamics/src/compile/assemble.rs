@@ -670,7 +670,7 @@ impl<'a> Builder<'a> {
         };
         let meta = Meta {
             name: self.description.name.clone(),
-            fingerprint: fingerprint(self.description),
+            fingerprint: self.description.fingerprint(),
             sizes,
             tree: names.tree,
             tree_q: names.tree_q,
@@ -685,13 +685,6 @@ impl<'a> Builder<'a> {
         };
         Some((self.model, meta))
     }
-}
-
-/// FNV-1a over everything that was written.
-fn fingerprint(description: &Description) -> u64 {
-    format!("{description:?}").bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 impl Meta {

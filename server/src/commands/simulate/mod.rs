@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use sarrus_benches::progress::Progress;
 use sarrus_models::Loaded;
+use sarrus_report::measure::progress::Progress;
 use sarrus_simulation::{Method, Run, Settings, Setup, SimulationError, Start, simulate};
 
 use super::output::{Format, FormatFlag, finish, json_line};

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use sarrus_benches::report::{Axis, Figure, Pictures, Point, Series};
 use sarrus_models::Loaded;
+use sarrus_report::page::{Axis, Figure, Pictures, Point, Series};
 use sarrus_simulation::{EventKind, Method, Run, Sample};
 use serde_json::{Value, json};
 
@@ -93,7 +93,7 @@ fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
     let series = |name: &str, of: &dyn Fn(&Sample) -> f64| Series {
         name: name.to_owned(),
         line: true,
-        front: false,
+        competes: false,
         points: run
             .samples
             .iter()
