@@ -1,60 +1,29 @@
-//! A robot of one's own: a four-bar that its crank drives, from the text of a URDF and of the page
-//! that says where its loop is cut.
+//! A robot of one's own without files: a parallelogram that its crank drives.
 
-use sarrus_client::{Options, Robot, Source};
+use sarrus_client::description::{Inertial, SubmechanismKind};
+use sarrus_client::{CutJoint, DescriptionBuilder, LinkId, Robot};
 
-const LINKS: [(&str, f64); 3] = [("crank", 0.2), ("coupler", 0.5), ("rocker", 0.4)];
-
-/// Bars along z at zero, which turn about y: crank and rocker on the base, the coupler on the
-/// crank. (x, z) of each joint in its parent.
-const JOINTS: [(&str, &str, &str, f64, f64); 3] = [
-    ("A", "base", "crank", 0.0, 0.0),
-    ("B", "crank", "coupler", 0.0, 0.3),
-    ("C", "base", "rocker", 0.5, 0.0),
-];
-
-fn urdf() -> String {
-    let mut text = String::from("<robot name=\"four_bar\"><link name=\"base\"/>");
-    for (link, mass) in LINKS {
-        let inertia = 0.01 * mass;
-        text += &format!(
-            "<link name=\"{link}\"><inertial><mass value=\"{mass}\"/><origin xyz=\"0 0 0.15\"/>\
-             <inertia ixx=\"{inertia}\" iyy=\"{inertia}\" izz=\"{inertia}\" \
-             ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>"
-        );
-    }
-    for (joint, parent, child, x, z) in JOINTS {
-        text += &format!(
-            "<joint name=\"{joint}\" type=\"continuous\"><parent link=\"{parent}\"/>\
-             <child link=\"{child}\"/><origin xyz=\"{x} 0 {z}\"/><axis xyz=\"0 1 0\"/></joint>"
-        );
-    }
-    text + "</robot>"
-}
-
-/// The coupler's end, 0.5 m ahead of B, stays 0.3 m up the rocker.
-const SUBMECHANISMS: &str = "
-submechanisms:
-- name: bars
-  type: 4B
-  jointnames_spanningtree: [A, B, C]
-  jointnames_independent: [A]
-  jointnames_active: [A]
-  loop_constraints:
-  - predecessor_body: coupler
-    successor_body: rocker
-    predecessor_placement: {xyz: [0.5, 0, 0]}
-    successor_placement: {xyz: [0, 0, 0.3]}
-    cut_joint_type: planar_revolute
-    axis: [0, 1, 0]
-";
+/// Every joint turns about y.
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let source =
-        Source::Text { urdf: urdf().into(), submechanisms: Some(SUBMECHANISMS.as_bytes().into()) };
-    let mut robot = Robot::load(&source, &Options::default())?;
+    // crank and rocker stand on the base, 0.5 m apart, 0.3 m long; the coupler lies on them
+    let mut robot = DescriptionBuilder::new("parallelogram");
+    robot.default_inertial(Inertial::sphere(0.4, [0.0, 0.0, 0.15], 0.05));
+    robot.submechanism("bars", SubmechanismKind::FourBar);
+    let crank = robot.revolute("crank", LinkId::BASE, Y).link();
+    let coupler = robot.revolute("coupler", crank, Y).at([0.0, 0.0, 0.3]).link();
+    let rocker = robot.revolute("rocker", LinkId::BASE, Y).at([0.5, 0.0, 0.0]).link();
+    // the loop is cut where the coupler's end meets the rocker's
+    robot
+        .cut("pin", coupler, rocker)
+        .at([0.5, 0.0, 0.3])
+        .joint(CutJoint::PlanarRevolute { axis: Y });
+    robot.independent([crank]);
+
+    let mut robot = Robot::from_model(robot.compile()?);
     for closure in &robot.model().closures {
-        println!("{}: {} ({})", closure.name, closure.type_name, closure.kind);
+        println!("{}: {}, {:?}", closure.name, closure.type_name, closure.kind);
     }
 
     // all three angles from the crank's: a parallelogram's coupler does not turn

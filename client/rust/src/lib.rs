@@ -28,8 +28,10 @@ pub use options::{ConnectOptions, Transport, WaitStrategy};
 pub use plan::{PlanId, Prepared};
 pub use query::{IntoField, QueryBuilder, UnknownName};
 pub use robot::Robot;
-pub use sarrus_dynamics::description::Description;
-pub use sarrus_dynamics::{CompileError, Compiled, Model};
+pub use sarrus_dynamics::description;
+pub use sarrus_dynamics::{
+    CompileError, Compiled, CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId, Model,
+};
 pub use sarrus_models::{LoadError, Options, Source};
 pub use sarrus_proto::message::Statistics;
 pub use sarrus_proto::{

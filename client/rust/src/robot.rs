@@ -62,8 +62,9 @@ impl Robot {
         Ok(Robot::new(Side::Local(Box::new(Local::new(loaded.compiled.model))), info))
     }
 
-    /// A robot in this process from a model that was compiled in code: no files. Compile one with
-    /// [`crate::Model::compile`] from a [`crate::Description`].
+    /// A robot in this process from a model that was compiled in code: no files. Such come from a
+    /// [`crate::DescriptionBuilder`], or by [`crate::Model::compile`] from a
+    /// [`crate::description::Description`].
     pub fn from_model(compiled: Compiled) -> Robot {
         let warnings = compiled.warnings.iter().map(ToString::to_string).collect();
         let info = describe_model(&compiled.model, warnings);
@@ -140,7 +141,7 @@ impl Robot {
             return Ok(plan);
         }
         query.check(self.info.links.len()).map_err(Error::Query)?;
-        let (plan, n_in, n_out) = self.plans.add(query, &self.info.sizes());
+        let (plan, n_in, n_out) = self.plans.add(query, &self.info.sizes);
         if let Err(error) = self.register(plan, query, [n_in, n_out]) {
             self.plans.release(plan)?;
             return Err(error);

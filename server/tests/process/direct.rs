@@ -1,11 +1,9 @@
 //! The simple questions: one method each, the same in process and connected.
 
-use sarrus_client::{
-    Description, Error, Field, Model, Options, Robot, Source, Status, Transport, Warnings,
-};
+use sarrus_client::{Error, Field, Model, Options, Robot, Source, Status, Transport, Warnings};
 use sarrus_server::pool;
 
-use crate::support::{Place, ROBOT};
+use crate::support::{ROBOT, Sandbox};
 
 /// Every simple question at one state; what they answer, one after the other.
 fn ask_all(robot: &mut Robot, size: f64) -> Result<Vec<f64>, Error> {
@@ -36,10 +34,10 @@ fn local() -> Robot {
 
 #[test]
 fn simple_questions_give_the_same_bits_in_process_and_connected() {
-    let place = Place::new();
-    let _server = place.serve("simple", &[]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("simple", &[]);
     let mut robots = [Transport::Lane, Transport::Service]
-        .map(|transport| place.connect("simple", transport).unwrap());
+        .map(|transport| sandbox.connect("simple", transport).unwrap());
     let mut local = local();
     for size in [0.0, 0.05, 0.1] {
         let expected = ask_all(&mut local, size).unwrap();
@@ -51,9 +49,9 @@ fn simple_questions_give_the_same_bits_in_process_and_connected() {
 
 #[test]
 fn simple_questions_allocate_nothing_after_the_first() {
-    let place = Place::new();
-    let _server = place.serve("lean", &[]);
-    for mut robot in [local(), place.connect("lean", Transport::Lane).unwrap()] {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("lean", &[]);
+    for mut robot in [local(), sandbox.connect("lean", Transport::Lane).unwrap()] {
         let n = robot.model().independent.len();
         let (y, mut tau_u) = (vec![0.01; n], vec![0.0; robot.model().active.len()]);
         let mut ydd = vec![0.0; n];
@@ -75,9 +73,9 @@ fn simple_questions_allocate_nothing_after_the_first() {
 
 #[test]
 fn an_array_that_does_not_fit_is_named() {
-    let place = Place::new();
-    let _server = place.serve("fits", &[]);
-    for mut robot in [local(), place.connect("fits", Transport::Lane).unwrap()] {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("fits", &[]);
+    for mut robot in [local(), sandbox.connect("fits", Transport::Lane).unwrap()] {
         let n = robot.model().independent.len();
         let (y, mut tau_u) = (vec![0.0; n], vec![1.0; robot.model().active.len()]);
         let error = robot.inverse_dynamics(&y, &y, &y[1..], &mut tau_u).unwrap_err();
@@ -111,8 +109,7 @@ fn a_state_without_an_answer_is_an_error_with_its_status() {
 fn a_robot_from_a_model_is_the_robot_from_its_files() {
     let source = Source::Bundled(ROBOT.into());
     let loaded = sarrus_models::load(&source, &Options::default()).unwrap();
-    let description: &Description = &loaded.description;
-    let mut made = Robot::from_model(Model::compile(description).unwrap());
+    let mut made = Robot::from_model(Model::compile(&loaded.description).unwrap());
     let mut read = local();
     assert_eq!(made.model().fingerprint, read.model().fingerprint);
     assert_eq!(ask_all(&mut made, 0.1).unwrap(), ask_all(&mut read, 0.1).unwrap());

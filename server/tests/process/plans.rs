@@ -14,7 +14,7 @@ use sarrus_proto::service::{open_compute, open_control};
 use sarrus_proto::{PROTOCOL_VERSION, ServerName};
 
 use crate::lies::{call, request};
-use crate::support::{Asker, Place, ROBOT, options};
+use crate::support::{Asker, ROBOT, Sandbox, options};
 
 /// More queries than a server holds, each another one.
 pub(crate) fn distinct(number: usize) -> Query {
@@ -62,12 +62,12 @@ fn wait_for_plans(robot: &Robot, plans: u64) {
 
 #[test]
 fn a_plan_of_another_robot_is_refused_though_its_sizes_agree() {
-    let place = Place::new();
-    let _server = place.serve("twins", &[]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("twins", &[]);
     let mut robots = [local(), local()]
         .into_iter()
         .chain(
-            [Transport::Lane, Transport::Service].map(|way| place.connect("twins", way).unwrap()),
+            [Transport::Lane, Transport::Service].map(|way| sandbox.connect("twins", way).unwrap()),
         )
         .collect::<Vec<_>>();
     let plans = robots.iter_mut().map(|robot| robot.prepare(&distinct(1)).unwrap());
@@ -91,9 +91,9 @@ fn a_plan_of_another_robot_is_refused_though_its_sizes_agree() {
 
 #[test]
 fn a_released_plan_is_an_error_until_it_is_prepared_again() {
-    let place = Place::new();
-    let _server = place.serve("again", &[]);
-    for mut robot in [local(), place.connect("again", Transport::Lane).unwrap()] {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("again", &[]);
+    for mut robot in [local(), sandbox.connect("again", Transport::Lane).unwrap()] {
         let [first, other] = [1, 2].map(|number| robot.prepare(&distinct(number)).unwrap());
         // equal queries share one plan, which is held twice then
         assert_eq!(robot.prepare(&distinct(1)).unwrap(), first);
@@ -111,12 +111,12 @@ fn a_released_plan_is_an_error_until_it_is_prepared_again() {
 
 #[test]
 fn plans_that_are_released_make_room_for_thousands() {
-    let place = Place::new();
-    let server = place.serve("many", &[]);
-    let mut other = Asker::new(place.connect("many", Transport::Service).unwrap());
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("many", &[]);
+    let mut other = Asker::new(sandbox.connect("many", Transport::Service).unwrap());
     other.ask().unwrap().ok().unwrap();
     let bits = other.bits();
-    let mut robot = place.connect("many", Transport::Lane).unwrap();
+    let mut robot = sandbox.connect("many", Transport::Lane).unwrap();
     for number in 0..5000 {
         let plan = robot.prepare(&distinct(number)).unwrap();
         if number % 100 == 0 {
@@ -134,14 +134,14 @@ fn plans_that_are_released_make_room_for_thousands() {
 
 #[test]
 fn plans_of_clients_that_leave_or_are_killed_come_free() {
-    let place = Place::new();
-    let _server = place.serve("heirs", &[]);
-    let mut asker = Asker::new(place.connect("heirs", Transport::Lane).unwrap());
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("heirs", &[]);
+    let mut asker = Asker::new(sandbox.connect("heirs", Transport::Lane).unwrap());
     asker.ask().unwrap().ok().unwrap();
     let bits = asker.bits();
 
     // the table is full, and that is an error that says what to do
-    let mut greedy = place.connect("heirs", Transport::Service).unwrap();
+    let mut greedy = sandbox.connect("heirs", Transport::Service).unwrap();
     let mut plans = Vec::new();
     let error = loop {
         match greedy.prepare(&distinct(plans.len())) {
@@ -157,14 +157,14 @@ fn plans_of_clients_that_leave_or_are_killed_come_free() {
 
     // who leaves makes room at once
     drop(greedy);
-    let mut next = place.connect("heirs", Transport::Lane).unwrap();
+    let mut next = sandbox.connect("heirs", Transport::Lane).unwrap();
     let plan = next.prepare(&distinct(2000)).unwrap();
     assert_eq!(status(&mut next, plan), Status::Ok);
     wait_for_plans(&asker.robot, 2);
 
     // and so does who is killed
     for transport in [Transport::Lane, Transport::Service] {
-        let client = place.client_with("heirs", transport, Some(3000));
+        let client = sandbox.client_with("heirs", transport, Some(3000));
         wait_for_plans(&asker.robot, 3);
         client.kill();
         wait_for_plans(&asker.robot, 2);
@@ -175,10 +175,10 @@ fn plans_of_clients_that_leave_or_are_killed_come_free() {
 
 #[test]
 fn the_number_of_a_released_plan_is_never_another_plans() {
-    let place = Place::new();
-    let _server = place.serve("stale", &[]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("stale", &[]);
     let name = ServerName::new("stale").unwrap();
-    let node: Node<Threadsafe> = place.domain.node().unwrap();
+    let node: Node<Threadsafe> = sandbox.domain.node().unwrap();
     let control = open_control(&node, &name).unwrap();
     let hello = call(&control, request(Call::Hello as u32));
     let status = StatusReader::open(&node, &name, hello.instance).unwrap();
@@ -218,7 +218,7 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
         assert_eq!((release(registered), release(registered)), (1, 0));
     }
     // what others hold cannot be released
-    let mut other = place.connect("stale", Transport::Lane).unwrap();
+    let mut other = sandbox.connect("stale", Transport::Lane).unwrap();
     let held = other.prepare(&distinct(1)).unwrap();
     let start = Instant::now();
     for stale in [seen[0], seen[1], seen[MAX_PLANS], u64::from(u32::MAX), u64::MAX] {
@@ -235,15 +235,15 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
 
 #[test]
 fn a_new_server_of_the_same_model_knows_the_plans_that_are_held() {
-    let place = Place::new();
-    let server = place.serve("heir", &[]);
-    let mut robot = place.connect_with("heir", options()).unwrap();
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("heir", &[]);
+    let mut robot = sandbox.connect_with("heir", options()).unwrap();
     let plans = [1, 2, 3].map(|number| robot.prepare(&distinct(number)).unwrap());
     robot.release(plans[1]).unwrap();
     server.kill();
     // released while nobody is there to hear it
     robot.release(plans[0]).unwrap();
-    let _server = place.serve("heir", &[]);
+    let _server = sandbox.serve("heir", &[]);
     assert_eq!(status(&mut robot, plans[2]), Status::Ok);
     wait_for_plans(&robot, 1);
     for released in [plans[0], plans[1]] {
