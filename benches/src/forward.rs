@@ -55,7 +55,7 @@ impl Run {
     fn batch(&mut self) {
         let start = Instant::now();
         for _ in 0..self.calls {
-            self.plan.run(
+            let _ = self.plan.run(
                 &self.model,
                 &mut self.workspace,
                 black_box(&self.input),

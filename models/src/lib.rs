@@ -72,5 +72,6 @@ pub use assembly::{AssemblyReport, Moved, NewPlacements, assemble};
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use load::{LoadError, Loaded, Options, Source, load};
+pub use nearest::nearest;
 pub use open::{Opened, load_open};
 pub use report::{Diagnostic, Diagnostics, Report};

@@ -7,7 +7,7 @@ const MOST: usize = 4096;
 
 /// The known name with the least edit distance to `name`, letter case ignored; `None` when all are
 /// far.
-pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = folded(name)?;
     let mut best: Option<(usize, &str)> = None;
     for candidate in known.into_iter().take(MOST) {

@@ -2,7 +2,7 @@
 //! may read.
 
 use iceoryx2::node::Node;
-use iceoryx2::port::reader::EntryHandle;
+use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer, WriterCreateError};
 use iceoryx2::prelude::{CallbackProgression, PortFactory, ServiceName, ZeroCopySend};
 use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
@@ -11,7 +11,7 @@ use iceoryx2::service::port_factory::blackboard;
 use crate::lane::{Inbox, KEY, Outbox, Threadsafe, inbox, outbox};
 use crate::message::{Entry, Heartbeat, RequestHead, ResponseHead, Statistics};
 use crate::service::ServiceError;
-use crate::{LaneId, PROTOCOL_VERSION, ServerName};
+use crate::{LaneId, NodeId, PROTOCOL_VERSION, ServerName};
 
 type Board = blackboard::PortFactory<Threadsafe, u64>;
 
@@ -221,6 +221,8 @@ pub struct StatusBoard {
     pub heartbeat: HeartbeatEntry,
     /// Written beside it.
     pub statistics: StatisticsEntry,
+    /// Who reads it.
+    pub readers: StatusReaders,
     /// Goes last: entries whose port is gone are never recognised as a dead server's.
     pub port: StatusPort,
 }
@@ -249,7 +251,25 @@ impl StatusBoard {
             writer.entry(&HEARTBEAT).map_err(|error| ServiceError::memory(&service, &error))?;
         let statistics =
             writer.entry(&STATISTICS).map_err(|error| ServiceError::memory(&service, &error))?;
-        Ok(StatusBoard { heartbeat, statistics, port: writer })
+        let readers = StatusReaders { board };
+        Ok(StatusBoard { heartbeat, statistics, readers, port: writer })
+    }
+}
+
+/// Who reads a status board: every client of the run, from before it registers its first plan.
+pub struct StatusReaders {
+    board: Board,
+}
+
+impl StatusReaders {
+    /// The nodes of all readers; those of processes that died stay until they are cleared away.
+    pub fn nodes(&self) -> Vec<NodeId> {
+        let mut nodes = Vec::new();
+        self.board.dynamic_config().list_readers(|reader| {
+            nodes.push(reader.node_id);
+            CallbackProgression::Continue
+        });
+        nodes
     }
 }
 
@@ -257,6 +277,8 @@ impl StatusBoard {
 pub struct StatusReader {
     heartbeat: EntryHandle<Threadsafe, u64, Heartbeat>,
     statistics: EntryHandle<Threadsafe, u64, Statistics>,
+    // the server sees by it that this client is there
+    _port: Reader<Threadsafe, u64>,
 }
 
 impl StatusReader {
@@ -278,7 +300,7 @@ impl StatusReader {
         };
         let heartbeat = reader.entry(&HEARTBEAT).map_err(other_version)?;
         let statistics = reader.entry(&STATISTICS).map_err(other_version)?;
-        Ok(StatusReader { heartbeat, statistics })
+        Ok(StatusReader { heartbeat, statistics, _port: reader })
     }
 
     /// The last heartbeat.

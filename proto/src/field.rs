@@ -1,5 +1,8 @@
 //! The named blocks of numbers that requests give and answers hold.
 
+use core::fmt;
+use core::ops::{BitOr, BitOrAssign, Sub, SubAssign};
+
 use crate::Sizes;
 use crate::wire_enum::wire_enum;
 
@@ -146,6 +149,17 @@ impl Field {
 }
 
 /// A set of fields, as one machine word.
+///
+/// ```
+/// use sarrus_proto::{Field, FieldSet};
+///
+/// let state = Field::Q | Field::Qd;
+/// let mut asked = state | Field::U;
+/// asked |= Field::Ud;
+/// assert!(asked.contains(state) && !state.contains(asked));
+/// assert_eq!((asked - state).to_string(), "u, ud");
+/// assert_eq!([Field::U, Field::Ud].into_iter().collect::<FieldSet>(), asked - state);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(transparent)]
 pub struct FieldSet(pub u64);
@@ -174,6 +188,16 @@ impl FieldSet {
         self.0 & FieldSet::of(fields).0 != 0
     }
 
+    /// True when every field of `other` is in the set.
+    pub const fn contains(self, other: FieldSet) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// True when no field is in the set.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
     /// The set with one field more.
     #[must_use]
     pub const fn with(self, field: Field) -> FieldSet {
@@ -188,5 +212,66 @@ impl FieldSet {
     /// True when every bit stands for a field that this version knows.
     pub fn is_known(self) -> bool {
         self.0 & !FieldSet::of(Field::ALL).0 == 0
+    }
+}
+
+impl From<Field> for FieldSet {
+    fn from(field: Field) -> FieldSet {
+        FieldSet::EMPTY.with(field)
+    }
+}
+
+impl<S: Into<FieldSet>> BitOr<S> for FieldSet {
+    type Output = FieldSet;
+
+    /// The fields of either.
+    fn bitor(self, other: S) -> FieldSet {
+        FieldSet(self.0 | other.into().0)
+    }
+}
+
+impl<S: Into<FieldSet>> BitOr<S> for Field {
+    type Output = FieldSet;
+
+    fn bitor(self, other: S) -> FieldSet {
+        FieldSet::from(self) | other
+    }
+}
+
+impl<S: Into<FieldSet>> BitOrAssign<S> for FieldSet {
+    fn bitor_assign(&mut self, other: S) {
+        *self = *self | other;
+    }
+}
+
+impl<S: Into<FieldSet>> Sub<S> for FieldSet {
+    type Output = FieldSet;
+
+    /// The fields of the first that are not in the second.
+    fn sub(self, other: S) -> FieldSet {
+        FieldSet(self.0 & !other.into().0)
+    }
+}
+
+impl<S: Into<FieldSet>> SubAssign<S> for FieldSet {
+    fn sub_assign(&mut self, other: S) {
+        *self = *self - other;
+    }
+}
+
+impl FromIterator<Field> for FieldSet {
+    fn from_iter<I: IntoIterator<Item = Field>>(fields: I) -> FieldSet {
+        fields.into_iter().fold(FieldSet::EMPTY, FieldSet::with)
+    }
+}
+
+impl fmt::Display for FieldSet {
+    /// The names of the fields in packing order, with commas between them.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (k, field) in self.iter().enumerate() {
+            f.write_str(if k == 0 { "" } else { ", " })?;
+            f.write_str(field.name())?;
+        }
+        Ok(())
     }
 }

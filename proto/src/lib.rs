@@ -6,6 +6,7 @@
 //! to know about a robot ([`ModelInfo`]). With it, it also holds the services over shared memory.
 
 pub mod actuators;
+mod answer;
 pub mod counts;
 mod field;
 mod info;
@@ -28,6 +29,7 @@ pub mod message;
 #[cfg(feature = "transport")]
 pub mod service;
 
+pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo};
 pub use layout::{Layout, Sizes, Slot};
@@ -38,3 +40,5 @@ pub use status::{Status, Warnings};
 pub use domain::{Domain, DomainError, LaneId, MAX_NAME, ServerName};
 #[cfg(feature = "transport")]
 pub use message::PROTOCOL_VERSION;
+#[cfg(feature = "transport")]
+pub use service::NodeId;

@@ -8,7 +8,7 @@ use crate::{LaneId, Query, Status, Warnings};
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
 pub const PROTOCOL_VERSION: u32 = 3;
-/// Plans that one server holds.
+/// Plans that one server holds at one time; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
 /// Numbers that one request can carry through the service.
 pub const MAX_NUMBERS_IN: usize = 2048;
@@ -21,13 +21,34 @@ pub const N_STATUSES: usize = 32;
 /// Bytes of text in one control answer.
 pub const PAGE: usize = 4096;
 
+/// The number of a plan on the wire: a place in the server's table and a generation, so that the
+/// number of a plan that was released is never another plan's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PlanNumber(pub u32);
+
+impl PlanNumber {
+    /// The most often that one place can be used.
+    pub const GENERATIONS: u32 = u32::MAX / MAX_PLANS as u32 + 1;
+
+    /// The number of a place, the `generation`-th time that it is used.
+    pub const fn new(place: usize, generation: u32) -> PlanNumber {
+        PlanNumber(generation * MAX_PLANS as u32 + place as u32)
+    }
+
+    /// The place in the table.
+    #[inline]
+    pub const fn place(self) -> usize {
+        self.0 as usize % MAX_PLANS
+    }
+}
+
 /// What every request begins with, through either transport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct RequestHead {
     /// [`PROTOCOL_VERSION`] of the client.
     pub version: u32,
-    /// Number of the plan, as the server gave it.
+    /// Number of the plan, as the server gave it; see [`PlanNumber`].
     pub plan: u32,
     /// Fingerprint of the model that the client was made for.
     pub fingerprint: u64,
@@ -125,11 +146,15 @@ wire_enum! {
         Hello = 1, "hello";
         /// A page of the model information as JSON; `arguments[0]` is the page's number.
         Model = 2, "model";
-        /// Register a query; answers plan number, numbers in, numbers out.
+        /// Register a query; answers plan number, numbers in, numbers out. The server holds the
+        /// plan as long as one of the clients that registered it is there and has not released it;
+        /// a client is there while its node reads the status board of this run.
         Plan = 3, "plan";
         /// A lane for plans of up to `arguments[0]` numbers in and `arguments[1]` out; answers a
         /// [`LaneId`] and both classes.
         Lane = 4, "lane";
+        /// Release the plan of number `arguments[0]`; answers 1 where this client held it, else 0.
+        Release = 5, "release";
     }
 }
 
@@ -266,7 +291,7 @@ pub struct Statistics {
     pub lanes: u64,
     /// Lanes made since the start.
     pub lanes_made: u64,
-    /// Plans registered.
+    /// Plans that clients hold.
     pub plans: u64,
     /// Calls of the system's allocator by the thread that answers, after start-up.
     pub system_allocations: u64,
@@ -298,6 +323,17 @@ mod tests {
         assert_eq!(size_of::<ControlRequest>(), 32 + size_of::<Query>());
         assert_eq!(size_of::<ControlResponse>(), 64 + PAGE);
         assert_eq!(size_of::<Statistics>(), 8 * (1 + 2 + N_STATUSES + 5 + 7));
+    }
+
+    #[test]
+    fn a_place_has_another_number_each_time() {
+        let last = PlanNumber::GENERATIONS - 1;
+        assert_eq!(PlanNumber::new(7, 0), PlanNumber(7));
+        assert_eq!(PlanNumber::new(MAX_PLANS - 1, last), PlanNumber(u32::MAX));
+        for generation in [0, 1, 2, last] {
+            assert_eq!(PlanNumber::new(1000, generation).place(), 1000);
+        }
+        assert_ne!(PlanNumber::new(1000, 0), PlanNumber::new(1000, 1));
     }
 
     #[test]

@@ -2,10 +2,13 @@
 
 use core::fmt::Debug;
 
+use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::node::Node;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::{BackpressureStrategy, Service, ServiceName, ZeroCopySend};
+use iceoryx2::prelude::{
+    BackpressureStrategy, CallbackProgression, PortFactory, Service, ServiceName, ZeroCopySend,
+};
 use iceoryx2::service::builder::request_response::{
     RequestResponseOpenError, RequestResponseOpenOrCreateError,
 };
@@ -19,6 +22,8 @@ use crate::message::{
 };
 use crate::{DomainError, PROTOCOL_VERSION, ServerName};
 
+/// The node of a process, or of a part of it, in shared memory; each connected robot is one.
+pub type NodeId = iceoryx2::identifiers::UniqueNodeId;
 /// A server's port of the control service.
 pub type ControlServer = Server<Threadsafe, ControlRequest, (), ControlResponse, ()>;
 /// A client's port of the control service.
@@ -135,10 +140,30 @@ impl ServiceError {
 pub fn serve_control(
     node: &Node<Threadsafe>,
     name: &ServerName,
-) -> Result<ControlServer, ServiceError> {
+) -> Result<(ControlServer, ControlCallers), ServiceError> {
     let service = name.control()?;
     let factory = request_response_service(node, &service, MAX_CONTROL_CLIENTS)?;
-    serve(&factory, &service)
+    Ok((serve(&factory, &service)?, ControlCallers { factory }))
+}
+
+/// Who calls the control service.
+pub struct ControlCallers {
+    factory: Factory<Threadsafe, ControlRequest, ControlResponse>,
+}
+
+impl ControlCallers {
+    /// The node of a caller; `None` when it is gone.
+    pub fn node_of(&self, caller: UniqueClientId) -> Option<NodeId> {
+        let mut node = None;
+        self.factory.dynamic_config().list_clients(|client| match client.client_id == caller {
+            true => {
+                node = Some(client.node_id);
+                CallbackProgression::Stop
+            }
+            false => CallbackProgression::Continue,
+        });
+        node
+    }
 }
 
 /// The service of a run of the server, served.

@@ -4,21 +4,23 @@ use std::sync::Arc;
 
 use iceoryx2::node::Node;
 use sarrus_dynamics::Model;
-use sarrus_proto::PROTOCOL_VERSION;
-use sarrus_proto::board::class_of;
+use sarrus_proto::board::{StatusReaders, class_of};
 use sarrus_proto::lane::{Threadsafe, copy_once};
-use sarrus_proto::message::{Call, ControlRequest, ControlResponse, PAGE, Refusal};
-use sarrus_proto::service::ControlServer;
+use sarrus_proto::message::{Call, ControlRequest, ControlResponse, PAGE, PlanNumber, Refusal};
+use sarrus_proto::service::{ControlCallers, ControlServer};
+use sarrus_proto::{NodeId, PROTOCOL_VERSION, Query};
 
-use crate::engine::{Plans, Registered, Unplanned};
 use crate::lanes::{Lanes, NoLane};
+use crate::plans::{Plans, Registered, Unplanned};
 
 /// The control service's side of the server.
 pub(crate) struct Control {
     pub(crate) port: ControlServer,
+    pub(crate) callers: ControlCallers,
+    pub(crate) readers: StatusReaders,
     pub(crate) instance: u64,
     pub(crate) model: Arc<Model<f64>>,
-    pub(crate) plans: Arc<Plans>,
+    pub(crate) plans: Plans,
     pub(crate) info: Vec<u8>,
     pub(crate) fingerprint: u64,
 }
@@ -30,14 +32,22 @@ type Granted = ([u64; 4], Vec<u8>);
 
 impl Control {
     /// Answers every call that waits; true when there was one.
-    pub(crate) fn serve(&self, node: &Node<Threadsafe>, lanes: &mut Lanes, stopping: bool) -> bool {
+    pub(crate) fn serve(
+        &mut self,
+        node: &Node<Threadsafe>,
+        lanes: &mut Lanes,
+        stopping: bool,
+    ) -> bool {
         let mut any = false;
         // an error concerns a client that is about to go
         while let Ok(Some(active)) = self.port.receive() {
             any = true;
             let request = copy_once(active.payload());
             let outcome = match stopping {
-                false => self.answer(&request, node, lanes),
+                false => {
+                    let caller = self.callers.node_of(active.origin());
+                    self.answer(&request, caller, node, lanes)
+                }
                 true => Err((Refusal::Stopping, String::new(), [0; 4])),
             };
             // a client that went away needs no answer
@@ -46,9 +56,32 @@ impl Control {
         any
     }
 
+    /// Takes plans back whose holders have left or died.
+    pub(crate) fn upkeep(&mut self) {
+        self.plans.upkeep(&self.readers.nodes());
+    }
+
+    /// A plan for a caller; where the table is full, after a search for the dead.
+    fn plan(
+        &mut self,
+        query: &Query,
+        caller: NodeId,
+        node: &Node<Threadsafe>,
+    ) -> Result<Registered, Unplanned> {
+        match self.plans.register(&self.model, query, caller) {
+            Err(Unplanned::TooMany) => {
+                node.try_cleanup_dead_nodes();
+                self.upkeep();
+                self.plans.register(&self.model, query, caller)
+            }
+            outcome => outcome,
+        }
+    }
+
     fn answer(
-        &self,
+        &mut self,
         request: &ControlRequest,
+        caller: Option<NodeId>,
         node: &Node<Threadsafe>,
         lanes: &mut Lanes,
     ) -> Result<Granted, Refused> {
@@ -68,16 +101,28 @@ impl Control {
                 page.map(|page| ([page.len() as u64, 0, 0, 0], page.to_vec()))
                     .ok_or_else(|| refused(Refusal::NoSuchPage))
             }
-            Some(Call::Plan) => match self.plans.register(&self.model, &request.query) {
-                Ok(Registered { plan, n_in, n_out }) => {
-                    Ok(([plan.into(), n_in as u64, n_out as u64, 0], Vec::new()))
+            Some(Call::Plan) => {
+                let gone = || (Refusal::Failed, "the client is gone".to_owned(), [0; 4]);
+                match self.plan(&request.query, caller.ok_or_else(gone)?, node) {
+                    Ok(Registered { number, n_in, n_out }) => {
+                        Ok(([number.0.into(), n_in as u64, n_out as u64, 0], Vec::new()))
+                    }
+                    Err(Unplanned::Query(error)) => {
+                        Err((Refusal::BadQuery, error.to_string(), [0; 4]))
+                    }
+                    Err(Unplanned::TooLarge { n_in, n_out }) => {
+                        Err((Refusal::TooLarge, String::new(), [n_in as u64, n_out as u64, 0, 0]))
+                    }
+                    Err(Unplanned::TooMany) => Err(refused(Refusal::TooManyPlans)),
                 }
-                Err(Unplanned::Query(error)) => Err((Refusal::BadQuery, error.to_string(), [0; 4])),
-                Err(Unplanned::TooLarge { n_in, n_out }) => {
-                    Err((Refusal::TooLarge, String::new(), [n_in as u64, n_out as u64, 0, 0]))
-                }
-                Err(Unplanned::TooMany) => Err(refused(Refusal::TooManyPlans)),
-            },
+            }
+            Some(Call::Release) => {
+                let number = u32::try_from(request.arguments[0]).ok().map(PlanNumber);
+                let had = number
+                    .zip(caller)
+                    .is_some_and(|(number, caller)| self.plans.release(number, caller));
+                Ok(([had.into(), 0, 0, 0], Vec::new()))
+            }
             Some(Call::Lane) => {
                 let class = |n: u64| usize::try_from(n).ok().and_then(class_of);
                 let [n_in, n_out] = request.arguments;

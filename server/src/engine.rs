@@ -1,83 +1,15 @@
-//! From a request that nobody has checked to an answer: the gate, the plans, the mathematics.
+//! From a request that nobody has checked to an answer: the gate, the plan, the mathematics.
 
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
 
-use sarrus_dynamics::{Model, Plan, Workspace};
+use sarrus_dynamics::{Model, Workspace};
 use sarrus_proto::message::{
-    ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead, ResponseHead,
+    ComputeRequest, MAX_NUMBERS_IN, MAX_PLANS, PlanNumber, RequestHead, ResponseHead,
 };
-use sarrus_proto::{PROTOCOL_VERSION, Query, QueryError, Status, Warnings};
+use sarrus_proto::{PROTOCOL_VERSION, Status, Warnings};
 
-/// The plans of all clients: filled beside the answering thread, read by it. A plan stays as long
-/// as the server.
-pub(crate) struct Plans {
-    table: Box<[OnceLock<Plan>]>,
-    // only the side that registers takes it
-    registered: Mutex<usize>,
-}
-
-/// A registered plan, as its client learns it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Registered {
-    pub(crate) plan: u32,
-    pub(crate) n_in: usize,
-    pub(crate) n_out: usize,
-}
-
-/// Why a query gets no plan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Unplanned {
-    Query(QueryError),
-    TooLarge { n_in: usize, n_out: usize },
-    TooMany,
-}
-
-impl Plans {
-    pub(crate) fn new() -> Plans {
-        Plans {
-            table: (0..MAX_PLANS).map(|_| OnceLock::new()).collect(),
-            registered: Mutex::new(0),
-        }
-    }
-
-    /// How many there are.
-    pub(crate) fn len(&self) -> usize {
-        self.table.iter().take_while(|plan| plan.get().is_some()).count()
-    }
-
-    /// The plan of a query; equal sets share one.
-    pub(crate) fn register(
-        &self,
-        model: &Model<f64>,
-        query: &Query,
-    ) -> Result<Registered, Unplanned> {
-        let mut registered =
-            self.registered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let known =
-            self.table.iter().map_while(OnceLock::get).position(|plan| plan.query() == query);
-        let index = match known {
-            Some(index) => index,
-            None => {
-                let plan = Plan::new(model, query).map_err(Unplanned::Query)?;
-                let (n_in, n_out) = (plan.given().len(), plan.want().len());
-                if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
-                    return Err(Unplanned::TooLarge { n_in, n_out });
-                }
-                let index = *registered;
-                let slot = self.table.get(index).ok_or(Unplanned::TooMany)?;
-                slot.get_or_init(|| plan);
-                *registered += 1;
-                index
-            }
-        };
-        let plan = self.table.get(index).and_then(OnceLock::get).ok_or(Unplanned::TooMany)?;
-        Ok(Registered { plan: index as u32, n_in: plan.given().len(), n_out: plan.want().len() })
-    }
-
-    fn find(&self, index: u32) -> Option<&Plan> {
-        self.table.get(index as usize)?.get()
-    }
-}
+use crate::plans::{PlanOrder, ServedPlan};
 
 /// Where a request's numbers are; a client may still be writing those of the service.
 pub(crate) enum Input<'a> {
@@ -90,15 +22,57 @@ pub(crate) enum Input<'a> {
 /// Everything that answering needs; belongs to the answering thread.
 pub(crate) struct Engine {
     model: Arc<Model<f64>>,
-    plans: Arc<Plans>,
+    /// By their places.
+    plans: Box<[Option<Box<ServedPlan>>]>,
+    orders: Receiver<PlanOrder>,
+    retired: SyncSender<Box<ServedPlan>>,
     workspace: Workspace<f64>,
     scratch: Vec<f64>,
 }
 
 impl Engine {
-    pub(crate) fn new(model: Arc<Model<f64>>, plans: Arc<Plans>) -> Engine {
+    pub(crate) fn new(
+        model: Arc<Model<f64>>,
+        orders: Receiver<PlanOrder>,
+        retired: SyncSender<Box<ServedPlan>>,
+    ) -> Engine {
         let workspace = Workspace::new(&model);
-        Engine { model, plans, workspace, scratch: vec![0.0; MAX_NUMBERS_IN] }
+        let plans = (0..MAX_PLANS).map(|_| None).collect();
+        Engine { model, plans, orders, retired, workspace, scratch: vec![0.0; MAX_NUMBERS_IN] }
+    }
+
+    /// Takes new plans and gives back old ones. Nobody ever blocks on these channels.
+    pub(crate) fn obey(&mut self) {
+        while let Ok(order) = self.orders.try_recv() {
+            match order {
+                PlanOrder::Serve(served) => {
+                    let place = served.number.place();
+                    self.plans[place] = Some(served);
+                }
+                PlanOrder::Retire(number) => {
+                    let Some(served) = self.plans[number.place()].take() else { continue };
+                    // there is room for every plan, so this cannot fail; were it to, the plan would
+                    // stay
+                    if let Err(TrySendError::Full(served) | TrySendError::Disconnected(served)) =
+                        self.retired.try_send(served)
+                    {
+                        self.plans[number.place()] = Some(served);
+                    }
+                }
+            }
+        }
+    }
+
+    /// True where the plan is there; one that was registered just now is fetched.
+    #[inline]
+    fn has(&mut self, number: PlanNumber) -> bool {
+        let is_there = |plans: &[Option<Box<ServedPlan>>]| {
+            plans[number.place()].as_ref().is_some_and(|served| served.number == number)
+        };
+        is_there(&self.plans) || {
+            self.obey();
+            is_there(&self.plans)
+        }
     }
 
     /// Checks a request, runs its plan from `input` into `output` and says how it ended. Never
@@ -135,7 +109,13 @@ impl Engine {
         if head.fingerprint != self.model.fingerprint() {
             return Err(Status::WrongModel);
         }
-        let plan = self.plans.find(head.plan).ok_or(Status::UnknownRequest)?;
+        let number = PlanNumber(head.plan);
+        if !self.has(number) {
+            return Err(Status::UnknownRequest);
+        }
+        let Some(ServedPlan { plan, .. }) = self.plans[number.place()].as_deref() else {
+            return Err(Status::UnknownRequest);
+        };
 
         // the counts are the plan's; a lane may be too small for another client's plan
         let (n_in, n_out) = (plan.given().len(), plan.want().len());

@@ -192,9 +192,10 @@ impl Hot {
         answered
     }
 
-    /// Takes new lanes and gives back old ones. Nobody ever blocks on these channels: looking costs
+    /// Takes new plans and lanes and gives back old ones. Nobody ever blocks on these channels: looking costs
     /// two loads.
     fn obey(&mut self) {
+        self.engine.obey();
         while let Ok(order) = self.orders.try_recv() {
             match order {
                 Order::Serve { slot, lane } => self.lanes[slot] = Some(lane),

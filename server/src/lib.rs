@@ -2,15 +2,15 @@
 //!
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
 //! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
-//! (`lanes.rs`), answers the control service (`control.rs`) and publishes statistics
-//! (`counters.rs`). They meet in counters, in the table of plans and in bounded channels, never in
-//! a lock.
+//! (`lanes.rs`) and plans (`plans.rs`), answers the control service (`control.rs`) and publishes
+//! statistics (`counters.rs`). They meet in counters and in bounded channels, never in a lock.
 
 mod control;
 mod counters;
 mod engine;
 mod hot;
 mod lanes;
+mod plans;
 pub mod pool;
 mod serve;
 

@@ -12,15 +12,18 @@ use quanta::Clock;
 use sarrus_dynamics::Model;
 use sarrus_proto::board::{HeartbeatEntry, StatisticsEntry, StatusBoard};
 use sarrus_proto::lane::Threadsafe;
-use sarrus_proto::message::Statistics;
-use sarrus_proto::service::{ControlServer, ServiceError, serve_compute, serve_control};
+use sarrus_proto::message::{MAX_PLANS, Statistics};
+use sarrus_proto::service::{
+    ControlCallers, ControlServer, ServiceError, serve_compute, serve_control,
+};
 use sarrus_proto::{Domain, DomainError, ModelInfo, ServerName};
 
 use crate::control::Control;
 use crate::counters::{Counters, Latency};
-use crate::engine::{Engine, Plans};
+use crate::engine::Engine;
 use crate::hot::{Hot, Order, Retired, Shared};
 use crate::lanes::Lanes;
+use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
 
 /// How the answering thread waits for requests.
@@ -139,17 +142,18 @@ fn run(
     // the control port is what makes this server the only one of its name; what a dead one left is
     // cleared on the way
     let node = domain.node::<Threadsafe>()?;
-    let port = take_name(&node, name).map_err(service)?;
+    let (port, callers) = take_name(&node, name).map_err(service)?;
     let instance = instance();
     let status = StatusBoard::create(&node, name, instance).map_err(service)?;
 
     // the answering thread
     let shared = Arc::new(Shared { counters: Counters::new(), stopping: AtomicBool::new(false) });
-    let plans = Arc::new(Plans::new());
+    let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
+    let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
     // a lane is ordered there and back before it is free again
     let (orders_in, orders) = sync_channel(2 * options.lanes + 1);
     let (retired, retired_out) = sync_channel(options.lanes + 1);
-    let engine = Engine::new(model.clone(), plans.clone());
+    let engine = Engine::new(model.clone(), plan_orders, retired_plans);
     let clock = Clock::new();
     let start = HotStart {
         engine,
@@ -166,7 +170,16 @@ fn run(
     // upkeep
     let lanes = Lanes::new(name.clone(), instance, options.lanes, orders_in, retired_out);
     let fingerprint = info.fingerprint;
-    let control = Control { port, instance, model, plans, info: info.to_json(), fingerprint };
+    let control = Control {
+        port,
+        callers,
+        readers: status.readers,
+        instance,
+        model,
+        plans: Plans::new(plan_orders_in, retired_plans_out),
+        info: info.to_json(),
+        fingerprint,
+    };
     let latency = Latency::new(clock).ok_or(ServeError::Died)?;
     let mut upkeep = Upkeep {
         node,
@@ -197,7 +210,10 @@ fn run(
 
 /// The control port. A server that ended just now may still be going: the name is asked for a few
 /// times.
-fn take_name(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControlServer, ServiceError> {
+fn take_name(
+    node: &Node<Threadsafe>,
+    name: &ServerName,
+) -> Result<(ControlServer, ControlCallers), ServiceError> {
     let mut attempts = 0;
     loop {
         node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
@@ -303,7 +319,7 @@ struct Upkeep {
 
 /// Between two looks at the control service while nobody calls.
 const NAP: Duration = Duration::from_millis(1);
-/// Naps between two looks at lanes.
+/// Naps between two looks at lanes and plans.
 const LANES: u32 = 20;
 /// Naps between two statistics.
 const PUBLISH: u32 = 50;
@@ -322,6 +338,7 @@ impl Upkeep {
         }
         if self.naps.is_multiple_of(LANES) {
             self.lanes.upkeep();
+            self.control.upkeep();
         }
         if self.naps.is_multiple_of(PUBLISH) {
             self.publish();

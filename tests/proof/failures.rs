@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::scalar::{Dd, Real, Scalar};
 use sarrus_dynamics::{Field, Model, Plan, Request, Status, Workspace};
-use sarrus_models::Options;
+use sarrus_models::{Options, Source, load};
 use sarrus_tests::cases::{Case, Ledger, robots};
 use sarrus_tests::compare::error_by_size;
 use sarrus_tests::plans::{every_plan, input};
@@ -96,6 +96,41 @@ fn wrong_sizes_and_another_robots_plan_are_refused() {
             Status::WrongModel
         );
         assert!(output.iter().all(|x| x.is_nan()));
+        let mut output = vec![1.0; want];
+        assert_eq!(
+            plan.run(a, &mut Workspace::new(b), &vec![0.0; given], &mut output).status,
+            Status::WrongModel
+        );
+        assert!(output.iter().all(|x| x.is_nan()));
+    }
+}
+
+#[test]
+fn a_plan_of_another_model_of_the_same_sizes_is_refused() {
+    // the same mechanism on the moon: the same sizes, other forces
+    let [earth, moon] = [[0.0, 0.0, -9.81], [0.0, 0.0, -1.62]].map(|gravity| {
+        load(&Source::Bundled("lambda".into()), &Options { gravity, ..Options::default() })
+            .unwrap()
+            .compiled
+    });
+    assert_eq!(earth.model.sizes(), moon.model.sizes());
+    for plan in every_plan(&earth.model, &mut Seeded::new(2)) {
+        let input = vec![0.1; plan.given().len()];
+        for (model, mut workspace) in [
+            (&moon.model, Workspace::new(&moon.model)),
+            (&earth.model, Workspace::new(&moon.model)),
+            (&moon.model, Workspace::new(&earth.model)),
+        ] {
+            let mut output = vec![1.0; plan.want().len()];
+            let answer = plan.run(model, &mut workspace, &input, &mut output);
+            assert_eq!(answer.ok().unwrap_err().status, Status::WrongModel);
+            assert!(output.iter().all(|x| x.is_nan()));
+        }
+        // other scalars of the same model are the same model
+        let input: Vec<Dd> = input.iter().map(|x| Dd::from(*x)).collect();
+        let mut output = vec![Dd::from(0.0); plan.want().len()];
+        let answer = plan.run(&earth.exact, &mut Workspace::new(&earth.exact), &input, &mut output);
+        assert_ne!(answer.status, Status::WrongModel);
     }
 }
 

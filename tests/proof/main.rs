@@ -21,6 +21,7 @@ mod determinism;
 mod documents;
 mod duals;
 mod energy;
+mod examples;
 mod failures;
 mod forward;
 mod hyrodyn;

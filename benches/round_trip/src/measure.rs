@@ -179,7 +179,7 @@ pub(crate) fn measure(
 fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: PlanId) -> Outcome {
     let mut output = vec![0.0; asked.answers[0].len()];
     for (input, answer) in asked.inputs.iter().zip(&asked.answers) {
-        client.ask(plan, input, &mut output)?;
+        let _ = client.ask(plan, input, &mut output)?;
         if output.iter().zip(answer).any(|(a, b)| a.to_bits() != b.to_bits()) {
             return Err(format!(
                 "{}: the answer has other bits than in process",
@@ -246,7 +246,7 @@ impl Asked {
         for _ in 0..200 {
             let start = Instant::now();
             for (input, answer) in self.inputs.iter().zip(&mut self.answers) {
-                std::hint::black_box(plan.run(
+                let _ = std::hint::black_box(plan.run(
                     model,
                     &mut workspace,
                     std::hint::black_box(input),

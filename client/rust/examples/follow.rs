@@ -25,12 +25,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let mut robot = Robot::connect(&server)?;
     let (n_y, n_u) = (robot.model().independent.len(), robot.model().active.len());
-    let from_encoders =
-        robot.query(Request::Map).given(&["u", "ud"])?.want(&["y", "yd"])?.prepare()?;
+    let from_encoders = robot.query(Request::Map).given(["u", "ud"]).want(["y", "yd"]).prepare()?;
     let to_efforts = robot
         .query(Request::InverseDynamics)
-        .given(&["y", "yd", "ydd"])?
-        .want(&["tau_u"])?
+        .given(["y", "yd", "ydd"])
+        .want(["tau_u"])
         .prepare()?;
     let mut controller = Controller::connect(&bridge, robot.model().fingerprint)?;
 

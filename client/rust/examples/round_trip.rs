@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (input, mut output) = (vec![0.1; n_in], vec![0.0; n_out]);
         let mut ask = || robot.ask(plan, &input, &mut output);
         for _ in 0..count / 10 {
-            ask()?;
+            ask()?.ok()?;
         }
         let mut times = Vec::with_capacity(count);
         for _ in 0..count {
@@ -51,8 +51,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 std::thread::sleep(pause);
             }
             let start = Instant::now();
-            ask()?;
+            let answer = ask()?;
             times.push(start.elapsed());
+            answer.ok()?;
         }
         times.sort_unstable();
         let at = |quantile: f64| {

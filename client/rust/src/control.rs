@@ -22,6 +22,7 @@ pub(crate) struct Control<'a> {
     fingerprint: u64,
     deadline: Instant,
     timeout: Duration,
+    /// The run that answers; 0 before the first answer.
     instance: u64,
 }
 
@@ -34,18 +35,7 @@ impl<'a> Control<'a> {
         fingerprint: Option<u64>,
         deadline: Instant,
     ) -> Result<(Control<'a>, Hello), ConnectError> {
-        let timeout = deadline.saturating_duration_since(Instant::now());
-        let port = open_control(node, name)
-            .map_err(|error| ConnectError::of_service(name.as_str(), error))?;
-        let mut control = Control {
-            node,
-            name,
-            port,
-            fingerprint: fingerprint.unwrap_or(0),
-            deadline,
-            timeout,
-            instance: 0,
-        };
+        let mut control = Control::resume(node, name, fingerprint.unwrap_or(0), 0, deadline)?;
         let response = control.granted(Call::Hello, [0; 2], None)?;
         control.fingerprint = response.fingerprint;
         control.instance = response.instance;
@@ -57,6 +47,21 @@ impl<'a> Control<'a> {
                 info_bytes: response.numbers[0] as usize,
             },
         ))
+    }
+
+    /// Opens the service for the run that a client is attached to, without a word: the answer of
+    /// another run is no answer.
+    pub(crate) fn resume(
+        node: &'a Node<Threadsafe>,
+        name: &'a ServerName,
+        fingerprint: u64,
+        instance: u64,
+        deadline: Instant,
+    ) -> Result<Control<'a>, ConnectError> {
+        let timeout = deadline.saturating_duration_since(Instant::now());
+        let port = open_control(node, name)
+            .map_err(|error| ConnectError::of_service(name.as_str(), error))?;
+        Ok(Control { node, name, port, fingerprint, deadline, timeout, instance })
     }
 
     /// The model information.
@@ -96,6 +101,11 @@ impl<'a> Control<'a> {
             Some(Refusal::TooManyPlans) => Err(Error::TooManyPlans { limit: MAX_PLANS }),
             refusal => Err(ConnectError::of_refusal(refusal, &response, self.fingerprint).into()),
         }
+    }
+
+    /// Releases a plan by the server's number of it.
+    pub(crate) fn release(&self, number: u32) -> Result<(), ConnectError> {
+        self.granted(Call::Release, [number.into(), 0], None).map(|_| ())
     }
 
     /// A lane of one's own that holds so many numbers each way.
@@ -152,7 +162,15 @@ impl<'a> Control<'a> {
         }
         loop {
             match pending.receive() {
-                Ok(Some(response)) => return Ok(*response.payload()),
+                Ok(Some(response)) => {
+                    let response = *response.payload();
+                    return match self.instance == 0 || self.instance == response.instance {
+                        true => Ok(response),
+                        false => {
+                            Err(ConnectError::NoServer { name: self.name.as_str().to_owned() })
+                        }
+                    };
+                }
                 Ok(None) if Instant::now() < self.deadline => {
                     std::thread::sleep(Duration::from_micros(100))
                 }

@@ -2,7 +2,9 @@ use std::time::Duration;
 
 use sarrus_proto::message::Refusal;
 use sarrus_proto::service::ServiceError;
-use sarrus_proto::{DomainError, PROTOCOL_VERSION, QueryError};
+use sarrus_proto::{DomainError, FailedState, Field, PROTOCOL_VERSION, QueryError};
+
+use crate::UnknownName;
 
 /// Why a client cannot attach to a server.
 #[derive(Debug, thiserror::Error)]
@@ -15,7 +17,11 @@ pub enum ConnectError {
         name: String,
     },
     /// A server has this name but does not answer.
-    #[error("the server `{name}` gave no answer within {} s; see whether its process is stopped or has crashed", timeout.as_secs_f64())]
+    #[error(
+        "the server `{name}` gave no answer within {} s; see whether its process is stopped or \
+         has crashed",
+        timeout.as_secs_f64()
+    )]
     NoAnswer {
         /// The name.
         name: String,
@@ -38,7 +44,8 @@ pub enum ConnectError {
     },
     /// The server speaks another version of the protocol.
     #[error(
-        "the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and server of one version"
+        "the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and \
+         server of one version"
     )]
     WrongVersion {
         /// The server's version; zero where its payloads are so different that it cannot be asked.
@@ -46,7 +53,8 @@ pub enum ConnectError {
     },
     /// The server holds another model than the one expected.
     #[error(
-        "the server holds the model {found:016x}, expected {expected:016x}; connect anew to use the new model"
+        "the server holds the model {found:016x}, expected {expected:016x}; connect anew to use \
+         the new model"
     )]
     WrongModel {
         /// Fingerprint of the server's model.
@@ -69,7 +77,8 @@ pub enum ConnectError {
     ShuttingDown,
     /// The server's answer makes no sense.
     #[error(
-        "the server's answer {what} makes no sense to this client; use client and server of one version"
+        "the server's answer {what} makes no sense to this client; use client and server of one \
+         version"
     )]
     BadAnswer {
         /// What was asked.
@@ -89,12 +98,17 @@ pub enum ConnectError {
     Service(ServiceError),
 }
 
-/// Why a robot cannot answer at all; an answer that failed is an [`crate::Answer`] with its status.
+/// Why a robot does not answer. A request through [`crate::Robot::ask`] that ends with another
+/// status than `ok` is no error but an [`crate::Answer`]; [`crate::Answer::ok`] makes it one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The server is gone and did not come back in time. The next request looks for it again.
-    #[error("the server `{name}` is gone, waited {} s for it; start it again, the next request finds it", timeout.as_secs_f64())]
+    #[error(
+        "the server `{name}` is gone, waited {} s for it; start it again, the next request finds \
+         it",
+        timeout.as_secs_f64()
+    )]
     ServerGone {
         /// The server's name.
         name: String,
@@ -102,7 +116,11 @@ pub enum Error {
         timeout: Duration,
     },
     /// The server lives but did not answer in time.
-    #[error("the server `{name}` lives but gave no answer within {} s; allow more time in `ConnectOptions::timeout`", timeout.as_secs_f64())]
+    #[error(
+        "the server `{name}` lives but gave no answer within {} s; allow more time in \
+         `ConnectOptions::timeout`",
+        timeout.as_secs_f64()
+    )]
     NoAnswer {
         /// The server's name.
         name: String,
@@ -121,19 +139,29 @@ pub enum Error {
         /// What the server says.
         reason: String,
     },
-    /// A name stands for no field or link.
-    #[error("`{name}` is no {what}; {help}")]
-    UnknownName {
-        /// What the name should be of.
-        what: &'static str,
-        /// The name.
-        name: String,
-        /// What to do.
-        help: String,
+    /// Names in a query that stand for no field or link: all of them.
+    #[error("{}", lines(names))]
+    UnknownNames {
+        /// The names.
+        names: Vec<UnknownName>,
     },
+    /// An array does not fit this robot.
+    #[error("`{}` has {found} numbers, expected {expected}", field.name())]
+    WrongSize {
+        /// What the array is for.
+        field: Field,
+        /// How many numbers it has.
+        found: usize,
+        /// How many this robot's has.
+        expected: usize,
+    },
+    /// The robot answered, but this state has no answer.
+    #[error(transparent)]
+    Failed(#[from] FailedState),
     /// The plan moves more numbers than a request carries.
     #[error(
-        "the plan takes {n_in} numbers and gives {n_out}, expected at most {max_in} and {max_out}; ask for fewer fields or frames at a time"
+        "the plan takes {n_in} numbers and gives {n_out}, expected at most {max_in} and {max_out}; \
+         ask for fewer fields or frames at a time"
     )]
     TooLarge {
         /// Numbers in.
@@ -147,18 +175,26 @@ pub enum Error {
     },
     /// The server's table of plans is full.
     #[error(
-        "the server holds {limit} plans and takes no more; use queries that are registered, or restart it"
+        "the server's clients hold {limit} plans and it takes no more; release some with \
+         `Robot::release`, or use queries that are registered"
     )]
     TooManyPlans {
         /// Size of the table.
         limit: usize,
     },
-    /// The plan is another robot's.
-    #[error("plan {index} was not prepared by this robot; prepare it with the robot that is asked")]
-    UnknownPlan {
-        /// Its number.
-        index: usize,
-    },
+    /// The plan is another robot's, be it one of the same model.
+    #[error(
+        "the plan was prepared by another robot; prepare it with the robot that is asked, also \
+         where both are of one model"
+    )]
+    UnknownPlan,
+    /// The plan is this robot's, but was released.
+    #[error("the plan was released; prepare it again")]
+    ReleasedPlan,
+}
+
+fn lines(names: &[UnknownName]) -> String {
+    names.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 impl ConnectError {
@@ -199,7 +235,8 @@ impl ConnectError {
             Some(Refusal::NoLane) => ConnectError::NoFreeSlot {
                 transport: "lanes of the server",
                 limit: response.numbers[0] as usize,
-                help: "close a client, serve with more --lanes, or connect through Transport::Service",
+                help: "close a client, serve with more --lanes, or connect through \
+                       Transport::Service",
             },
             Some(Refusal::Stopping) => ConnectError::ShuttingDown,
             Some(Refusal::Failed) => ConnectError::Failed {

@@ -1,30 +1,46 @@
-//! Client of the sarrus server.
+//! Client of the sarrus server, and the same robot without one.
 //!
-//! [`Robot`] is all there is to know: connect by name, [`Robot::prepare`] what is wanted,
-//! [`Robot::ask`] as often as needed. When the server is killed and started again with the same
-//! model, the client goes on by itself.
+//! [`Robot`] answers: [`Robot::connect`] finds one that a server holds, [`Robot::load`] and
+//! [`Robot::from_model`] make one in this process, with the same methods and the same bits.
+//! [`Robot::inverse_dynamics`] and its neighbours ask what most programs ask; [`Robot::query`]
+//! prepares anything else. When a server is killed and started again with the same model, its
+//! clients go on by themselves. [`Controller`] sends commands to a CAN bridge and [`Observer`]
+//! watches one.
 
 mod bridge;
 mod control;
 mod describe;
+mod direct;
 mod error;
 mod local;
 mod options;
+mod plan;
 mod query;
 mod remote;
 mod robot;
+mod session;
 mod wait;
 
 pub use bridge::{Controller, Observer, now_ns};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
 pub use options::{ConnectOptions, Transport, WaitStrategy};
-pub use query::QueryBuilder;
-pub use robot::{PlanId, Prepared, Robot};
-pub use sarrus_dynamics::Answer;
+pub use plan::{PlanId, Prepared};
+pub use query::{IntoField, QueryBuilder, UnknownName};
+pub use robot::Robot;
+pub use sarrus_dynamics::description;
+pub use sarrus_dynamics::{
+    CompileError, Compiled, CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId, Model,
+};
 pub use sarrus_models::{LoadError, Options, Source};
 pub use sarrus_proto::message::Statistics;
 pub use sarrus_proto::{
-    Domain, Field, FieldSet, Layout, ModelInfo, Query, QueryError, Request, Status, Warnings,
+    Answer, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError, Request,
+    Status, Warnings,
 };
 pub use sarrus_proto::{actuators, watch};
+
+/// The page for users: its programs are compiled, and run where they need no server.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

@@ -1,44 +1,43 @@
 //! A robot in this process.
 
-use std::sync::Arc;
-
 use sarrus_dynamics::{Model, Plan, Workspace};
-use sarrus_models::{LoadError, Options, Source, load};
-use sarrus_proto::ModelInfo;
+use sarrus_proto::Query;
 
-use crate::{Answer, Error, Prepared, describe};
+use crate::{Answer, Error};
 
 /// The model with its scratch and its plans.
 pub(crate) struct Local {
-    model: Arc<Model<f64>>,
+    model: Model<f64>,
     workspace: Workspace<f64>,
-    plans: Vec<Plan>,
+    /// By their places.
+    plans: Vec<Option<Plan>>,
 }
 
 impl Local {
-    pub(crate) fn load(
-        source: &Source,
-        options: &Options,
-    ) -> Result<(Local, ModelInfo), LoadError> {
-        let loaded = load(source, options)?;
-        let info = describe(&loaded);
-        let model = Arc::new(loaded.compiled.model);
-        let workspace = Workspace::new(&model);
-        Ok((Local { model, workspace, plans: Vec::new() }, info))
+    pub(crate) fn new(model: Model<f64>) -> Local {
+        Local { workspace: Workspace::new(&model), model, plans: Vec::new() }
     }
 
-    pub(crate) fn register(&mut self, prepared: &Prepared) -> Result<(), Error> {
-        self.plans.push(Plan::new(&self.model, prepared.query()).map_err(Error::Query)?);
+    pub(crate) fn register(&mut self, place: usize, query: &Query) -> Result<(), Error> {
+        let plan = Plan::new(&self.model, query).map_err(Error::Query)?;
+        self.plans.resize_with(self.plans.len().max(place + 1), || None);
+        self.plans[place] = Some(plan);
         Ok(())
+    }
+
+    pub(crate) fn release(&mut self, place: usize) {
+        if let Some(plan) = self.plans.get_mut(place) {
+            *plan = None;
+        }
     }
 
     pub(crate) fn ask(
         &mut self,
-        plan: usize,
+        place: usize,
         input: &[f64],
         output: &mut [f64],
     ) -> Result<Answer, Error> {
-        let plan = self.plans.get(plan).ok_or(Error::UnknownPlan { index: plan })?;
+        let Some(Some(plan)) = self.plans.get(place) else { return Err(Error::ReleasedPlan) };
         Ok(plan.run(&self.model, &mut self.workspace, input, output))
     }
 }

@@ -1,91 +1,186 @@
+//! A query by names, which reports every name that stands for nothing.
+
+use std::fmt;
+
+use sarrus_models::nearest;
 use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, QueryError, Request};
 
 use crate::{Error, PlanId, Robot};
 
-/// A query in the making, by the names that scripts see.
+/// What names a field: a [`Field`] or its name as scripts write it.
+pub trait IntoField {
+    /// The field, or the name that stands for none.
+    ///
+    /// # Errors
+    /// The name, where no field has it.
+    fn into_field(self) -> Result<Field, String>;
+}
+
+impl IntoField for Field {
+    fn into_field(self) -> Result<Field, String> {
+        Ok(self)
+    }
+}
+
+impl IntoField for &Field {
+    fn into_field(self) -> Result<Field, String> {
+        Ok(*self)
+    }
+}
+
+impl IntoField for &str {
+    fn into_field(self) -> Result<Field, String> {
+        Field::from_name(self).ok_or_else(|| self.to_owned())
+    }
+}
+
+impl IntoField for &&str {
+    fn into_field(self) -> Result<Field, String> {
+        (*self).into_field()
+    }
+}
+
+impl IntoField for &String {
+    fn into_field(self) -> Result<Field, String> {
+        self.as_str().into_field()
+    }
+}
+
+impl IntoField for String {
+    fn into_field(self) -> Result<Field, String> {
+        self.as_str().into_field()
+    }
+}
+
+/// A name in a query that stands for nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct UnknownName {
+    /// The name.
+    pub name: String,
+    /// What it should be of: `field` or `link of this robot`.
+    pub what: &'static str,
+    /// The known name that it most likely means.
+    pub nearest: Option<String>,
+    /// Where the known names are.
+    pub help: String,
+}
+
+impl fmt::Display for UnknownName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let UnknownName { name, what, nearest, help } = self;
+        match nearest {
+            Some(nearest) => write!(f, "`{name}` is no {what}; did you mean `{nearest}`?"),
+            None => write!(f, "`{name}` is no {what}; {help}"),
+        }
+    }
+}
+
+/// A query in the making, by the names that scripts see or by [`Field`].
+///
+/// Nothing fails before [`QueryBuilder::prepare`], which reports all unknown names together.
+#[must_use = "a query is made to be prepared"]
 pub struct QueryBuilder<'a> {
     robot: &'a mut Robot,
     query: Query,
+    unknown: Vec<UnknownName>,
+    too_many: Option<QueryError>,
 }
 
 impl<'a> QueryBuilder<'a> {
     pub(crate) fn new(robot: &'a mut Robot, request: Request) -> QueryBuilder<'a> {
-        QueryBuilder { robot, query: Query::new(request, FieldSet::EMPTY, request.default_want()) }
+        let query = Query::new(request, FieldSet::EMPTY, request.default_want());
+        QueryBuilder { robot, query, unknown: Vec::new(), too_many: None }
     }
 
-    /// The fields that each request gives, such as `y`.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`].
-    pub fn given(mut self, names: &[&str]) -> Result<QueryBuilder<'a>, Error> {
-        self.query.given = FieldSet(self.query.given.0 | fields(names)?.0);
-        Ok(self)
+    /// The fields that each request gives, such as `y`; called again, more of them.
+    pub fn given<F: IntoField>(mut self, fields: impl IntoIterator<Item = F>) -> Self {
+        let fields = self.fields(fields);
+        self.query.given |= fields;
+        self
     }
 
     /// The fields that each answer holds, such as `tau_u`; without it, the request's usual ones.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`].
-    pub fn want(mut self, names: &[&str]) -> Result<QueryBuilder<'a>, Error> {
-        self.query.want = fields(names)?;
-        Ok(self)
+    pub fn want<F: IntoField>(mut self, fields: impl IntoIterator<Item = F>) -> Self {
+        self.query.want = self.fields(fields);
+        self
     }
 
     /// The links whose frames are asked; which fields of frames is said in [`QueryBuilder::want`].
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`], [`Error::Query`] when there are too many.
-    pub fn frames(mut self, links: &[&str]) -> Result<QueryBuilder<'a>, Error> {
-        self.query = self.query.with_frames(&self.links(links, "frames", MAX_FRAMES)?);
-        Ok(self)
+    pub fn frames<L: AsRef<str>>(mut self, links: impl IntoIterator<Item = L>) -> Self {
+        let links = self.links(links, "frames", MAX_FRAMES);
+        self.query = self.query.with_frames(&links);
+        self
     }
 
     /// The links that wrenches act on; adds `wrenches` to what is given.
-    ///
-    /// # Errors
-    /// As [`QueryBuilder::frames`].
-    pub fn wrenches(mut self, links: &[&str]) -> Result<QueryBuilder<'a>, Error> {
-        self.query = self.query.with_wrenches(&self.links(links, "wrenches", MAX_WRENCHES)?);
-        Ok(self)
+    pub fn wrenches<L: AsRef<str>>(mut self, links: impl IntoIterator<Item = L>) -> Self {
+        let links = self.links(links, "wrenches", MAX_WRENCHES);
+        self.query = self.query.with_wrenches(&links);
+        self
     }
 
-    /// The set as it stands.
+    /// The query as it is, without the names that are unknown.
     pub fn query(&self) -> &Query {
         &self.query
     }
 
-    /// Prepares a plan for the set.
+    /// Prepares a plan for the query.
     ///
     /// # Errors
-    /// As [`Robot::prepare`].
+    /// [`Error::UnknownNames`] with every name that stands for nothing; else as
+    /// [`Robot::prepare`].
     pub fn prepare(self) -> Result<PlanId, Error> {
+        if !self.unknown.is_empty() {
+            return Err(Error::UnknownNames { names: self.unknown });
+        }
+        if let Some(error) = self.too_many {
+            return Err(Error::Query(error));
+        }
         self.robot.prepare(&self.query)
     }
 
-    fn links(&self, names: &[&str], what: &'static str, limit: usize) -> Result<Vec<u16>, Error> {
-        if names.len() > limit {
-            return Err(Error::Query(QueryError::TooMany { what, limit }));
+    fn fields<F: IntoField>(&mut self, fields: impl IntoIterator<Item = F>) -> FieldSet {
+        let mut set = FieldSet::EMPTY;
+        for field in fields {
+            match field.into_field() {
+                Ok(field) => set |= field,
+                Err(name) => self.unknown.push(UnknownName {
+                    nearest: nearest(&name, Field::ALL.iter().map(|field| field.name()))
+                        .map(str::to_owned),
+                    name,
+                    what: "field",
+                    help: format!("fields are {}", FieldSet::of(Field::ALL)),
+                }),
+            }
         }
-        let info = self.robot.model();
-        let unknown = |name: &str| Error::UnknownName {
-            what: "link of this robot",
-            name: name.to_owned(),
-            help: format!("its {} links are named in `ModelInfo::links`", info.links.len()),
-        };
-        names.iter().map(|name| info.link(name).ok_or_else(|| unknown(name))).collect()
+        set
     }
-}
 
-fn fields(names: &[&str]) -> Result<FieldSet, Error> {
-    let unknown = |name: &str| {
-        let known: Vec<&str> = Field::ALL.iter().map(|field| field.name()).collect();
-        Error::UnknownName {
-            what: "field",
-            name: name.to_owned(),
-            help: format!("fields are {}", known.join(", ")),
+    fn links<L: AsRef<str>>(
+        &mut self,
+        links: impl IntoIterator<Item = L>,
+        what: &'static str,
+        limit: usize,
+    ) -> Vec<u16> {
+        let info = self.robot.model();
+        let mut found = Vec::new();
+        for link in links {
+            let name = link.as_ref();
+            match info.link(name) {
+                Some(link) => found.push(link),
+                None => self.unknown.push(UnknownName {
+                    name: name.to_owned(),
+                    what: "link of this robot",
+                    nearest: nearest(name, info.links.iter().map(String::as_str))
+                        .map(str::to_owned),
+                    help: format!("its {} links are named in `ModelInfo::links`", info.links.len()),
+                }),
+            }
         }
-    };
-    names.iter().try_fold(FieldSet::EMPTY, |set, name| {
-        Ok(set.with(Field::from_name(name).ok_or_else(|| unknown(name))?))
-    })
+        if found.len() > limit {
+            self.too_many.get_or_insert(QueryError::TooMany { what, limit });
+        }
+        found
+    }
 }

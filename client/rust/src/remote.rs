@@ -4,18 +4,15 @@
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
-use sarrus_proto::board::{ClaimedLane, StatusReader};
-use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
-use sarrus_proto::message::{Heartbeat, RequestHead, ResponseHead, Statistics};
-use sarrus_proto::service::open_compute;
+use sarrus_proto::lane::Threadsafe;
+use sarrus_proto::message::{RequestHead, Statistics};
 use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, Status, Warnings};
 
-use crate::control::{Control, Hello};
-use crate::wait::Waiter;
-use crate::{Answer, ConnectError, ConnectOptions, Error, Prepared, Transport};
+use crate::control::Control;
+use crate::plan::Plans;
+use crate::session::{Exchange, Session};
+use crate::{Answer, ConnectError, ConnectOptions, Error};
 
-/// A server without a sign of life for this long is looked for anew.
-const SILENCE: Duration = Duration::from_millis(100);
 /// Between two attempts to attach again.
 const RETRY: Duration = Duration::from_millis(20);
 
@@ -29,36 +26,6 @@ pub(crate) struct Remote {
     options: ConnectOptions,
     fingerprint: u64,
     sequence: u64,
-}
-
-/// What holds for one run of the server.
-struct Session {
-    instance: u64,
-    /// The server's number of each plan.
-    plans: Vec<u32>,
-    status: StatusReader,
-    end: End,
-}
-
-enum End {
-    /// Given up for a larger lane that did not come.
-    None,
-    Lane {
-        lane: ClaimedLane,
-        classes: [usize; 2],
-    },
-    Requests {
-        client: ComputeClient<Threadsafe>,
-    },
-}
-
-/// How an exchange with the server ended.
-enum Exchange {
-    Answered(ResponseHead),
-    /// The server may be gone.
-    Lost,
-    /// The server lives.
-    TimedOut,
 }
 
 impl Remote {
@@ -88,12 +55,11 @@ impl Remote {
         self.session.as_ref().map(|session| session.status.statistics())
     }
 
-    /// Registers the last of `prepared` with the server, and sees that the lane holds them all.
-    pub(crate) fn register(&mut self, prepared: &[Prepared]) -> Result<(), Error> {
+    /// Registers the plan in this place with the server, and sees that the lane holds them all.
+    pub(crate) fn register(&mut self, prepared: &Plans, place: usize) -> Result<(), Error> {
         let deadline = Instant::now() + self.options.timeout;
-        let numbers = |session: &Session| session.plans.len();
-        if self.session.as_ref().is_some_and(|session| numbers(session) + 1 == prepared.len()) {
-            match self.extend(prepared, deadline) {
+        if self.session.is_some() {
+            match self.extend(prepared, place, deadline) {
                 Err(Error::Connect(error)) if error.may_pass() => {}
                 outcome => return outcome,
             }
@@ -101,11 +67,24 @@ impl Remote {
         self.attach(prepared, deadline)
     }
 
+    /// Tells the server that the plan in this place is held no more. Where it does not hear that,
+    /// the session ends, and with it all that the server holds for it.
+    pub(crate) fn release(&mut self, place: usize) {
+        let (Some(node), Some(session)) = (&self.node, &mut self.session) else { return };
+        let Some(number) = session.plans.get_mut(place).and_then(Option::take) else { return };
+        let deadline = Instant::now() + self.options.timeout;
+        let (fingerprint, instance) = (self.fingerprint, session.instance);
+        let control = Control::resume(node, &self.name, fingerprint, instance, deadline);
+        if control.and_then(|control| control.release(number)).is_err() {
+            self.session = None;
+        }
+    }
+
     /// Asks and waits. The request goes out again when the server was restarted meanwhile.
     pub(crate) fn ask(
         &mut self,
-        prepared: &[Prepared],
-        plan: usize,
+        prepared: &Plans,
+        place: usize,
         input: &[f64],
         output: &mut [f64],
     ) -> Result<Answer, Error> {
@@ -119,8 +98,7 @@ impl Remote {
             }
             let Some(session) = &mut self.session else { continue };
             self.sequence += 1;
-            let number =
-                session.plans.get(plan).copied().ok_or(Error::UnknownPlan { index: plan })?;
+            let number = session.number(place).ok_or(Error::ReleasedPlan)?;
             let head = RequestHead {
                 version: PROTOCOL_VERSION,
                 plan: number,
@@ -156,40 +134,40 @@ impl Remote {
         };
         let (control, hello) = Control::open(node, &self.name, self.options.fingerprint, deadline)?;
         let info = control.model(&hello)?;
-        let session = Session::open(
-            node,
-            &self.name,
-            &control,
-            &hello,
-            Vec::new(),
-            [0; 2],
-            self.options.transport,
-        )?;
+        let transport = self.options.transport;
+        let session = Session::open(node, &self.name, &control, &hello, &Plans::new(), transport);
         drop(control);
         self.fingerprint = hello.fingerprint;
-        self.session = Some(session);
+        self.session = Some(session.map_err(|error| match error {
+            Error::Connect(error) => error,
+            // nothing but attaching can fail without plans
+            _ => ConnectError::BadAnswer { what: "to an attach" },
+        })?);
         Ok(info)
     }
 
-    /// Adds the last plan to a session that goes on.
-    fn extend(&mut self, prepared: &[Prepared], deadline: Instant) -> Result<(), Error> {
-        let (Some(node), Some(session), Some(last)) =
-            (&self.node, &mut self.session, prepared.last())
+    /// Adds a plan to a session that goes on.
+    fn extend(&mut self, prepared: &Plans, place: usize, deadline: Instant) -> Result<(), Error> {
+        let (Some(node), Some(session), Some(plan)) =
+            (&self.node, &mut self.session, prepared.at(place))
         else {
             return Ok(());
         };
-        let (control, hello) = Control::open(node, &self.name, Some(self.fingerprint), deadline)?;
-        if hello.instance != session.instance {
-            return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() }.into());
+        let (fingerprint, instance) = (self.fingerprint, session.instance);
+        let control = Control::resume(node, &self.name, fingerprint, instance, deadline)?;
+        let number = control.plan(plan)?;
+        if let Err(error) = session.grow(&control, prepared.needs()) {
+            // without a lane, and with a plan that nobody knows here: begin anew
+            self.session = None;
+            return Err(error.into());
         }
-        let number = control.plan(last)?;
-        session.grow(&control, needs(prepared))?;
-        session.plans.push(number);
+        session.plans.resize(session.plans.len().max(place + 1), None);
+        session.plans[place] = Some(number);
         Ok(())
     }
 
     /// Attaches again, as often as it takes until the deadline.
-    fn attach(&mut self, prepared: &[Prepared], deadline: Instant) -> Result<(), Error> {
+    fn attach(&mut self, prepared: &Plans, deadline: Instant) -> Result<(), Error> {
         self.session = None;
         loop {
             let error = match self.try_attach(prepared, deadline) {
@@ -209,7 +187,7 @@ impl Remote {
         }
     }
 
-    fn try_attach(&mut self, prepared: &[Prepared], deadline: Instant) -> Result<(), Error> {
+    fn try_attach(&mut self, prepared: &Plans, deadline: Instant) -> Result<(), Error> {
         let node = match &mut self.node {
             Some(node) => node,
             none => none.insert(self.domain.node::<Threadsafe>().map_err(ConnectError::from)?),
@@ -218,19 +196,9 @@ impl Remote {
         node.try_cleanup_dead_nodes();
         let attempt = deadline.min(Instant::now() + 10 * RETRY);
         let (control, hello) = Control::open(node, &self.name, Some(self.fingerprint), attempt)?;
-        let plans = prepared
-            .iter()
-            .map(|prepared| control.plan(prepared))
-            .collect::<Result<Vec<u32>, Error>>()?;
-        self.session = Some(Session::open(
-            node,
-            &self.name,
-            &control,
-            &hello,
-            plans,
-            needs(prepared),
-            self.options.transport,
-        )?);
+        let transport = self.options.transport;
+        let session = Session::open(node, &self.name, &control, &hello, prepared, transport)?;
+        self.session = Some(session);
         Ok(())
     }
 }
@@ -240,169 +208,5 @@ impl Drop for Remote {
         self.session = None;
         self.node = None;
         self.domain.tidy();
-    }
-}
-
-/// How many numbers go in and come out at most.
-fn needs(prepared: &[Prepared]) -> [usize; 2] {
-    let most = |n: fn(&Prepared) -> usize| prepared.iter().map(n).max().unwrap_or(0);
-    [most(|prepared| prepared.given().len()), most(|prepared| prepared.want().len())]
-}
-
-impl Session {
-    fn open(
-        node: &Node<Threadsafe>,
-        name: &ServerName,
-        control: &Control<'_>,
-        hello: &Hello,
-        plans: Vec<u32>,
-        needs: [usize; 2],
-        transport: Transport,
-    ) -> Result<Session, ConnectError> {
-        let service = |error| ConnectError::of_service(name.as_str(), error);
-        let status = StatusReader::open(node, name, hello.instance).map_err(service)?;
-        let end = match transport {
-            Transport::Lane => {
-                let (lane, classes) = control.lane(needs)?;
-                End::Lane { lane, classes }
-            }
-            Transport::Service => {
-                End::Requests { client: open_compute(node, name, hello.instance).map_err(service)? }
-            }
-        };
-        Ok(Session { instance: hello.instance, plans, status, end })
-    }
-
-    /// Gets a larger lane where this one is too small, which goes back first: it may be the
-    /// server's last.
-    fn grow(&mut self, control: &Control<'_>, needs: [usize; 2]) -> Result<(), ConnectError> {
-        if let End::Lane { classes, .. } = &self.end
-            && (needs[0] > classes[0] || needs[1] > classes[1])
-        {
-            self.end = End::None;
-            let (lane, classes) = control.lane(needs)?;
-            self.end = End::Lane { lane, classes };
-        }
-        Ok(())
-    }
-
-    fn exchange(
-        &mut self,
-        head: &RequestHead,
-        input: &[f64],
-        output: &mut [f64],
-        options: &ConnectOptions,
-        deadline: &mut Option<Instant>,
-    ) -> Exchange {
-        let mut waiter = Waiter::new(options.wait_strategy);
-        let mut watch = Watch::new();
-        let overloaded = ResponseHead::new(Status::Overloaded, Warnings::NONE, head.sequence);
-        match &mut self.end {
-            End::None => Exchange::Lost,
-            End::Lane { lane, .. } => {
-                let Some(numbers) = lane.outbox.numbers().get_mut(..input.len()) else {
-                    return Exchange::Lost;
-                };
-                numbers.copy_from_slice(input);
-                lane.outbox.publish(*head);
-                loop {
-                    if let Some((answer, numbers)) = lane.inbox.poll()
-                        && answer.sequence == head.sequence
-                    {
-                        copy_or_nan(numbers, output);
-                        return Exchange::Answered(answer);
-                    }
-                    if let Some(waited) = waiter.pause()
-                        && let Some(end) =
-                            watch.look(&self.status, waited, options.timeout, deadline)
-                    {
-                        return end;
-                    }
-                }
-            }
-            End::Requests { client } => {
-                let Some(pending) = send_request(client, head, input) else {
-                    // nobody took it: the server is gone, or busy with a request that this client
-                    // gave up
-                    output.fill(f64::NAN);
-                    return if watch.is_alive(&self.status) {
-                        Exchange::Answered(overloaded)
-                    } else {
-                        Exchange::Lost
-                    };
-                };
-                loop {
-                    match pending.receive() {
-                        Ok(Some(response)) => {
-                            let answer = response.payload();
-                            if answer.head.sequence == head.sequence {
-                                copy_or_nan(&answer.numbers, output);
-                                return Exchange::Answered(answer.head);
-                            }
-                        }
-                        Ok(None) => {}
-                        Err(_) => return Exchange::Lost,
-                    }
-                    if let Some(waited) = waiter.pause()
-                        && let Some(end) =
-                            watch.look(&self.status, waited, options.timeout, deadline)
-                    {
-                        return end;
-                    }
-                }
-            }
-        }
-    }
-}
-
-fn copy_or_nan(numbers: &[f64], output: &mut [f64]) {
-    match numbers.get(..output.len()) {
-        Some(numbers) => output.copy_from_slice(numbers),
-        None => output.fill(f64::NAN),
-    }
-}
-
-/// Looks for the server's sign of life during a wait.
-struct Watch {
-    last: Option<(Heartbeat, Duration)>,
-}
-
-impl Watch {
-    fn new() -> Watch {
-        Watch { last: None }
-    }
-
-    /// Whether to give the wait up, and why.
-    #[cold]
-    fn look(
-        &mut self,
-        status: &StatusReader,
-        waited: Duration,
-        timeout: Duration,
-        deadline: &mut Option<Instant>,
-    ) -> Option<Exchange> {
-        let deadline =
-            *deadline.get_or_insert_with(|| Instant::now() + timeout.saturating_sub(waited));
-        let now = status.heartbeat();
-        match self.last {
-            _ if now.stopped != 0 => return Some(Exchange::Lost),
-            Some((last, since)) if last == now => {
-                if waited.saturating_sub(since) > SILENCE {
-                    return Some(Exchange::Lost);
-                }
-            }
-            _ => self.last = Some((now, waited)),
-        }
-        (Instant::now() >= deadline).then_some(Exchange::TimedOut)
-    }
-
-    /// Whether the server gives a sign of life within a few beats.
-    fn is_alive(&self, status: &StatusReader) -> bool {
-        let first = status.heartbeat();
-        first.stopped == 0
-            && (0..20).any(|_| {
-                std::thread::sleep(Duration::from_millis(1));
-                status.heartbeat().beats != first.beats
-            })
     }
 }

@@ -65,9 +65,9 @@ pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
 pub use model::{ClosureAtZero, Compiled, Model};
-pub use plan::{Answer, Method, Plan};
+pub use plan::{Method, Plan};
 pub use sarrus_proto::{
-    ClosureInfo, ClosureKind, Field, FieldSet, JointLimits, Layout, ModelInfo, Query, QueryError,
-    Request, Sizes, Slot, Status, Warnings,
+    Answer, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout, ModelInfo,
+    Query, QueryError, Request, Sizes, Slot, Status, Warnings,
 };
 pub use workspace::Workspace;

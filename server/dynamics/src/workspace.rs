@@ -73,6 +73,8 @@ pub struct Workspace<T> {
     pub(crate) jacobian: Vec<T>,
     pub(crate) loop_q: Vec<T>,
     needs: Needs,
+    /// The model that it was made for.
+    fingerprint: u64,
 }
 
 /// The square matrices that a plan needs.
@@ -157,6 +159,11 @@ impl<T: Scalar> Workspace<T> {
         )
     }
 
+    /// True where it was made for this model.
+    pub(crate) fn belongs_to<C>(&self, model: &Model<C>) -> bool {
+        self.fingerprint == model.fingerprint()
+    }
+
     /// True where it is large enough for a plan that needs this.
     pub(crate) fn serves(&self, needs: Needs) -> bool {
         self.needs.and(needs) == self.needs
@@ -221,6 +228,7 @@ impl<T: Scalar> Workspace<T> {
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),
             needs,
+            fingerprint: model.fingerprint(),
             dense: of(side * side),
             dense_rhs: of(side * side),
             dense_spare: of(side * side),

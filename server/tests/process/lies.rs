@@ -14,7 +14,7 @@ use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, ServerName};
 
 use crate::support::{Asker, STATE, Sandbox};
 
-fn call(client: &ControlClient, request: ControlRequest) -> ControlResponse {
+pub(crate) fn call(client: &ControlClient, request: ControlRequest) -> ControlResponse {
     let pending = client.send_copy(request).unwrap();
     let start = Instant::now();
     while start.elapsed() < Duration::from_secs(2) {
@@ -25,7 +25,7 @@ fn call(client: &ControlClient, request: ControlRequest) -> ControlResponse {
     panic!("no answer");
 }
 
-fn request(call: u32) -> ControlRequest {
+pub(crate) fn request(call: u32) -> ControlRequest {
     ControlRequest {
         version: PROTOCOL_VERSION,
         call,

@@ -57,7 +57,7 @@ fn asking_allocates_nothing_through_a_lane_and_in_process() {
         .map(|transport| sandbox.connect("sparing", transport).unwrap());
     for (robot, blocks) in [(local, 0), (lane, 0), (requests, 1)] {
         let mut asker = Asker::new(robot);
-        asker.ask().unwrap();
+        let _ = asker.ask().unwrap();
         let before = pool::counts();
         let adopted = pool::adopt_thread();
         let good = (0..1000)

@@ -3,9 +3,11 @@
 // lint: helpers of tests say what they expect, as tests do
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod direct;
 mod ends;
 mod lies;
 mod load;
+mod plans;
 mod support;
 
 use std::time::{Duration, Instant};
@@ -34,10 +36,14 @@ fn the_other_process() {
         sarrus_client::Robot::connect_with(&name, ConnectOptions { transport, ..options() })
             .unwrap();
     let mut asker = Asker::new(robot);
-    asker.ask().unwrap();
+    // a plan of its own, where the test asks for one
+    if let Ok(number) = std::env::var("SARRUS_TEST_QUERY") {
+        let _plan = asker.robot.prepare(&plans::distinct(number.parse().unwrap())).unwrap();
+    }
+    let _ = asker.ask().unwrap();
     println!("answered");
     loop {
-        asker.ask().unwrap();
+        let _ = asker.ask().unwrap();
         std::thread::sleep(Duration::from_millis(1));
     }
 }

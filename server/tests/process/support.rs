@@ -104,6 +104,16 @@ impl Sandbox {
     /// Another process that connects, prepares and asks until it is killed; returns once it was
     /// answered.
     pub(crate) fn client(&self, name: &str, transport: Transport) -> Client {
+        self.client_with(name, transport, None)
+    }
+
+    /// The same, with a plan of its own beside that of the state.
+    pub(crate) fn client_with(
+        &self,
+        name: &str,
+        transport: Transport,
+        query: Option<usize>,
+    ) -> Client {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command
             .args(["the_other_process", "--exact", "--nocapture"])
@@ -112,7 +122,8 @@ impl Sandbox {
         command
             .env("SARRUS_ROOT", self.domain.root())
             .env("SARRUS_TEST_SERVER", name)
-            .env("SARRUS_TEST_TRANSPORT", format!("{transport:?}"));
+            .env("SARRUS_TEST_TRANSPORT", format!("{transport:?}"))
+            .envs(query.map(|number| ("SARRUS_TEST_QUERY", number.to_string())));
         let mut child = command.spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         assert!(

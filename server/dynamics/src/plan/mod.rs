@@ -13,7 +13,8 @@ pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use method::Method;
 pub(crate) use state::local;
 
-use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request, Status, Warnings};
+pub(crate) use sarrus_proto::Answer;
+use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request};
 
 use crate::closure::Level;
 use crate::model::Model;
@@ -24,7 +25,7 @@ use crate::workspace::Needs;
 /// ```
 /// use sarrus_dynamics::description::Inertial;
 /// use sarrus_dynamics::{DescriptionBuilder, LinkId, Plan, Workspace};
-/// use sarrus_proto::{Field, FieldSet, Request, Status, Query};
+/// use sarrus_proto::{Field, FieldSet, Request, Query};
 ///
 /// // a pendulum: 1 kg, 1 m below a horizontal axis
 /// let mut robot = DescriptionBuilder::new("pendulum");
@@ -35,8 +36,7 @@ use crate::workspace::Needs;
 /// let plan = Plan::new(&model, &wanted)?;
 /// let mut workspace = Workspace::new(&model);
 /// let mut tau = [0.0];
-/// let answer = plan.run(&model, &mut workspace, &[std::f64::consts::FRAC_PI_2], &mut tau);
-/// assert_eq!(answer.status, Status::Ok);
+/// plan.run(&model, &mut workspace, &[std::f64::consts::FRAC_PI_2], &mut tau).ok()?;
 /// assert!((tau[0] - 9.81).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -84,16 +84,6 @@ struct Steps {
     mass_matrix: bool,
     /// K or what follows from it.
     conditions: bool,
-}
-
-/// How a request ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Answer {
-    /// The status; with anything but `Ok` the wanted numbers are NaN, but for the fields that
-    /// survive a failure.
-    pub status: Status,
-    /// Remarks that change neither status nor numbers.
-    pub warnings: Warnings,
 }
 
 impl Plan {

@@ -54,8 +54,10 @@ impl Plan {
     ///
     /// `input` holds the given fields packed by [`Plan::given`], `output` receives the wanted
     /// fields packed by [`Plan::want`]. The answer depends on model, plan and input alone. A
-    /// workspace without room for the plan is of the wrong size. Allocates never; panics never. A
-    /// failed answer is NaN wherever its status forbids a number.
+    /// workspace without room for the plan is of the wrong size; a plan or a workspace of another
+    /// model than `model` is [`Status::WrongModel`] (conversions of one model to other scalars are
+    /// one model). Allocates never; panics never. A failed answer is NaN wherever its status
+    /// forbids a number.
     pub fn run<T: Scalar>(
         &self,
         model: &Model<T>,
@@ -71,7 +73,7 @@ impl Plan {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
         }
-        if model.meta.fingerprint != self.fingerprint {
+        if model.meta.fingerprint != self.fingerprint || !workspace.belongs_to(model) {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }

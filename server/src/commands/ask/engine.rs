@@ -3,13 +3,13 @@
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
-    Answer, ConnectError, ConnectOptions, Error, Query, Robot, Status, Transport, Warnings,
+    Answer, ConnectError, ConnectOptions, Error, PlanId, Query, Robot, Status, Transport, Warnings,
 };
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::ServerName;
 
-/// Plans that are kept in process: scripts use few, and one that uses a new one for each line must
-/// not fill the memory.
+/// Plans that are kept: scripts use few, and one that uses a new one for each line must fill neither
+/// the memory nor a server's table.
 const PLANS: usize = 64;
 /// How long a server that is gone is not looked for again.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -82,6 +82,7 @@ impl Here {
 /// A server.
 pub(super) struct There {
     pub(super) robot: Robot,
+    plans: Vec<(Query, PlanId)>,
     /// When and how the server was found to be gone.
     lost: Option<(Instant, Status, String)>,
     was_lost: bool,
@@ -99,7 +100,7 @@ impl There {
             ),
             outcome => outcome,
         };
-        Ok(There { robot: robot?, lost: None, was_lost: false })
+        Ok(There { robot: robot?, plans: Vec::new(), lost: None, was_lost: false })
     }
 
     fn ask(&mut self, query: &Query, input: &[f64], output: &mut [f64]) -> Reply {
@@ -110,14 +111,13 @@ impl There {
         {
             return Reply::failed(*status, words.clone());
         }
-        let error =
-            match self.robot.prepare(query).and_then(|plan| self.robot.ask(plan, input, output)) {
-                Ok(answer) => {
-                    self.lost = None;
-                    return Reply { answer, words: None };
-                }
-                Err(error) => error,
-            };
+        let error = match self.plan(query).and_then(|plan| self.robot.ask(plan, input, output)) {
+            Ok(answer) => {
+                self.lost = None;
+                return Reply { answer, words: None };
+            }
+            Err(error) => error,
+        };
         let words = error.to_string();
         let status = match error {
             Error::Query(_) | Error::TooLarge { .. } => {
@@ -134,6 +134,23 @@ impl There {
         self.was_lost = true;
         self.lost = Some((Instant::now(), status, words.clone()));
         Reply::failed(status, words)
+    }
+}
+
+impl There {
+    /// The plan of a query; where too many are kept, they are released first.
+    fn plan(&mut self, query: &Query) -> Result<PlanId, Error> {
+        if let Some((_, plan)) = self.plans.iter().find(|(known, _)| known == query) {
+            return Ok(*plan);
+        }
+        if self.plans.len() == PLANS {
+            for (_, plan) in std::mem::take(&mut self.plans) {
+                self.robot.release(plan)?;
+            }
+        }
+        let plan = self.robot.prepare(query)?;
+        self.plans.push((*query, plan));
+        Ok(plan)
     }
 }
 

@@ -54,10 +54,8 @@ impl Moving {
         if robot.model().sizes.n_qy != n_y {
             return Err("--dynamics robot needs a robot whose base is fixed".to_owned());
         }
-        let command = robot.query(Request::InverseDynamics).given(&["y", "yd", "ydd"]);
-        let plan = command
-            .and_then(|command| command.want(&["u", "ud", "G_u", "M_y", "C_y"]))
-            .and_then(|command| command.prepare());
+        let query = robot.query(Request::InverseDynamics).given(["y", "yd", "ydd"]);
+        let plan = query.want(["u", "ud", "G_u", "M_y", "C_y"]).prepare();
         let plan = plan.map_err(|error| error.to_string())?;
         let still = Law {
             force: 0.0,

@@ -201,7 +201,7 @@ impl<T: Scalar> Answered<T> {
         let mut shortest = f64::INFINITY;
         for _ in 0..repeats {
             let start = std::time::Instant::now();
-            self.plan.run(
+            let _ = self.plan.run(
                 model,
                 &mut self.workspace,
                 std::hint::black_box(&self.input),

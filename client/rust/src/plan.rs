@@ -1,0 +1,133 @@
+//! Plans of a robot: what goes in, what comes out, and whose they are.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use sarrus_proto::{Layout, Query, Sizes};
+
+use crate::Error;
+
+/// A prepared plan of one [`crate::Robot`].
+///
+/// It belongs to the robot that prepared it and to no other, be it of the same model: any other
+/// gives [`Error::UnknownPlan`]. It outlives restarts of the robot's server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PlanId {
+    index: usize,
+    /// Unique in this process, also among robots.
+    number: u64,
+    robot: u64,
+}
+
+/// A prepared plan: what goes in, what comes out, and where.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    query: Query,
+    given: Layout,
+    want: Layout,
+    number: u64,
+    /// How often it was prepared and not released.
+    holders: usize,
+}
+
+impl Prepared {
+    /// What it was made for.
+    pub fn query(&self) -> &Query {
+        &self.query
+    }
+
+    /// Where the fields lie in the input.
+    pub fn given(&self) -> &Layout {
+        &self.given
+    }
+
+    /// Where the fields lie in the output.
+    pub fn want(&self) -> &Layout {
+        &self.want
+    }
+}
+
+/// The plans of one robot; what is released leaves its place to the next.
+pub(crate) struct Plans {
+    robot: u64,
+    places: Vec<Option<Prepared>>,
+}
+
+/// Numbers of robots and plans in this process.
+fn next_number() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(1);
+    NEXT.fetch_add(1, Relaxed)
+}
+
+impl Plans {
+    pub(crate) fn new() -> Plans {
+        Plans { robot: next_number(), places: Vec::new() }
+    }
+
+    /// A plan by its place; never allocates.
+    #[inline]
+    pub(crate) fn find(&self, plan: PlanId) -> Result<(usize, &Prepared), Error> {
+        match self.places.get(plan.index) {
+            Some(Some(prepared)) if prepared.number == plan.number => Ok((plan.index, prepared)),
+            _ if plan.robot != self.robot => Err(Error::UnknownPlan),
+            _ => Err(Error::ReleasedPlan),
+        }
+    }
+
+    /// The plan of a query that is there already, held once more.
+    pub(crate) fn share(&mut self, query: &Query) -> Option<PlanId> {
+        let robot = self.robot;
+        let mut places = self.places.iter_mut().enumerate();
+        places.find_map(|(index, place)| {
+            let prepared = place.as_mut().filter(|prepared| prepared.query == *query)?;
+            prepared.holders += 1;
+            Some(PlanId { index, number: prepared.number, robot })
+        })
+    }
+
+    /// A plan for a query that was checked, in the first place that is free.
+    pub(crate) fn add(&mut self, query: &Query, sizes: &Sizes) -> (PlanId, usize, usize) {
+        let (given, want) = (Layout::of_given(query, sizes), Layout::of_want(query, sizes));
+        let (n_in, n_out, number) = (given.len(), want.len(), next_number());
+        let prepared = Some(Prepared { query: *query, given, want, number, holders: 1 });
+        let index = match self.places.iter_mut().enumerate().find(|(_, place)| place.is_none()) {
+            Some((index, place)) => {
+                *place = prepared;
+                index
+            }
+            None => {
+                self.places.push(prepared);
+                self.places.len() - 1
+            }
+        };
+        (PlanId { index, number, robot: self.robot }, n_in, n_out)
+    }
+
+    /// Ends one hold of a plan; its place where that was the last one.
+    pub(crate) fn release(&mut self, plan: PlanId) -> Result<Option<usize>, Error> {
+        let (index, _) = self.find(plan)?;
+        let Some(prepared) = &mut self.places[index] else { return Ok(None) };
+        prepared.holders -= 1;
+        if prepared.holders > 0 {
+            return Ok(None);
+        }
+        self.places[index] = None;
+        Ok(Some(index))
+    }
+
+    /// The plan in a place.
+    pub(crate) fn at(&self, place: usize) -> Option<&Prepared> {
+        self.places.get(place)?.as_ref()
+    }
+
+    /// All plans, by their places.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &Prepared)> {
+        let places = self.places.iter().enumerate();
+        places.filter_map(|(index, place)| Some((index, place.as_ref()?)))
+    }
+
+    /// How many numbers go in and come out at most.
+    pub(crate) fn needs(&self) -> [usize; 2] {
+        let most = |n: fn(&Prepared) -> usize| self.iter().map(|plan| n(plan.1)).max().unwrap_or(0);
+        [most(|prepared| prepared.given.len()), most(|prepared| prepared.want.len())]
+    }
+}

@@ -1,0 +1,139 @@
+//! How a request ended, and the error that stands for every ending but `ok`.
+
+use core::fmt;
+
+use crate::{Status, Warnings};
+
+/// How a request ended.
+///
+/// ```
+/// use sarrus_proto::{Answer, Status, Warnings};
+///
+/// let answer = Answer { status: Status::Unreachable, warnings: Warnings::NONE };
+/// let failed = answer.ok().unwrap_err();
+/// assert_eq!(failed.status, Status::Unreachable);
+/// assert!(failed.to_string().starts_with("unreachable: no closed pose has these coordinates"));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use = "the numbers of an answer count only where its status is `ok`; see `Answer::ok`"]
+pub struct Answer {
+    /// The status; with anything but `Ok` the wanted numbers are NaN, but for the fields that
+    /// survive a failure.
+    pub status: Status,
+    /// Remarks that change neither status nor numbers.
+    pub warnings: Warnings,
+}
+
+impl Answer {
+    /// The warnings of an answer that is complete. Allocates never.
+    ///
+    /// # Errors
+    /// [`FailedState`] with any other status than [`Status::Ok`].
+    pub const fn ok(self) -> Result<Warnings, FailedState> {
+        match self.status {
+            Status::Ok => Ok(self.warnings),
+            status => Err(FailedState { status }),
+        }
+    }
+}
+
+/// A request that did not end well: its status, as an error that says what to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FailedState {
+    /// The status, never [`Status::Ok`] where [`Answer::ok`] made it.
+    pub status: Status,
+}
+
+impl FailedState {
+    /// What the status means and what to do, in one sentence.
+    pub const fn help(self) -> &'static str {
+        match self.status {
+            Status::Ok => "the answer is complete",
+            Status::BadRequest => {
+                "the request is malformed; see that quaternions have unit length and that client \
+                 and server are of one version"
+            }
+            Status::NonFiniteInput => {
+                "an input number is NaN or infinite, or so large that the answer would be; check \
+                 what computes it"
+            }
+            Status::WrongSize => {
+                "the arrays do not fit the plan; `Layout::len` of its `given` and `want` says how \
+                 many numbers each holds"
+            }
+            Status::WrongModel => {
+                "plan, workspace and model do not belong together, or the server holds another \
+                 model; prepare the plan for the model that is asked"
+            }
+            Status::UnknownRequest => {
+                "nobody holds a plan of this number; prepare it again and ask with the new one"
+            }
+            Status::NotConverged => {
+                "Newton's method ran out of steps; give `q_guess`, a closed pose nearby, or go \
+                 there in smaller steps"
+            }
+            Status::BranchChanged => {
+                "the straight path from the guess to the target crosses a singularity onto \
+                 another branch; give a guess on the branch that is meant"
+            }
+            Status::Unreachable => {
+                "no closed pose has these coordinates; `nearest_y` is the closest one that does"
+            }
+            Status::SingularClosure => {
+                "a loop is at a singularity and gains a degree of freedom; keep `sigma_min` away \
+                 from zero"
+            }
+            Status::SingularIndependents => {
+                "the independent coordinates do not determine the motion here; \
+                 `good_independents` names some that do"
+            }
+            Status::SingularActuation => {
+                "the actuators do not determine the motion here; `uncontrolled` is the direction \
+                 that they leave free"
+            }
+            Status::MassNotPositive => {
+                "the reduced mass matrix is not positive definite; some body that moves alone has \
+                 no inertia"
+            }
+            Status::Overloaded => {
+                "the server has more work than it accepts; ask again or start another server"
+            }
+            Status::ShuttingDown => "the server is stopping; ask again when it is back",
+            Status::CorruptAnswer => "the answer is not what the server sent; ask again",
+            Status::UnknownStatus => {
+                "the server ends requests in a way that this client does not know; use client and \
+                 server of one version"
+            }
+        }
+    }
+}
+
+impl fmt::Display for FailedState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.status.name(), self.help())
+    }
+}
+
+impl core::error::Error for FailedState {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_status_but_ok_is_an_error_that_says_what_to_do() {
+        for status in Status::ALL {
+            let answer = Answer { status: *status, warnings: Warnings::ILL_CONDITIONED };
+            match answer.ok() {
+                Ok(warnings) => {
+                    assert_eq!((*status, warnings), (Status::Ok, Warnings::ILL_CONDITIONED));
+                }
+                Err(failed) => {
+                    assert_ne!(*status, Status::Ok);
+                    let words = failed.to_string();
+                    assert!(words.starts_with(status.name()) && words.contains(';'), "{words}");
+                }
+            }
+        }
+    }
+}

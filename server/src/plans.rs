@@ -1,0 +1,188 @@
+//! Plans beside the answering thread: made for the clients that register them, taken back when
+//! nobody holds them any more.
+//!
+//! A client holds a plan from [`Plans::register`] until it releases it, leaves or dies; equal
+//! queries share one plan. The answering thread owns the plans that it runs and never frees one: it
+//! hands each back, and only then its place in the table is free for another plan, under another
+//! number.
+
+use std::sync::mpsc::{Receiver, SyncSender};
+use std::time::{Duration, Instant};
+
+use sarrus_dynamics::{Model, Plan};
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
+use sarrus_proto::{NodeId, Query, QueryError};
+
+/// How long a registration waits for a place that is just being given back.
+const HAND_BACK: Duration = Duration::from_millis(20);
+
+/// A plan as the answering thread holds it.
+pub(crate) struct ServedPlan {
+    pub(crate) number: PlanNumber,
+    pub(crate) plan: Plan,
+}
+
+/// What the maintenance thread tells the answering thread of plans. There are at most two orders
+/// for each place under way.
+pub(crate) enum PlanOrder {
+    /// Answer requests for this plan from now on.
+    Serve(Box<ServedPlan>),
+    /// Give the plan back.
+    Retire(PlanNumber),
+}
+
+/// Room for every order that can be under way.
+pub(crate) const MAX_ORDERS: usize = 2 * MAX_PLANS;
+
+/// A registered plan, as its client learns it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Registered {
+    pub(crate) number: PlanNumber,
+    pub(crate) n_in: usize,
+    pub(crate) n_out: usize,
+}
+
+/// Why a query gets no plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unplanned {
+    Query(QueryError),
+    TooLarge { n_in: usize, n_out: usize },
+    TooMany,
+}
+
+enum State {
+    Free,
+    Held {
+        query: Query,
+        registered: Registered,
+        holders: Vec<NodeId>,
+    },
+    /// Ordered back from the answering thread.
+    Leaving,
+}
+
+struct Place {
+    /// How often it was used.
+    generation: u32,
+    state: State,
+}
+
+/// The plans of all clients.
+pub(crate) struct Plans {
+    places: Vec<Place>,
+    orders: SyncSender<PlanOrder>,
+    retired: Receiver<Box<ServedPlan>>,
+}
+
+impl Plans {
+    pub(crate) fn new(orders: SyncSender<PlanOrder>, retired: Receiver<Box<ServedPlan>>) -> Plans {
+        let places = (0..MAX_PLANS).map(|_| Place { generation: 0, state: State::Free }).collect();
+        Plans { places, orders, retired }
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        self.places.iter().filter(|place| matches!(place.state, State::Held { .. })).count()
+    }
+
+    /// The plan of a query, held by `holder` from now on.
+    pub(crate) fn register(
+        &mut self,
+        model: &Model<f64>,
+        query: &Query,
+        holder: NodeId,
+    ) -> Result<Registered, Unplanned> {
+        // one that others hold
+        for place in &mut self.places {
+            if let State::Held { query: known, registered, holders } = &mut place.state
+                && known == query
+            {
+                if !holders.contains(&holder) {
+                    holders.push(holder);
+                }
+                return Ok(*registered);
+            }
+        }
+
+        // a new one
+        let plan = Plan::new(model, query).map_err(Unplanned::Query)?;
+        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
+            return Err(Unplanned::TooLarge { n_in, n_out });
+        }
+        let index = self.free_place().ok_or(Unplanned::TooMany)?;
+        let place = &mut self.places[index];
+        let number = PlanNumber::new(index, place.generation);
+        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan }));
+        // there is room: full means that the answering thread is gone
+        self.orders.try_send(order).map_err(|_| Unplanned::TooMany)?;
+        place.generation += 1;
+        let registered = Registered { number, n_in, n_out };
+        place.state = State::Held { query: *query, registered, holders: vec![holder] };
+        Ok(registered)
+    }
+
+    /// Ends what `holder` has of a plan; true where it had it.
+    pub(crate) fn release(&mut self, number: PlanNumber, holder: NodeId) -> bool {
+        let Some(place) = self.places.get_mut(number.place()) else { return false };
+        let State::Held { registered, holders, .. } = &mut place.state else { return false };
+        if registered.number != number {
+            return false;
+        }
+        let held = holders.len();
+        holders.retain(|node| *node != holder);
+        let had = holders.len() < held;
+        retire_if_unheld(&self.orders, place);
+        had
+    }
+
+    /// Takes back what the answering thread returned and what nobody of `present` holds; call it
+    /// often.
+    pub(crate) fn upkeep(&mut self, present: &[NodeId]) {
+        self.collect();
+        for place in &mut self.places {
+            if let State::Held { holders, .. } = &mut place.state {
+                holders.retain(|holder| present.contains(holder));
+                retire_if_unheld(&self.orders, place);
+            }
+        }
+    }
+
+    fn collect(&mut self) {
+        // dropped here, not on the answering thread
+        while let Ok(served) = self.retired.try_recv() {
+            self.places[served.number.place()].state = State::Free;
+        }
+    }
+
+    /// The free place that was used least; one whose numbers are used up is never free again.
+    fn free_place(&mut self) -> Option<usize> {
+        let free = |places: &[Place]| {
+            let free = places.iter().enumerate().filter(|(_, place)| {
+                matches!(place.state, State::Free) && place.generation < PlanNumber::GENERATIONS
+            });
+            free.min_by_key(|(_, place)| place.generation).map(|(index, _)| index)
+        };
+        let start = Instant::now();
+        loop {
+            self.collect();
+            let leaving = self.places.iter().any(|place| matches!(place.state, State::Leaving));
+            match free(&self.places) {
+                None if leaving && start.elapsed() < HAND_BACK => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                found => return found,
+            }
+        }
+    }
+}
+
+fn retire_if_unheld(orders: &SyncSender<PlanOrder>, place: &mut Place) {
+    if let State::Held { registered, holders, .. } = &place.state
+        && holders.is_empty()
+        // else tried again at the next upkeep
+        && orders.try_send(PlanOrder::Retire(registered.number)).is_ok()
+    {
+        place.state = State::Leaving;
+    }
+}

@@ -1,0 +1,116 @@
+//! The simple questions: one method each, the same in process and connected.
+
+use sarrus_client::{Error, Field, Model, Options, Robot, Source, Status, Transport, Warnings};
+use sarrus_server::pool;
+
+use crate::support::{ROBOT, Sandbox};
+
+/// Every simple question at one state; what they answer, one after the other.
+fn ask_all(robot: &mut Robot, size: f64) -> Result<Vec<f64>, Error> {
+    let sizes = robot.model().sizes;
+    let of = |n: usize| vec![0.0; n];
+    let y: Vec<f64> = (0..sizes.n_qy).map(|i| size * (1.0 + 0.1 * i as f64)).collect();
+    let (yd, ydd) = (vec![0.3; sizes.n_vy], vec![-0.2; sizes.n_vy]);
+    let (mut tau_u, mut again) = (of(sizes.n_u), of(sizes.n_vy));
+    let (mut q, mut qd, mut qdd) = (of(sizes.n_q), of(sizes.n_v), of(sizes.n_v));
+    let (mut u, mut ud, mut udd) = (of(sizes.n_u), of(sizes.n_u), of(sizes.n_u));
+    let (mut y_u, mut yd_u, mut ydd_u) = (of(sizes.n_qy), of(sizes.n_vy), of(sizes.n_vy));
+    robot.inverse_dynamics(&y, &yd, &ydd, &mut tau_u)?;
+    robot.forward_dynamics(&y, &yd, &tau_u, &mut again)?;
+    robot.state(&y, &yd, &ydd, &mut q, &mut qd, &mut qdd)?;
+    robot.to_actuators(&y, &yd, &ydd, &mut u, &mut ud, &mut udd)?;
+    robot.to_independent(&u, &ud, &udd, &mut y_u, &mut yd_u, &mut ydd_u)?;
+
+    // forward dynamics undo inverse dynamics, and encoders show what the actuators do
+    let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-8);
+    assert!(near(&again, &ydd), "{again:?}");
+    assert!(near(&y_u, &y) && near(&yd_u, &yd) && near(&ydd_u, &ydd), "{y_u:?} {yd_u:?} {ydd_u:?}");
+    Ok([tau_u, again, q, qd, qdd, u, ud, udd, y_u, yd_u, ydd_u].concat())
+}
+
+fn local() -> Robot {
+    Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap()
+}
+
+#[test]
+fn simple_questions_give_the_same_bits_in_process_and_connected() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("simple", &[]);
+    let mut robots = [Transport::Lane, Transport::Service]
+        .map(|transport| sandbox.connect("simple", transport).unwrap());
+    let mut local = local();
+    for size in [0.0, 0.05, 0.1] {
+        let expected = ask_all(&mut local, size).unwrap();
+        for robot in &mut robots {
+            assert_eq!(ask_all(robot, size).unwrap(), expected);
+        }
+    }
+}
+
+#[test]
+fn simple_questions_allocate_nothing_after_the_first() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("lean", &[]);
+    for mut robot in [local(), sandbox.connect("lean", Transport::Lane).unwrap()] {
+        let n = robot.model().independent.len();
+        let (y, mut tau_u) = (vec![0.01; n], vec![0.0; robot.model().active.len()]);
+        let mut ydd = vec![0.0; n];
+        // the first question by asking it, the second ahead of time
+        robot.inverse_dynamics(&y, &y, &y, &mut tau_u).unwrap();
+        robot.prepare_forward_dynamics().unwrap();
+        let before = pool::counts();
+        let adopted = pool::adopt_thread();
+        let good = (0..1000).filter(|_| {
+            robot.inverse_dynamics(&y, &y, &y, &mut tau_u).is_ok()
+                && robot.forward_dynamics(&y, &y, &tau_u, &mut ydd).is_ok()
+        });
+        let good = good.count();
+        drop(adopted);
+        let after = pool::counts();
+        assert_eq!((good, after.pool - before.pool, after.system - before.system), (1000, 0, 0));
+    }
+}
+
+#[test]
+fn an_array_that_does_not_fit_is_named() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("fits", &[]);
+    for mut robot in [local(), sandbox.connect("fits", Transport::Lane).unwrap()] {
+        let n = robot.model().independent.len();
+        let (y, mut tau_u) = (vec![0.0; n], vec![1.0; robot.model().active.len()]);
+        let error = robot.inverse_dynamics(&y, &y, &y[1..], &mut tau_u).unwrap_err();
+        let Error::WrongSize { field: Field::Ydd, found, expected } = error else {
+            panic!("{error}")
+        };
+        assert_eq!((found, expected), (n - 1, n));
+        assert!(tau_u.iter().all(|number| number.is_nan()));
+        let error = robot.inverse_dynamics(&y, &y, &y, &mut [0.0]).unwrap_err();
+        assert!(matches!(error, Error::WrongSize { field: Field::TauU, found: 1, .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_state_without_an_answer_is_an_error_with_its_status() {
+    let mut robot = Robot::load(&Source::Bundled("lambda".into()), &Options::default()).unwrap();
+    let mut tau_u = [0.0];
+    let error = robot.inverse_dynamics(&[f64::NAN], &[0.0], &[0.0], &mut tau_u).unwrap_err();
+    let Error::Failed(failed) = error else { panic!("{error}") };
+    assert_eq!(failed.status, Status::NonFiniteInput);
+    assert!(tau_u[0].is_nan());
+    // warnings are no error
+    let limits = robot.model().limits.iter().flatten().find_map(|limits| limits.velocity);
+    let warnings =
+        robot.inverse_dynamics(&[0.2], &[2.0 * limits.unwrap()], &[0.0], &mut tau_u).unwrap();
+    assert!(warnings.contains(Warnings::LIMITS_EXCEEDED));
+    assert!(tau_u[0].is_finite());
+}
+
+#[test]
+fn a_robot_from_a_model_is_the_robot_from_its_files() {
+    let source = Source::Bundled(ROBOT.into());
+    let loaded = sarrus_models::load(&source, &Options::default()).unwrap();
+    let mut made = Robot::from_model(Model::compile(&loaded.description).unwrap());
+    let mut read = local();
+    assert_eq!(made.model().fingerprint, read.model().fingerprint);
+    assert_eq!(ask_all(&mut made, 0.1).unwrap(), ask_all(&mut read, 0.1).unwrap());
+}

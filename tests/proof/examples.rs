@@ -1,0 +1,130 @@
+//! The examples of the Rust client do what their pages say.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+
+use sarrus_dynamics::{Field, Request};
+use sarrus_models::{Options, Source, load};
+use sarrus_tests::run::Robot;
+
+const EXAMPLES: [&str; 6] =
+    ["inverse_dynamics", "forward_dynamics", "jacobian", "own_robot", "loop_1khz", "simulation"];
+
+/// The folder of this build: the examples are in `examples`, the programs beside it.
+fn folder() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        // target/PROFILE/deps/proof-…
+        let test = std::env::current_exe().unwrap();
+        let folder = test.parent().and_then(Path::parent).unwrap();
+        // of the whole workspace, so that nothing is compiled a second time with other features
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "--locked", "--workspace", "--bin", "sarrus"]);
+        build.args(EXAMPLES.iter().flat_map(|example| ["--example", example]));
+        build.arg("--target-dir").arg(folder.parent().unwrap());
+        if folder.ends_with("release") {
+            build.arg("--release");
+        }
+        assert!(build.current_dir(env!("CARGO_MANIFEST_DIR")).status().unwrap().success());
+        folder.to_owned()
+    })
+}
+
+/// Where these tests' servers are, and no others.
+fn root() -> PathBuf {
+    std::env::temp_dir().join(format!("sarrus-examples-{}", std::process::id()))
+}
+
+/// What an example prints; it must end well.
+fn run(example: &str, arguments: &[&str]) -> String {
+    let mut command = Command::new(folder().join("examples").join(example));
+    let output = command.args(arguments).env("SARRUS_ROOT", root()).output().unwrap();
+    assert!(output.status.success(), "{example}: {output:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The numbers of a line that begins with `label`.
+fn numbers(output: &str, label: &str) -> Vec<f64> {
+    let line = output.lines().find_map(|line| line.strip_prefix(label)?.strip_prefix(": "));
+    let line = line.unwrap_or_else(|| panic!("no line `{label}` in {output}"));
+    line.trim_matches(['[', ']']).split(", ").map(|number| number.parse().unwrap()).collect()
+}
+
+/// A server of its own; killed when dropped.
+struct Server(Child);
+
+impl Server {
+    fn start(name: &str) -> Server {
+        let mut command = Command::new(folder().join("sarrus"));
+        command.args(["serve", "--robot", "lambda", "--name", name]).env("SARRUS_ROOT", root());
+        command.stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        assert!(line.starts_with("ready "), "{line}");
+        Server(child)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let stopped = Command::new("kill").arg(self.0.id().to_string()).status();
+        if !stopped.is_ok_and(|status| status.success()) {
+            let _ = self.0.kill();
+        }
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn inverse_dynamics_prints_the_same_force_in_process_and_connected() {
+    let lambda = load(&Source::Bundled("lambda".into()), &Options::default()).unwrap();
+    let given = [(Field::Y, &[0.2][..]), (Field::Yd, &[1.0]), (Field::Ydd, &[0.0])];
+    let mut robot = Robot::new(lambda.compiled.model);
+    let answer = robot.ask(Request::InverseDynamics, &given, &[Field::TauU]).ok();
+    let here = run("inverse_dynamics", &[]);
+    assert_eq!(numbers(&here, "ElbowAct"), answer.get(Field::TauU));
+    let _server = Server::start("elbow");
+    assert_eq!(run("inverse_dynamics", &["--connect", "elbow"]), here);
+}
+
+#[test]
+fn forward_dynamics_prints_that_the_robot_is_held() {
+    let output = run("forward_dynamics", &[]);
+    assert!(numbers(&output, "held").iter().all(|ydd| ydd.abs() < 1e-9), "{output}");
+    assert!(numbers(&output, "let go").iter().any(|ydd| ydd.abs() > 0.1), "{output}");
+}
+
+#[test]
+fn the_jacobian_gives_the_twist() {
+    let output = run("jacobian", &[]);
+    let (_, difference) = output.trim_end().rsplit_once(' ').unwrap();
+    assert!(difference.parse::<f64>().unwrap() < 1e-12, "{output}");
+}
+
+#[test]
+fn the_robot_in_code_is_a_parallelogram() {
+    let output = run("own_robot", &[]);
+    let q = numbers(&output, "q");
+    // the coupler keeps its direction, the rocker follows the crank
+    for (found, expected) in q.iter().zip([0.3, -0.3, 0.3]) {
+        assert!((found - expected).abs() < 1e-12, "{output}");
+    }
+    assert!(numbers(&output, "tau_u")[0].is_finite());
+}
+
+#[test]
+fn the_loop_of_1_khz_counts_its_cycles() {
+    let _server = Server::start("loop");
+    let output = run("loop_1khz", &["loop", "0.3"]);
+    assert!(output.starts_with("300 cycles, "), "{output}");
+}
+
+#[test]
+fn the_simulation_keeps_its_energy() {
+    let output = run("simulation", &[]);
+    let drift = output.trim_end().strip_suffix(" J").and_then(|line| line.rsplit(' ').next());
+    assert!(drift.unwrap().parse::<f64>().unwrap() < 1e-8, "{output}");
+}
