@@ -9,8 +9,8 @@ use crate::closure::{
     loses_rank, row_unit, scaled,
 };
 use crate::linalg::least_norm;
-use crate::mechanism::Motion;
-use crate::model::{Cluster, Model};
+use crate::mechanism::{Cluster, Motion};
+use crate::model::Model;
 use crate::plan::{Drift, drift_of, supports, tree_under_constraints, wrenches_on_bodies};
 use crate::scalar::Scalar;
 use crate::workspace::{Needs, Workspace};

@@ -18,57 +18,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::algorithms::cluster_columns::{Force, carry_force, component, join};
+use crate::algorithms::cluster_columns::{carry_force, component, join};
 use crate::algorithms::terms::add_rotors;
 use crate::linalg::factorise_full;
-use crate::mechanism::{Motion, Rotor};
-use crate::model::{Cluster, Model};
-use crate::scalar::{Mask, Real, Scalar};
+use crate::mechanism::{Cluster, Motion, Rotor};
+use crate::model::Model;
+use crate::scalar::{Mask, Real};
 use crate::spatial::{cross, cross_add, dot, mul, mul_mat, scale_add, t_mul, zero};
-use crate::workspace::{BodyState, Composite, Workspace};
-
-/// Articulated inertia, bias force and acceleration of a body that carries clusters.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Articulated<T> {
-    /// xx xy xz yy yz zz of J and M.
-    J: [T; 6],
-    H: Matrix3<T>,
-    M: [T; 6],
-    /// Bias force p.
-    n: Vector3<T>,
-    f: Vector3<T>,
-    /// Acceleration: angular, linear.
-    alpha: Vector3<T>,
-    a: Vector3<T>,
-}
-
-/// Scratch of the recursion.
-#[derive(Clone, Debug)]
-pub(crate) struct Embedding<T> {
-    bodies: Vec<Articulated<T>>,
-    /// Y, a column for each independent: of one joint at its body, else at the cluster's parent.
-    Y: Vec<Force<T>>,
-    /// L and 1/Δ of each cluster, in the place of its G block.
-    factor: Vec<T>,
-}
-
-impl<T: Real> Embedding<T> {
-    pub(crate) fn new(model: &Model<T::Const>) -> Embedding<T> {
-        let bodies = vec![Articulated::none(); model.bodies.len()];
-        Embedding {
-            bodies,
-            Y: vec![(zero(), zero()); model.meta.sizes.n_vy],
-            factor: vec![T::ZERO; model.n_g],
-        }
-    }
-
-    /// 1/Δ of each independent after [`embedded_solve`], in internal order.
-    pub(crate) fn inverses<'a, C>(&'a self, model: &'a Model<C>) -> impl Iterator<Item = T> + 'a {
-        model.clusters.iter().flat_map(|cluster| {
-            (0..cluster.n_vy).map(|k| self.factor[cluster.g + k * cluster.n_vy + k])
-        })
-    }
-}
+use crate::workspace::{Articulated, BodyState, Composite, Embedding, Force};
 
 /// Solves M_y ÿ = b; `b` becomes ÿ. Needs the joint poses and G; `inside` is scratch for n_vy
 /// columns of each body of a cluster. The mask tells where every D was positive.
@@ -168,15 +125,6 @@ pub(crate) fn embedded_solve<T: Real>(
         }
     }
     positive
-}
-
-/// What the recursion divides by at each independent, in internal order: the inertia that is left
-/// of it where everything behind it is free. Needs the joint poses and G. Allocates.
-pub(crate) fn pivots<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Vec<T> {
-    let mut b = vec![T::ZERO; model.meta.sizes.n_vy];
-    let Workspace { motion, G, composite, inside, embedding, .. } = ws;
-    embedded_solve(model, motion, G, composite, inside, embedding, &mut b);
-    embedding.inverses(model).map(|inverse| T::ONE / inverse).collect()
 }
 
 /// One freedom that nothing ties: I − U Uᵀ / D goes to the parent, U stays at the body.
@@ -296,20 +244,6 @@ fn accelerate<T: Real>(joint: Motion, qdd: &[T], alpha: &mut Vector3<T>, a: &mut
 }
 
 impl<T: Real> Articulated<T> {
-    #[inline(always)]
-    fn none() -> Articulated<T> {
-        let none = [T::ZERO; 6];
-        Articulated {
-            J: none,
-            H: Matrix3::from_element(T::ZERO),
-            M: none,
-            n: zero(),
-            f: zero(),
-            alpha: zero(),
-            a: zero(),
-        }
-    }
-
     /// Adds a rigid inertia.
     #[inline(always)]
     fn add_rigid(&mut self, of: &Composite<T>) {

@@ -15,14 +15,11 @@
 use nalgebra::Vector3;
 
 use crate::algorithms::rnea::turn_by;
-use crate::mechanism::Motion;
-use crate::model::{Cluster, Model};
+use crate::mechanism::{Cluster, Motion};
+use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{cross_add, lift, mul, zero};
-use crate::workspace::{BodyState, Composite};
-
-/// A moment and a force, in body axes at the body's origin.
-pub(crate) type Force<T> = (Vector3<T>, Vector3<T>);
+use crate::workspace::{BodyState, Composite, Force};
 
 /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
 /// `column` gives I_i s for freedom k of local body i; `F` is scratch for m columns of each body.
@@ -102,7 +99,7 @@ pub(super) fn carry_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Fo
 impl<T: Real> Composite<T> {
     /// The inertia of one body alone.
     #[inline(always)]
-    pub(super) fn of(body: &crate::model::Body<T::Const>) -> Composite<T> {
+    pub(super) fn of(body: &crate::mechanism::Body<T::Const>) -> Composite<T> {
         Composite { mass: T::lift(body.mass), h: lift(&body.h), inertia: body.inertia.map(T::lift) }
     }
 

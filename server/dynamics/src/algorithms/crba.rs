@@ -2,12 +2,12 @@
 //! section 6.2, with the columns of a cluster joined by its G before they are carried to the root,
 //! so that ancestors meet n_vy columns and not n_v).
 
-use crate::algorithms::cluster_columns::{Force, carry_force, component, join};
+use crate::algorithms::cluster_columns::{carry_force, component, join};
 use crate::algorithms::terms::add_rotors;
-use crate::mechanism::Rotor;
-use crate::model::{Cluster, Model};
+use crate::mechanism::{Cluster, Rotor};
+use crate::model::Model;
 use crate::scalar::Real;
-use crate::workspace::{BodyState, Composite};
+use crate::workspace::{BodyState, Composite, Force};
 
 /// M_y, packed by `model.branches`. Needs the joint poses and G. `columns` is scratch for the
 /// widest cluster, `inside` for n_vy columns of each body of a cluster, `block` for a block n_vy ×

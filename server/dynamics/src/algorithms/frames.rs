@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::algorithms::rnea::accelerate;
-use crate::mechanism::Motion;
-use crate::model::{Frame, Model};
+use crate::mechanism::{Frame, Motion};
+use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, lift, lift_mat, mul, mul_mat, t_mul, to_quaternion, zero,

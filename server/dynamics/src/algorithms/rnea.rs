@@ -8,8 +8,8 @@
 use nalgebra::Vector3;
 
 use crate::algorithms::terms::joint_forces;
-use crate::mechanism::{Motion, joint_pose};
-use crate::model::{Body, Model};
+use crate::mechanism::{Body, Motion, joint_pose};
+use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
 use crate::workspace::{BodyState, Rates};

@@ -7,8 +7,7 @@
 //! wheels by the cage or the cage by the wheels does not matter.
 
 use crate::closure::{Level, Local, Numerical};
-use crate::mechanism::Motion;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Motion};
 use crate::scalar::Real;
 
 /// q = M y + b.

@@ -15,8 +15,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Level, Local, Numerical, Rate, Strut, Verdict};
-use crate::mechanism::{Freedom, Motion, joint_pose};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Freedom, Motion, joint_pose};
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z,

@@ -4,13 +4,13 @@
 use faer::Mat;
 
 use crate::closure::{
-    Blocks, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian,
+    Blocks, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian,
     constraint_residual, local_poses, scaled,
 };
 use crate::compile::blocks::blocks;
 use crate::compile::idle::Drift;
 use crate::diagnostic::{Diagnostic, Site};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
@@ -161,9 +161,6 @@ pub(super) fn close_zero(
     numerical: &mut Numerical<Dd>,
     site: Site,
 ) -> Option<Diagnostic> {
-    if matches!(cluster.closure, Closure::Coupling(_)) {
-        return None;
-    }
     let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
     let mut state = State::new(cluster, &numerical.zero);
     local_poses(cluster, bodies, &state.q, &mut state.turn, &mut scratch.pose);

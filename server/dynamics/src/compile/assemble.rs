@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 use sarrus_proto::Sizes;
 
-use crate::closure::{Closure, Cut, CutRow};
+use crate::closure::Closure;
 use crate::compile::couplings::{characteristic_length, couplings};
 use crate::compile::geometry::{inertia, onto_z, pose, unit, vector};
 use crate::compile::orders::Names;
@@ -14,8 +14,8 @@ use crate::description as written;
 use crate::description::{Description, JointKind, Loop, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::linalg::Branches;
-use crate::mechanism::{Freedom, JointTerms, Motion};
-use crate::model::{Body, Cluster, Frame, Meta, Model, Order};
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Frame, Freedom, JointTerms, Motion};
+use crate::model::{Meta, Model, Order};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, mul, zero};
 
@@ -271,6 +271,7 @@ impl<'a> Builder<'a> {
             gravity: vector(description.gravity),
             bodies: vec![world],
             clusters: Vec::new(),
+            closures: Vec::new(),
             tied: Vec::new(),
             free: Vec::new(),
             cluster_of: vec![usize::MAX],
@@ -384,9 +385,9 @@ impl<'a> Builder<'a> {
                 cuts: Vec::new(),
                 rows: Vec::new(),
                 used: Vec::new(),
-                closure: Closure::Serial,
                 length: 1.0,
             });
+            self.model.closures.push(Closure::Serial);
             vy += n_vy;
         }
     }
@@ -631,8 +632,8 @@ impl<'a> Builder<'a> {
                 for &j in &cluster.dependent {
                     self.model.zero[cluster.q + cluster.freedoms[j].q] = coupling.b[j];
                 }
-                cluster.closure = Closure::Coupling(coupling);
                 cluster.used = (0..cluster.rows.len()).collect();
+                self.model.closures[c] = Closure::Coupling(coupling);
             }
         }
         if !errors.is_empty() {

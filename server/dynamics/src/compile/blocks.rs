@@ -1,8 +1,8 @@
 //! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many
 //! joints, in the order of solution.
 
-use crate::closure::{Block, BlockCut, Blocks, Cut, CutRow, RowKind};
-use crate::model::Cluster;
+use crate::closure::{Block, BlockCut, Blocks, RowKind};
+use crate::mechanism::{Cluster, Cut, CutRow};
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
 pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Blocks {

@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::Coupling;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::Pose;
 

@@ -8,8 +8,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::column_unit;
-use crate::mechanism::Motion;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Motion};
 use crate::spatial::Pose;
 
 /// What counts as standing still, and as meeting, in lengths of the cluster.

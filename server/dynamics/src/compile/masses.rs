@@ -7,20 +7,18 @@
 
 use sarrus_proto::Status;
 
+use crate::algorithms;
 use crate::closure::Level;
 use crate::compile::analysis::{POSES, noise};
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
-use crate::model::Model;
+use crate::model::{Model, UNEQUAL};
 use crate::workspace::Workspace;
-use crate::{algorithms, plan};
 
 /// Least Δ against the joint's own inertia, and against the largest of the robot, that is told from
 /// rounding.
 const NOTHING: f64 = 1e-15;
 const LEAST: f64 = 1e-18;
-/// From this ratio on a user is told.
-pub(crate) const UNEQUAL: f64 = 1e6;
 
 /// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it
 /// nearly is not. Returns the largest inertia of each independent among these poses, in internal
@@ -46,7 +44,7 @@ pub(super) fn check(
             &mut ws.inside,
             &mut ws.columns,
         );
-        let pivots = algorithms::pivots(model, &mut ws);
+        let pivots = self::pivots(model, &mut ws);
         let largest = inertia.iter().copied().fold(0.0, f64::max);
         let least = |i: usize| f64::max(inertia[i] * NOTHING, largest * LEAST);
         let enough = |i: &usize| pivots[*i] > least(*i);
@@ -102,12 +100,7 @@ fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
     }
     ws.start.copy_from_slice(&model.zero);
     for &c in &model.tied {
-        let cluster = &model.clusters[c];
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-        if crate::closure::close(cluster, bodies, &mut plan::local(cluster, ws), Level::Velocity)
-            .status
-            != Status::Ok
-        {
+        if ws.close(model, c, Level::Velocity).status != Status::Ok {
             return false;
         }
     }
@@ -117,4 +110,13 @@ fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
     }
     algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
     true
+}
+
+/// What the recursion divides by at each independent, in internal order: the inertia that is left
+/// of it where everything behind it is free. Needs the joint poses and G. Allocates.
+fn pivots(model: &Model<f64>, ws: &mut Workspace<f64>) -> Vec<f64> {
+    let mut b = vec![0.0; model.meta.sizes.n_vy];
+    let Workspace { motion, G, composite, inside, embedding, .. } = ws;
+    algorithms::embedded_solve(model, motion, G, composite, inside, embedding, &mut b);
+    embedding.inverses(model).map(|inverse| 1.0 / inverse).collect()
 }

@@ -24,7 +24,6 @@ use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::model::{ClosureInfo, ClosureKind, Compiled, Meta, Model};
 use crate::scalar::{Dd, Scalar};
 pub(crate) use geometry::{pose as pose_of, unit_of};
-pub(crate) use masses::UNEQUAL;
 
 /// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.
 const ROUNDING: f64 = 1e-13;
@@ -100,8 +99,10 @@ fn build(
         info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[*v].clone()));
         exact.clusters[c].dependent.retain(|v| !locked.contains(v));
         exact.clusters[c].locked = locked;
-        if let Some(fault) =
-            analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site)
+        let coupled = matches!(exact.closures[c], Closure::Coupling(_));
+        if !coupled
+            && let Some(fault) =
+                analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site)
         {
             errors.push(fault);
             continue;
@@ -111,7 +112,7 @@ fn build(
 
         // couplings are closed as they are; another closed form stands, starts Newton's method, or
         // does not fit
-        if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
+        if coupled {
             continue;
         }
         if exact.clusters[c].cuts.iter().flat_map(|cut| &cut.rows).all(|row| !row.terms.is_empty())
@@ -158,7 +159,7 @@ fn build(
                         expected: "opposite sides equal and axes parallel, or type FOURBAR".into(),
                         help: "it is closed numerically".into(),
                     });
-                    exact.clusters[c].closure = Closure::Numerical(numerical);
+                    exact.closures[c] = Closure::Numerical(numerical);
                     set_numerical(&mut info, &assembly, c);
                     continue;
                 }
@@ -183,7 +184,7 @@ fn build(
         if matches!(closure, Closure::Numerical(_)) {
             set_numerical(&mut info, &assembly, c);
         }
-        exact.clusters[c].closure = closure;
+        exact.closures[c] = closure;
     }
     if !errors.is_empty() {
         return None;

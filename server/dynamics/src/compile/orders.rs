@@ -108,7 +108,7 @@ impl Builder<'_> {
             .model
             .tied
             .iter()
-            .filter(|c| !matches!(self.model.clusters[**c].closure, Closure::Coupling(_)))
+            .filter(|c| !matches!(self.model.closures[**c], Closure::Coupling(_)))
             .map(|c| {
                 (self.submechanism_of[self.skeleton.moving[self.partition.members[*c][0]]], *c)
             })

@@ -18,8 +18,7 @@ mod rezero;
 use problem::Place;
 
 use crate::mechanism::Motion;
-use crate::model::Model;
-use crate::model::judge;
+use crate::model::{Model, judge};
 
 pub use open::OpenModel;
 use problem::Problem;

@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 use crate::closure::{
     Scratch, column_unit, constraint_residual, largest_residual, local_poses, row_unit,
 };
-use crate::mechanism::Motion;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Motion};
 use crate::spatial::{Pose, cross, from_quaternion, mul, t_mul};
 
 /// Relative singular value below which a direction of the rows that count says nothing.

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::model::Body;
+use crate::mechanism::Body;
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z,

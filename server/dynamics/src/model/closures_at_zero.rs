@@ -1,7 +1,8 @@
 //! What a person wants to know about the loops of each submechanism at the zero pose.
 
 use crate::closure::{Scratch, branch, dependents_range};
-use crate::model::{Body, Cluster, Model};
+use crate::mechanism::{Body, Cluster};
+use crate::model::Model;
 
 /// The loops of one submechanism at the zero pose; where its loops are tied to those of another,
 /// those of both.

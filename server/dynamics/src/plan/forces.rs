@@ -4,9 +4,9 @@ use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms;
 use crate::closure::column_unit;
-use crate::compile::UNEQUAL;
 use crate::linalg::{factorise_branches, least_norm, solve_branches, solve_sound};
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::{Model, UNEQUAL};
 use crate::plan::run::Findings;
 use crate::plan::state::{WEAK, tree_accelerations};
 use crate::plan::{Method, Plan};

@@ -16,7 +16,8 @@ use crate::closure::{
     constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates, row_unit,
 };
 use crate::linalg::solve_pivoted;
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 use crate::plan::Plan;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;

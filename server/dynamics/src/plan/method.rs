@@ -4,7 +4,8 @@
 //! robot's structure, and what it takes was measured once for all robots. `sarrus-benches
 //! --forward` prints the prediction beside the measurement.
 
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 
 /// A way from forces to accelerations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

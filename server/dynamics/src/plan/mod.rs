@@ -6,12 +6,12 @@ mod kkt;
 mod method;
 mod output;
 mod run;
+mod scratch;
 mod state;
 
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use method::Method;
-pub(crate) use state::local;
 
 use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request, Status, Warnings};
 

@@ -4,7 +4,8 @@ use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms;
 use crate::linalg::solve_sound;
-use crate::model::{Frame, Model};
+use crate::mechanism::Frame;
+use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
 use crate::plan::run::Findings;

@@ -2,9 +2,10 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use crate::closure::{Level, Local, Outcome, close};
+use crate::closure::{Level, Outcome};
 use crate::linalg::solve_sound;
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 use crate::plan::run::Findings;
 use crate::plan::{Plan, Space};
 use crate::scalar::Scalar;
@@ -95,11 +96,10 @@ impl Plan {
         }
 
         for &c in &model.tied {
-            let cluster = &model.clusters[c];
-            self.close_cluster(model, cluster, ws, input, found)?;
+            self.close_cluster(model, c, ws, input, found)?;
             found.closed += 1;
             if self.steps.tree_acceleration && self.steps.level >= Level::Velocity {
-                tree_accelerations(cluster, ws);
+                tree_accelerations(&model.clusters[c], ws);
             }
         }
         if self.steps.position == Space::Actuation || self.actuated_rates() {
@@ -129,25 +129,25 @@ impl Plan {
     fn close_cluster<T: Scalar>(
         &self,
         model: &Model<T>,
-        cluster: &Cluster<T>,
+        c: usize,
         ws: &mut Workspace<T>,
         input: &[T],
         found: &mut Findings<T>,
     ) -> Result<(), Status> {
         let given =
             |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        let cluster = &model.clusters[c];
         let actuated = self.steps.position == Space::Actuation;
         hold_idle(cluster, ws);
         let mut outcome = if actuated {
-            from_actuators(cluster, bodies, ws, found)?
+            from_actuators(model, c, ws, found)?
         } else {
             let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
-            close(cluster, bodies, &mut local(cluster, ws), level)
+            ws.close(model, c, level)
         };
         found.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
-            self.remember_failure(model, cluster, ws, actuated, found);
+            self.remember_failure(model, c, ws, actuated, found);
             return Err(outcome.status);
         }
         if self.actuated_rates() || actuated {
@@ -157,7 +157,7 @@ impl Plan {
                 near |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
             }
             if self.steps.level > Level::Position {
-                outcome = self.close_again(cluster, bodies, ws);
+                outcome = self.close_again(model, c, ws);
                 if outcome.status != Status::Ok {
                     return Err(outcome.status);
                 }
@@ -172,15 +172,11 @@ impl Plan {
     }
 
     /// All levels at the closed pose that was just found.
-    fn close_again<T: Scalar>(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[crate::model::Body<T>],
-        ws: &mut Workspace<T>,
-    ) -> Outcome {
+    fn close_again<T: Scalar>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> Outcome {
+        let cluster = &model.clusters[c];
         let at = cluster.q..cluster.q + cluster.n_q;
         ws.start[at.clone()].copy_from_slice(&ws.q[at]);
-        close(cluster, bodies, &mut local(cluster, ws), self.steps.level)
+        ws.close(model, c, self.steps.level)
     }
 
     /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; true
@@ -222,21 +218,6 @@ fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     }
 }
 
-/// The workspace's numbers of one cluster.
-pub(crate) fn local<'a, T: Scalar>(cluster: &Cluster<T>, ws: &'a mut Workspace<T>) -> Local<'a, T> {
-    let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
-    Local {
-        start: &ws.start[q.clone()],
-        tangent: ws.tangent.then_some(&ws.start_rate[v.clone()]),
-        q: &mut ws.q[q],
-        turn: &mut ws.turn[cluster.body..cluster.body + cluster.n],
-        qd: &mut ws.qd[v.clone()],
-        G: &mut ws.G[cluster.g..cluster.g + cluster.n_v * cluster.n_vy],
-        g: &mut ws.g[v],
-        scratch: &mut ws.scratch,
-    }
-}
-
 /// q̈ = G ÿ + g of the dependents of one cluster.
 pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     let m = cluster.n_vy;
@@ -252,23 +233,24 @@ pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Works
 /// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's
 /// method from the start.
 fn from_actuators<T: Scalar>(
-    cluster: &Cluster<T>,
-    bodies: &[crate::model::Body<T>],
+    model: &Model<T>,
+    c: usize,
     ws: &mut Workspace<T>,
     found: &mut Findings<T>,
 ) -> Result<Outcome, Status> {
+    let cluster = &model.clusters[c];
     let m = cluster.n_vy;
     if cluster.active.len() != m {
         // nothing measures this cluster: its independents are those of the guess
         let at = cluster.q..cluster.q + cluster.n_q;
         ws.q[at.clone()].copy_from_slice(&ws.start[at]);
-        return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+        return Ok(ws.close(model, c, Level::Velocity));
     }
     for (r, &(_, j)) in cluster.active.iter().enumerate() {
         ws.goal_u[r] = ws.q[cluster.q + cluster.freedoms[j].q];
     }
     if cluster.active.iter().zip(&cluster.independent).all(|((_, a), i)| a == i) {
-        return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+        return Ok(ws.close(model, c, Level::Velocity));
     }
     for &i in &cluster.independent_q {
         ws.q[cluster.q + i] = ws.start[cluster.q + i];
@@ -276,7 +258,7 @@ fn from_actuators<T: Scalar>(
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
     let (mut sign, mut damping) = (T::ZERO, T::ONE);
     for k in 0..STEPS {
-        let outcome = close(cluster, bodies, &mut local(cluster, ws), Level::Velocity);
+        let outcome = ws.close(model, c, Level::Velocity);
         found.iterations += outcome.iterations + 1;
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
@@ -326,7 +308,7 @@ fn from_actuators<T: Scalar>(
         }
         if size.lt(tolerance) {
             found.warn_if(weak);
-            return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+            return Ok(ws.close(model, c, Level::Velocity));
         }
     }
     Ok(Outcome::failed(Status::Unreachable, 0))

@@ -10,10 +10,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::closure::Rate;
 use crate::closure::constraint::so3_log::{log, log_factors, rate_matrix};
-use crate::closure::{Cut, CutRow, Rate};
-use crate::mechanism::{Freedom, Motion, joint_pose, single_pose};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Freedom, Motion, joint_pose, single_pose};
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero,

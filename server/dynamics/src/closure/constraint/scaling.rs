@@ -9,9 +9,9 @@
 //! numbers that a change of units leaves as it is, and λ_s holds moments: forces times the
 //! cluster's length.
 
-use crate::closure::{CutRow, Scratch};
+use crate::closure::Scratch;
 use crate::linalg::{determinant_sign, singular_range};
-use crate::model::Cluster;
+use crate::mechanism::{Cluster, CutRow};
 use crate::scalar::Scalar;
 
 /// The unit of one local velocity: the cluster's length where it slides.

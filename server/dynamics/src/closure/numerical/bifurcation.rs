@@ -6,7 +6,7 @@ use sarrus_proto::Status;
 
 use crate::closure::numerical::{Numerical, continuation};
 use crate::closure::{Local, Outcome};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
 
 /// Part of a way along the tangent that its end may lie beside it.

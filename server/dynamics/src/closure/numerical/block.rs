@@ -5,10 +5,9 @@ use nalgebra::Vector3;
 use crate::closure::constraint::rows::{CutState, base, cos_sin, place, row_acceleration};
 use crate::closure::numerical::End;
 use crate::closure::numerical::inverse::{ANY, Inverted, accurate, invert, nearness};
-use crate::closure::{Cut, Level, Local, NEAR, column_unit};
+use crate::closure::{Level, Local, NEAR, column_unit};
 use crate::linalg::column_square;
-use crate::mechanism::{Freedom, Motion, single_pose};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Cut, Freedom, Motion, single_pose};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
 

@@ -4,13 +4,13 @@
 use sarrus_proto::Status;
 
 use crate::closure::numerical::Numerical;
+use crate::closure::path::way;
 use crate::closure::{
     Local, Outcome, Scratch, between, column_unit, constraint_jacobian, constraint_residual,
     dependents_range, largest_residual, local_poses, row_unit, scaled,
 };
 use crate::linalg::{singular_range, solve_pivoted};
-use crate::mechanism::Freedom;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
 
 /// Attempts at a substep that one request may cost; each takes at most ten Newton steps a block.
@@ -105,37 +105,6 @@ pub(in crate::closure) fn follow<T: Scalar>(
         }
     }
     Outcome::closed(iterations)
-}
-
-/// How far the independents of a pose are from those of another, in radians or cluster lengths: the
-/// sum over all of them.
-pub(in crate::closure) fn way<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
-    let mut way = T::ZERO;
-    for of in cluster.independent.iter().map(|v| &cluster.freedoms[*v]) {
-        if of.single {
-            let step = (to[of.q] - from[of.q]).abs();
-            way += if of.slides() { step * T::from_f64(1.0 / cluster.length) } else { step };
-        } else if of.k == 0 {
-            way += free_way(cluster, of, from, to);
-        }
-    }
-    way
-}
-
-/// The same of a joint of several freedoms: the angle of the turn and the distance.
-fn free_way<T: Scalar>(cluster: &Cluster<T>, of: &Freedom, from: &[T], to: &[T]) -> T {
-    let square = |range: core::ops::Range<usize>| {
-        range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum))
-    };
-    let four = of.q + of.motion.n_q() - 4;
-    // |q − p|² = 2 (1 − cos ½ angle), of q or −q
-    let chord = square(four..four + 4);
-    let other = T::from_f64(4.0) - chord;
-    let chord = T::select(other.lt(chord), other, chord);
-    let half_angle =
-        (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt())
-            * T::from_f64(2.0);
-    half_angle * T::from_f64(2.0) + square(of.q..four).sqrt() * T::from_f64(1.0 / cluster.length)
 }
 
 /// True where the rows that the solution leaves out hold too, as closely as rounded files let them;

@@ -15,9 +15,9 @@ use sarrus_proto::Status;
 
 use crate::closure::constraint::rows::{cos_sin, local_poses, place, rate_of};
 use crate::closure::numerical::block::{Block, Blocks};
+use crate::closure::path::way;
 use crate::closure::{Level, Local, Outcome, Rate};
-use crate::mechanism::{Freedom, Motion};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Freedom, Motion};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
 
@@ -178,7 +178,7 @@ impl<C: Scalar> Numerical<C> {
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
         }
-        let moved = continuation::way(cluster, local.start, local.q);
+        let moved = way(cluster, local.start, local.q);
         let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
         let good = good && continuation::redundant_rows_hold(cluster, local);
         let outcome = if good {

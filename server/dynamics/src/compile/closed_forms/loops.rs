@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::Cut;
 use crate::compile::closed_forms::{Deviation, Reading, Subject};
 use crate::compile::geometry::{axis, direction, norm, unit};
-use crate::mechanism::Motion;
+use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{cross, dot};
 

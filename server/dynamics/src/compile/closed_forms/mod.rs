@@ -6,11 +6,10 @@ mod parallelogram;
 mod planar;
 mod platform;
 
-use crate::closure::{Closure, Cut, CutRow, Numerical, constraint_residual};
+use crate::closure::{Closure, Numerical, constraint_residual};
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
-use crate::mechanism::{Freedom, Motion};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Freedom, Motion};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{Pose, cross, dot};
 

@@ -9,7 +9,8 @@ use crate::closure::{
     dependents_range, largest_residual, local_poses, local_rates, row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose, singular_range, solve_pivoted};
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
 use crate::scalar::Scalar;

@@ -4,13 +4,14 @@
 use sarrus_proto::{Field, Status};
 
 use crate::closure::{
-    Closure, Level, between, close, constraint_jacobian, constraint_residual, dependents_range,
+    Closure, Level, between, constraint_jacobian, constraint_residual, dependents_range,
     largest_residual, local_poses,
 };
-use crate::model::{Body, Cluster, Model};
+use crate::mechanism::{Body, Cluster};
+use crate::model::Model;
+use crate::plan::Plan;
 use crate::plan::diagnostics::{nearest, singular};
 use crate::plan::run::Findings;
-use crate::plan::{Plan, local};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -26,12 +27,13 @@ impl Plan {
     pub(in crate::plan) fn remember_failure<T: Scalar>(
         &self,
         model: &Model<T>,
-        cluster: &Cluster<T>,
+        c: usize,
         ws: &mut Workspace<T>,
         actuated: bool,
         found: &mut Findings<T>,
     ) {
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        let cluster = &model.clusters[c];
+        let bodies = model.bodies_of(cluster);
         if self.wants(Field::Residual) {
             found.residual = residual(cluster, bodies, ws);
         }
@@ -39,7 +41,7 @@ impl Plan {
             return;
         }
         let at = cluster.q..cluster.q + cluster.n_q;
-        if !matches!(cluster.closure, Closure::Numerical(_)) {
+        if !matches!(model.closures[c], Closure::Numerical(_)) {
             ws.scratch.last[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
         }
         // a closed pose: the one that was found after all, or the last on the path
@@ -49,7 +51,7 @@ impl Plan {
         if actuated {
             ws.q[at.clone()].copy_from_slice(&ws.start[at]);
         } else if !residual(cluster, bodies, ws).lt(T::from_f64(CLOSED.max(64.0 * T::EPSILON))) {
-            last_on_path(cluster, bodies, ws);
+            last_on_path(model, c, ws);
         }
         residual(cluster, bodies, ws);
         constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
@@ -114,9 +116,10 @@ fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Worksp
 
 /// Puts into q the last closed pose of one cluster on the straight path to those in the scratch's
 /// `last`: a numerical closure has just followed it, a closed form is bisected.
-fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) {
+fn last_on_path<T: Scalar>(model: &Model<T>, c: usize, ws: &mut Workspace<T>) {
+    let cluster = &model.clusters[c];
     let at = cluster.q..cluster.q + cluster.n_q;
-    if matches!(cluster.closure, Closure::Numerical(_)) {
+    if matches!(model.closures[c], Closure::Numerical(_)) {
         ws.q[at].copy_from_slice(&ws.scratch.goal[..cluster.n_q]);
         return;
     }
@@ -132,7 +135,7 @@ fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Wo
             T::from_f64(part),
             &mut ws.q[at.clone()],
         );
-        if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
+        if ws.close(model, c, Level::Position).status == Status::Ok {
             low = part;
             ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
         } else {

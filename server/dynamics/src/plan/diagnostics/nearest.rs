@@ -17,7 +17,7 @@ use crate::closure::{
     row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 

@@ -2,7 +2,8 @@
 
 use crate::closure::{column_unit, scaled};
 use crate::linalg::{column_square, decompose};
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 use crate::scalar::{Real, Scalar};
 use crate::workspace::Workspace;
 

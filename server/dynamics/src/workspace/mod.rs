@@ -1,10 +1,15 @@
-use nalgebra::{Matrix3, Vector3};
+//! All numbers of one request while it is answered, stage by stage.
 
-use crate::algorithms::{Embedding, Force};
-use crate::closure::{Rate, Scratch, constraint_jacobian, local_poses};
-use crate::model::{Body, Cluster, Model};
-use crate::plan::Plan;
-use crate::scalar::{Real, Scalar};
+mod body;
+
+use nalgebra::Vector3;
+
+pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force, Rates};
+
+use crate::closure::{Level, Local, Outcome, Scratch};
+use crate::mechanism::Cluster;
+use crate::model::Model;
+use crate::scalar::Scalar;
 use crate::spatial::{Pose, identity, zero};
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next
@@ -88,53 +93,13 @@ pub(crate) struct Needs {
 
 impl Needs {
     /// What either needs.
-    fn and(self, other: Needs) -> Needs {
+    pub(crate) fn and(self, other: Needs) -> Needs {
         Needs {
             mass_matrix: self.mass_matrix | other.mass_matrix,
             dense: self.dense | other.dense,
             kkt: self.kkt | other.kkt,
         }
     }
-}
-
-/// What the recursions keep for one body, in its own axes at its origin.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct BodyState<T> {
-    /// Pose in the parent.
-    pub(crate) R: Matrix3<T>,
-    pub(crate) p: Vector3<T>,
-    /// Angular velocity, velocity of the origin, angular acceleration, classical acceleration of
-    /// the origin.
-    pub(crate) w: Vector3<T>,
-    pub(crate) v: Vector3<T>,
-    pub(crate) alpha: Vector3<T>,
-    pub(crate) a: Vector3<T>,
-    /// Moment and force that the joint transmits.
-    pub(crate) n: Vector3<T>,
-    pub(crate) f: Vector3<T>,
-}
-
-/// What a child needs of its parent's motion.
-pub(crate) struct Rates<T> {
-    pub(crate) w: Vector3<T>,
-    pub(crate) alpha: Vector3<T>,
-    pub(crate) a: Vector3<T>,
-}
-
-impl<T: Real> BodyState<T> {
-    #[inline(always)]
-    pub(crate) fn rates(&self) -> Rates<T> {
-        Rates { w: self.w, alpha: self.alpha, a: self.a }
-    }
-}
-
-/// Inertia of a body with everything that it carries, as if rigid.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Composite<T> {
-    pub(crate) mass: T,
-    pub(crate) h: Vector3<T>,
-    /// xx xy xz yy yz zz about the body's origin.
-    pub(crate) inertia: [T; 6],
 }
 
 impl<T: Scalar> Workspace<T> {
@@ -144,17 +109,25 @@ impl<T: Scalar> Workspace<T> {
         Workspace::sized(model, Needs { mass_matrix: true, dense: true, kkt: false })
     }
 
-    /// Scratch for these plans on this model and for no others, without the square matrices that
-    /// none of them needs: that of a robot with a thousand joints is then a thousand times as
-    /// small. Allocates; nothing after it does.
-    pub fn for_plans<'a>(
-        model: &Model<T>,
-        plans: impl IntoIterator<Item = &'a Plan>,
-    ) -> Workspace<T> {
-        Workspace::sized(
-            model,
-            plans.into_iter().fold(Needs::default(), |needs, plan| needs.and(plan.needs())),
-        )
+    /// The workspace's numbers of one cluster.
+    pub(crate) fn local(&mut self, cluster: &Cluster<T>) -> Local<'_, T> {
+        let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
+        Local {
+            start: &self.start[q.clone()],
+            tangent: self.tangent.then_some(&self.start_rate[v.clone()]),
+            q: &mut self.q[q],
+            turn: &mut self.turn[cluster.body..cluster.body + cluster.n],
+            qd: &mut self.qd[v.clone()],
+            G: &mut self.G[cluster.g..cluster.g + cluster.n_v * cluster.n_vy],
+            g: &mut self.g[v],
+            scratch: &mut self.scratch,
+        }
+    }
+
+    /// Closes cluster c of a model down to a level, as [`crate::closure::Closure::close`] does.
+    pub(crate) fn close(&mut self, model: &Model<T>, c: usize, level: Level) -> Outcome {
+        let cluster = &model.clusters[c];
+        model.closures[c].close(cluster, model.bodies_of(cluster), &mut self.local(cluster), level)
     }
 
     /// True where it is large enough for a plan that needs this.
@@ -239,38 +212,4 @@ fn free_jacobians<T: Scalar>(model: &Model<T>) -> Vec<T> {
         }
     }
     G
-}
-
-impl<T: Real> Scratch<T> {
-    /// Poses and K of one cluster at a pose, outside any workspace. Allocates.
-    pub(crate) fn at(
-        cluster: &Cluster<T::Const>,
-        bodies: &[Body<T::Const>],
-        q: &[T],
-    ) -> Scratch<T> {
-        let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
-        local_poses(cluster, bodies, q, &mut vec![(T::ONE, T::ZERO); cluster.n], &mut scratch.pose);
-        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-        scratch
-    }
-
-    /// For clusters of up to n joints and this many rows.
-    pub(crate) fn new(n: usize, rows: usize) -> Scratch<T> {
-        let of = |n: usize| vec![T::ZERO; n];
-        let side = n.max(rows);
-        Scratch {
-            pose: vec![Pose::identity(); n + 1],
-            base: vec![Pose::identity(); n],
-            rate: vec![Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }; n + 1],
-            K: of(rows * n),
-            phi: of(side),
-            A: of(side * side),
-            B: of(side * side),
-            inverse: of(side * side),
-            branch: of(n),
-            step: of(side),
-            last: of(n),
-            goal: of(n),
-        }
-    }
 }

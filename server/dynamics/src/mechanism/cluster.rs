@@ -1,0 +1,80 @@
+//! Clusters: the joints that loops and couplings close together.
+
+use crate::mechanism::{Cut, Freedom};
+
+/// Tree joints tied by loops or couplings; they hang from one parent body.
+#[derive(Clone, Debug)]
+pub(crate) struct Cluster<C> {
+    /// The body that the cluster hangs from.
+    pub(crate) parent: usize,
+    /// First body and number of bodies.
+    pub(crate) body: usize,
+    pub(crate) n: usize,
+    /// First internal tree velocity and coordinate; n_v of them.
+    pub(crate) v: usize,
+    pub(crate) q: usize,
+    pub(crate) n_v: usize,
+    pub(crate) n_q: usize,
+    /// What each local velocity belongs to (n_v).
+    pub(crate) freedoms: Vec<Freedom>,
+    /// First internal independent velocity; n_vy of them.
+    pub(crate) vy: usize,
+    pub(crate) n_vy: usize,
+    /// First number of the cluster's G block (n_v × n_vy, row-major).
+    pub(crate) g: usize,
+    /// Local velocities that are independent, in the order of y, and the others; and the same of
+    /// the local coordinates.
+    pub(crate) independent: Vec<usize>,
+    pub(crate) dependent: Vec<usize>,
+    pub(crate) independent_q: Vec<usize>,
+    pub(crate) dependent_q: Vec<usize>,
+    /// Idle velocities, which stand still; they are in neither list.
+    pub(crate) locked: Vec<usize>,
+    /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
+    pub(crate) local_parent: Vec<usize>,
+    /// Actuators: (index in u, local velocity).
+    pub(crate) active: Vec<(usize, usize)>,
+    pub(crate) cuts: Vec<Cut<C>>,
+    /// External index of each local constraint row; the rows that, with the dependents, make the
+    /// square system.
+    pub(crate) rows: Vec<usize>,
+    pub(crate) used: Vec<usize>,
+    /// Characteristic length `[m]`.
+    pub(crate) length: f64,
+}
+
+impl<C: nalgebra::Scalar + Copy> Cluster<C> {
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Cluster<D> {
+        Cluster {
+            parent: self.parent,
+            body: self.body,
+            n: self.n,
+            v: self.v,
+            q: self.q,
+            n_v: self.n_v,
+            n_q: self.n_q,
+            freedoms: self.freedoms.clone(),
+            vy: self.vy,
+            n_vy: self.n_vy,
+            g: self.g,
+            independent: self.independent.clone(),
+            dependent: self.dependent.clone(),
+            locked: self.locked.clone(),
+            independent_q: self.independent_q.clone(),
+            dependent_q: self.dependent_q.clone(),
+            local_parent: self.local_parent.clone(),
+            active: self.active.clone(),
+            cuts: self.cuts.iter().map(|cut| cut.map(f)).collect(),
+            rows: self.rows.clone(),
+            used: self.used.clone(),
+            length: self.length,
+        }
+    }
+}
+
+impl<C> Cluster<C> {
+    /// True when the cluster is one joint that nothing ties.
+    pub(crate) fn is_serial(&self) -> bool {
+        self.rows.is_empty()
+    }
+}
