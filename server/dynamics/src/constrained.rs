@@ -40,7 +40,7 @@ const LENGTHS: [f64; 2] = [0.5, 2.0];
 pub struct ImplicitForm<T> {
     fingerprint: u64,
     ws: Workspace<T>,
-    /// Links with wrenches, and the bodies on the way to them.
+    /// Links with wrenches, and the bodies on the paths to them.
     links: Vec<usize>,
     bodies: Vec<usize>,
     /// By the user's order of rows.
@@ -160,7 +160,10 @@ impl<T: Scalar> ImplicitForm<T> {
     pub fn project(&mut self, model: &Model<T>, q: &mut [T], qd: &mut [T]) -> Status {
         let ended = self.take(model, q, qd).and_then(|()| {
             self.drift = Drift { position: T::ZERO, velocity: T::ZERO };
-            model.tied.iter().try_for_each(|c| close(model, &model.clusters[*c], &mut self.ws))
+            model
+                .closed_clusters
+                .iter()
+                .try_for_each(|c| close(model, &model.clusters[*c], &mut self.ws))
         });
         let nan = T::from_f64(f64::NAN);
         let fine = ended.is_ok();
@@ -211,13 +214,13 @@ impl<T: Scalar> ImplicitForm<T> {
     ) -> Result<(), Status> {
         let ws = &mut self.ws;
         // poses of all bodies in their parents
-        for (body, turn) in model.bodies.iter().zip(&mut ws.turn).skip(1) {
+        for (body, cos_sin) in model.bodies.iter().zip(&mut ws.cos_sin).skip(1) {
             if body.motion == Motion::Revolute {
                 let (s, c) = ws.q[body.q].sin_cos();
-                *turn = (c, s);
+                *cos_sin = (c, s);
             }
         }
-        algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+        algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
 
         // C less the wrenches, and the given forces
         if !self.links.is_empty() {
@@ -247,7 +250,7 @@ impl<T: Scalar> ImplicitForm<T> {
         }
         self.lambda.fill(T::ZERO);
         let used = model
-            .tied
+            .closed_clusters
             .iter()
             .flat_map(|c| model.clusters[*c].used.iter().map(|r| model.clusters[*c].rows[*r]));
         for (row, x) in used.zip(&ws.kkt_rhs[model.sizes().n_v..]) {
@@ -264,14 +267,14 @@ fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspac
         cluster,
         &model.bodies[body..body + n],
         &ws.q[q..q + n_q],
-        &mut ws.turn[body..body + n],
+        &mut ws.cos_sin[body..body + n],
         &mut ws.scratch.pose,
     );
     constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
 }
 
 fn rank_is_lost<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> bool {
-    model.tied.iter().map(|c| &model.clusters[*c]).any(|cluster| {
+    model.closed_clusters.iter().map(|c| &model.clusters[*c]).any(|cluster| {
         jacobian(model, cluster, ws);
         loses_rank(cluster, &mut ws.scratch)
     })
@@ -308,7 +311,7 @@ fn close<T: Scalar>(
         let part = T::select(T::from_f64(LONGEST).lt(size), T::from_f64(LONGEST) / size, T::ONE);
         for (a, v) in columns().enumerate() {
             let step = -(ws.dense_spare[a] * part * T::from_f64(column_unit(cluster, v)));
-            cluster.freedoms[v].advance(&mut ws.q[cluster.q..], step);
+            cluster.dofs[v].advance(&mut ws.q[cluster.q..], step);
         }
         small = size.lt(last);
     }

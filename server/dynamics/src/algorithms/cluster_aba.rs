@@ -2,9 +2,9 @@
 //! "Multibody graph transformations and analysis"; base document, chapter 5, equations 5.4 to 5.8;
 //! a single joint is Featherstone 2008, section 7.3).
 //!
-//! The velocity and gravity terms are taken out first by Newton-Euler at q̈ = g, so that only M_y ÿ
-//! = b is left. Each cluster is one joint with the independents ÿ, the columns U and the matrix D
-//! of [`super::cluster_columns`], where the inertias that its bodies carry are articulated:
+//! The velocity and gravity terms are subtracted first by Newton-Euler at q̈ = g, so that only M_y
+//! ÿ = b is left. Each cluster is one joint with the independents ÿ, the columns U and the matrix D
+//! of [`super::cluster_columns`], where the inertias that its bodies support are articulated:
 //!
 //! ```text
 //! r   = b − Σ_i G_iᵀ S_iᵀ p_i                         D = L Δ Lᵀ,  Y = L⁻¹ Uᵀ
@@ -12,13 +12,13 @@
 //! ÿ   = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p)                       a_i = Xᵀ a_parent + S_i G_i ÿ
 //! ```
 //!
-//! What is factorised is m×m for m independents, whatever the number of bodies. A body that carries
+//! What is factorised is m×m for m independents, whatever the number of bodies. A body without
 //! no other cluster stays rigid. An articulated inertia is kept as the blocks of n = J α + H a, f =
 //! Hᵀ α + M a.
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::algorithms::cluster_columns::{carry_force, component, join};
+use crate::algorithms::cluster_columns::{component, join, transform_force};
 use crate::algorithms::terms::add_rotors;
 use crate::linalg::factorise_full;
 use crate::mechanism::{Cluster, Motion, Rotor};
@@ -44,7 +44,7 @@ pub(crate) fn embedded_solve<T: Real>(
     // each body alone
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
         composite[i] = Composite::of(body);
-        if model.carries[i] {
+        if model.has_child_cluster[i] {
             bodies[i] = Articulated::none();
         }
     }
@@ -109,7 +109,7 @@ pub(crate) fn embedded_solve<T: Real>(
             b[k] = ydd;
         }
         for i in cluster.body..cluster.body + cluster.n {
-            if !model.carries[i] {
+            if !model.has_child_cluster[i] {
                 continue;
             }
             let body = &model.bodies[i];
@@ -127,7 +127,7 @@ pub(crate) fn embedded_solve<T: Real>(
     positive
 }
 
-/// One freedom that nothing ties: I − U Uᵀ / D goes to the parent, U stays at the body.
+/// One free degree of freedom: I − U Uᵀ / D goes to the parent, U stays at the body.
 #[inline]
 fn single_joint<T: Real>(
     model: &Model<T::Const>,
@@ -142,26 +142,26 @@ fn single_joint<T: Real>(
 ) -> T::Mask {
     let i = cluster.body;
     let joint = model.bodies[i].motion;
-    let (before, carried) = bodies.split_at_mut(i);
-    let carried = &mut carried[0];
-    if !model.carries[i] {
-        *carried = Articulated::none();
+    let (before, articulated) = bodies.split_at_mut(i);
+    let articulated = &mut articulated[0];
+    if !model.has_child_cluster[i] {
+        *articulated = Articulated::none();
     }
-    carried.add_rigid(&composite[i]);
-    let U = carried.column(joint, 0);
+    articulated.add_rigid(&composite[i]);
+    let U = articulated.column(joint, 0);
     let mut d = [component(joint, 0, &U)];
     add_rotors::<T>(rotors, cluster.v, &[T::ONE], &mut d, 1);
     *inverse = T::ONE / d[0];
-    *b -= component(joint, 0, &(carried.n, carried.f));
+    *b -= component(joint, 0, &(articulated.n, articulated.f));
     if cluster.parent != 0 {
-        carried.take_out(&U, *inverse, *b);
-        carried.carry(&motion[i], &mut before[cluster.parent]);
+        articulated.project_out(&U, *inverse, *b);
+        articulated.add_to_parent(&motion[i], &mut before[cluster.parent]);
     }
     *Y = U;
     T::ZERO.lt(d[0])
 }
 
-/// Joints tied by loops, or one of several freedoms: U and Y at the parent body.
+/// Joints closed by loops, or one of several degrees of freedom: U and Y at the parent body.
 #[inline]
 fn several_joints<T: Real>(
     model: &Model<T::Const>,
@@ -177,34 +177,34 @@ fn several_joints<T: Real>(
     b: &mut [T],
 ) -> T::Mask {
     let m = cluster.n_vy;
-    // what each body carries, and r
+    // what each body supports, and r
     for i in (cluster.body..cluster.body + cluster.n).rev() {
         let body = &model.bodies[i];
-        if !model.carries[i] {
+        if !model.has_child_cluster[i] {
             if body.parent != 0 {
-                let moved = composite[i].carried(&motion[i]);
+                let moved = composite[i].transformed(&motion[i]);
                 composite[body.parent].add(&moved);
             }
             continue;
         }
-        let (before, carried) = bodies.split_at_mut(i);
-        let carried = &mut carried[0];
-        carried.add_rigid(&composite[i]);
+        let (before, articulated) = bodies.split_at_mut(i);
+        let articulated = &mut articulated[0];
+        articulated.add_rigid(&composite[i]);
         for k in 0..body.motion.n_v() {
-            let p = component(body.motion, k, &(carried.n, carried.f));
+            let p = component(body.motion, k, &(articulated.n, articulated.f));
             for (r, g) in b.iter_mut().zip(&G[(body.v - cluster.v + k) * m..]) {
                 *r = (-*g).mul_add(p, *r);
             }
         }
         if body.parent != 0 {
-            carried.carry(&motion[i], &mut before[body.parent]);
+            articulated.add_to_parent(&motion[i], &mut before[body.parent]);
         }
     }
 
     // D and U
     let (of_bodies, rigid) = (&bodies[cluster.body..], &composite[cluster.body..]);
     let column = |i: usize, joint, k| {
-        if model.carries[cluster.body + i] {
+        if model.has_child_cluster[cluster.body + i] {
             of_bodies[i].column(joint, k)
         } else {
             rigid[i].column(joint, k)
@@ -223,7 +223,7 @@ fn several_joints<T: Real>(
             Y[k] = (scale_add(&n, x, &Y[k].0), scale_add(&f, x, &Y[k].1));
         }
         if cluster.parent != 0 {
-            bodies[cluster.parent].take_out(&Y[k], D[k * m + k], b[k]);
+            bodies[cluster.parent].project_out(&Y[k], D[k * m + k], b[k]);
         }
     }
     positive
@@ -257,7 +257,7 @@ impl<T: Real> Articulated<T> {
         }
     }
 
-    /// I s for freedom k of a joint.
+    /// I s for dof k of a joint.
     #[inline(always)]
     fn column(&self, joint: Motion, k: usize) -> Force<T> {
         let H = &self.H;
@@ -277,7 +277,7 @@ impl<T: Real> Articulated<T> {
 
     /// I − y yᵀ / d and p + y r / d.
     #[inline(always)]
-    fn take_out(&mut self, (n, f): &Force<T>, inverse: T, r: T) {
+    fn project_out(&mut self, (n, f): &Force<T>, inverse: T, r: T) {
         let (n_d, f_d) = (n * -inverse, f * -inverse);
         for (k, (i, j)) in SYMMETRIC.into_iter().enumerate() {
             self.J[k] = n[i].mul_add(n_d[j], self.J[k]);
@@ -294,7 +294,7 @@ impl<T: Real> Articulated<T> {
     /// Adds inertia and bias force to the parent's: M' = R M Rᵀ, H' = R H Rᵀ + [p]× M', J' = R J Rᵀ
     /// + [p]× H'ᵀ + ([p]× (R H Rᵀ)ᵀ)ᵀ.
     #[inline(always)]
-    fn carry(&self, x: &BodyState<T>, parent: &mut Articulated<T>) {
+    fn add_to_parent(&self, x: &BodyState<T>, parent: &mut Articulated<T>) {
         let (R, p) = (&x.R, &x.p);
         let (J, M) = (turned(R, &self.J), turned(R, &self.M));
         let H = mul_mat(&mul_mat(R, &self.H), &R.transpose());
@@ -318,7 +318,7 @@ impl<T: Real> Articulated<T> {
             parent.M[k] += M[k];
         }
         parent.H += shifted;
-        let (n, f) = carry_force(&(self.n, self.f), x);
+        let (n, f) = transform_force(&(self.n, self.f), x);
         parent.n += n;
         parent.f += f;
     }

@@ -1,7 +1,7 @@
 //! One cluster as a single joint: its force columns and its block of the mass matrix, from the
-//! inertia that each of its bodies carries.
+//! inertia that each of its bodies supports.
 //!
-//! With S_i the axes of body i, I_i the inertia that it carries, and G_i the rows of G at its
+//! With S_i the axes of body i, I_i the inertia that it supports, and G_i the rows of G at its
 //! joint, a unit acceleration of the independents takes on body i the forces (Jain 2012, constraint
 //! embedding; Featherstone 2008, section 6.2, with columns joined by G)
 //!
@@ -22,7 +22,7 @@ use crate::spatial::{cross_add, lift, mul, zero};
 use crate::workspace::{BodyState, Composite, Force};
 
 /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
-/// `column` gives I_i s for freedom k of local body i; `F` is scratch for m columns of each body.
+/// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
 #[inline(always)]
 pub(super) fn join<T: Real>(
     model: &Model<T::Const>,
@@ -64,7 +64,7 @@ pub(super) fn join<T: Real>(
             parent => &mut before[(parent - 1) * m..][..m],
         };
         for (to, force) in to.iter_mut().zip(F_i) {
-            let (n, f) = carry_force(force, &motion[cluster.body + i]);
+            let (n, f) = transform_force(force, &motion[cluster.body + i]);
             to.0 += n;
             to.1 += f;
         }
@@ -78,7 +78,7 @@ pub(super) fn join<T: Real>(
     }
 }
 
-/// Component of a force along freedom k of a joint.
+/// Component of a force along dof k of a joint.
 #[inline(always)]
 pub(super) fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> T {
     match (motion, k) {
@@ -91,7 +91,7 @@ pub(super) fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> 
 
 /// The same force at the parent's origin in the parent's axes.
 #[inline(always)]
-pub(super) fn carry_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Force<T> {
+pub(super) fn transform_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Force<T> {
     let f = mul(&state.R, &force.1);
     (cross_add(&state.p, &f, &mul(&state.R, &force.0)), f)
 }
@@ -113,7 +113,7 @@ impl<T: Real> Composite<T> {
         }
     }
 
-    /// Force that a unit acceleration of freedom k of a joint takes.
+    /// Force that a unit acceleration of dof k of a joint takes.
     #[inline(always)]
     pub(super) fn column(&self, motion: Motion, k: usize) -> Force<T> {
         let Composite { mass, h, inertia } = self;
@@ -140,7 +140,7 @@ impl<T: Real> Composite<T> {
     /// The same inertia about the parent's origin in the parent's axes:
     /// I' = R I Rᵀ + 2 (b·p) 1 − b pᵀ − p bᵀ with b = R h + m p / 2.
     #[inline(always)]
-    pub(super) fn carried(&self, state: &BodyState<T>) -> Composite<T> {
+    pub(super) fn transformed(&self, state: &BodyState<T>) -> Composite<T> {
         let (R, p) = (&state.R, &state.p);
         let [xx, xy, xz, yy, yz, zz] = self.inertia;
         let rows = [Vector3::new(xx, xy, xz), Vector3::new(xy, yy, yz), Vector3::new(xz, yz, zz)];

@@ -1,15 +1,15 @@
 //! The reduced mass matrix M_y = Gᵀ M G by composite rigid bodies over clusters (Featherstone 2008,
-//! section 6.2, with the columns of a cluster joined by its G before they are carried to the root,
-//! so that ancestors meet n_vy columns and not n_v).
+//! section 6.2, with the columns of a cluster joined by its G before they are transformed to the
+//! root, so that ancestors meet n_vy columns and not n_v).
 
-use crate::algorithms::cluster_columns::{carry_force, component, join};
+use crate::algorithms::cluster_columns::{component, join, transform_force};
 use crate::algorithms::terms::add_rotors;
 use crate::mechanism::{Cluster, Rotor};
 use crate::model::Model;
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite, Force};
 
-/// M_y, packed by `model.branches`. Needs the joint poses and G. `columns` is scratch for the
+/// M_y, packed by `model.sparsity`. Needs the joint poses and G. `columns` is scratch for the
 /// widest cluster, `inside` for n_vy columns of each body of a cluster, `block` for a block n_vy ×
 /// n_vy.
 pub(crate) fn reduced_mass_matrix<T: Real>(
@@ -22,7 +22,7 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
     block: &mut [T],
     M_y: &mut [T],
 ) {
-    M_y[..model.branches.len].fill(T::ZERO);
+    M_y[..model.sparsity.len].fill(T::ZERO);
 
     // composite inertias, towards the root
     composite_inertias(model, motion, composite);
@@ -43,11 +43,11 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
             block,
         );
         for k in 0..m {
-            let last = model.branches.start[cluster.vy + k] + model.branches.depth[cluster.vy + k];
+            let last = model.sparsity.start[cluster.vy + k] + model.sparsity.depth[cluster.vy + k];
             M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
         }
         // blocks with the clusters that carry it
-        carry_to_root(model, cluster, motion, G, &mut columns[..m], M_y);
+        meet_ancestors(model, cluster, motion, G, &mut columns[..m], M_y);
     }
 }
 
@@ -102,13 +102,13 @@ fn own_block<T: Real>(
     if cluster.n == 1 && m == cluster.n_v {
         single_body(model, cluster, motion, &composite[cluster.body], columns, block);
     } else {
-        let carried = &composite[cluster.body..];
+        let composite = &composite[cluster.body..];
         join(
             model,
             cluster,
             G,
             motion,
-            |i, joint, k| carried[i].column(joint, k),
+            |i, joint, k| composite[i].column(joint, k),
             inside,
             columns,
             block,
@@ -117,7 +117,7 @@ fn own_block<T: Real>(
     add_rotors::<T>(rotors, cluster.v, G, block, m);
 }
 
-/// What each body carries, as if rigid.
+/// What each body supports, as if rigid.
 #[inline]
 pub(super) fn composite_inertias<T: Real>(
     model: &Model<T::Const>,
@@ -130,13 +130,13 @@ pub(super) fn composite_inertias<T: Real>(
     for i in (1..model.bodies.len()).rev() {
         let parent = model.bodies[i].parent;
         if parent != 0 {
-            let moved = composite[i].carried(&motion[i]);
+            let moved = composite[i].transformed(&motion[i]);
             composite[parent].add(&moved);
         }
     }
 }
 
-/// One joint of one, three or six freedoms: G is the identity.
+/// One joint of one, three or six degrees of freedom: G is the identity.
 #[inline]
 fn single_body<T: Real>(
     model: &Model<T::Const>,
@@ -152,14 +152,17 @@ fn single_body<T: Real>(
         for j in 0..=k {
             block[k * m + j] = component(joint, j, &force);
         }
-        columns[k] =
-            if cluster.parent == 0 { force } else { carry_force(&force, &motion[cluster.body]) };
+        columns[k] = if cluster.parent == 0 {
+            force
+        } else {
+            transform_force(&force, &motion[cluster.body])
+        };
     }
 }
 
-/// Meets the columns of a cluster with the joints on the way to the root.
+/// Meets the columns of a cluster with the joints towards the root.
 #[inline]
-fn carry_to_root<T: Real>(
+fn meet_ancestors<T: Real>(
     model: &Model<T::Const>,
     cluster: &Cluster<T::Const>,
     motion: &[BodyState<T>],
@@ -167,17 +170,17 @@ fn carry_to_root<T: Real>(
     columns: &mut [Force<T>],
     M_y: &mut [T],
 ) {
-    let branches = &model.branches;
+    let sparsity = &model.sparsity;
     let mut at = cluster.parent;
     while at != 0 {
-        let carrier = &model.clusters[model.cluster_of[at]];
-        let m = carrier.n_vy;
-        let first = branches.depth.get(carrier.vy).copied().unwrap_or(0);
-        while at != carrier.parent {
+        let ancestor = &model.clusters[model.cluster_of[at]];
+        let m = ancestor.n_vy;
+        let first = sparsity.depth.get(ancestor.vy).copied().unwrap_or(0);
+        while at != ancestor.parent {
             let body = &model.bodies[at];
-            let G_i = &G[carrier.g + (body.v - carrier.v) * m..][..body.motion.n_v() * m];
+            let G_i = &G[ancestor.g + (body.v - ancestor.v) * m..][..body.motion.n_v() * m];
             for (k, column) in columns.iter_mut().enumerate() {
-                let row = &mut M_y[branches.start[cluster.vy + k] + first..][..m];
+                let row = &mut M_y[sparsity.start[cluster.vy + k] + first..][..m];
                 for d in 0..body.motion.n_v() {
                     let force = component(body.motion, d, column);
                     for (entry, g) in row.iter_mut().zip(&G_i[d * m..][..m]) {
@@ -185,7 +188,7 @@ fn carry_to_root<T: Real>(
                     }
                 }
                 if body.parent != 0 {
-                    *column = carry_force(column, &motion[at]);
+                    *column = transform_force(column, &motion[at]);
                 }
             }
             at = body.parent;

@@ -14,16 +14,16 @@ use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
 use crate::workspace::{BodyState, Rates};
 
-/// Pose of every body in its parent, from the coordinates and the turns.
+/// Pose of every body in its parent, from the coordinates and their cosines and sines.
 #[inline]
 pub(crate) fn joint_poses<T: Real>(
     model: &Model<T::Const>,
     q: &[T],
-    turn: &[(T, T)],
+    cos_sin: &[(T, T)],
     motion: &mut [BodyState<T>],
 ) {
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        let pose = joint_pose(body, &q[body.q..], turn[i]);
+        let pose = joint_pose(body, &q[body.q..], cos_sin[i]);
         (motion[i].R, motion[i].p) = (pose.R, pose.p);
     }
 }

@@ -44,7 +44,7 @@ impl<C: nalgebra::Scalar + Copy> Coupling<C> {
         for j in 0..cluster.n {
             if bodies[j].motion == Motion::Revolute {
                 let (s, c) = local.q[j].sin_cos();
-                local.turn[j] = (c, s);
+                local.cos_sin[j] = (c, s);
             }
         }
         if level >= Level::Velocity {

@@ -15,7 +15,7 @@ pub(crate) enum Level {
     Acceleration,
 }
 
-/// The numbers of one cluster, by local coordinate (q), velocity (q̇, G, g) or body (turns).
+/// The numbers of one cluster, by local coordinate (q), velocity (q̇, G, g) or body (cos_sin).
 pub(crate) struct Local<'a, T> {
     /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
@@ -24,7 +24,7 @@ pub(crate) struct Local<'a, T> {
     /// Tree coordinates, independents set (n_q).
     pub(crate) q: &'a mut [T],
     /// Cosine and sine of each revolute coordinate (n).
-    pub(crate) turn: &'a mut [(T, T)],
+    pub(crate) cos_sin: &'a mut [(T, T)],
     /// Tree velocities, independents set (n_v).
     pub(crate) qd: &'a mut [T],
     /// Loop Jacobian (n_v × n_vy, row-major).

@@ -21,18 +21,20 @@ pub(crate) use constraint::rows::{
     constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses,
     local_rates,
 };
-pub(crate) use constraint::scaling::{branch, column_unit, dependents_range, row_unit, scaled};
+pub(crate) use constraint::scaling::{
+    assembly_branch, column_unit, dependents_range, row_unit, scaled,
+};
 pub(crate) use coupling::Coupling;
 pub(crate) use leg::Strut;
 pub(crate) use local::{Level, Local, Rate, Scratch};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::{End, Numerical};
-use outcome::NEAR;
-pub(crate) use outcome::{Outcome, Verdict};
-pub(crate) use path::between;
+use outcome::ILL_CONDITIONED;
+pub(crate) use outcome::{Outcome, Validity};
+pub(crate) use path::interpolate;
 pub(crate) use planar::{Planar, Tie};
-pub(crate) use platform::{Arm, Leg, Legs};
+pub(crate) use platform::{Arm, Leg, Platform};
 pub(crate) use rrpr::Rrpr;
 
 use sarrus_proto::Status;
@@ -51,7 +53,7 @@ pub(crate) enum Closure<C> {
     /// Lambda.
     Rrpr(Rrpr<C>),
     /// A chain of independent joints that carries a platform on legs (2SPU+1U, 6UPS, 2SPRR+1U).
-    Legs(Legs<C>),
+    Platform(Platform<C>),
     /// A plane loop of four joints (four-bar, slider-crank).
     Planar(Planar<C>),
     /// Newton's method on the rows.
@@ -61,8 +63,8 @@ pub(crate) enum Closure<C> {
 impl<T: Scalar> Closure<T> {
     /// Closes one cluster down to a level.
     ///
-    /// On entry `local.q` and `local.qd` hold y and ẏ at the independents. On return q, the turns, and
-    /// by level G and q̇, g are those of the closed pose.
+    /// On entry `local.q` and `local.qd` hold y and ẏ at the independents. On return q, the cosines
+    /// and sines, and by level G and q̇, g are those of the closed pose.
     pub(crate) fn close(
         &self,
         cluster: &Cluster<T>,
@@ -83,7 +85,7 @@ impl<T: Scalar> Closure<T> {
                 }
             }
             Closure::Planar(planar) => match &planar.polish {
-                None => told(planar.close(local, level), cluster, bodies, local),
+                None => report(planar.close(local, level), cluster, bodies, local),
                 Some(numerical) => polished(
                     planar.close(local, Level::Position).into(),
                     numerical,
@@ -94,7 +96,7 @@ impl<T: Scalar> Closure<T> {
                 ),
             },
             Closure::Rrpr(rrpr) => match &rrpr.polish {
-                None => told(rrpr.close(local, level), cluster, bodies, local),
+                None => report(rrpr.close(local, level), cluster, bodies, local),
                 Some(numerical) => polished(
                     rrpr.close(local, Level::Position).into(),
                     numerical,
@@ -104,8 +106,8 @@ impl<T: Scalar> Closure<T> {
                     level,
                 ),
             },
-            Closure::Legs(legs) => match &legs.polish {
-                None => told(legs.close(cluster, bodies, local, level), cluster, bodies, local),
+            Closure::Platform(legs) => match &legs.polish {
+                None => report(legs.close(cluster, bodies, local, level), cluster, bodies, local),
                 Some(numerical) => polished(
                     legs.close(cluster, bodies, local, Level::Position).into(),
                     numerical,
@@ -121,16 +123,16 @@ impl<T: Scalar> Closure<T> {
 }
 
 /// How a closed form ended; where it is singular, whether K lost rank there or only its part K_d.
-fn told<T: Scalar>(
-    verdict: Verdict<bool>,
+fn report<T: Scalar>(
+    validity: Validity<bool>,
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
     local: &mut Local<'_, T>,
 ) -> Outcome {
-    if verdict.singular && !verdict.unreachable && local.q.iter().all(|q| q.is_finite()) {
+    if validity.singular && !validity.unreachable && local.q.iter().all(|q| q.is_finite()) {
         return Outcome::failed(continuation::singular_status(cluster, bodies, local), 0);
     }
-    verdict.into()
+    validity.into()
 }
 
 /// The closed form starts Newton's method on the true rows of a mechanism that is only nearly of
@@ -161,7 +163,7 @@ impl<C> Closure<C> {
             Closure::Serial => None,
             Closure::Coupling(coupling) => coupling.polish.as_mut(),
             Closure::Rrpr(rrpr) => rrpr.polish.as_mut(),
-            Closure::Legs(legs) => legs.polish.as_mut(),
+            Closure::Platform(legs) => legs.polish.as_mut(),
             Closure::Planar(planar) => planar.polish.as_mut(),
             Closure::Numerical(numerical) => Some(numerical),
         }
@@ -175,7 +177,7 @@ impl<C: nalgebra::Scalar + Copy> Closure<C> {
             Closure::Serial => Closure::Serial,
             Closure::Coupling(coupling) => Closure::Coupling(coupling.map(f)),
             Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
-            Closure::Legs(legs) => Closure::Legs(legs.map(f)),
+            Closure::Platform(legs) => Closure::Platform(legs.map(f)),
             Closure::Planar(planar) => Closure::Planar(planar.map(f)),
             Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
         }

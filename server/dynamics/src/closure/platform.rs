@@ -14,8 +14,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Level, Local, Numerical, Rate, Strut, Verdict};
-use crate::mechanism::{Body, Cluster, Freedom, Motion, joint_pose};
+use crate::closure::{Level, Local, Numerical, Rate, Strut, Validity};
+use crate::mechanism::{Body, Cluster, Dof, Motion, joint_pose};
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z,
@@ -24,10 +24,10 @@ use crate::spatial::{
 
 /// A platform and its legs.
 #[derive(Clone, Debug)]
-pub(crate) struct Legs<C> {
+pub(crate) struct Platform<C> {
     /// Freedoms of the joints that carry the platform, from the base, each with its place in y; all
     /// are independent.
-    pub(crate) chain: Vec<(Freedom, usize)>,
+    pub(crate) chain: Vec<(Dof, usize)>,
     pub(crate) legs: Vec<Leg<C>>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
     pub(crate) polish: Option<Numerical<C>>,
@@ -45,7 +45,7 @@ pub(crate) struct Leg<C> {
 /// A turning arm on the platform that stays turned towards a point of the base.
 #[derive(Clone, Debug)]
 pub(crate) struct Arm<C> {
-    pub(crate) joint: Freedom,
+    pub(crate) joint: Dof,
     /// Its frame at zero {platform body}: k, m, n, and a point of its axis n.
     pub(crate) axes: Matrix3<C>,
     pub(crate) pivot: Vector3<C>,
@@ -67,7 +67,7 @@ struct Pin<T> {
     pivot: Vector3<T>,
 }
 
-impl<C: nalgebra::Scalar + Copy> Legs<C> {
+impl<C: nalgebra::Scalar + Copy> Platform<C> {
     /// The position, velocity and acceleration level in closed form.
     pub(crate) fn close<T: Real<Const = C>>(
         &self,
@@ -75,16 +75,17 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Verdict<T::Mask> {
+    ) -> Validity<T::Mask> {
         // pose of the platform along the chain; its joints' axes and points are kept for the
         // Jacobian
         let mut pose = Pose::identity();
         for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
             if at.motion == Motion::Revolute {
                 let (s, c) = local.q[at.q].sin_cos();
-                local.turn[at.body] = (c, s);
+                local.cos_sin[at.body] = (c, s);
             }
-            pose = pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.turn[at.body]));
+            pose =
+                pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.cos_sin[at.body]));
             local.scratch.pose[at.body + 1] = pose;
         }
         if level >= Level::Velocity {
@@ -95,15 +96,15 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
                 local.g[at.v] = T::ZERO;
             }
         }
-        let mut verdict = Verdict::fine();
+        let mut validity = Validity::fine();
         for leg in &self.legs {
             let of_leg = match leg.arm {
                 None => leg.close::<T, false>(self, cluster.n_vy, &pose, local, level),
                 Some(_) => leg.close::<T, true>(self, cluster.n_vy, &pose, local, level),
             };
-            verdict = verdict.or(of_leg);
+            validity = validity.or(of_leg);
         }
-        verdict
+        validity
     }
 
     /// Rates of the chain's bodies at q̈ = 0.
@@ -118,7 +119,7 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
     }
 
     /// The same geometry with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Legs<D> {
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Platform<D> {
         let arm = |arm: &Arm<C>| Arm {
             joint: arm.joint,
             axes: arm.axes.map(f),
@@ -132,7 +133,7 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
             pin: leg.pin.map(f),
             arm: leg.arm.as_ref().map(arm),
         };
-        Legs {
+        Platform {
             chain: self.chain.clone(),
             legs: self.legs.iter().map(leg).collect(),
             polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
@@ -145,19 +146,19 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
     #[inline]
     fn close<T: Real<Const = C>, const ARM: bool>(
         &self,
-        of: &Legs<C>,
+        of: &Platform<C>,
         n_vy: usize,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Verdict<T::Mask> {
+    ) -> Validity<T::Mask> {
         // where the pin is, then how the strut reaches it
         let arm = if ARM { self.arm.as_ref() } else { None };
         let (pin, of_arm) = self.pin(arm, platform, local);
-        let (reach, verdict) = self.strut.reach(&pin.point, local);
-        let verdict = if ARM { verdict.or(of_arm) } else { verdict };
+        let (reach, validity) = self.strut.reach(&pin.point, local);
+        let validity = if ARM { validity.or(of_arm) } else { validity };
         if level == Level::Position {
-            return verdict;
+            return validity;
         }
 
         // one column of G for each independent coordinate
@@ -179,7 +180,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
                 .zip(rates)
                 .for_each(|(i, rate)| local.G[i.v * n_vy + k] = rate);
         }
-        let rate = |j: Freedom, local: &mut Local<'_, T>| {
+        let rate = |j: Dof, local: &mut Local<'_, T>| {
             let mut qd = T::ZERO;
             for (at, k) in &of.chain {
                 qd = local.G[j.v * n_vy + k].mul_add(local.qd[at.v], qd);
@@ -190,7 +191,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let rates = self.strut.joints.map(|j| rate(j, local));
         let turn_rate = arm.map_or(T::ZERO, |arm| rate(arm.joint, local));
         if level == Level::Velocity {
-            return verdict;
+            return validity;
         }
 
         // acceleration of the pin at ÿ = 0
@@ -217,7 +218,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         }
         let bias = self.strut.accelerations(&reach, rates, &acceleration);
         self.strut.joints.iter().zip(bias).for_each(|(j, bias)| local.g[j.v] = bias);
-        verdict
+        validity
     }
 
     /// The pin on the platform or on its arm; the arm's coordinate.
@@ -227,7 +228,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         arm: Option<&Arm<C>>,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
-    ) -> (Pin<T>, Verdict<T::Mask>) {
+    ) -> (Pin<T>, Validity<T::Mask>) {
         let pin: Vector3<T> = lift(&self.pin);
         let Some(arm) = arm else {
             let point = platform.point(&pin);
@@ -239,7 +240,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
                 inverse_length: T::ZERO,
                 pivot: zero(),
             };
-            return (pin, Verdict::fine());
+            return (pin, Validity::fine());
         };
 
         // D on the arm's axes at zero, its part along n apart
@@ -254,11 +255,11 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let inverse = T::ONE / square;
         let c = length.mul_add(D[0], beside * D[1]) * inverse;
         let s = length.mul_add(D[1], -(beside * D[0])) * inverse;
-        local.turn[arm.joint.body] = (c, s);
+        local.cos_sin[arm.joint.body] = (c, s);
         local.q[arm.joint.q] = s.atan2(c);
         let turned = turn_z(&axes, c, s);
         let tip = mul(&turned, &pin);
-        let verdict = Verdict::of(reach, dot(&D, &D));
+        let validity = Validity::of(reach, dot(&D, &D));
         let pin = Pin {
             point: pivot + tip,
             tip,
@@ -267,7 +268,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
             inverse_length: T::ONE / length,
             pivot,
         };
-        (pin, verdict)
+        (pin, validity)
     }
 }
 

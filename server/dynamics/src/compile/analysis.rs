@@ -40,11 +40,11 @@ struct Sample {
 }
 
 /// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared
-/// independents. `carries` tells which of its bodies carry other clusters.
+/// independents. `has_child_cluster` is that of its bodies.
 pub(super) fn analyse(
     cluster: &Cluster<f64>,
     bodies: &[Body<f64>],
-    carries: &[bool],
+    has_child_cluster: &[bool],
     names: &[String],
     row_names: &[String],
     site: Site,
@@ -63,7 +63,7 @@ pub(super) fn analyse(
     let drift = null_space(&K_d);
     let excess = (n - rank).checked_sub(cluster.n_vy);
     if excess != Some(drift.len())
-        || drift.iter().any(|of| !is_idle(cluster, bodies, carries, generic, of))
+        || drift.iter().any(|motion| !is_idle(cluster, bodies, has_child_cluster, generic, motion))
     {
         errors.push(wrong_mobility(cluster, &K_d, rank, names, row_names, site));
         return None;
@@ -127,7 +127,7 @@ fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
 fn is_idle(
     cluster: &Cluster<f64>,
     bodies: &[Body<f64>],
-    carries: &[bool],
+    has_child_cluster: &[bool],
     at: &Sample,
     direction: &[f64],
 ) -> bool {
@@ -137,7 +137,7 @@ fn is_idle(
         .iter()
         .zip(direction)
         .for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
-    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(carries)
+    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
 }
 
 /// As many places as there are directions, by pivoted QR: the largest component first.
@@ -163,7 +163,7 @@ pub(super) fn close_zero(
 ) -> Option<Diagnostic> {
     let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
     let mut state = State::new(cluster, &numerical.zero);
-    local_poses(cluster, bodies, &state.q, &mut state.turn, &mut scratch.pose);
+    local_poses(cluster, bodies, &state.q, &mut state.cos_sin, &mut scratch.pose);
     constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     let gap = |of_coupling: bool| {
@@ -217,7 +217,7 @@ pub(super) fn close_zero(
 struct State<T> {
     start: Vec<T>,
     q: Vec<T>,
-    turn: Vec<(T, T)>,
+    cos_sin: Vec<(T, T)>,
     qd: Vec<T>,
     G: Vec<T>,
     g: Vec<T>,
@@ -228,7 +228,7 @@ impl<T: Scalar> State<T> {
         State {
             start: zero.to_vec(),
             q: zero.to_vec(),
-            turn: vec![(T::ONE, T::ZERO); cluster.n],
+            cos_sin: vec![(T::ONE, T::ZERO); cluster.n],
             qd: vec![T::ZERO; cluster.n_v],
             G: vec![T::ZERO; cluster.n_v * cluster.n_vy],
             g: vec![T::ZERO; cluster.n_v],
@@ -240,7 +240,7 @@ impl<T: Scalar> State<T> {
             start: &self.start,
             tangent: None,
             q: &mut self.q,
-            turn: &mut self.turn,
+            cos_sin: &mut self.cos_sin,
             qd: &mut self.qd,
             G: &mut self.G,
             g: &mut self.g,
@@ -249,30 +249,28 @@ impl<T: Scalar> State<T> {
     }
 }
 
-/// A closed pose some way from zero, found by damped steps of least norm, which need no rank; and
-/// the scaled K there.
+/// A closed pose at some distance from zero, found by damped steps of least norm, which need no
+/// rank; and the scaled K there.
 fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     let (n, rows) = (cluster.n_v, cluster.rows.len());
-    let mut turn = vec![(1.0, 0.0); cluster.n];
+    let mut cos_sin = vec![(1.0, 0.0); cluster.n];
     let mut pose = vec![Pose::identity(); cluster.n + 1];
     let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
     let mut q = vec![0.0; cluster.n_q];
-    for at in cluster.freedoms.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
+    for at in cluster.dofs.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
         q[at.q + at.motion.n_q() - 1] = 1.0;
     }
     let mut closed = q.clone();
     const SUBSTEPS: usize = 8;
     for _ in 0..SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
-            let (at, unit) = (
-                &cluster.freedoms[j],
-                if cluster.freedoms[j].slides() { cluster.length } else { 1.0 },
-            );
+            let (at, unit) =
+                (&cluster.dofs[j], if cluster.dofs[j].slides() { cluster.length } else { 1.0 });
             at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
         }
         let mut done = false;
         for _ in 0..30 {
-            local_poses(cluster, bodies, &q, &mut turn, &mut pose);
+            local_poses(cluster, bodies, &q, &mut cos_sin, &mut pose);
             constraint_residual(cluster, &pose, &q, &mut phi);
             constraint_jacobian(cluster, &pose, &mut K);
             if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
@@ -286,7 +284,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
                 if S[a] > 1e-6 * S[0] {
                     let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
                     for (i, &j) in cluster.dependent.iter().enumerate() {
-                        cluster.freedoms[j].advance(&mut q, -V[(i, a)] * along);
+                        cluster.dofs[j].advance(&mut q, -V[(i, a)] * along);
                     }
                 }
             }
@@ -296,7 +294,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
         }
         closed.copy_from_slice(&q);
     }
-    local_poses(cluster, bodies, &closed, &mut turn, &mut pose);
+    local_poses(cluster, bodies, &closed, &mut cos_sin, &mut pose);
     constraint_jacobian(cluster, &pose, &mut K);
     let mut scaled_K = vec![0.0; rows * n];
     scaled(cluster, &K, 0..rows, &(0..n).collect::<Vec<_>>(), |r, v, x| scaled_K[r * n + v] = x);
@@ -386,7 +384,7 @@ fn wrong_mobility(
         .dependent
         .iter()
         .enumerate()
-        .filter(|(i, _)| drift.iter().any(|of| of[*i].abs() > 1e-3));
+        .filter(|(i, _)| drift.iter().any(|motion| motion[*i].abs() > 1e-3));
     let moving = moving.map(|(_, v)| names[*v].as_str()).collect::<Vec<_>>();
     if !moving.is_empty() {
         found += &format!("; joints that the independents do not determine: {}", moving.join(", "));

@@ -13,8 +13,8 @@ use crate::compile::spanning_tree::{Partition, Skeleton};
 use crate::description as written;
 use crate::description::{Description, JointKind, Loop, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
-use crate::linalg::Branches;
-use crate::mechanism::{Body, Cluster, Cut, CutRow, Frame, Freedom, JointTerms, Motion};
+use crate::linalg::TreeSparsity;
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Frame, JointTerms, Motion};
 use crate::model::{Meta, Model, Order};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, mul, zero};
@@ -46,8 +46,8 @@ impl Assembly {
             .map(|s| crate::compile::canonical::loops(description, s, errors))
             .collect();
         let mut ties = Vec::new();
-        for of in loops.iter().flatten() {
-            let (a, b) = skeleton.between(of.predecessor, of.successor);
+        for cycle in loops.iter().flatten() {
+            let (a, b) = skeleton.path_between(cycle.predecessor, cycle.successor);
             ties.push(a.into_iter().chain(b).collect::<Vec<_>>());
         }
         for (j, joint) in description
@@ -86,7 +86,7 @@ impl Assembly {
         let row_owner = builder.rows(&loops, &moving_of);
         builder.orders(&moving_of);
         builder.terms(&moving_of, errors);
-        builder.carriers();
+        builder.child_clusters();
         let (model, meta) = builder.finish(&row_owner, &loops, errors)?;
         let owner = partition
             .members
@@ -222,8 +222,8 @@ pub(super) struct Builder<'a> {
     pub(super) model: Model<Dd>,
     /// Body of each moving joint.
     pub(super) body_of: Vec<usize>,
-    /// Turn from each body's frame to its child link's frame.
-    turn: Vec<Matrix3<Dd>>,
+    /// Orientation of each body's frame in its child link's.
+    R_link_body: Vec<Matrix3<Dd>>,
     pub(super) names: Names,
 }
 
@@ -236,10 +236,10 @@ impl<'a> Builder<'a> {
         errors: &mut Vec<Diagnostic>,
     ) -> Option<Builder<'a>> {
         let n = skeleton.moving.len();
-        let mut turn = Vec::with_capacity(n);
+        let mut R_link_body = Vec::with_capacity(n);
         for &j in &skeleton.moving {
             let joint = &description.joints[j];
-            turn.push(match (joint.kind, unit(&vector(joint.axis))) {
+            R_link_body.push(match (joint.kind, unit(&vector(joint.axis))) {
                 (JointKind::Floating | JointKind::Spherical, _) => {
                     Matrix3::identity().map(|x: f64| Dd::from_f64(x))
                 }
@@ -260,8 +260,8 @@ impl<'a> Builder<'a> {
             motion: Motion::Revolute,
             q: 0,
             v: 0,
-            E: Pose::<Dd>::identity().R,
-            r: zero(),
+            R_parent_body: Pose::<Dd>::identity().R,
+            p_parent_body: zero(),
             mass: Dd::ZERO,
             h: zero(),
             inertia: [Dd::ZERO; 6],
@@ -272,14 +272,14 @@ impl<'a> Builder<'a> {
             bodies: vec![world],
             clusters: Vec::new(),
             closures: Vec::new(),
-            tied: Vec::new(),
+            closed_clusters: Vec::new(),
             free: Vec::new(),
             cluster_of: vec![usize::MAX],
             cluster_of_v: Vec::new(),
             frames: Vec::new(),
             n_g: 0,
-            branches: Branches::default(),
-            carries: Vec::new(),
+            sparsity: TreeSparsity::default(),
+            has_child_cluster: Vec::new(),
             inertia: Vec::new(),
             terms: JointTerms::none(),
             order: Order::default(),
@@ -294,7 +294,7 @@ impl<'a> Builder<'a> {
             submechanism_of,
             model,
             body_of: vec![0; n],
-            turn,
+            R_link_body,
             names: Names::default(),
         })
     }
@@ -303,19 +303,21 @@ impl<'a> Builder<'a> {
     fn bodies(&mut self) {
         let (mut q, mut v, mut vy) = (0, 0, 0);
         for (c, joints) in self.partition.members.iter().enumerate() {
-            let parent = self.partition.hangs_from[c].map_or(0, |m| self.body_of[m]);
+            let parent = self.partition.parent[c].map_or(0, |m| self.body_of[m]);
             let body = self.model.bodies.len();
             let (first_q, first_v) = (q, v);
-            let (mut local_parent, mut freedoms) = (Vec::new(), Vec::new());
+            let (mut local_parent, mut dofs) = (Vec::new(), Vec::new());
             for &m in joints {
                 let joint = &self.description.joints[self.skeleton.moving[m]];
                 let x_parent_link = self.skeleton.x_parent_joint[m];
                 // both ends of the joint in frames with the axis on z
                 let in_parent = match self.skeleton.parent[m] {
-                    Some(p) => Pose { R: self.turn[p].transpose(), p: zero() }.then(&x_parent_link),
+                    Some(p) => {
+                        Pose { R: self.R_link_body[p].transpose(), p: zero() }.then(&x_parent_link)
+                    }
                     None => x_parent_link,
                 };
-                let placed = in_parent.then(&Pose { R: self.turn[m], p: zero() });
+                let placed = in_parent.then(&Pose { R: self.R_link_body[m], p: zero() });
                 let motion = match joint.kind {
                     JointKind::Prismatic => Motion::Prismatic,
                     JointKind::Spherical => Motion::Spherical,
@@ -324,7 +326,7 @@ impl<'a> Builder<'a> {
                 };
                 let (n_q, n_v) = (motion.n_q(), motion.n_v());
                 let local = self.model.bodies.len() - body;
-                freedoms.extend((0..n_v).map(|k| Freedom {
+                dofs.extend((0..n_v).map(|k| Dof {
                     v: v - first_v + k,
                     q: q - first_q,
                     body: local,
@@ -343,8 +345,8 @@ impl<'a> Builder<'a> {
                     motion,
                     q,
                     v,
-                    E: placed.R,
-                    r: placed.p,
+                    R_parent_body: placed.R,
+                    p_parent_body: placed.p,
                     mass: Dd::ZERO,
                     h: zero(),
                     inertia: [Dd::ZERO; 6],
@@ -361,7 +363,7 @@ impl<'a> Builder<'a> {
             // the nearest independent that carries each independent
             let carrier = self.last_independent(parent);
             for k in 0..n_vy {
-                self.model.branches.push(if k == 0 { carrier } else { vy + k - 1 });
+                self.model.sparsity.push(if k == 0 { carrier } else { vy + k - 1 });
             }
             self.model.clusters.push(Cluster {
                 parent,
@@ -371,7 +373,7 @@ impl<'a> Builder<'a> {
                 q: first_q,
                 n_v,
                 n_q: q - first_q,
-                freedoms,
+                dofs,
                 vy,
                 n_vy,
                 g,
@@ -392,7 +394,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The last independent velocity of the nearest cluster on the way to the root that has one.
+    /// The last independent velocity of the nearest cluster towards the root that has one.
     fn last_independent(&self, mut body: usize) -> usize {
         while body != 0 {
             let cluster = &self.model.clusters[self.model.cluster_of[body]];
@@ -440,9 +442,10 @@ impl<'a> Builder<'a> {
         for (link, written) in self.description.links.iter().enumerate() {
             let x = self.skeleton.x_carrier_link[link];
             let (body, x_body_frame) = match self.skeleton.carrier[link] {
-                Some(m) => {
-                    (self.body_of[m], Pose { R: self.turn[m].transpose(), p: zero() }.then(&x))
-                }
+                Some(m) => (
+                    self.body_of[m],
+                    Pose { R: self.R_link_body[m].transpose(), p: zero() }.then(&x),
+                ),
                 None => (0, x),
             };
             self.model.frames.push(Frame { body, x_body_frame });
@@ -474,13 +477,13 @@ impl<'a> Builder<'a> {
         let mut owner = Vec::new();
         let world = self.zero_poses();
         for (s, submechanism) in self.description.submechanisms.iter().enumerate() {
-            for (l, of) in loops[s].iter().enumerate() {
-                let (a, b) = self.skeleton.between(of.predecessor, of.successor);
+            for (l, cycle) in loops[s].iter().enumerate() {
+                let (a, b) = self.skeleton.path_between(cycle.predecessor, cycle.successor);
                 let Some(&m) = a.first().or(b.first()) else { continue };
                 let c = self.model.cluster_of[self.body_of[m]];
-                let cut = self.cut(of, c, &a, &b, &world);
+                let cut = self.cut(cycle, c, &a, &b, &world);
                 let cluster = &mut self.model.clusters[c];
-                for r in 0..of.rows.len() {
+                for r in 0..cycle.rows.len() {
                     cluster.rows.push(owner.len());
                     owner.push((s, Some((l, r))));
                 }
@@ -530,14 +533,16 @@ impl<'a> Builder<'a> {
     fn zero_poses(&self) -> Vec<Pose<Dd>> {
         let mut world = vec![Pose::identity()];
         for body in &self.model.bodies[1..] {
-            world.push(world[body.parent].then(&Pose { R: body.E, p: body.r }));
+            world.push(
+                world[body.parent].then(&Pose { R: body.R_parent_body, p: body.p_parent_body }),
+            );
         }
         world
     }
 
     /// A loop as a cut of a cluster; `a` and `b` are the joints on the predecessor's and the
     /// successor's side.
-    fn cut(&self, of: &Loop, c: usize, a: &[usize], b: &[usize], world: &[Pose<Dd>]) -> Cut<Dd> {
+    fn cut(&self, cycle: &Loop, c: usize, a: &[usize], b: &[usize], world: &[Pose<Dd>]) -> Cut<Dd> {
         let cluster = &self.model.clusters[c];
         let local = |link: usize| {
             let body = self.model.frames[link].body;
@@ -547,25 +552,25 @@ impl<'a> Builder<'a> {
                 0
             }
         };
-        let (p, s) = (local(of.predecessor), local(of.successor));
+        let (p, s) = (local(cycle.predecessor), local(cycle.successor));
         let global =
             |local: usize| if local == 0 { cluster.parent } else { cluster.body + local - 1 };
         let in_root = |link: usize| {
             world[self.model.frames[link].body].then(&self.model.frames[link].x_body_frame)
         };
-        let (P, S) = match &of.cut {
+        let (P, S) = match &cycle.cut {
             written::Cut::AtJoint(j) => {
                 let frame = in_root(self.description.joints[*j].child);
                 (frame, frame)
             }
             written::Cut::AtLink(link) => (in_root(*link), in_root(*link)),
             written::Cut::Placed { predecessor, successor } => (
-                in_root(of.predecessor).then(&pose(predecessor)),
-                in_root(of.successor).then(&pose(successor)),
+                in_root(cycle.predecessor).then(&pose(predecessor)),
+                in_root(cycle.successor).then(&pose(successor)),
             ),
         };
         let x_p_cut = world[global(p)].inverse().then(&P);
-        let rows = of.rows.iter().map(|row| {
+        let rows = cycle.rows.iter().map(|row| {
             let [wx, wy, wz, vx, vy, vz] = row.axis;
             let against = row.against.map(vector);
             let linear = if against.is_some() { zero() } else { vector([vx, vy, vz]) };
@@ -591,7 +596,7 @@ impl<'a> Builder<'a> {
             x_s_cut: world[global(s)].inverse().then(&S),
             rows: rows.collect(),
             path: path.collect(),
-            angular: of.rows.iter().any(|row| row.axis[..3].iter().any(|x| *x != 0.0)),
+            angular: cycle.rows.iter().any(|row| row.axis[..3].iter().any(|x| *x != 0.0)),
         }
     }
 
@@ -627,10 +632,10 @@ impl<'a> Builder<'a> {
             let coupling = couplings(cluster);
             let cluster = &mut self.model.clusters[c];
             cluster.length = length;
-            self.model.tied.push(c);
+            self.model.closed_clusters.push(c);
             if let Some(coupling) = coupling {
                 for &j in &cluster.dependent {
-                    self.model.zero[cluster.q + cluster.freedoms[j].q] = coupling.b[j];
+                    self.model.zero[cluster.q + cluster.dofs[j].q] = coupling.b[j];
                 }
                 cluster.used = (0..cluster.rows.len()).collect();
                 self.model.closures[c] = Closure::Coupling(coupling);
@@ -641,8 +646,8 @@ impl<'a> Builder<'a> {
         }
         let branches = self.branches();
         let names = self.names;
-        let loop_names = row_owner.iter().scan(0usize, |_, (s, of)| {
-            Some(match of {
+        let loop_names = row_owner.iter().scan(0usize, |_, (s, owner)| {
+            Some(match owner {
                 Some((l, r)) => format!("{}/{}", loops[*s][*l].name, loops[*s][*l].rows[*r].name),
                 None => String::new(),
             })

@@ -14,7 +14,8 @@ pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) 
     let mut pose = vec![Pose::identity()];
     for j in 0..cluster.n {
         let body = &bodies[cluster.body + j];
-        let next = pose[cluster.local_parent[j]].then(&Pose { R: body.E, p: body.r });
+        let next = pose[cluster.local_parent[j]]
+            .then(&Pose { R: body.R_parent_body, p: body.p_parent_body });
         pose.push(next);
     }
     let mut points: Vec<Vector3<Dd>> = pose[1..].iter().map(|x| x.p).collect();

@@ -90,7 +90,8 @@ fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Si
     (site, which.iter().map(name).collect::<Vec<_>>().join(", "))
 }
 
-/// Poses and G at the zero pose or some way from it; false where a loop does not close there.
+/// Poses and G at the zero pose or at some distance from it; false where a loop does not close
+/// there.
 fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
     for (i, &q) in model.order.qy_q.iter().enumerate() {
         ws.q[q] = model.zero[q];
@@ -99,16 +100,16 @@ fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
         }
     }
     ws.start.copy_from_slice(&model.zero);
-    for &c in &model.tied {
+    for &c in &model.closed_clusters {
         if ws.close(model, c, Level::Velocity).status != Status::Ok {
             return false;
         }
     }
     for &(i, q) in &model.free {
         let (s, c) = ws.q[q].sin_cos();
-        ws.turn[i] = (c, s);
+        ws.cos_sin[i] = (c, s);
     }
-    algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+    algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
     true
 }
 

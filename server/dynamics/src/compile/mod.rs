@@ -70,20 +70,27 @@ fn build(
         });
     }
 
-    // each tied cluster: rank and blocks, then its closed form if its type has one
+    // each closed cluster: rank and blocks, then its closed form if its type has one
     let rough = exact.map(Dd::to_f64);
-    for c in exact.tied.clone() {
+    for c in exact.closed_clusters.clone() {
         let cluster = &rough.clusters[c];
         let bodies = &rough.bodies[cluster.body..cluster.body + cluster.n];
         let names = assembly.names(c);
         let site = Site::Submechanism(assembly.owner[c]);
         let row_names =
             cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
-        let carries: Vec<bool> = (0..cluster.n)
-            .map(|b| rough.clusters.iter().any(|of| of.parent == cluster.body + b))
+        let has_child_cluster: Vec<bool> = (0..cluster.n)
+            .map(|b| rough.clusters.iter().any(|child| child.parent == cluster.body + b))
             .collect();
         let analysis = analysis::analyse(
-            cluster, bodies, &carries, &names, &row_names, site, errors, warnings,
+            cluster,
+            bodies,
+            &has_child_cluster,
+            &names,
+            &row_names,
+            site,
+            errors,
+            warnings,
         );
         let Some(Analysis { used, blocks, locked }) = analysis else { continue };
         for &r in &used {
@@ -193,12 +200,15 @@ fn build(
     let mut model = exact.map(Dd::to_f64);
     model.inertia = masses::check(&model, description, errors, warnings);
     exact.inertia.clone_from(&model.inertia);
-    for (s, of) in
-        model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR)
+    for (s, loops) in
+        model.closures_at_zero().iter().enumerate().filter(|(_, loops)| loops.sigma_min < SINGULAR)
     {
         warnings.push(Diagnostic {
             site: Site::Submechanism(s),
-            found: format!("loops that are singular at the zero pose (sigma {:.1e})", of.sigma_min),
+            found: format!(
+                "loops that are singular at the zero pose (sigma {:.1e})",
+                loops.sigma_min
+            ),
             expected: "a zero pose from which requests without a guess can go on".into(),
             help:
                 "move the joints' origins away from the toggle, or give q_guess with every request"

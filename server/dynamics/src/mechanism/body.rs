@@ -13,9 +13,10 @@ pub(crate) struct Body<C> {
     /// First internal tree coordinate and velocity.
     pub(crate) q: usize,
     pub(crate) v: usize,
-    /// Pose of the body at zero {parent body}.
-    pub(crate) E: Matrix3<C>,
-    pub(crate) r: Vector3<C>,
+    /// Pose of the body at zero of its joint {parent body}: x_parent = R_parent_body x_body +
+    /// p_parent_body. The rotation is the transpose of Featherstone's E.
+    pub(crate) R_parent_body: Matrix3<C>,
+    pub(crate) p_parent_body: Vector3<C>,
     /// Mass, first moment m c, rotational inertia xx xy xz yy yz zz about the body's origin {body}.
     pub(crate) mass: C,
     pub(crate) h: Vector3<C>,
@@ -36,8 +37,8 @@ impl<C: nalgebra::Scalar + Copy> Body<C> {
             motion: self.motion,
             q: self.q,
             v: self.v,
-            E: self.E.map(f),
-            r: self.r.map(f),
+            R_parent_body: self.R_parent_body.map(f),
+            p_parent_body: self.p_parent_body.map(f),
             mass: f(self.mass),
             h: self.h.map(f),
             inertia: self.inertia.map(f),

@@ -1,11 +1,11 @@
 //! Clusters: the joints that loops and couplings close together.
 
-use crate::mechanism::{Cut, Freedom};
+use crate::mechanism::{Cut, Dof};
 
-/// Tree joints tied by loops or couplings; they hang from one parent body.
+/// Tree joints that loops or couplings close together, on one parent body.
 #[derive(Clone, Debug)]
 pub(crate) struct Cluster<C> {
-    /// The body that the cluster hangs from.
+    /// The parent body.
     pub(crate) parent: usize,
     /// First body and number of bodies.
     pub(crate) body: usize,
@@ -16,7 +16,7 @@ pub(crate) struct Cluster<C> {
     pub(crate) n_v: usize,
     pub(crate) n_q: usize,
     /// What each local velocity belongs to (n_v).
-    pub(crate) freedoms: Vec<Freedom>,
+    pub(crate) dofs: Vec<Dof>,
     /// First internal independent velocity; n_vy of them.
     pub(crate) vy: usize,
     pub(crate) n_vy: usize,
@@ -53,7 +53,7 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
             q: self.q,
             n_v: self.n_v,
             n_q: self.n_q,
-            freedoms: self.freedoms.clone(),
+            dofs: self.dofs.clone(),
             vy: self.vy,
             n_vy: self.n_vy,
             g: self.g,
@@ -73,7 +73,7 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
 }
 
 impl<C> Cluster<C> {
-    /// True when the cluster is one joint that nothing ties.
+    /// True when the cluster is one free joint.
     pub(crate) fn is_serial(&self) -> bool {
         self.rows.is_empty()
     }

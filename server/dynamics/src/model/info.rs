@@ -54,7 +54,7 @@ impl ClosureKind {
 pub struct Compiled {
     /// The model for work.
     pub model: Model<f64>,
-    /// The same model with constants to 32 digits, for truth.
+    /// The same model with constants to 32 digits, for reference.
     pub exact: Model<Dd>,
     /// What is remarkable but no error.
     pub warnings: Vec<Diagnostic>,

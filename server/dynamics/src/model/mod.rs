@@ -15,13 +15,13 @@ use nalgebra::Vector3;
 use sarrus_proto::Sizes;
 
 pub use closures_at_zero::ClosureAtZero;
-pub(crate) use closures_at_zero::judge;
+pub(crate) use closures_at_zero::assess;
 pub use info::{ClosureInfo, ClosureKind, Compiled};
 pub(crate) use order::{Limit, Order};
 
 use crate::closure::Closure;
 use crate::description::Limits;
-use crate::linalg::Branches;
+use crate::linalg::TreeSparsity;
 use crate::mechanism::{Body, Cluster, Frame, JointTerms};
 use crate::scalar::Real;
 
@@ -43,7 +43,7 @@ pub struct Model<C = f64> {
     pub(crate) closures: Vec<Closure<C>>,
     /// The clusters that have something to close, and the free revolute joints as (body, tree
     /// coordinate).
-    pub(crate) tied: Vec<usize>,
+    pub(crate) closed_clusters: Vec<usize>,
     pub(crate) free: Vec<(usize, usize)>,
     /// The cluster of each body; 0 (the world) has none.
     pub(crate) cluster_of: Vec<usize>,
@@ -53,10 +53,10 @@ pub struct Model<C = f64> {
     pub(crate) frames: Vec<Frame<C>>,
     /// Numbers in all G blocks together.
     pub(crate) n_g: usize,
-    /// Which independent velocity carries which.
-    pub(crate) branches: Branches,
-    /// Bodies that carry another cluster, or a body of their own that does.
-    pub(crate) carries: Vec<bool>,
+    /// Which independent velocity supports which.
+    pub(crate) sparsity: TreeSparsity,
+    /// Bodies that have a child cluster, or support a body of their own cluster that has one.
+    pub(crate) has_child_cluster: Vec<bool>,
     /// Largest inertia of each independent at the poses that were tried at load, in internal order
     /// (n_vy).
     pub(crate) inertia: Vec<f64>,
@@ -125,7 +125,7 @@ impl<C> Model<C> {
     pub fn loop_names(&self) -> &[String] {
         &self.meta.loops
     }
-    /// Names of what has a branch: the submechanism of each tied cluster that is not a pure
+    /// Names of what has a branch: the submechanism of each closed cluster that is not a pure
     /// coupling (n_branches).
     pub fn branch_names(&self) -> &[String] {
         &self.meta.branches
@@ -188,7 +188,7 @@ impl<C: Copy> Model<C> {
             bodies: self.bodies.iter().map(|body| body.map(f)).collect(),
             clusters: self.clusters.iter().map(|cluster| cluster.map(f)).collect(),
             closures: self.closures.iter().map(|closure| closure.map(f)).collect(),
-            tied: self.tied.clone(),
+            closed_clusters: self.closed_clusters.clone(),
             free: self.free.clone(),
             cluster_of: self.cluster_of.clone(),
             cluster_of_v: self.cluster_of_v.clone(),
@@ -198,8 +198,8 @@ impl<C: Copy> Model<C> {
                 .map(|frame| Frame { body: frame.body, x_body_frame: frame.x_body_frame.map(f) })
                 .collect(),
             n_g: self.n_g,
-            branches: self.branches.clone(),
-            carries: self.carries.clone(),
+            sparsity: self.sparsity.clone(),
+            has_child_cluster: self.has_child_cluster.clone(),
             inertia: self.inertia.clone(),
             terms: self.terms.map(f),
             order: self.order.clone(),

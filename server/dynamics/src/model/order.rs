@@ -29,6 +29,6 @@ pub(crate) struct Order {
     pub(crate) v_external: Vec<usize>,
     pub(crate) vy_external: Vec<usize>,
     pub(crate) vy_internal: Vec<usize>,
-    /// The tied clusters that have a branch, in the order of their submechanisms.
+    /// The closed clusters that have a branch, in the order of their submechanisms.
     pub(crate) branches: Vec<usize>,
 }

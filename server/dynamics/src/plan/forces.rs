@@ -4,10 +4,10 @@ use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms;
 use crate::closure::column_unit;
-use crate::linalg::{factorise_branches, least_norm, solve_branches, solve_sound};
+use crate::linalg::{factorise_tree, least_norm, solve_sound, solve_tree};
 use crate::mechanism::Cluster;
 use crate::model::{Model, UNEQUAL};
-use crate::plan::run::Findings;
+use crate::plan::run::RunReport;
 use crate::plan::state::{WEAK, tree_accelerations};
 use crate::plan::{Method, Plan};
 use crate::scalar::{Mask, Scalar};
@@ -26,7 +26,7 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if self.wants_any(&[Field::CY]) {
             self.bias_force(model, ws, input, false);
@@ -45,7 +45,7 @@ impl Plan {
             to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
-            found.warn_if(to_actuators(model, ws)?);
+            report.warn_if(to_actuators(model, ws)?);
         }
         if self.wants(Field::Lambda) {
             // what the tree needs beyond the actuators comes from the loops
@@ -66,7 +66,7 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
@@ -86,19 +86,19 @@ impl Plan {
         }
         let (positive, unequal) = if self.method == Method::Projection {
             ws.factor.copy_from_slice(&ws.M_y);
-            let positive = factorise_branches(&model.branches, &mut ws.factor);
-            solve_branches(&model.branches, &ws.factor, &mut ws.ydd);
-            (positive, unequal(model, model.branches.diagonal().map(|at| ws.factor[at])))
+            let positive = factorise_tree(&model.sparsity, &mut ws.factor);
+            solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
+            (positive, unequal(model, model.sparsity.diagonal().map(|at| ws.factor[at])))
         } else {
             let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
             let positive =
                 algorithms::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
             (positive, unequal(model, embedding.inverses(model)))
         };
-        found.warn_if(unequal);
+        report.warn_if(unequal);
         if self.method == Method::Kkt {
             self.tree_forward_dynamics(model, ws, input)?;
-            found.warn_if(!self.balanced(model, ws, input));
+            report.warn_if(!self.balanced(model, ws, input));
             return Ok(());
         }
         if !positive.all() {
@@ -159,7 +159,7 @@ impl Plan {
         // q̈ = G ÿ + g: that of the system need not keep the loops closed
         let mut qdd = core::mem::take(&mut ws.start_rate);
         qdd.copy_from_slice(&ws.qdd);
-        for &c in &model.tied {
+        for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
             for &j in &cluster.dependent {
                 let row = ws.G[cluster.g + j * cluster.n_vy..].iter().zip(&cluster.independent);
@@ -215,12 +215,12 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
             self.given_forces(model, ws, input);
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
-                found.warn_if(to_actuators(model, ws)?);
+                report.warn_if(to_actuators(model, ws)?);
             }
         }
         Ok(())

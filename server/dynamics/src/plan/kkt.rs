@@ -43,7 +43,7 @@ impl Plan {
         let x = core::mem::take(&mut ws.kkt_rhs);
         ws.loop_q.fill(T::ZERO);
         let mut row = model.meta.sizes.n_v;
-        for &c in &model.tied {
+        for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
             jacobian(model, cluster, ws);
             for &r in &cluster.used {
@@ -59,7 +59,8 @@ impl Plan {
     }
 }
 
-/// q̈ into `qdd`, and −λ of the kept rows in the order of the tied clusters behind it in `kkt_rhs`.
+/// q̈ into `qdd`, and −λ of the kept rows in the order of the closed clusters behind it in
+/// `kkt_rhs`.
 ///
 /// Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a
 /// stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ (Baumgarte 1972);
@@ -70,7 +71,7 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
     mut stabilised: Option<([T; 2], &mut Drift<T>)>,
 ) -> Result<(), Status> {
     let n_v = model.meta.sizes.n_v;
-    let n_rows: usize = model.tied.iter().map(|c| model.clusters[*c].used.len()).sum();
+    let n_rows: usize = model.closed_clusters.iter().map(|c| model.clusters[*c].used.len()).sum();
     let n = n_v + n_rows;
     let mut A = core::mem::take(&mut ws.kkt);
     let (mut x, mut scale) = (core::mem::take(&mut ws.kkt_rhs), core::mem::take(&mut ws.kkt_scale));
@@ -83,7 +84,7 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
         scale[v] = T::select(T::ZERO.lt(A[v * n + v]), T::ONE / A[v * n + v].sqrt(), T::ONE);
     }
     let mut row = n_v;
-    for &c in &model.tied {
+    for &c in &model.closed_clusters {
         let cluster = &model.clusters[c];
         jacobian(model, cluster, ws);
         bias(model, cluster, ws);
@@ -135,7 +136,7 @@ fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspac
         cluster,
         bodies,
         q,
-        &mut ws.turn[cluster.body..cluster.body + cluster.n],
+        &mut ws.cos_sin[cluster.body..cluster.body + cluster.n],
         &mut ws.scratch.pose,
     );
     constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
@@ -152,7 +153,7 @@ fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>
 /// How far the state in q and q̇ is from closed.
 pub(crate) fn drift_of<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Drift<T> {
     let mut drift = Drift { position: T::ZERO, velocity: T::ZERO };
-    for &c in &model.tied {
+    for &c in &model.closed_clusters {
         jacobian(model, &model.clusters[c], ws);
         stabilise(&model.clusters[c], ws, T::ZERO, T::ZERO, &mut drift);
     }

@@ -61,7 +61,7 @@ pub struct Plan {
     steps: Steps,
     /// How forward dynamics is done.
     method: Method,
-    /// Links whose frames are asked, bodies on the way to them and to the links with wrenches;
+    /// Links whose frames are asked, bodies on the paths to them and to the links with wrenches;
     /// parents first.
     frames: Vec<usize>,
     wrench_links: Vec<usize>,
@@ -246,13 +246,13 @@ impl Plan {
 
 /// The bodies that carry the given links, parents first.
 pub(crate) fn supports<C>(model: &Model<C>, links: &[usize]) -> Vec<usize> {
-    let mut carries = vec![false; model.bodies.len()];
+    let mut supports = vec![false; model.bodies.len()];
     for link in links {
         let mut i = model.frames[*link].body;
         while i != 0 {
-            carries[i] = true;
+            supports[i] = true;
             i = model.bodies[i].parent;
         }
     }
-    (1..model.bodies.len()).filter(|i| carries[*i]).collect()
+    (1..model.bodies.len()).filter(|i| supports[*i]).collect()
 }

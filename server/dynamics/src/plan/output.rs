@@ -8,7 +8,7 @@ use crate::mechanism::Frame;
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
-use crate::plan::run::Findings;
+use crate::plan::run::RunReport;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -18,7 +18,7 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        found: &Findings<T>,
+        report: &RunReport<T>,
         output: &mut [T],
     ) -> Status {
         if self.steps.frames {
@@ -54,7 +54,7 @@ impl Plan {
                 self.write_figure(field, value, output);
             }
         }
-        self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
+        self.write_figure(Field::Iterations, T::from_f64(f64::from(report.iterations)), output);
         self.check_overflow(output)
     }
 
@@ -75,24 +75,24 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        found: &Findings<T>,
+        report: &RunReport<T>,
         output: &mut [T],
     ) {
         output.fill(T::from_f64(f64::NAN));
         let slot = |field| self.want().slot(field).map(Slot::range);
-        if let (Some(range), true) = (slot(Field::NearestY), found.nearest) {
+        if let (Some(range), true) = (slot(Field::NearestY), report.nearest) {
             output[range].iter_mut().zip(&model.order.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
         }
-        self.write_figure(Field::Residual, found.residual, output);
-        self.write_figure(Field::SigmaMin, self.distance_after(model, ws, found), output);
-        self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
-        if let (Some(range), true) = (slot(Field::GoodIndependents), found.failed) {
+        self.write_figure(Field::Residual, report.residual, output);
+        self.write_figure(Field::SigmaMin, self.distance_after(model, ws, report), output);
+        self.write_figure(Field::Iterations, T::from_f64(f64::from(report.iterations)), output);
+        if let (Some(range), true) = (slot(Field::GoodIndependents), report.failed) {
             output[range].copy_from_slice(&ws.loop_q);
         }
-        if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), found.status)
+        if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), report.status)
         {
             // the one that failed was closed as far as it matters here
-            singular::uncontrolled(model, ws, found.closed + 1, &mut output[range]);
+            singular::uncontrolled(model, ws, report.closed + 1, &mut output[range]);
         }
     }
 
@@ -139,7 +139,7 @@ impl Plan {
                 for (i, &a) in order.vy.iter().enumerate() {
                     for (j, &b) in order.vy.iter().enumerate() {
                         out[i * n + j] =
-                            model.branches.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
+                            model.sparsity.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
                     }
                 }
             }

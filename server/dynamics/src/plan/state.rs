@@ -6,7 +6,7 @@ use crate::closure::{Level, Outcome};
 use crate::linalg::solve_sound;
 use crate::mechanism::Cluster;
 use crate::model::Model;
-use crate::plan::run::Findings;
+use crate::plan::run::RunReport;
 use crate::plan::{Plan, Space};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -21,13 +21,13 @@ pub(super) const WEAK: f64 = 1e-5;
 const UNIT: f64 = 1e-6;
 
 impl Plan {
-    /// Fills q, q̇, q̈, the turns of tied joints, G and g from the input.
+    /// Fills q, q̇, q̈, the cosines and sines of closed clusters, G and g from the input.
     pub(super) fn close_state<T: Scalar>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         let order = &model.order;
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
@@ -45,7 +45,7 @@ impl Plan {
             None => ws.start.copy_from_slice(&model.zero),
         }
 
-        // from actuators the guess moves on the way, and its velocity means nothing any more
+        // from actuators the guess moves on the path, and its velocity means nothing any more
         ws.tangent = false;
         if let (Some(rate), true) = (slot(Field::QdGuess), self.steps.position != Space::Actuation)
         {
@@ -95,9 +95,9 @@ impl Plan {
             None => {}
         }
 
-        for &c in &model.tied {
-            self.close_cluster(model, c, ws, input, found)?;
-            found.closed += 1;
+        for &c in &model.closed_clusters {
+            self.close_cluster(model, c, ws, input, report)?;
+            report.closed += 1;
             if self.steps.tree_acceleration && self.steps.level >= Level::Velocity {
                 tree_accelerations(&model.clusters[c], ws);
             }
@@ -132,7 +132,7 @@ impl Plan {
         c: usize,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         let given =
             |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
@@ -140,21 +140,21 @@ impl Plan {
         let actuated = self.steps.position == Space::Actuation;
         hold_idle(cluster, ws);
         let mut outcome = if actuated {
-            from_actuators(model, c, ws, found)?
+            from_actuators(model, c, ws, report)?
         } else {
             let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
             ws.close(model, c, level)
         };
-        found.iterations += outcome.iterations;
+        report.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
-            self.remember_failure(model, c, ws, actuated, found);
+            self.remember_failure(model, c, ws, actuated, report);
             return Err(outcome.status);
         }
         if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
-            let mut near = false;
+            let mut ill_conditioned = false;
             if self.steps.velocity == Some(Space::Actuation) {
-                near |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
+                ill_conditioned |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
             }
             if self.steps.level > Level::Position {
                 outcome = self.close_again(model, c, ws);
@@ -163,15 +163,15 @@ impl Plan {
                 }
             }
             if self.steps.acceleration == Some(Space::Actuation) {
-                near |= self.independent_rates(cluster, ws, given(Field::Udd), true)?;
+                ill_conditioned |= self.independent_rates(cluster, ws, given(Field::Udd), true)?;
             }
-            outcome.near |= near;
+            outcome.ill_conditioned |= ill_conditioned;
         }
-        found.warn_if(self.steps.level > Level::Position && outcome.near);
+        report.warn_if(self.steps.level > Level::Position && outcome.ill_conditioned);
         Ok(())
     }
 
-    /// All levels at the closed pose that was just found.
+    /// All levels at the closed pose that was just report.
     fn close_again<T: Scalar>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> Outcome {
         let cluster = &model.clusters[c];
         let at = cluster.q..cluster.q + cluster.n_q;
@@ -236,7 +236,7 @@ fn from_actuators<T: Scalar>(
     model: &Model<T>,
     c: usize,
     ws: &mut Workspace<T>,
-    found: &mut Findings<T>,
+    report: &mut RunReport<T>,
 ) -> Result<Outcome, Status> {
     let cluster = &model.clusters[c];
     let m = cluster.n_vy;
@@ -247,7 +247,7 @@ fn from_actuators<T: Scalar>(
         return Ok(ws.close(model, c, Level::Velocity));
     }
     for (r, &(_, j)) in cluster.active.iter().enumerate() {
-        ws.goal_u[r] = ws.q[cluster.q + cluster.freedoms[j].q];
+        ws.goal_u[r] = ws.q[cluster.q + cluster.dofs[j].q];
     }
     if cluster.active.iter().zip(&cluster.independent).all(|((_, a), i)| a == i) {
         return Ok(ws.close(model, c, Level::Velocity));
@@ -259,12 +259,12 @@ fn from_actuators<T: Scalar>(
     let (mut sign, mut damping) = (T::ZERO, T::ONE);
     for k in 0..STEPS {
         let outcome = ws.close(model, c, Level::Velocity);
-        found.iterations += outcome.iterations + 1;
+        report.iterations += outcome.iterations + 1;
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
                 ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
             }
-            ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.freedoms[j].q];
+            ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.dofs[j].q];
         }
         let solved = if outcome.status == Status::Ok {
             solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
@@ -274,7 +274,7 @@ fn from_actuators<T: Scalar>(
         let at = cluster.q..cluster.q + cluster.n_q;
         let weak = solved.is_some_and(|solved| solved.least.lt(T::from_f64(WEAK)));
         match solved.map(|solved| solved.sign) {
-            // another branch, or no pose at all: half the way from the last good one
+            // another branch, or no pose at all: half the path from the last good one
             None if k == 0 => {
                 return if outcome.status == Status::Ok {
                     Err(Status::SingularActuation)
@@ -294,7 +294,7 @@ fn from_actuators<T: Scalar>(
         // one step from the last good pose, no longer than allowed
         let mut size = T::ZERO;
         for (k, &j) in cluster.independent.iter().enumerate() {
-            let unit = if cluster.freedoms[j].slides() { 1.0 / cluster.length } else { 1.0 };
+            let unit = if cluster.dofs[j].slides() { 1.0 / cluster.length } else { 1.0 };
             let step = ws.step_y[k].abs() * T::from_f64(unit);
             size = T::select(size.lt(step), step, size);
         }
@@ -304,10 +304,10 @@ fn from_actuators<T: Scalar>(
             ws.q[cluster.q + i] = ws.start[cluster.q + i];
         }
         for (k, &j) in cluster.independent.iter().enumerate() {
-            cluster.freedoms[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
+            cluster.dofs[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
-            found.warn_if(weak);
+            report.warn_if(weak);
             return Ok(ws.close(model, c, Level::Velocity));
         }
     }
@@ -318,17 +318,17 @@ fn from_actuators<T: Scalar>(
 fn normalise_quaternions<T: Scalar>(
     model: &Model<T>,
     q: &mut [T],
-    of: impl Fn(usize) -> bool,
+    which: impl Fn(usize) -> bool,
 ) -> Result<(), Status> {
     for (_, body) in
-        model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && of(*i))
+        model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && which(*i))
     {
-        let of = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
-        let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
+        let quaternion = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
+        let norm = quaternion.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
         if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
             return Err(Status::BadRequest);
         }
-        for x in of {
+        for x in quaternion {
             *x = *x / norm;
         }
     }

@@ -40,7 +40,7 @@ impl<T: Real> BodyState<T> {
     }
 }
 
-/// Inertia of a body with everything that it carries, as if rigid.
+/// Inertia of a body with everything that it supports, as if rigid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Composite<T> {
     pub(crate) mass: T,

@@ -35,7 +35,7 @@ pub struct Workspace<T> {
 
     // closures
     /// (cos q, sin q) of each revolute body's joint; 0 is the world.
-    pub(crate) turn: Vec<(T, T)>,
+    pub(crate) cos_sin: Vec<(T, T)>,
     /// G blocks of all clusters, row-major, and g.
     pub(crate) G: Vec<T>,
     pub(crate) g: Vec<T>,
@@ -54,7 +54,7 @@ pub struct Workspace<T> {
     pub(crate) tau_y: Vec<T>,
     pub(crate) tau_u: Vec<T>,
     pub(crate) tau_rest: Vec<T>,
-    /// Reduced mass matrix and its factor, packed by `Model::branches`; reduced bias force.
+    /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force.
     pub(crate) M_y: Vec<T>,
     pub(crate) C_y: Vec<T>,
     pub(crate) factor: Vec<T>,
@@ -116,7 +116,7 @@ impl<T: Scalar> Workspace<T> {
             start: &self.start[q.clone()],
             tangent: self.tangent.then_some(&self.start_rate[v.clone()]),
             q: &mut self.q[q],
-            turn: &mut self.turn[cluster.body..cluster.body + cluster.n],
+            cos_sin: &mut self.cos_sin[cluster.body..cluster.body + cluster.n],
             qd: &mut self.qd[v.clone()],
             G: &mut self.G[cluster.g..cluster.g + cluster.n_v * cluster.n_vy],
             g: &mut self.g[v],
@@ -158,7 +158,7 @@ impl<T: Scalar> Workspace<T> {
         let side =
             if needs.dense { sizes.n_vy.max(sizes.n_u) } else { widest_u }.max(largest).max(rows)
                 + 6;
-        let packed = if needs.mass_matrix { model.branches.len } else { 0 };
+        let packed = if needs.mass_matrix { model.sparsity.len } else { 0 };
         let kkt =
             if needs.kkt { sizes.n_v + clusters().map(|c| c.used.len()).sum::<usize>() } else { 0 };
         Workspace {
@@ -171,7 +171,7 @@ impl<T: Scalar> Workspace<T> {
             goal_u: of(sizes.n_u),
             step_y: of(sizes.n_vy),
             ydd: of(sizes.n_vy),
-            turn: vec![(T::ONE, T::ZERO); bodies],
+            cos_sin: vec![(T::ONE, T::ZERO); bodies],
             G: free_jacobians(model),
             g: of(sizes.n_v),
             scratch: Scratch::new(largest, rows),

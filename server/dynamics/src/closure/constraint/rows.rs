@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::Rate;
 use crate::closure::constraint::so3_log::{log, log_factors, rate_matrix};
-use crate::mechanism::{Body, Cluster, Cut, CutRow, Freedom, Motion, joint_pose, single_pose};
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion, joint_pose, single_pose};
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero,
@@ -25,37 +25,37 @@ pub(in crate::closure) fn refresh<T: Real>(
     bodies: &[Body<T::Const>],
     j: usize,
     q: &[T],
-    turn: &mut [(T, T)],
+    cos_sin: &mut [(T, T)],
     pose: &mut [Pose<T>],
 ) {
     if bodies[j].motion == Motion::Revolute {
-        turn[j] = cos_sin(q[bodies[j].q - cluster.q]);
+        cos_sin[j] = cos_sin_of(q[bodies[j].q - cluster.q]);
     }
-    place(cluster, bodies, j, q, turn, pose);
+    place(cluster, bodies, j, q, cos_sin, pose);
 }
 
 /// (cos x, sin x).
 #[inline(always)]
-pub(in crate::closure) fn cos_sin<T: Real>(x: T) -> (T, T) {
+pub(in crate::closure) fn cos_sin_of<T: Real>(x: T) -> (T, T) {
     let (s, c) = x.sin_cos();
     (c, s)
 }
 
-/// Pose of one local body from its coordinates and turn.
+/// Pose of one local body from its coordinates and their cosines and sines.
 #[inline(always)]
 pub(in crate::closure) fn place<T: Real>(
     cluster: &Cluster<T::Const>,
     bodies: &[Body<T::Const>],
     j: usize,
     q: &[T],
-    turn: &[(T, T)],
+    cos_sin: &[(T, T)],
     pose: &mut [Pose<T>],
 ) {
     let body = &bodies[j];
     let q = &q[body.q - cluster.q..];
     pose[j + 1] = match body.motion {
         Motion::Revolute | Motion::Prismatic => {
-            single_pose(body, &base(cluster, bodies, j, pose), q[0], turn[j])
+            single_pose(body, &base(cluster, bodies, j, pose), q[0], cos_sin[j])
         }
         Motion::Spherical | Motion::Floating => {
             place_freely(body, q, &pose[cluster.local_parent[j]])
@@ -71,7 +71,7 @@ pub(in crate::closure) fn base<T: Real>(
     j: usize,
     pose: &[Pose<T>],
 ) -> Pose<T> {
-    let at_zero = Pose { R: lift_mat(&bodies[j].E), p: lift(&bodies[j].r) };
+    let at_zero = Pose { R: lift_mat(&bodies[j].R_parent_body), p: lift(&bodies[j].p_parent_body) };
     let parent = cluster.local_parent[j];
     if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
 }
@@ -123,7 +123,7 @@ impl<'a, T: Real> CutState<'a, T> {
     ) -> T {
         if !row.terms.is_empty() {
             return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| {
-                T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum)
+                T::lift(*c).mul_add(q[cluster.dofs[*j].q], sum)
             });
         }
         let x = t_mul(self.R_p, &self.d);
@@ -151,11 +151,11 @@ impl<'a, T: Real> CutState<'a, T> {
         }
     }
 
-    /// Twist of S against P for a unit rate of one freedom: (ω, v).
+    /// Twist of S against P for a unit rate of one degree of freedom: (ω, v).
     #[inline(always)]
     pub(in crate::closure) fn twist(
         &self,
-        of: &Freedom,
+        of: &Dof,
         pose: &Pose<T>,
         on_successor: bool,
     ) -> (Vector3<T>, Vector3<T>) {
@@ -203,10 +203,10 @@ impl<'a, T: Real> CutState<'a, T> {
         let theta_dot = mul(A, &w);
         let (c, dc) = log_factors(theta);
         let c_dot = dc * T::from_f64(2.0) * dot(theta, &theta_dot);
-        let turn = cross(theta, &w);
-        let twice = cross(&theta_dot, &turn) + cross(theta, &cross(&theta_dot, &w));
+        let theta_w = cross(theta, &w);
+        let twice = cross(&theta_dot, &theta_w) + cross(theta, &cross(&theta_dot, &w));
         let bias = cross(&theta_dot, &w) * T::from_f64(-0.5)
-            + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
+            + scale_add(&cross(theta, &theta_w), c_dot, &(twice * c));
         (x, mul(A, &w_dot) + bias)
     }
 }
@@ -298,7 +298,7 @@ pub(crate) fn constraint_jacobian<T: Real>(
             if row.terms.is_empty() {
                 let (linear, angular) = state.directions(row);
                 for &(j, on_successor) in &cut.path {
-                    let at = &cluster.freedoms[j];
+                    let at = &cluster.dofs[j];
                     let (w, v) = state.twist(at, &pose[at.body + 1], on_successor);
                     of_row[j] = dot(&linear, &v) + dot(&angular, &w);
                 }
@@ -409,16 +409,16 @@ impl<T: Real> Rate<T> {
     }
 }
 
-/// Poses of every local body from q; fills the turns of revolute joints.
+/// Poses of every local body from q; fills the cosines and sines of revolute joints.
 pub(crate) fn local_poses<T: Real>(
     cluster: &Cluster<T::Const>,
     bodies: &[Body<T::Const>],
     q: &[T],
-    turn: &mut [(T, T)],
+    cos_sin: &mut [(T, T)],
     pose: &mut [Pose<T>],
 ) {
     pose[0] = Pose::identity();
     for j in 0..cluster.n {
-        refresh(cluster, bodies, j, q, turn, pose);
+        refresh(cluster, bodies, j, q, cos_sin, pose);
     }
 }

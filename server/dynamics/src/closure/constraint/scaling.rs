@@ -16,7 +16,7 @@ use crate::scalar::Scalar;
 
 /// The unit of one local velocity: the cluster's length where it slides.
 pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
-    if cluster.freedoms[v].slides() { cluster.length } else { 1.0 }
+    if cluster.dofs[v].slides() { cluster.length } else { 1.0 }
 }
 
 /// What a row is to be multiplied by.
@@ -66,7 +66,7 @@ pub(crate) fn dependents_range<T: Scalar>(
 }
 
 /// The branch of a closed pose: the sign of det K_d, scaled.
-pub(crate) fn branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
+pub(crate) fn assembly_branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
     dependents(cluster, scratch);
     determinant_sign(&mut scratch.A, cluster.dependent.len())
 }

@@ -2,18 +2,18 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::constraint::rows::{CutState, base, cos_sin, place, row_acceleration};
+use crate::closure::constraint::rows::{CutState, base, cos_sin_of, place, row_acceleration};
 use crate::closure::numerical::End;
-use crate::closure::numerical::inverse::{ANY, Inverted, accurate, invert, nearness};
-use crate::closure::{Level, Local, NEAR, column_unit};
+use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sine, invert};
+use crate::closure::{ILL_CONDITIONED, Level, Local, column_unit};
 use crate::linalg::column_square;
-use crate::mechanism::{Body, Cluster, Cut, Freedom, Motion, single_pose};
+use crate::mechanism::{Body, Cluster, Cut, Dof, Motion, single_pose};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{Pose, dot, zero};
 
 /// Largest first step, in radians or cluster lengths.
 const TRUST: f64 = 0.5;
-/// Part of a block's distance to singularity that independents and first step may go: a longer way
+/// Part of a block's distance to singularity that independents and first step may go: a longer path
 /// could lead through a place where the loops do not close, and out of it on the other side.
 const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
@@ -23,8 +23,8 @@ const CONTRACTION: f64 = 0.3;
 #[derive(Clone, Debug)]
 pub(crate) struct Blocks {
     pub(crate) blocks: Vec<Block>,
-    /// Bodies on the way to the cluster's cuts, in tree order, and those among them that the blocks
-    /// leave without their pose.
+    /// Bodies on the paths to the cluster's cuts, in tree order, and those among them that the
+    /// blocks leave without their pose.
     pub(crate) on_way: Vec<usize>,
     pub(crate) after: Vec<usize>,
 }
@@ -33,13 +33,14 @@ pub(crate) struct Blocks {
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     /// Local velocities that the block determines.
-    pub(crate) unknowns: Vec<Freedom>,
+    pub(crate) unknowns: Vec<Dof>,
     /// The cuts whose rows it holds.
     pub(crate) cuts: Vec<BlockCut>,
     /// Bodies that move with the unknowns and matter to the block, in tree order; true where the
-    /// parent stands still and there is one freedom.
+    /// parent stands still and there is one degree of freedom.
     pub(crate) bodies: Vec<(usize, bool)>,
-    /// The other bodies on the way whose pose is not yet that of their coordinates, in tree order.
+    /// The other bodies on these paths whose pose is not yet that of their coordinates, in tree
+    /// order.
     pub(crate) before: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
@@ -60,11 +61,11 @@ pub(crate) struct BlockCut {
     /// What the rows have in common.
     pub(crate) kind: RowKind,
     /// Freedoms of the cut's path that the block determines, side (true = successor's), column.
-    pub(crate) solve: Vec<(Freedom, bool, usize)>,
+    pub(crate) solve: Vec<(Dof, bool, usize)>,
     /// Freedoms of the path that an earlier block determined, and the independents with their
     /// number.
-    pub(crate) earlier: Vec<(Freedom, bool)>,
-    pub(crate) independent: Vec<(Freedom, bool, usize)>,
+    pub(crate) earlier: Vec<(Dof, bool)>,
+    pub(crate) independent: Vec<(Dof, bool, usize)>,
 }
 
 /// What rows of one cut have in common.
@@ -179,7 +180,7 @@ impl Block {
         let chord = T::from_f64(T::EPSILON.sqrt().sqrt() * T::EPSILON.sqrt().sqrt().sqrt());
         let (mut good, mut done) = (T::Mask::splat(true), T::Mask::splat(false));
         let mut previous = T::from_f64(TRUST / CONTRACTION);
-        let (mut last_det, mut nearness) = (T::ZERO, T::ZERO);
+        let (mut last_det, mut inverse_square_sine) = (T::ZERO, T::ZERO);
         let mut taken = 0;
         // poses at the start; where the parent stands still, what a step does not change
         for &(j, held) in &self.bodies {
@@ -205,7 +206,7 @@ impl Block {
                         _ => det,
                     };
                     let scratch = &*local.scratch;
-                    nearness = self::nearness(
+                    inverse_square_sine = self::inverse_square_sine(
                         &scratch.inverse[self.offset..self.offset + m * m],
                         &scratch.step[..m],
                         m,
@@ -235,10 +236,11 @@ impl Block {
             }
             taken += 1;
             if k == 0 {
-                let way = T::select(size.lt(moved), moved, size);
+                let distance = T::select(size.lt(moved), moved, size);
                 good = good
                     & size.lt(T::from_f64(TRUST))
-                    & (way * way * nearness).lt(T::from_f64(CAUTION * CAUTION));
+                    & (distance * distance * inverse_square_sine)
+                        .lt(T::from_f64(CAUTION * CAUTION));
             }
             let contracts = size.lt(previous * T::from_f64(CONTRACTION));
             let mut at_floor = size.lt(converged) | residual.lt(floor);
@@ -257,12 +259,12 @@ impl Block {
             let tiny = size.lt(last).all();
             for (i, of) in unknowns.iter().enumerate() {
                 if of.motion == Motion::Revolute {
-                    let (c, s) = local.turn[of.body];
+                    let (c, s) = local.cos_sin[of.body];
                     let step = steps[i];
-                    local.turn[of.body] = if tiny {
+                    local.cos_sin[of.body] = if tiny {
                         (s.mul_add(step, c), (-c).mul_add(step, s))
                     } else {
-                        cos_sin(local.q[of.q])
+                        cos_sin_of(local.q[of.q])
                     };
                 }
             }
@@ -274,7 +276,7 @@ impl Block {
         (good & (done | T::Mask::splat(end.tolerance.is_some())), taken)
     }
 
-    /// Poses of the block's bodies from coordinates and turns.
+    /// Poses of the block's bodies from coordinates and their cosines and sines.
     #[inline(always)]
     fn place<T: Real>(
         &self,
@@ -286,10 +288,14 @@ impl Block {
         for &(j, held) in &self.bodies {
             if held {
                 let body = &bodies[j];
-                scratch.pose[j + 1] =
-                    single_pose(body, &scratch.base[j], local.q[body.q - cluster.q], local.turn[j]);
+                scratch.pose[j + 1] = single_pose(
+                    body,
+                    &scratch.base[j],
+                    local.q[body.q - cluster.q],
+                    local.cos_sin[j],
+                );
             } else {
-                place(cluster, bodies, j, local.q, local.turn, &mut scratch.pose);
+                place(cluster, bodies, j, local.q, local.cos_sin, &mut scratch.pose);
             }
         }
     }
@@ -406,18 +412,20 @@ impl Block {
             };
             let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent))
                 .fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
-            square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(NEAR))
+            square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(ILL_CONDITIONED))
         });
-        let Inverted { sound, mut accurate, mut near, .. } = self.invert::<T, M>(local);
+        let Inverted { sound, mut accurate, mut ill_conditioned, .. } = self.invert::<T, M>(local);
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         if let Some(alone) = alone {
-            near = alone;
+            ill_conditioned = alone;
         }
         if wide {
-            let nearness = nearness(inverse, &scratch.step[..m], m);
-            (accurate, near) =
-                (self::accurate(T::ONE, nearness), T::from_f64(1.0 / NEAR).lt(nearness));
+            let inverse_square_sine = inverse_square_sine(inverse, &scratch.step[..m], m);
+            (accurate, ill_conditioned) = (
+                self::accurate(T::ONE, inverse_square_sine),
+                T::from_f64(1.0 / ILL_CONDITIONED).lt(inverse_square_sine),
+            );
         }
         for (i, of) in self.unknowns[..m].iter().enumerate() {
             let row = &mut local.G[of.v * n_vy..(of.v + 1) * n_vy];
@@ -429,7 +437,7 @@ impl Block {
                 row[k] = -x;
             }
         }
-        (if level == Level::Acceleration { sound & accurate } else { sound }, near)
+        (if level == Level::Acceleration { sound & accurate } else { sound }, ill_conditioned)
     }
 
     fn bias_of_width<T: Real, const M: usize>(
@@ -512,14 +520,14 @@ impl BlockCut {
         }
     }
 
-    /// Calls `each(row of the block, entry of K)` for one freedom.
+    /// Calls `each(row of the block, entry of K)` for one degree of freedom.
     #[inline(always)]
     fn column<T: Real>(
         &self,
         cut: &Cut<T::Const>,
         state: &CutState<'_, T>,
         directions: &Directions<T>,
-        on: &Freedom,
+        on: &Dof,
         on_successor: bool,
         pose: &Pose<T>,
         mut each: impl FnMut(usize, T),

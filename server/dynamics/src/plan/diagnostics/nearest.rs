@@ -13,8 +13,8 @@
 //! these fail, which is where it is needed.
 
 use crate::closure::{
-    branch, column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses,
-    row_unit, scaled,
+    assembly_branch, column_unit, constraint_jacobian, constraint_residual, largest_residual,
+    local_poses, row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose};
 use crate::mechanism::{Body, Cluster};
@@ -48,13 +48,13 @@ pub(in crate::plan) fn nearest_pose<T: Scalar>(
     ws: &mut Workspace<T>,
 ) {
     // a quaternion has no distance from y* in its own coordinates
-    if cluster.independent.iter().any(|v| !cluster.freedoms[*v].single) {
+    if cluster.independent.iter().any(|v| !cluster.dofs[*v].single) {
         return;
     }
     let (m, rows) = (cluster.n_vy, cluster.rows.len());
     let search = Search { cluster, bodies, m, n: m + cluster.dependent.len(), rows };
     search.jacobian(ws);
-    let sign = branch(cluster, &mut ws.scratch);
+    let sign = assembly_branch(cluster, &mut ws.scratch);
     for _ in 0..STEPS {
         search.tangents(ws);
         if !search.newton_step(ws) || !search.advance(ws, sign) {
@@ -75,7 +75,7 @@ impl<T: Scalar> Search<'_, T> {
     /// (y − y*) of an independent, scaled.
     fn miss(&self, ws: &Workspace<T>, k: usize) -> T {
         let v = self.cluster.independent[k];
-        (ws.q[self.cluster.q + self.cluster.freedoms[v].q] - ws.step_y[k]) / self.unit(v)
+        (ws.q[self.cluster.q + self.cluster.dofs[v].q] - ws.step_y[k]) / self.unit(v)
     }
 
     fn cost(&self, ws: &Workspace<T>) -> T {
@@ -97,7 +97,7 @@ impl<T: Scalar> Search<'_, T> {
             self.cluster,
             self.bodies,
             &ws.q[q..q + n_q],
-            &mut ws.turn[body..body + n],
+            &mut ws.cos_sin[body..body + n],
             &mut ws.scratch.pose,
         );
     }
@@ -145,7 +145,7 @@ impl<T: Scalar> Search<'_, T> {
             // curvature of the rows along one tangent
             w.fill(T::ZERO);
             for side in [T::ONE, -T::ONE] {
-                self.turn(ws, base, |i, V| V[i * n + a] * h * side);
+                self.displace(ws, base, |i, V| V[i * n + a] * h * side);
                 self.jacobian(ws);
                 let part = side / (h + h);
                 let of = &ws.scratch.K;
@@ -199,12 +199,12 @@ impl<T: Scalar> Search<'_, T> {
     }
 
     /// q from `base` by a scaled change of each column.
-    fn turn(&self, ws: &mut Workspace<T>, base: &[T], change: impl Fn(usize, &[T]) -> T) {
+    fn displace(&self, ws: &mut Workspace<T>, base: &[T], change: impl Fn(usize, &[T]) -> T) {
         let at = self.cluster.q..self.cluster.q + self.cluster.n_q;
         ws.q[at.clone()].copy_from_slice(&base[..self.cluster.n_q]);
         for (i, v) in self.columns().enumerate() {
             let step = change(i, &ws.dense_rhs) * self.unit(v);
-            self.cluster.freedoms[v].advance(&mut ws.q[at.clone()], step);
+            self.cluster.dofs[v].advance(&mut ws.q[at.clone()], step);
         }
     }
 
@@ -220,12 +220,12 @@ impl<T: Scalar> Search<'_, T> {
         let mut part = T::ONE;
         let mut nearer = false;
         for _ in 0..HALVINGS {
-            self.turn(ws, base, |i, V| {
+            self.displace(ws, base, |i, V| {
                 (0..m).fold(T::ZERO, |sum, a| V[i * n + a].mul_add(step[a] * part, sum))
             });
             if self.project(ws) && self.cost(ws) < before {
                 self.jacobian(ws);
-                if branch(cluster, &mut ws.scratch) == sign {
+                if assembly_branch(cluster, &mut ws.scratch) == sign {
                     nearer = true;
                     break;
                 }
@@ -268,8 +268,7 @@ impl<T: Scalar> Search<'_, T> {
                 let along = if T::ZERO.lt(square) { along / square } else { T::ZERO };
                 for (i, v) in self.columns().enumerate() {
                     let step = -(ws.dense_rhs[i * n + b] * along) * self.unit(v);
-                    cluster.freedoms[v]
-                        .advance(&mut ws.q[cluster.q..cluster.q + cluster.n_q], step);
+                    cluster.dofs[v].advance(&mut ws.q[cluster.q..cluster.q + cluster.n_q], step);
                 }
             }
         }

@@ -77,7 +77,7 @@ pub(in crate::plan) fn uncontrolled<T: Scalar>(
     direction: &mut [T],
 ) {
     let mut least = T::from_f64(f64::INFINITY);
-    let open = &model.tied[closed.min(model.tied.len())..];
+    let open = &model.closed_clusters[closed.min(model.closed_clusters.len())..];
     for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
         let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
         let unit = |v: usize| T::from_f64(column_unit(cluster, v));
