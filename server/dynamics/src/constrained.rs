@@ -5,8 +5,7 @@ use sarrus_proto::Status;
 
 use crate::algorithms;
 use crate::closure::{
-    column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses,
-    loses_rank, row_unit, scaled,
+    column_unit, constraint_residual, largest_residual, loses_rank, row_unit, scaled,
 };
 use crate::linalg::least_norm;
 use crate::mechanism::{Cluster, Motion};
@@ -260,22 +259,9 @@ impl<T: Scalar> ImplicitForm<T> {
     }
 }
 
-/// Poses and K of a cluster at q.
-fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let Cluster { q, n_q, body, n, .. } = *cluster;
-    local_poses(
-        cluster,
-        &model.bodies[body..body + n],
-        &ws.q[q..q + n_q],
-        &mut ws.cos_sin[body..body + n],
-        &mut ws.scratch.pose,
-    );
-    constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
-}
-
 fn rank_is_lost<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> bool {
     model.closed_clusters.iter().map(|c| &model.clusters[*c]).any(|cluster| {
-        jacobian(model, cluster, ws);
+        ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         loses_rank(cluster, &mut ws.scratch)
     })
 }
@@ -292,7 +278,7 @@ fn close<T: Scalar>(
     let (floor, nearly) = (T::from_f64(8.0 * T::EPSILON), T::from_f64(T::EPSILON.sqrt()));
     let (mut small, mut before) = (false, T::from_f64(f64::INFINITY));
     for k in 0..=STEPS {
-        jacobian(model, cluster, ws);
+        ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         let residual = residuals(cluster, ws);
         // what the next step would leave of a small one is rounding, and so is what no step makes
         // less
@@ -327,7 +313,7 @@ fn close<T: Scalar>(
         let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);
         let unit = row.map_or(T::ONE, |row| T::from_f64(row_unit(cluster, row)));
         let of_row = &ws.scratch.K[r * cluster.n_v..(r + 1) * cluster.n_v];
-        let qd = &ws.qd[cluster.v..cluster.v + cluster.n_v];
+        let qd = &ws.qd[cluster.velocities()];
         ws.dense_rhs[i] =
             of_row.iter().zip(qd).fold(T::ZERO, |sum, (entry, qd)| entry.mul_add(*qd, sum)) * unit;
     }
@@ -342,12 +328,7 @@ fn close<T: Scalar>(
 /// these.
 fn residuals<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
     let scratch = &mut ws.scratch;
-    constraint_residual(
-        cluster,
-        &scratch.pose,
-        &ws.q[cluster.q..cluster.q + cluster.n_q],
-        &mut scratch.phi,
-    );
+    constraint_residual(cluster, &scratch.pose, &ws.q[cluster.coordinates()], &mut scratch.phi);
     let mut largest = T::ZERO;
     for (i, &r) in cluster.used.iter().enumerate() {
         let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);

@@ -18,27 +18,20 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::algorithms::cluster_columns::{component, join, transform_force};
+use crate::algorithms::cluster_columns::{ClusterJoint, component, transform_force};
 use crate::algorithms::terms::add_rotors;
 use crate::linalg::factorise_full;
-use crate::mechanism::{Cluster, Motion, Rotor};
+use crate::mechanism::{Cluster, GBlock, Motion, Rotor};
 use crate::model::Model;
 use crate::scalar::{Mask, Real};
 use crate::spatial::{cross, cross_add, dot, mul, mul_mat, scale_add, t_mul, zero};
-use crate::workspace::{Articulated, BodyState, Composite, Embedding, Force};
+use crate::workspace::{Articulated, BodyState, Composite, Embedding, Force, Workspace};
 
-/// Solves M_y ÿ = b; `b` becomes ÿ. Needs the joint poses and G; `inside` is scratch for n_vy
-/// columns of each body of a cluster. The mask tells where every D was positive.
-pub(crate) fn embedded_solve<T: Real>(
-    model: &Model<T::Const>,
-    motion: &[BodyState<T>],
-    G: &[T],
-    composite: &mut [Composite<T>],
-    inside: &mut [Force<T>],
-    scratch: &mut Embedding<T>,
-    b: &mut [T],
-) -> T::Mask {
-    let Embedding { bodies, Y, factor } = scratch;
+/// Solves M_y ÿ = b; `ws.ydd` holds b and becomes ÿ. Needs the joint poses and G. The mask tells
+/// where every D was positive.
+pub(crate) fn embedded_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) -> T::Mask {
+    let Workspace { motion, G, composite, inside, embedding, ydd: b, .. } = ws;
+    let Embedding { bodies, Y, factor } = embedding;
     let mut positive = T::Mask::splat(true);
 
     // each body alone
@@ -50,37 +43,15 @@ pub(crate) fn embedded_solve<T: Real>(
     }
 
     // inertias and bias forces, towards the root
-    let mut rotors = model.terms.rotors.as_slice();
+    let rotors = model.terms.rotors.as_slice();
+    let mut pass = Pass { model, motion, G, composite, bodies, inside, rotors };
     for cluster in model.clusters.iter().rev() {
-        let (vy, g, m) = (cluster.vy, cluster.g, cluster.n_vy);
-        let (Y, b) = (&mut Y[vy..vy + m], &mut b[vy..vy + m]);
-        let sound = if cluster.n_v == 1 && m == 1 {
-            single_joint(
-                model,
-                cluster,
-                motion,
-                &mut rotors,
-                composite,
-                bodies,
-                &mut Y[0],
-                &mut factor[g],
-                &mut b[0],
-            )
+        let (D, independents) = (cluster.g_offset, cluster.independents());
+        let (Y, b) = (&mut Y[independents.clone()], &mut b[independents]);
+        let sound = if cluster.n_v == 1 && cluster.n_vy == 1 {
+            pass.single_joint(cluster, &mut Y[0], &mut factor[D], &mut b[0])
         } else {
-            let of_cluster = &G[g..g + cluster.n_v * m];
-            several_joints(
-                model,
-                cluster,
-                motion,
-                of_cluster,
-                &mut rotors,
-                composite,
-                bodies,
-                inside,
-                Y,
-                &mut factor[g..],
-                b,
-            )
+            pass.several_joints(cluster, Y, &mut factor[D..], b)
         };
         positive = positive & sound;
     }
@@ -88,19 +59,19 @@ pub(crate) fn embedded_solve<T: Real>(
     // accelerations, from the root outwards
     (bodies[0].alpha, bodies[0].a) = (zero(), zero());
     for cluster in &model.clusters {
-        let (vy, g, m) = (cluster.vy, cluster.g, cluster.n_vy);
-        let (Y, b) = (&Y[vy..vy + m], &mut b[vy..vy + m]);
+        let (m, independents) = (cluster.n_vy, cluster.independents());
+        let (Y, b) = (&Y[independents.clone()], &mut b[independents]);
         if cluster.n_v == 1 && m == 1 {
             let i = cluster.body;
             let (mut alpha, mut a) = bodies[cluster.parent].acceleration_in(&motion[i]);
-            b[0] = (b[0] - dot(&Y[0].0, &alpha) - dot(&Y[0].1, &a)) * factor[g];
+            b[0] = (b[0] - dot(&Y[0].0, &alpha) - dot(&Y[0].1, &a)) * factor[cluster.g_offset];
             accelerate(model.bodies[i].motion, b, &mut alpha, &mut a);
             (bodies[i].alpha, bodies[i].a) = (alpha, a);
             continue;
         }
         // ÿ = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p)
         let p = &bodies[cluster.parent];
-        let L = &factor[g..g + m * m];
+        let L = &factor[cluster.g_offset..][..m * m];
         for k in (0..m).rev() {
             let mut ydd = (b[k] - dot(&Y[k].0, &p.alpha) - dot(&Y[k].1, &p.a)) * L[k * m + k];
             for l in k + 1..m {
@@ -108,7 +79,8 @@ pub(crate) fn embedded_solve<T: Real>(
             }
             b[k] = ydd;
         }
-        for i in cluster.body..cluster.body + cluster.n {
+        let G = cluster.G(G);
+        for i in cluster.bodies() {
             if !model.has_child_cluster[i] {
                 continue;
             }
@@ -116,7 +88,7 @@ pub(crate) fn embedded_solve<T: Real>(
             let (mut alpha, mut a) = bodies[body.parent].acceleration_in(&motion[i]);
             let mut qdd = [T::ZERO; 6];
             for k in 0..body.motion.n_v() {
-                let G_i = &G[g + (body.v - cluster.v + k) * m..][..m];
+                let G_i = G.row(body.v - cluster.v + k);
                 qdd[k] =
                     G_i.iter().zip(b.iter()).fold(T::ZERO, |sum, (g, ydd)| g.mul_add(*ydd, sum));
             }
@@ -127,106 +99,112 @@ pub(crate) fn embedded_solve<T: Real>(
     positive
 }
 
-/// One free degree of freedom: I − U Uᵀ / D goes to the parent, U stays at the body.
-#[inline]
-fn single_joint<T: Real>(
-    model: &Model<T::Const>,
-    cluster: &Cluster<T::Const>,
-    motion: &[BodyState<T>],
-    rotors: &mut &[Rotor<T::Const>],
-    composite: &[Composite<T>],
-    bodies: &mut [Articulated<T>],
-    Y: &mut Force<T>,
-    inverse: &mut T,
-    b: &mut T,
-) -> T::Mask {
-    let i = cluster.body;
-    let joint = model.bodies[i].motion;
-    let (before, articulated) = bodies.split_at_mut(i);
-    let articulated = &mut articulated[0];
-    if !model.has_child_cluster[i] {
-        *articulated = Articulated::none();
-    }
-    articulated.add_rigid(&composite[i]);
-    let U = articulated.column(joint, 0);
-    let mut d = [component(joint, 0, &U)];
-    add_rotors::<T>(rotors, cluster.v, &[T::ONE], &mut d, 1);
-    *inverse = T::ONE / d[0];
-    *b -= component(joint, 0, &(articulated.n, articulated.f));
-    if cluster.parent != 0 {
-        articulated.project_out(&U, *inverse, *b);
-        articulated.add_to_parent(&motion[i], &mut before[cluster.parent]);
-    }
-    *Y = U;
-    T::ZERO.lt(d[0])
+/// The pass from the leaves to the root, with the numbers of the workspace.
+struct Pass<'a, T: Real> {
+    model: &'a Model<T::Const>,
+    motion: &'a [BodyState<T>],
+    G: &'a [T],
+    composite: &'a mut [Composite<T>],
+    bodies: &'a mut [Articulated<T>],
+    /// Scratch for n_vy columns of each body of a cluster.
+    inside: &'a mut [Force<T>],
+    /// Rotors of the clusters that are still to come.
+    rotors: &'a [Rotor<T::Const>],
 }
 
-/// Joints closed by loops, or one of several degrees of freedom: U and Y at the parent body.
-#[inline]
-fn several_joints<T: Real>(
-    model: &Model<T::Const>,
-    cluster: &Cluster<T::Const>,
-    motion: &[BodyState<T>],
-    G: &[T],
-    rotors: &mut &[Rotor<T::Const>],
-    composite: &mut [Composite<T>],
-    bodies: &mut [Articulated<T>],
-    inside: &mut [Force<T>],
-    Y: &mut [Force<T>],
-    D: &mut [T],
-    b: &mut [T],
-) -> T::Mask {
-    let m = cluster.n_vy;
-    // what each body supports, and r
-    for i in (cluster.body..cluster.body + cluster.n).rev() {
-        let body = &model.bodies[i];
-        if !model.has_child_cluster[i] {
-            if body.parent != 0 {
-                let moved = composite[i].transformed(&motion[i]);
-                composite[body.parent].add(&moved);
-            }
-            continue;
-        }
-        let (before, articulated) = bodies.split_at_mut(i);
+impl<T: Real> Pass<'_, T> {
+    /// One free degree of freedom: I − U Uᵀ / D goes to the parent, U stays at the body.
+    #[inline]
+    fn single_joint(
+        &mut self,
+        cluster: &Cluster<T::Const>,
+        Y: &mut Force<T>,
+        inverse: &mut T,
+        b: &mut T,
+    ) -> T::Mask {
+        let i = cluster.body;
+        let joint = self.model.bodies[i].motion;
+        let (before, articulated) = self.bodies.split_at_mut(i);
         let articulated = &mut articulated[0];
-        articulated.add_rigid(&composite[i]);
-        for k in 0..body.motion.n_v() {
-            let p = component(body.motion, k, &(articulated.n, articulated.f));
-            for (r, g) in b.iter_mut().zip(&G[(body.v - cluster.v + k) * m..]) {
-                *r = (-*g).mul_add(p, *r);
+        if !self.model.has_child_cluster[i] {
+            *articulated = Articulated::none();
+        }
+        articulated.add_rigid(&self.composite[i]);
+        let U = articulated.column(joint, 0);
+        let mut d = [component(joint, 0, &U)];
+        add_rotors::<T>(&mut self.rotors, cluster.v, GBlock::new(&[T::ONE], 1), &mut d, 1);
+        *inverse = T::ONE / d[0];
+        *b -= component(joint, 0, &(articulated.n, articulated.f));
+        if cluster.parent != 0 {
+            articulated.project_out(&U, *inverse, *b);
+            articulated.add_to_parent(&self.motion[i], &mut before[cluster.parent]);
+        }
+        *Y = U;
+        T::ZERO.lt(d[0])
+    }
+
+    /// Joints closed by loops, or one of several degrees of freedom: U and Y at the parent body.
+    #[inline]
+    fn several_joints(
+        &mut self,
+        cluster: &Cluster<T::Const>,
+        Y: &mut [Force<T>],
+        D: &mut [T],
+        b: &mut [T],
+    ) -> T::Mask {
+        let (model, motion, m, G) = (self.model, self.motion, cluster.n_vy, cluster.G(self.G));
+        let (composite, bodies) = (&mut *self.composite, &mut *self.bodies);
+        // what each body supports, and r
+        for i in cluster.bodies().rev() {
+            let body = &model.bodies[i];
+            if !model.has_child_cluster[i] {
+                if body.parent != 0 {
+                    let moved = composite[i].transformed(&motion[i]);
+                    composite[body.parent].add(&moved);
+                }
+                continue;
+            }
+            let (before, articulated) = bodies.split_at_mut(i);
+            let articulated = &mut articulated[0];
+            articulated.add_rigid(&composite[i]);
+            for k in 0..body.motion.n_v() {
+                let p = component(body.motion, k, &(articulated.n, articulated.f));
+                for (r, g) in b.iter_mut().zip(G.row(body.v - cluster.v + k)) {
+                    *r = (-*g).mul_add(p, *r);
+                }
+            }
+            if body.parent != 0 {
+                articulated.add_to_parent(&motion[i], &mut before[body.parent]);
             }
         }
-        if body.parent != 0 {
-            articulated.add_to_parent(&motion[i], &mut before[body.parent]);
-        }
-    }
 
-    // D and U
-    let (of_bodies, rigid) = (&bodies[cluster.body..], &composite[cluster.body..]);
-    let column = |i: usize, joint, k| {
-        if model.has_child_cluster[cluster.body + i] {
-            of_bodies[i].column(joint, k)
-        } else {
-            rigid[i].column(joint, k)
-        }
-    };
-    join(model, cluster, G, motion, column, inside, Y, D);
-    add_rotors::<T>(rotors, cluster.v, G, D, m);
+        // D and U
+        let (of_bodies, rigid) = (&bodies[cluster.body..], &composite[cluster.body..]);
+        let column = |i: usize, joint, k| {
+            if model.has_child_cluster[cluster.body + i] {
+                of_bodies[i].column(joint, k)
+            } else {
+                rigid[i].column(joint, k)
+            }
+        };
+        ClusterJoint { model, cluster, G, motion }.columns(column, self.inside, Y, D);
+        add_rotors::<T>(&mut self.rotors, cluster.v, G, D, m);
 
-    // L and Δ, L⁻¹ r, Y = L⁻¹ Uᵀ, and what the parent feels of them
-    let positive = factorise_full(D, m);
-    for k in 0..m {
-        for l in 0..k {
-            let x = -D[k * m + l];
-            b[k] = x.mul_add(b[l], b[k]);
-            let (n, f) = Y[l];
-            Y[k] = (scale_add(&n, x, &Y[k].0), scale_add(&f, x, &Y[k].1));
+        // L and Δ, L⁻¹ r, Y = L⁻¹ Uᵀ, and what the parent feels of them
+        let positive = factorise_full(D, m);
+        for k in 0..m {
+            for l in 0..k {
+                let x = -D[k * m + l];
+                b[k] = x.mul_add(b[l], b[k]);
+                let (n, f) = Y[l];
+                Y[k] = (scale_add(&n, x, &Y[k].0), scale_add(&f, x, &Y[k].1));
+            }
+            if cluster.parent != 0 {
+                bodies[cluster.parent].project_out(&Y[k], D[k * m + k], b[k]);
+            }
         }
-        if cluster.parent != 0 {
-            bodies[cluster.parent].project_out(&Y[k], D[k * m + k], b[k]);
-        }
+        positive
     }
-    positive
 }
 
 /// Adds the joint's own acceleration.

@@ -15,65 +15,73 @@
 use nalgebra::Vector3;
 
 use crate::algorithms::rnea::turn_by;
-use crate::mechanism::{Cluster, Motion};
+use crate::mechanism::{Cluster, GBlock, Motion};
 use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{cross_add, lift, mul, zero};
 use crate::workspace::{BodyState, Composite, Force};
 
-/// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
-/// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
-#[inline(always)]
-pub(super) fn join<T: Real>(
-    model: &Model<T::Const>,
-    cluster: &Cluster<T::Const>,
-    G: &[T],
-    motion: &[BodyState<T>],
-    column: impl Fn(usize, Motion, usize) -> Force<T>,
-    F: &mut [Force<T>],
-    U: &mut [Force<T>],
-    D: &mut [T],
-) {
-    let (n, m) = (cluster.n, cluster.n_vy);
-    D[..m * m].fill(T::ZERO);
-    F[..n * m].fill((zero(), zero()));
-    U[..m].fill((zero(), zero()));
-    for i in (0..n).rev() {
-        let body = &model.bodies[cluster.body + i];
-        let (before, F_i) = F.split_at_mut(i * m);
-        let F_i = &mut F_i[..m];
-        for k in 0..body.motion.n_v() {
-            let G_i = &G[(body.v - cluster.v + k) * m..][..m];
-            let own = column(i, body.motion, k);
-            // its own inertia counts half: the mirror image brings the other half
-            let half = component(body.motion, k, &own) * T::from_f64(0.5);
-            for l in 0..m {
-                let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
-                for j in 0..m {
-                    D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
-                }
-                for a in 0..3 {
-                    F_i[l].0[a] = own.0[a].mul_add(G_i[l], F_i[l].0[a]);
-                    F_i[l].1[a] = own.1[a].mul_add(G_i[l], F_i[l].1[a]);
+/// One cluster as a single joint, and what its columns are formed from.
+pub(super) struct ClusterJoint<'a, T: Real> {
+    pub(super) model: &'a Model<T::Const>,
+    pub(super) cluster: &'a Cluster<T::Const>,
+    pub(super) G: GBlock<'a, T>,
+    pub(super) motion: &'a [BodyState<T>],
+}
+
+impl<T: Real> ClusterJoint<'_, T> {
+    /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
+    /// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
+    #[inline(always)]
+    pub(super) fn columns(
+        &self,
+        column: impl Fn(usize, Motion, usize) -> Force<T>,
+        F: &mut [Force<T>],
+        U: &mut [Force<T>],
+        D: &mut [T],
+    ) {
+        let ClusterJoint { model, cluster, G, motion } = *self;
+        let (n, m) = (cluster.n, cluster.n_vy);
+        D[..m * m].fill(T::ZERO);
+        F[..n * m].fill((zero(), zero()));
+        U[..m].fill((zero(), zero()));
+        for i in (0..n).rev() {
+            let body = &model.bodies[cluster.body + i];
+            let (before, F_i) = F.split_at_mut(i * m);
+            let F_i = &mut F_i[..m];
+            for k in 0..body.motion.n_v() {
+                let G_i = G.row(body.v - cluster.v + k);
+                let own = column(i, body.motion, k);
+                // its own inertia counts half: the mirror image brings the other half
+                let half = component(body.motion, k, &own) * T::from_f64(0.5);
+                for l in 0..m {
+                    let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
+                    for j in 0..m {
+                        D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
+                    }
+                    for a in 0..3 {
+                        F_i[l].0[a] = own.0[a].mul_add(G_i[l], F_i[l].0[a]);
+                        F_i[l].1[a] = own.1[a].mul_add(G_i[l], F_i[l].1[a]);
+                    }
                 }
             }
+            let to = match cluster.local_parent[i] {
+                0 if cluster.parent == 0 => continue,
+                0 => &mut U[..m],
+                parent => &mut before[(parent - 1) * m..][..m],
+            };
+            for (to, force) in to.iter_mut().zip(F_i) {
+                let (n, f) = transform_force(force, &motion[cluster.body + i]);
+                to.0 += n;
+                to.1 += f;
+            }
         }
-        let to = match cluster.local_parent[i] {
-            0 if cluster.parent == 0 => continue,
-            0 => &mut U[..m],
-            parent => &mut before[(parent - 1) * m..][..m],
-        };
-        for (to, force) in to.iter_mut().zip(F_i) {
-            let (n, f) = transform_force(force, &motion[cluster.body + i]);
-            to.0 += n;
-            to.1 += f;
-        }
-    }
-    for k in 0..m {
-        for l in 0..=k {
-            let x = D[k * m + l] + D[l * m + k];
-            D[k * m + l] = x;
-            D[l * m + k] = x;
+        for k in 0..m {
+            for l in 0..=k {
+                let x = D[k * m + l] + D[l * m + k];
+                D[k * m + l] = x;
+                D[l * m + k] = x;
+            }
         }
     }
 }

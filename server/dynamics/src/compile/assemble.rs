@@ -104,7 +104,7 @@ impl Assembly {
     /// Names of a cluster's local velocities.
     pub(super) fn names(&self, c: usize) -> Vec<String> {
         let cluster = &self.model.clusters[c];
-        (cluster.v..cluster.v + cluster.n_v)
+        (cluster.velocities())
             .map(|v| self.meta.tree[self.model.order.v_external[v]].clone())
             .collect()
     }
@@ -358,7 +358,7 @@ impl<'a> Builder<'a> {
             let Roles { independent, dependent, independent_q, dependent_q, active } =
                 self.roles(joints, first_q, first_v);
             let n_vy = independent.len();
-            let (n_v, g) = (v - first_v, self.model.n_g);
+            let (n_v, g_offset) = (v - first_v, self.model.n_g);
             self.model.n_g += n_v * n_vy;
             // the nearest independent that carries each independent
             let carrier = self.last_independent(parent);
@@ -376,7 +376,7 @@ impl<'a> Builder<'a> {
                 dofs,
                 vy,
                 n_vy,
-                g,
+                g_offset,
                 independent,
                 dependent,
                 locked: Vec::new(),

@@ -13,7 +13,7 @@ use crate::compile::analysis::{POSES, noise};
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
 use crate::model::{Model, UNEQUAL};
-use crate::workspace::Workspace;
+use crate::workspace::{Needs, Workspace};
 
 /// Least Δ against the joint's own inertia, and against the largest of the robot, that is told from
 /// rounding.
@@ -29,21 +29,14 @@ pub(super) fn check(
     errors: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Diagnostic>,
 ) -> Vec<f64> {
-    let mut ws = Workspace::for_plans(model, []);
+    let mut ws = Workspace::sized(model, Needs::default());
     let n = model.meta.sizes.n_vy;
     let (mut typical, mut worst) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..POSES {
         if !set_pose(model, &mut ws, k) {
             break;
         }
-        let inertia = algorithms::own_inertias(
-            model,
-            &ws.motion,
-            &ws.G,
-            &mut ws.composite,
-            &mut ws.inside,
-            &mut ws.columns,
-        );
+        let inertia = algorithms::own_inertias(model, &mut ws);
         let pivots = self::pivots(model, &mut ws);
         let largest = inertia.iter().copied().fold(0.0, f64::max);
         let least = |i: usize| f64::max(inertia[i] * NOTHING, largest * LEAST);
@@ -116,8 +109,7 @@ fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
 /// What the recursion divides by at each independent, in internal order: the inertia that is left
 /// of it where everything behind it is free. Needs the joint poses and G. Allocates.
 fn pivots(model: &Model<f64>, ws: &mut Workspace<f64>) -> Vec<f64> {
-    let mut b = vec![0.0; model.meta.sizes.n_vy];
-    let Workspace { motion, G, composite, inside, embedding, .. } = ws;
-    algorithms::embedded_solve(model, motion, G, composite, inside, embedding, &mut b);
-    embedding.inverses(model).map(|inverse| 1.0 / inverse).collect()
+    ws.ydd.fill(0.0);
+    algorithms::embedded_solve(model, ws);
+    ws.embedding.inverses(model).map(|inverse| 1.0 / inverse).collect()
 }

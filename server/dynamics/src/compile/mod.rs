@@ -74,7 +74,7 @@ fn build(
     let rough = exact.map(Dd::to_f64);
     for c in exact.closed_clusters.clone() {
         let cluster = &rough.clusters[c];
-        let bodies = &rough.bodies[cluster.body..cluster.body + cluster.n];
+        let bodies = rough.bodies_of(cluster);
         let names = assembly.names(c);
         let site = Site::Submechanism(assembly.owner[c]);
         let row_names =
@@ -96,9 +96,8 @@ fn build(
         for &r in &used {
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
         }
-        let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
-        let mut numerical =
-            Numerical::new(blocks, exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec());
+        let exact_bodies = exact.bodies[cluster.bodies()].to_vec();
+        let mut numerical = Numerical::new(blocks, exact.zero[cluster.coordinates()].to_vec());
         exact.clusters[c].used = used;
         for (s, _) in assembly.owners(c) {
             info[s].length = f64::max(info[s].length, cluster.length);

@@ -181,14 +181,10 @@ fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembl
     // one cluster does not know of another
     for &c in &model.closed_clusters {
         let cluster = &model.clusters[c];
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-        let range = cluster.q..cluster.q + cluster.n_q;
-        let problem = Problem::new(
-            cluster,
-            bodies,
-            &near[range.clone()],
-            &weights[cluster.v..cluster.v + cluster.n_v],
-        );
+        let bodies = model.bodies_of(cluster);
+        let range = cluster.coordinates();
+        let problem =
+            Problem::new(cluster, bodies, &near[range.clone()], &weights[cluster.velocities()]);
         let mut candidate = Candidate::new(&problem, near[range.clone()].to_vec());
         found.residual_before = found.residual_before.max(candidate.residual);
         let closed = problem.close_somewhere(&mut candidate, &mut found.iterations);

@@ -1,5 +1,7 @@
 //! Clusters: the joints that loops and couplings close together.
 
+use core::ops::{Index, Range};
+
 use crate::mechanism::{Cut, Dof};
 
 /// Tree joints that loops or couplings close together, on one parent body.
@@ -20,8 +22,8 @@ pub(crate) struct Cluster<C> {
     /// First internal independent velocity; n_vy of them.
     pub(crate) vy: usize,
     pub(crate) n_vy: usize,
-    /// First number of the cluster's G block (n_v × n_vy, row-major).
-    pub(crate) g: usize,
+    /// First number of the cluster's block in G; read by [`Cluster::G`].
+    pub(crate) g_offset: usize,
     /// Local velocities that are independent, in the order of y, and the others; and the same of
     /// the local coordinates.
     pub(crate) independent: Vec<usize>,
@@ -56,7 +58,7 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
             dofs: self.dofs.clone(),
             vy: self.vy,
             n_vy: self.n_vy,
-            g: self.g,
+            g_offset: self.g_offset,
             independent: self.independent.clone(),
             dependent: self.dependent.clone(),
             locked: self.locked.clone(),
@@ -73,8 +75,80 @@ impl<C: nalgebra::Scalar + Copy> Cluster<C> {
 }
 
 impl<C> Cluster<C> {
+    /// Its bodies among those of the model.
+    #[inline(always)]
+    pub(crate) fn bodies(&self) -> Range<usize> {
+        self.body..self.body + self.n
+    }
+
+    /// Its tree coordinates among those of the model.
+    #[inline(always)]
+    pub(crate) fn coordinates(&self) -> Range<usize> {
+        self.q..self.q + self.n_q
+    }
+
+    /// Its tree velocities among those of the model.
+    #[inline(always)]
+    pub(crate) fn velocities(&self) -> Range<usize> {
+        self.v..self.v + self.n_v
+    }
+
+    /// Its independent velocities among those of the model.
+    #[inline(always)]
+    pub(crate) fn independents(&self) -> Range<usize> {
+        self.vy..self.vy + self.n_vy
+    }
+
+    /// The place of its block in an array of the blocks of all clusters.
+    #[inline(always)]
+    pub(crate) fn block(&self) -> Range<usize> {
+        self.g_offset..self.g_offset + self.n_v * self.n_vy
+    }
+
+    /// Its loop Jacobian, from the blocks of all clusters.
+    #[inline(always)]
+    pub(crate) fn G<'a, T>(&self, blocks: &'a [T]) -> GBlock<'a, T> {
+        GBlock { entries: &blocks[self.block()], n_vy: self.n_vy }
+    }
+
     /// True when the cluster is one free joint.
     pub(crate) fn is_serial(&self) -> bool {
         self.rows.is_empty()
+    }
+}
+
+/// The loop Jacobian of one cluster (n_v × n_vy, row-major): q̇_j = Σ_k `G[(j, k)]` ẏ_k.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GBlock<'a, T> {
+    entries: &'a [T],
+    n_vy: usize,
+}
+
+impl<'a, T> GBlock<'a, T> {
+    /// The block of one free degree of freedom and others of one independent.
+    #[inline(always)]
+    pub(crate) fn new(entries: &'a [T], n_vy: usize) -> GBlock<'a, T> {
+        GBlock { entries, n_vy }
+    }
+
+    /// The row of local velocity j (n_vy).
+    #[inline(always)]
+    pub(crate) fn row(&self, j: usize) -> &'a [T] {
+        &self.entries[j * self.n_vy..][..self.n_vy]
+    }
+
+    /// The rows of n local velocities from j on, one after the other.
+    #[inline(always)]
+    pub(crate) fn rows(&self, j: usize, n: usize) -> &'a [T] {
+        &self.entries[j * self.n_vy..][..n * self.n_vy]
+    }
+}
+
+impl<T> Index<(usize, usize)> for GBlock<'_, T> {
+    type Output = T;
+
+    #[inline(always)]
+    fn index(&self, (j, k): (usize, usize)) -> &T {
+        &self.entries[j * self.n_vy + k]
     }
 }

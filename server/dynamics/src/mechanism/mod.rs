@@ -8,7 +8,7 @@ mod joint;
 mod terms;
 
 pub(crate) use body::{Body, Frame};
-pub(crate) use cluster::Cluster;
+pub(crate) use cluster::{Cluster, GBlock};
 pub(crate) use cut::{Cut, CutRow};
 pub(crate) use joint::{Dof, Motion, joint_pose, single_pose};
 pub(crate) use terms::{Damper, JointTerms, Rotor, Spring};

@@ -42,8 +42,8 @@ impl Model<f64> {
             .filter(|c| self.clusters[**c].rows.iter().any(|row| own.contains(row)))
         {
             let cluster = &self.clusters[c];
-            let bodies = &self.bodies[cluster.body..cluster.body + cluster.n];
-            let zero = &self.zero[cluster.q..cluster.q + cluster.n_q];
+            let bodies = self.bodies_of(cluster);
+            let zero = &self.zero[cluster.coordinates()];
             let unused = (0..cluster.rows.len())
                 .filter(|r| !cluster.used.contains(r))
                 .map(|r| cluster.rows[r]);

@@ -165,7 +165,7 @@ impl<C> Model<C> {
     /// The bodies of a cluster.
     #[inline(always)]
     pub(crate) fn bodies_of(&self, cluster: &Cluster<C>) -> &[Body<C>] {
-        &self.bodies[cluster.body..cluster.body + cluster.n]
+        &self.bodies[cluster.bodies()]
     }
 
     /// True where the joint of a body is independent.

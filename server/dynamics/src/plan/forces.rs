@@ -54,7 +54,7 @@ impl Plan {
             independents_subtract(model, &ws.tau_rest, &mut ws.loop_q);
         }
         if self.steps.mass_matrix {
-            self.mass_matrix(model, ws);
+            algorithms::reduced_mass_matrix(model, ws);
         }
         Ok(())
     }
@@ -78,7 +78,7 @@ impl Plan {
             self.bias_force(model, ws, input, false);
         }
         if self.steps.mass_matrix {
-            self.mass_matrix(model, ws);
+            algorithms::reduced_mass_matrix(model, ws);
         }
         // the whole system has no pivots to judge: the recursion's tell of its masses too
         if self.method == Method::Kkt {
@@ -90,10 +90,8 @@ impl Plan {
             solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
             (positive, unequal(model, model.sparsity.diagonal().map(|at| ws.factor[at])))
         } else {
-            let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
-            let positive =
-                algorithms::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
-            (positive, unequal(model, embedding.inverses(model)))
+            let positive = algorithms::embedded_solve(model, ws);
+            (positive, unequal(model, ws.embedding.inverses(model)))
         };
         report.warn_if(unequal);
         if self.method == Method::Kkt {
@@ -162,7 +160,7 @@ impl Plan {
         for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
             for &j in &cluster.dependent {
-                let row = ws.G[cluster.g + j * cluster.n_vy..].iter().zip(&cluster.independent);
+                let row = cluster.G(&ws.G).row(j).iter().zip(&cluster.independent);
                 qdd[cluster.v + j] = row
                     .fold(ws.g[cluster.v + j], |sum, (g, i)| g.mul_add(ws.qdd[cluster.v + i], sum));
             }
@@ -181,9 +179,7 @@ impl Plan {
         if size(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO {
             return true;
         }
-        let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
-        let positive =
-            algorithms::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
+        let positive = algorithms::embedded_solve(model, ws);
         let given =
             model.order.vy_v.iter().fold(T::ZERO, |size, v| {
                 T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size)
@@ -249,12 +245,6 @@ impl Plan {
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
     }
 
-    /// M_y, packed.
-    fn mass_matrix<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
-        let Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
-        algorithms::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
-    }
-
     /// The given forces as τ_y.
     fn given_forces<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) {
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
@@ -309,13 +299,14 @@ fn to_independent<T: Scalar>(model: &Model<T>, G: &[T], tau_q: &[T], tau_y: &mut
     for cluster in &model.clusters {
         let m = cluster.n_vy;
         if cluster.is_serial() {
-            tau_y[cluster.vy..cluster.vy + m].copy_from_slice(&tau_q[cluster.v..cluster.v + m]);
+            tau_y[cluster.independents()].copy_from_slice(&tau_q[cluster.v..cluster.v + m]);
             continue;
         }
+        let G = cluster.G(G);
         for k in 0..m {
             let mut tau = T::ZERO;
             for j in 0..cluster.n_v {
-                tau = G[cluster.g + j * m + k].mul_add(tau_q[cluster.v + j], tau);
+                tau = G[(j, k)].mul_add(tau_q[cluster.v + j], tau);
             }
             tau_y[cluster.vy + k] = tau;
         }
@@ -343,7 +334,7 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bo
             }
         } else if (m, n_u) == (1, 1) {
             let (u, j) = cluster.active[0];
-            let (G, i) = (ws.G[cluster.g + j], cluster.independent[0]);
+            let (G, i) = (cluster.G(&ws.G)[(j, 0)], cluster.independent[0]);
             weak |= (G.abs() * T::from_f64(column_unit(cluster, i)))
                 .lt(T::from_f64(WEAK * column_unit(cluster, j)));
             let tau = ws.tau_y[cluster.vy] / G;
@@ -372,7 +363,7 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bo
             for k in 0..m {
                 let mut rest = ws.tau_y[cluster.vy + k];
                 for (u, j) in &cluster.active {
-                    rest = (-ws.G[cluster.g + j * m + k]).mul_add(ws.tau_u[*u], rest);
+                    rest = (-cluster.G(&ws.G)[(*j, k)]).mul_add(ws.tau_u[*u], rest);
                 }
                 ws.tau_rest[cluster.vy + k] = if n_u > m { T::ZERO } else { rest };
             }
@@ -384,9 +375,10 @@ fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bo
 /// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.
 fn actuator_matrix<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     let (m, n_u) = (cluster.n_vy, cluster.active.len());
+    let G = cluster.G(&ws.G);
     for k in 0..m {
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
-            ws.dense[k * n_u + r] = ws.G[cluster.g + j * m + k];
+            ws.dense[k * n_u + r] = G[(j, k)];
         }
         ws.dense_rhs[k] = ws.tau_y[cluster.vy + k];
     }

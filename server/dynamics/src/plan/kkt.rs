@@ -12,9 +12,7 @@
 use sarrus_proto::Status;
 
 use crate::algorithms;
-use crate::closure::{
-    constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates, row_unit,
-};
+use crate::closure::{constraint_bias, constraint_residual, local_rates, row_unit};
 use crate::linalg::solve_pivoted;
 use crate::mechanism::Cluster;
 use crate::model::Model;
@@ -45,7 +43,7 @@ impl Plan {
         let mut row = model.meta.sizes.n_v;
         for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
-            jacobian(model, cluster, ws);
+            ws.constraint_jacobian(cluster, model.bodies_of(cluster));
             for &r in &cluster.used {
                 for j in 0..cluster.n_v {
                     let force = &mut ws.loop_q[cluster.v + j];
@@ -86,7 +84,7 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
     let mut row = n_v;
     for &c in &model.closed_clusters {
         let cluster = &model.clusters[c];
-        jacobian(model, cluster, ws);
+        ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         bias(model, cluster, ws);
         if let Some(([alpha, beta], drift)) = &mut stabilised {
             stabilise(cluster, ws, *alpha, *beta, drift);
@@ -128,24 +126,10 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
     if positive { Ok(()) } else { Err(Status::MassNotPositive) }
 }
 
-/// Poses and K of one cluster at q, into the scratch of closures.
-fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-    let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-    local_poses(
-        cluster,
-        bodies,
-        q,
-        &mut ws.cos_sin[cluster.body..cluster.body + cluster.n],
-        &mut ws.scratch.pose,
-    );
-    constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
-}
-
 /// k of the same cluster into `phi`.
 fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-    let (qd, scratch) = (&ws.qd[cluster.v..cluster.v + cluster.n_v], &mut ws.scratch);
+    let bodies = model.bodies_of(cluster);
+    let (qd, scratch) = (&ws.qd[cluster.velocities()], &mut ws.scratch);
     local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
     constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
 }
@@ -154,7 +138,7 @@ fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>
 pub(crate) fn drift_of<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Drift<T> {
     let mut drift = Drift { position: T::ZERO, velocity: T::ZERO };
     for &c in &model.closed_clusters {
-        jacobian(model, &model.clusters[c], ws);
+        ws.constraint_jacobian(&model.clusters[c], model.bodies_of(&model.clusters[c]));
         stabilise(&model.clusters[c], ws, T::ZERO, T::ZERO, &mut drift);
     }
     drift
@@ -168,8 +152,7 @@ fn stabilise<T: Scalar>(
     beta: T,
     drift: &mut Drift<T>,
 ) {
-    let (q, qd) =
-        (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);
+    let (q, qd) = (&ws.q[cluster.coordinates()], &ws.qd[cluster.velocities()]);
     let scratch = &mut ws.scratch;
     let phi = &mut scratch.B[..cluster.rows.len()];
     constraint_residual(cluster, &scratch.pose, q, phi);

@@ -92,7 +92,7 @@ impl<C> Model<C> {
                 continue;
             }
             self.join(cluster, &mut count);
-            for i in cluster.body..cluster.body + cluster.n {
+            for i in cluster.bodies() {
                 match (self.bodies[i].parent, self.has_child_cluster[i]) {
                     (0, _) => {}
                     (_, false) => count.rigid += 1.0,

@@ -197,11 +197,11 @@ impl Plan {
         let n_vy = model.sizes().n_vy;
         out.fill(T::ZERO);
         for cluster in &model.clusters {
+            let G = cluster.G(&ws.G);
             for j in 0..cluster.n_v {
                 let Some(row) = row_of(cluster.v + j) else { continue };
                 for k in 0..cluster.n_vy {
-                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] =
-                        ws.G[cluster.g + j * cluster.n_vy + k];
+                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] = G[(j, k)];
                 }
             }
         }
@@ -231,9 +231,10 @@ impl Plan {
                     break;
                 }
                 // G_uᵀ Xᵀ = Jᵀ
+                let G = cluster.G(&ws.G);
                 for k in 0..m {
                     for (r, &(_, j)) in cluster.active.iter().enumerate() {
-                        ws.dense[k * m + r] = ws.G[cluster.g + j * m + k];
+                        ws.dense[k * m + r] = G[(j, k)];
                     }
                     for row in 0..6 {
                         ws.dense_rhs[k * 6 + row] = spare[row * n_vy + cluster.vy + k];
@@ -281,11 +282,10 @@ fn independent_jacobian<T: Scalar>(
     out.fill(T::ZERO);
     algorithms::frame_jacobian(model, frame, &ws.world, |v, column| {
         let cluster = &model.clusters[model.cluster_of_v[v]];
-        for k in 0..cluster.n_vy {
-            let g = ws.G[cluster.g + (v - cluster.v) * cluster.n_vy + k];
+        for (k, g) in cluster.G(&ws.G).row(v - cluster.v).iter().enumerate() {
             for row in 0..6 {
                 let entry = &mut out[row * n_vy + order[cluster.vy + k]];
-                *entry = column[row].mul_add(g, *entry);
+                *entry = column[row].mul_add(*g, *entry);
             }
         }
     });

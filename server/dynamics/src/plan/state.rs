@@ -174,7 +174,7 @@ impl Plan {
     /// All levels at the closed pose that was just report.
     fn close_again<T: Scalar>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> Outcome {
         let cluster = &model.clusters[c];
-        let at = cluster.q..cluster.q + cluster.n_q;
+        let at = cluster.coordinates();
         ws.start[at.clone()].copy_from_slice(&ws.q[at]);
         ws.close(model, c, self.steps.level)
     }
@@ -193,9 +193,10 @@ impl Plan {
             return Err(Status::SingularActuation);
         }
         let bias = accelerations && self.steps.level >= Level::Acceleration;
+        let G = cluster.G(&ws.G);
         for (r, &(u, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
-                ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
+                ws.dense[r * m + k] = G[(j, k)];
             }
             // the closure has overwritten what stood at dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
@@ -220,11 +221,11 @@ fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
 
 /// q̈ = G ÿ + g of the dependents of one cluster.
 pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let m = cluster.n_vy;
+    let G = cluster.G(&ws.G);
     for &j in &cluster.dependent {
         let mut qdd = ws.g[cluster.v + j];
         for (k, &i) in cluster.independent.iter().enumerate() {
-            qdd = ws.G[cluster.g + j * m + k].mul_add(ws.qdd[cluster.v + i], qdd);
+            qdd = G[(j, k)].mul_add(ws.qdd[cluster.v + i], qdd);
         }
         ws.qdd[cluster.v + j] = qdd;
     }
@@ -242,7 +243,7 @@ fn from_actuators<T: Scalar>(
     let m = cluster.n_vy;
     if cluster.active.len() != m {
         // nothing measures this cluster: its independents are those of the guess
-        let at = cluster.q..cluster.q + cluster.n_q;
+        let at = cluster.coordinates();
         ws.q[at.clone()].copy_from_slice(&ws.start[at]);
         return Ok(ws.close(model, c, Level::Velocity));
     }
@@ -260,9 +261,10 @@ fn from_actuators<T: Scalar>(
     for k in 0..STEPS {
         let outcome = ws.close(model, c, Level::Velocity);
         report.iterations += outcome.iterations + 1;
+        let G = cluster.G(&ws.G);
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
-                ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
+                ws.dense[r * m + k] = G[(j, k)];
             }
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.dofs[j].q];
         }
@@ -271,7 +273,7 @@ fn from_actuators<T: Scalar>(
         } else {
             None
         };
-        let at = cluster.q..cluster.q + cluster.n_q;
+        let at = cluster.coordinates();
         let weak = solved.is_some_and(|solved| solved.least.lt(T::from_f64(WEAK)));
         match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the path from the last good one

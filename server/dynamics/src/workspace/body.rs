@@ -86,9 +86,10 @@ impl<T: Real> Embedding<T> {
 
     /// 1/Δ of each independent after [`embedded_solve`], in internal order.
     pub(crate) fn inverses<'a, C>(&'a self, model: &'a Model<C>) -> impl Iterator<Item = T> + 'a {
-        model.clusters.iter().flat_map(|cluster| {
-            (0..cluster.n_vy).map(|k| self.factor[cluster.g + k * cluster.n_vy + k])
-        })
+        model
+            .clusters
+            .iter()
+            .flat_map(|cluster| (0..cluster.n_vy).map(|k| cluster.G(&self.factor)[(k, k)]))
     }
 }
 

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force, Rates};
 
-use crate::closure::{Level, Local, Outcome, Scratch};
-use crate::mechanism::Cluster;
+use crate::closure::{self, Level, Local, Outcome, Scratch};
+use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::{Pose, identity, zero};
@@ -111,17 +111,29 @@ impl<T: Scalar> Workspace<T> {
 
     /// The workspace's numbers of one cluster.
     pub(crate) fn local(&mut self, cluster: &Cluster<T>) -> Local<'_, T> {
-        let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
+        let (q, v) = (cluster.coordinates(), cluster.velocities());
         Local {
             start: &self.start[q.clone()],
             tangent: self.tangent.then_some(&self.start_rate[v.clone()]),
             q: &mut self.q[q],
-            cos_sin: &mut self.cos_sin[cluster.body..cluster.body + cluster.n],
+            cos_sin: &mut self.cos_sin[cluster.bodies()],
             qd: &mut self.qd[v.clone()],
-            G: &mut self.G[cluster.g..cluster.g + cluster.n_v * cluster.n_vy],
+            G: &mut self.G[cluster.block()],
             g: &mut self.g[v],
             scratch: &mut self.scratch,
         }
+    }
+
+    /// Poses of a cluster's bodies at q, into the scratch of closures.
+    pub(crate) fn local_poses(&mut self, cluster: &Cluster<T>, bodies: &[Body<T>]) {
+        let (q, cos_sin) = (&self.q[cluster.coordinates()], &mut self.cos_sin[cluster.bodies()]);
+        closure::local_poses(cluster, bodies, q, cos_sin, &mut self.scratch.pose);
+    }
+
+    /// Poses and K of a cluster at q, into the scratch of closures.
+    pub(crate) fn constraint_jacobian(&mut self, cluster: &Cluster<T>, bodies: &[Body<T>]) {
+        self.local_poses(cluster, bodies);
+        closure::constraint_jacobian(cluster, &self.scratch.pose, &mut self.scratch.K);
     }
 
     /// Closes cluster c of a model down to a level, as [`crate::closure::Closure::close`] does.
@@ -208,7 +220,7 @@ fn free_jacobians<T: Scalar>(model: &Model<T>) -> Vec<T> {
     let mut G = vec![T::ZERO; model.n_g];
     for cluster in model.clusters.iter().filter(|c| c.is_serial()) {
         for k in 0..cluster.n_v {
-            G[cluster.g + k * cluster.n_vy + k] = T::ONE;
+            G[cluster.g_offset + k * cluster.n_vy + k] = T::ONE;
         }
     }
     G

@@ -6,7 +6,7 @@ use sarrus_proto::{Field, Status};
 use crate::closure;
 use crate::closure::{
     Scratch, column_unit, constraint_bias, constraint_jacobian, constraint_residual,
-    dependents_range, largest_residual, local_poses, local_rates, row_unit, scaled,
+    dependents_range, largest_residual, local_rates, row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose, singular_range, solve_pivoted};
 use crate::mechanism::Cluster;
@@ -55,18 +55,15 @@ impl Plan {
         for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
             let (n, v) = (cluster.n_v, cluster.v);
-            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+            let bodies = model.bodies_of(cluster);
+            ws.local_poses(cluster, bodies);
             let scratch = &mut ws.scratch;
-            let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-            local_poses(
+            constraint_residual(
                 cluster,
-                bodies,
-                q,
-                &mut ws.cos_sin[cluster.body..cluster.body + cluster.n],
-                &mut scratch.pose,
+                &scratch.pose,
+                &ws.q[cluster.coordinates()],
+                &mut scratch.phi,
             );
-
-            constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
             residual = T::select(residual.lt(of_cluster), of_cluster, residual);
             constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
@@ -239,9 +236,10 @@ fn cond_Gu<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
             continue;
         }
         let tall = n_u >= m;
+        let G = cluster.G(&ws.G);
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
-                ws.dense[if tall { r * m + k } else { k * n_u + r }] = ws.G[cluster.g + j * m + k];
+                ws.dense[if tall { r * m + k } else { k * n_u + r }] = G[(j, k)];
             }
         }
         range.add(singular_range(&mut ws.dense, n_u.max(m), n_u.min(m)));

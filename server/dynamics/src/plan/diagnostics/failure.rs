@@ -5,7 +5,7 @@ use sarrus_proto::{Field, Status};
 
 use crate::closure::{
     Closure, Level, constraint_jacobian, constraint_residual, dependents_range, interpolate,
-    largest_residual, local_poses,
+    largest_residual,
 };
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
@@ -40,7 +40,7 @@ impl Plan {
         if !self.wants_any(&[Field::NearestY, Field::SigmaMin, Field::GoodIndependents]) {
             return;
         }
-        let at = cluster.q..cluster.q + cluster.n_q;
+        let at = cluster.coordinates();
         if !matches!(model.closures[c], Closure::Numerical(_)) {
             ws.scratch.last[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
         }
@@ -93,7 +93,7 @@ impl Plan {
         }
         for &c in &model.closed_clusters[..report.closed] {
             let cluster = &model.clusters[c];
-            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+            let bodies = model.bodies_of(cluster);
             residual(cluster, bodies, ws);
             constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
             let sigma_min = dependents_range(cluster, &mut ws.scratch).1;
@@ -107,9 +107,8 @@ impl Plan {
 /// Largest scaled residual of one cluster at whatever pose stands in q; leaves its poses in the
 /// scratch.
 fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) -> T {
-    let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-    let cos_sin = &mut ws.cos_sin[cluster.body..cluster.body + cluster.n];
-    local_poses(cluster, bodies, q, cos_sin, &mut ws.scratch.pose);
+    ws.local_poses(cluster, bodies);
+    let q = &ws.q[cluster.coordinates()];
     constraint_residual(cluster, &ws.scratch.pose, q, &mut ws.scratch.phi);
     largest_residual(cluster, &ws.scratch.phi)
 }
@@ -118,7 +117,7 @@ fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Worksp
 /// `last`: a numerical closure has just followed it, a closed form is bisected.
 fn last_on_path<T: Scalar>(model: &Model<T>, c: usize, ws: &mut Workspace<T>) {
     let cluster = &model.clusters[c];
-    let at = cluster.q..cluster.q + cluster.n_q;
+    let at = cluster.coordinates();
     if matches!(model.closures[c], Closure::Numerical(_)) {
         ws.q[at].copy_from_slice(&ws.scratch.goal[..cluster.n_q]);
         return;

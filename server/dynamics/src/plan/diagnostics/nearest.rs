@@ -13,8 +13,7 @@
 //! these fail, which is where it is needed.
 
 use crate::closure::{
-    assembly_branch, column_unit, constraint_jacobian, constraint_residual, largest_residual,
-    local_poses, row_unit, scaled,
+    assembly_branch, column_unit, constraint_residual, largest_residual, row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose};
 use crate::mechanism::{Body, Cluster};
@@ -87,19 +86,7 @@ impl<T: Scalar> Search<'_, T> {
 
     /// Poses and K at q.
     fn jacobian(&self, ws: &mut Workspace<T>) {
-        self.poses(ws);
-        constraint_jacobian(self.cluster, &ws.scratch.pose, &mut ws.scratch.K);
-    }
-
-    fn poses(&self, ws: &mut Workspace<T>) {
-        let Cluster { q, n_q, body, n, .. } = *self.cluster;
-        local_poses(
-            self.cluster,
-            self.bodies,
-            &ws.q[q..q + n_q],
-            &mut ws.cos_sin[body..body + n],
-            &mut ws.scratch.pose,
-        );
+        ws.constraint_jacobian(self.cluster, self.bodies);
     }
 
     /// Scaled K as U Σ in `dense` and V in `dense_rhs`, the null space first.
@@ -139,7 +126,7 @@ impl<T: Scalar> Search<'_, T> {
             let part = if T::ZERO.lt(square) { -(along / square) } else { T::ZERO };
             (0..rows).for_each(|r| mu[r] = ws.dense[r * n + b].mul_add(part, mu[r]));
         }
-        base[..cluster.n_q].copy_from_slice(&ws.q[cluster.q..cluster.q + cluster.n_q]);
+        base[..cluster.n_q].copy_from_slice(&ws.q[cluster.coordinates()]);
         let h = T::from_f64(T::EPSILON.cbrt());
         for a in 0..m {
             // curvature of the rows along one tangent
@@ -163,7 +150,7 @@ impl<T: Scalar> Search<'_, T> {
                     (0..m).fold(curved, |sum, k| V[k * n + a].mul_add(V[k * n + b], sum));
             }
         }
-        ws.q[cluster.q..cluster.q + cluster.n_q].copy_from_slice(&base[..cluster.n_q]);
+        ws.q[cluster.coordinates()].copy_from_slice(&base[..cluster.n_q]);
         // a shift makes it descend
         let mut shift = T::ZERO;
         let fine = loop {
@@ -215,7 +202,7 @@ impl<T: Scalar> Search<'_, T> {
         let before = self.cost(ws);
         let mut spare = core::mem::take(&mut ws.dense_spare);
         let (base, step) = spare.split_at_mut(cluster.n_q);
-        base.copy_from_slice(&ws.q[cluster.q..cluster.q + cluster.n_q]);
+        base.copy_from_slice(&ws.q[cluster.coordinates()]);
         step[..m].copy_from_slice(&ws.scratch.step[..m]);
         let mut part = T::ONE;
         let mut nearer = false;
@@ -233,7 +220,7 @@ impl<T: Scalar> Search<'_, T> {
             part *= T::from_f64(0.5);
         }
         if !nearer {
-            ws.q[cluster.q..cluster.q + cluster.n_q].copy_from_slice(base);
+            ws.q[cluster.coordinates()].copy_from_slice(base);
         }
         ws.dense_spare = spare;
         nearer
@@ -245,8 +232,8 @@ impl<T: Scalar> Search<'_, T> {
         let floor = T::from_f64(64.0 * T::EPSILON);
         let mut last = T::from_f64(f64::INFINITY);
         for _ in 0..PROJECTIONS {
-            self.poses(ws);
-            let of = cluster.q..cluster.q + cluster.n_q;
+            ws.local_poses(self.cluster, self.bodies);
+            let of = cluster.coordinates();
             constraint_residual(cluster, &ws.scratch.pose, &ws.q[of], &mut ws.scratch.phi);
             let residual = largest_residual(cluster, &ws.scratch.phi);
             if residual < floor {
@@ -268,7 +255,7 @@ impl<T: Scalar> Search<'_, T> {
                 let along = if T::ZERO.lt(square) { along / square } else { T::ZERO };
                 for (i, v) in self.columns().enumerate() {
                     let step = -(ws.dense_rhs[i * n + b] * along) * self.unit(v);
-                    cluster.dofs[v].advance(&mut ws.q[cluster.q..cluster.q + cluster.n_q], step);
+                    cluster.dofs[v].advance(&mut ws.q[cluster.coordinates()], step);
                 }
             }
         }

@@ -82,9 +82,10 @@ pub(in crate::plan) fn uncontrolled<T: Scalar>(
         let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
         let unit = |v: usize| T::from_f64(column_unit(cluster, v));
         ws.dense[..rows * m].fill(T::ZERO);
+        let G = cluster.G(&ws.G);
         for (r, &(_, v)) in cluster.active.iter().enumerate() {
             for (k, &y) in cluster.independent.iter().enumerate() {
-                ws.dense[r * m + k] = ws.G[cluster.g + v * m + k] * unit(y) / unit(v);
+                ws.dense[r * m + k] = G[(v, k)] * unit(y) / unit(v);
             }
         }
         if !ws.dense[..rows * m].iter().all(|x| Real::is_finite(*x)) {
