@@ -6,15 +6,19 @@
 //! three rows is inverted in closed form, a larger one by elimination in an order fixed at load.
 //! The inverse at the accepted pose gives G and g.
 
+mod bias;
 mod bifurcation;
 pub(super) mod block;
 pub(super) mod continuation;
 mod inverse;
+mod jacobian;
+mod newton;
 
 use sarrus_proto::Status;
 
 use crate::closure::constraint::rows::{cos_sin_of, local_poses, place, rate_of};
 use crate::closure::numerical::block::{Block, Blocks};
+use crate::closure::numerical::newton::Start;
 use crate::closure::path::distance;
 use crate::closure::{Level, Local, Outcome, Rate};
 use crate::mechanism::{Body, Cluster, Dof, Motion};
@@ -90,7 +94,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
             }
             let branch = remembered.then_some(local.scratch.branch[b]);
-            let (fine, count) = block.newton(cluster, bodies, local, branch, moved, self.end);
+            let start = Start { branch, moved };
+            let (fine, count) = block.newton(cluster, bodies, local, start, self.end);
             good = good & fine;
             taken += count;
             if !good.any() {
