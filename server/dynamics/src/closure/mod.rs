@@ -17,9 +17,9 @@ mod planar;
 mod platform;
 mod rrpr;
 
+pub(crate) use constraint::rates::local_rates;
 pub(crate) use constraint::rows::{
     constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses,
-    local_rates,
 };
 pub(crate) use constraint::scaling::{
     assembly_branch, column_unit, dependents_range, row_unit, scaled,

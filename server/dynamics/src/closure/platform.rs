@@ -25,8 +25,8 @@ use crate::spatial::{
 /// A platform and its legs.
 #[derive(Clone, Debug)]
 pub(crate) struct Platform<C> {
-    /// Freedoms of the joints that carry the platform, from the base, each with its place in y; all
-    /// are independent.
+    /// Degrees of freedom of the joints that carry the platform, from the base, each with its place
+    /// in y; all are independent.
     pub(crate) chain: Vec<(Dof, usize)>,
     pub(crate) legs: Vec<Leg<C>>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
@@ -46,20 +46,22 @@ pub(crate) struct Leg<C> {
 #[derive(Clone, Debug)]
 pub(crate) struct Arm<C> {
     pub(crate) joint: Dof,
-    /// Its frame at zero {platform body}: k, m, n, and a point of its axis n.
+    /// Its axes k, m, n at zero {platform body}.
     pub(crate) axes: Matrix3<C>,
+    /// P, a point of its axis n {platform body}.
     pub(crate) pivot: Vector3<C>,
     /// The point C {cluster's parent body}.
     pub(crate) center: Vector3<C>,
-    /// m · (C − P), its square, and the sign of k · (C − P).
+    /// m · (C − P).
     pub(crate) beside: C,
+    /// ±1, the sign of k · (C − P).
     pub(crate) side: C,
 }
 
 /// The pin and how it moves {cluster's parent body}.
 struct Pin<T> {
     point: Vector3<T>,
-    /// Of an arm: tip from its pivot, m and k · r.
+    /// Of an arm: its tip from its pivot, m, n, 1 / (k · r) and its pivot.
     tip: Vector3<T>,
     m: Vector3<T>,
     n: Vector3<T>,

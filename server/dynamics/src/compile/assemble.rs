@@ -1,4 +1,5 @@
-//! Bodies, clusters, cuts and orders of a description, in double-double.
+//! A model before its closures are chosen, in double-double: who owns what, and the order in which
+//! bodies, cuts, orders and names come about.
 
 use std::sync::Arc;
 
@@ -7,17 +8,16 @@ use sarrus_proto::Sizes;
 
 use crate::closure::Closure;
 use crate::compile::couplings::{characteristic_length, couplings};
-use crate::compile::geometry::{inertia, onto_z, pose, unit, vector};
+use crate::compile::geometry::{onto_z, unit, vector};
 use crate::compile::orders::Names;
 use crate::compile::spanning_tree::{Partition, Skeleton};
-use crate::description as written;
 use crate::description::{Description, JointKind, Loop, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::linalg::TreeSparsity;
-use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Frame, JointTerms, Motion};
+use crate::mechanism::{Body, JointTerms, Motion};
 use crate::model::{Meta, Model, Order};
 use crate::scalar::{Dd, Real};
-use crate::spatial::{Pose, mul, zero};
+use crate::spatial::{Pose, zero};
 
 /// A model before its closures are chosen, and who owns what.
 pub(super) struct Assembly {
@@ -203,16 +203,6 @@ fn owners(description: &Description, errors: &mut Vec<Diagnostic>) -> Option<Vec
     errors.is_empty().then_some(owner)
 }
 
-/// Independent and dependent velocities and coordinates of a cluster, and its actuators as (place
-/// in u, velocity).
-struct Roles {
-    independent: Vec<usize>,
-    dependent: Vec<usize>,
-    independent_q: Vec<usize>,
-    dependent_q: Vec<usize>,
-    active: Vec<(usize, usize)>,
-}
-
 /// A model under construction.
 pub(super) struct Builder<'a> {
     pub(super) description: &'a Description,
@@ -223,7 +213,7 @@ pub(super) struct Builder<'a> {
     /// Body of each moving joint.
     pub(super) body_of: Vec<usize>,
     /// Orientation of each body's frame in its child link's.
-    R_link_body: Vec<Matrix3<Dd>>,
+    pub(super) R_link_body: Vec<Matrix3<Dd>>,
     pub(super) names: Names,
 }
 
@@ -297,307 +287,6 @@ impl<'a> Builder<'a> {
             R_link_body,
             names: Names::default(),
         })
-    }
-
-    /// Bodies and clusters in depth-first order, without inertia.
-    fn bodies(&mut self) {
-        let (mut q, mut v, mut vy) = (0, 0, 0);
-        for (c, joints) in self.partition.members.iter().enumerate() {
-            let parent = self.partition.parent[c].map_or(0, |m| self.body_of[m]);
-            let body = self.model.bodies.len();
-            let (first_q, first_v) = (q, v);
-            let (mut local_parent, mut dofs) = (Vec::new(), Vec::new());
-            for &m in joints {
-                let joint = &self.description.joints[self.skeleton.moving[m]];
-                let x_parent_link = self.skeleton.x_parent_joint[m];
-                // both ends of the joint in frames with the axis on z
-                let in_parent = match self.skeleton.parent[m] {
-                    Some(p) => {
-                        Pose { R: self.R_link_body[p].transpose(), p: zero() }.then(&x_parent_link)
-                    }
-                    None => x_parent_link,
-                };
-                let placed = in_parent.then(&Pose { R: self.R_link_body[m], p: zero() });
-                let motion = match joint.kind {
-                    JointKind::Prismatic => Motion::Prismatic,
-                    JointKind::Spherical => Motion::Spherical,
-                    JointKind::Floating => Motion::Floating,
-                    _ => Motion::Revolute,
-                };
-                let (n_q, n_v) = (motion.n_q(), motion.n_v());
-                let local = self.model.bodies.len() - body;
-                dofs.extend((0..n_v).map(|k| Dof {
-                    v: v - first_v + k,
-                    q: q - first_q,
-                    body: local,
-                    k,
-                    motion,
-                    single: n_v == 1,
-                }));
-                let parent_body = self.skeleton.parent[m].map_or(0, |p| self.body_of[p]);
-                local_parent.push(if parent_body >= body { parent_body - body + 1 } else { 0 });
-                self.body_of[m] = self.model.bodies.len();
-                if motion == Motion::Revolute && joints.len() == 1 && joint.coupling.is_none() {
-                    self.model.free.push((self.model.bodies.len(), q));
-                }
-                self.model.bodies.push(Body {
-                    parent: parent_body,
-                    motion,
-                    q,
-                    v,
-                    R_parent_body: placed.R,
-                    p_parent_body: placed.p,
-                    mass: Dd::ZERO,
-                    h: zero(),
-                    inertia: [Dd::ZERO; 6],
-                });
-                self.model.cluster_of.push(c);
-                self.model.cluster_of_v.extend(std::iter::repeat_n(c, n_v));
-                (q, v) = (q + n_q, v + n_v);
-            }
-            let Roles { independent, dependent, independent_q, dependent_q, active } =
-                self.roles(joints, first_q, first_v);
-            let n_vy = independent.len();
-            let (n_v, g_offset) = (v - first_v, self.model.n_g);
-            self.model.n_g += n_v * n_vy;
-            // the nearest independent that carries each independent
-            let carrier = self.last_independent(parent);
-            for k in 0..n_vy {
-                self.model.sparsity.push(if k == 0 { carrier } else { vy + k - 1 });
-            }
-            self.model.clusters.push(Cluster {
-                parent,
-                body,
-                n: joints.len(),
-                v: first_v,
-                q: first_q,
-                n_v,
-                n_q: q - first_q,
-                dofs,
-                vy,
-                n_vy,
-                g_offset,
-                independent,
-                dependent,
-                locked: Vec::new(),
-                independent_q,
-                dependent_q,
-                local_parent,
-                active,
-                cuts: Vec::new(),
-                rows: Vec::new(),
-                used: Vec::new(),
-                length: 1.0,
-            });
-            self.model.closures.push(Closure::Serial);
-            vy += n_vy;
-        }
-    }
-
-    /// The last independent velocity of the nearest cluster towards the root that has one.
-    fn last_independent(&self, mut body: usize) -> usize {
-        while body != 0 {
-            let cluster = &self.model.clusters[self.model.cluster_of[body]];
-            if cluster.n_vy > 0 {
-                return cluster.vy + cluster.n_vy - 1;
-            }
-            body = cluster.parent;
-        }
-        usize::MAX
-    }
-
-    /// What each joint of a cluster is, by local velocity and coordinate.
-    fn roles(&self, joints: &[usize], first_q: usize, first_v: usize) -> Roles {
-        let written = |m: &usize| self.skeleton.moving[*m];
-        let body = |m: &usize| &self.model.bodies[self.body_of[*m]];
-        let velocities = |m: &usize| {
-            (body(m).v - first_v..body(m).v - first_v + body(m).motion.n_v()).collect::<Vec<_>>()
-        };
-        let coordinates = |m: &usize| {
-            (body(m).q - first_q..body(m).q - first_q + body(m).motion.n_q()).collect::<Vec<_>>()
-        };
-        let local = |j: &usize| joints.iter().find(|m| written(m) == *j);
-        let independent: Vec<&usize> = self
-            .description
-            .submechanisms
-            .iter()
-            .flat_map(|s| &s.independent)
-            .filter_map(local)
-            .collect();
-        let dependent = || joints.iter().filter(|m| !independent.contains(m));
-        let active = self.description.submechanisms.iter().flat_map(|s| &s.active).enumerate();
-        Roles {
-            active: active
-                .filter_map(|(u, j)| local(j).map(|m| (u, body(m).v - first_v)))
-                .collect(),
-            dependent: dependent().flat_map(velocities).collect(),
-            dependent_q: dependent().flat_map(coordinates).collect(),
-            independent: independent.iter().copied().flat_map(velocities).collect(),
-            independent_q: independent.iter().copied().flat_map(coordinates).collect(),
-        }
-    }
-
-    /// Link frames, and the inertia of each body from the links that it carries.
-    fn frames(&mut self) {
-        for (link, written) in self.description.links.iter().enumerate() {
-            let x = self.skeleton.x_carrier_link[link];
-            let (body, x_body_frame) = match self.skeleton.carrier[link] {
-                Some(m) => (
-                    self.body_of[m],
-                    Pose { R: self.R_link_body[m].transpose(), p: zero() }.then(&x),
-                ),
-                None => (0, x),
-            };
-            self.model.frames.push(Frame { body, x_body_frame });
-            if let (Some(inertial), true) = (&written.inertial, body != 0) {
-                let (mass, h, I) = inertia(inertial, &x_body_frame);
-                let to = &mut self.model.bodies[body];
-                to.mass += mass;
-                to.h += h;
-                for (entry, x) in to.inertia.iter_mut().zip([
-                    I[(0, 0)],
-                    I[(0, 1)],
-                    I[(0, 2)],
-                    I[(1, 1)],
-                    I[(1, 2)],
-                    I[(2, 2)],
-                ]) {
-                    *entry += x;
-                }
-            }
-        }
-    }
-
-    /// Cuts and couplings on their clusters; returns who owns each external row.
-    fn rows(
-        &mut self,
-        loops: &[Vec<Loop>],
-        moving_of: &[usize],
-    ) -> Vec<(usize, Option<(usize, usize)>)> {
-        let mut owner = Vec::new();
-        let world = self.zero_poses();
-        for (s, submechanism) in self.description.submechanisms.iter().enumerate() {
-            for (l, cycle) in loops[s].iter().enumerate() {
-                let (a, b) = self.skeleton.path_between(cycle.predecessor, cycle.successor);
-                let Some(&m) = a.first().or(b.first()) else { continue };
-                let c = self.model.cluster_of[self.body_of[m]];
-                let cut = self.cut(cycle, c, &a, &b, &world);
-                let cluster = &mut self.model.clusters[c];
-                for r in 0..cycle.rows.len() {
-                    cluster.rows.push(owner.len());
-                    owner.push((s, Some((l, r))));
-                }
-                cluster.cuts.push(cut);
-            }
-            for &j in &submechanism.spanning_tree {
-                if let Some(coupling) = &self.description.joints[j].coupling {
-                    let body = self.body_of[moving_of[j]];
-                    let c = self.model.cluster_of[body];
-                    let first = self.model.clusters[c].v;
-                    let local = |j: usize| self.model.bodies[self.body_of[moving_of[j]]].v - first;
-                    let mut terms = vec![(local(j), Dd::ONE)];
-                    for (master, multiplier) in &coupling.terms {
-                        terms.push((local(*master), -Dd::from_f64(*multiplier)));
-                    }
-                    let offset = -Dd::from_f64(coupling.offset);
-                    let row = CutRow {
-                        angular: zero(),
-                        linear: zero(),
-                        linear_p: zero(),
-                        against: None,
-                        terms,
-                        offset,
-                    };
-                    let identity = Pose::identity();
-                    let cluster = &mut self.model.clusters[c];
-                    let path = row.terms.iter().map(|(j, _)| (*j, true)).collect();
-                    let cut = Cut {
-                        predecessor: 0,
-                        successor: 0,
-                        x_p_cut: identity,
-                        x_s_cut: identity,
-                        rows: vec![row],
-                        path,
-                        angular: false,
-                    };
-                    cluster.cuts.push(cut);
-                    cluster.rows.push(owner.len());
-                    owner.push((s, None));
-                }
-            }
-        }
-        owner
-    }
-
-    /// Pose of every body at zero {root}.
-    fn zero_poses(&self) -> Vec<Pose<Dd>> {
-        let mut world = vec![Pose::identity()];
-        for body in &self.model.bodies[1..] {
-            world.push(
-                world[body.parent].then(&Pose { R: body.R_parent_body, p: body.p_parent_body }),
-            );
-        }
-        world
-    }
-
-    /// A loop as a cut of a cluster; `a` and `b` are the joints on the predecessor's and the
-    /// successor's side.
-    fn cut(&self, cycle: &Loop, c: usize, a: &[usize], b: &[usize], world: &[Pose<Dd>]) -> Cut<Dd> {
-        let cluster = &self.model.clusters[c];
-        let local = |link: usize| {
-            let body = self.model.frames[link].body;
-            if body >= cluster.body && body < cluster.body + cluster.n {
-                body - cluster.body + 1
-            } else {
-                0
-            }
-        };
-        let (p, s) = (local(cycle.predecessor), local(cycle.successor));
-        let global =
-            |local: usize| if local == 0 { cluster.parent } else { cluster.body + local - 1 };
-        let in_root = |link: usize| {
-            world[self.model.frames[link].body].then(&self.model.frames[link].x_body_frame)
-        };
-        let (P, S) = match &cycle.cut {
-            written::Cut::AtJoint(j) => {
-                let frame = in_root(self.description.joints[*j].child);
-                (frame, frame)
-            }
-            written::Cut::AtLink(link) => (in_root(*link), in_root(*link)),
-            written::Cut::Placed { predecessor, successor } => (
-                in_root(cycle.predecessor).then(&pose(predecessor)),
-                in_root(cycle.successor).then(&pose(successor)),
-            ),
-        };
-        let x_p_cut = world[global(p)].inverse().then(&P);
-        let rows = cycle.rows.iter().map(|row| {
-            let [wx, wy, wz, vx, vy, vz] = row.axis;
-            let against = row.against.map(vector);
-            let linear = if against.is_some() { zero() } else { vector([vx, vy, vz]) };
-            CutRow {
-                angular: vector([wx, wy, wz]),
-                linear,
-                linear_p: mul(&x_p_cut.R, &linear),
-                against,
-                terms: Vec::new(),
-                offset: Dd::ZERO,
-            }
-        });
-        let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true))).flat_map(
-            |(m, side)| {
-                let body = &self.model.bodies[self.body_of[*m]];
-                (0..body.motion.n_v()).map(move |k| (body.v - cluster.v + k, side))
-            },
-        );
-        Cut {
-            predecessor: p,
-            successor: s,
-            x_p_cut,
-            x_s_cut: world[global(s)].inverse().then(&S),
-            rows: rows.collect(),
-            path: path.collect(),
-            angular: cycle.rows.iter().any(|row| row.axis[..3].iter().any(|x| *x != 0.0)),
-        }
     }
 
     /// Closures that need no analysis, lengths, zero pose; sizes and names.

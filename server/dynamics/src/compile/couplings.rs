@@ -8,8 +8,8 @@ use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::Pose;
 
-/// Mean distance of a cluster's joint origins and cuts from its parent body's nearest point: the
-/// size of the mechanism.
+/// Half the largest distance between two joint origins or cut points of a cluster at zero: the size
+/// of the mechanism; 1 m where there is none.
 pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> f64 {
     let mut pose = vec![Pose::identity()];
     for j in 0..cluster.n {

@@ -3,9 +3,11 @@
 mod analysis;
 mod assemble;
 mod blocks;
+mod bodies;
 mod canonical;
 mod closed_forms;
 mod couplings;
+mod cuts;
 mod geometry;
 mod idle;
 mod masses;

@@ -1,5 +1,6 @@
 //! A plan: the steps that a set of wanted outputs needs on a model, and no others.
 
+mod actuation;
 mod diagnostics;
 mod forces;
 mod kkt;

@@ -16,7 +16,8 @@ mod newton;
 
 use sarrus_proto::Status;
 
-use crate::closure::constraint::rows::{cos_sin_of, local_poses, place, rate_of};
+use crate::closure::constraint::rates::rate_of;
+use crate::closure::constraint::rows::{cos_sin_of, local_poses, place};
 use crate::closure::numerical::block::{Block, Blocks};
 use crate::closure::numerical::newton::Start;
 use crate::closure::path::distance;
