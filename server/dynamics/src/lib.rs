@@ -1,7 +1,7 @@
 //! Kinematics and dynamics of series-parallel hybrid robots.
 //!
 //! A [`description::Description`] holds what a person wrote; [`Model::compile`] turns it into flat
-//! arrays; a [`Plan`] is the list of steps that a set of wanted outputs needs; [`Plan::run`]
+//! arrays; a [`Plan`] is the list of steps that a query needs; [`Plan::run`]
 //! answers requests in a [`Workspace`] without allocating. Nothing here knows a clock, a file or a
 //! transport.
 #![forbid(unsafe_code)]

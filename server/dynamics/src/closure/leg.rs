@@ -5,7 +5,8 @@
 //! at
 //!
 //! ```text
-//!   v = R_x(q₁) (r Z + R_y(q₂) w),   w = ℓ a + e        slider direction a, eccentricity e ⟂ a, distance r of the axes
+//!   v = R_x(q₁) (r Z + R_y(q₂) w)        r the distance of the axes
+//!   w = ℓ a + e                          a the slider's direction, e ⟂ a the eccentricity
 //! ```
 //! With r = 0: ℓ² = |v|² − |e|². With a ⟂ Y the part of w along Y is constant, so that first z =
 //! ±√(v_y² + v_z² − e_y²) − r, the part of R_y w along Z, then ℓ² = v_x² + z² + e_y² − |e|². Then
@@ -33,7 +34,8 @@ pub(crate) struct Strut<C> {
     /// Slider direction and eccentricity at zero {strut}.
     pub(crate) a: Vector3<C>,
     pub(crate) e: Vector3<C>,
-    /// |e|²; at zero |v|² where the axes cross, v_x² + z² where they do not, and the signed slider length.
+    /// |e|²; at zero |v|² where the axes cross, v_x² + z² where they do not; the signed slider
+    /// length at zero.
     pub(crate) e_square: C,
     pub(crate) square0: C,
     pub(crate) length0: C,

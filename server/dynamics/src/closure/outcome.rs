@@ -14,7 +14,7 @@ pub(crate) struct Outcome {
     pub(crate) status: Status,
     pub(crate) iterations: u32,
     /// Closed, but so ill-conditioned, near a singular pose, that rates may keep fewer than nine
-    /// digits; told from the velocity level on.
+    /// digits; reported from the velocity level on.
     pub(crate) ill_conditioned: bool,
 }
 

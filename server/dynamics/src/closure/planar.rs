@@ -1,13 +1,14 @@
 //! A plane loop of four joints, at most one of them a slider: four-bar and slider-crank.
 //!
 //! ```text
-//!   J0 ──a── J1 ──b── J2 ──c── J3 ──d── J0        J0 is the independent joint, one of J1 to J3 is cut
+//!   J0 ──a── J1 ──b── J2 ──c── J3 ──d── J0    J0 is independent, one of J1 to J3 is cut
 //! ```
 //! Seen from link d, J0 turns (or slides) link a by y and carries J1 along; the other two links
 //! follow from where J1 is:
 //!
 //! ```text
-//!   two links    b − c = D                b = κ D + η J D,  κ = (|D|² + |b|² − |c|²) / 2|D|²,  W = b × c = η |D|²
+//!   two links    b − c = D                b = κ D + η J D,  κ = (|D|² + |b|² − |c|²) / 2|D|²
+//!                                         W = b × c = η |D|²
 //!   slider       b = L t + ε J t          L = ±√(|b|² − ε²)
 //! ```
 //! with D from J1 to J3, t the direction of the slider J3 in link d, ε what J1 lies beside the line

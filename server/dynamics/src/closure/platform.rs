@@ -6,8 +6,9 @@
 //! C stays in a plane of the arm whose normal m ⟂ n turns with it:
 //!
 //! ```text
-//!   D = C − P in platform axes,   m₀ · R_n(−θ) D = h        P on the arm's axis, h = m · (C − P) at zero
-//!   k · R_n(−θ) D = ±√(D_k² + D_m² − h²)                     k, m, n right-handed
+//!   D = C − P in platform axes        P on the arm's axis
+//!   m₀ · R_n(−θ) D = h                h = m · (C − P) at zero
+//!   k · R_n(−θ) D = ±√(D_k² + D_m² − h²)        k, m, n right-handed
 //! ```
 //! Then the arm's tip is known and the strut reaches for it. With ω, α and E for the arm's body and
 //! r = C − P: θ̇ k · r = −m · v_platform(C), and θ̈ from m · (a_E(C) − 2 ω × v_E(C)) = 0.

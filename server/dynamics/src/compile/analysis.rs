@@ -9,14 +9,13 @@ use crate::closure::{
 };
 use crate::compile::blocks::blocks;
 use crate::compile::idle::Drift;
+use crate::compile::rank::{RANK_GAP, independent_rows, locks, matrix, null_space, rank};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
 
-/// Ratio of singular values below which a row says nothing new: files are rounded.
-const RANK_GAP: f64 = 1e-4;
 /// Poses at which rank is judged, and how far from zero they lie, in radians or cluster lengths.
 pub(super) const POSES: usize = 3;
 const REACH: f64 = 0.2;
@@ -104,23 +103,13 @@ pub(super) fn analyse(
             site,
             found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
             expected: format!("{n_dependent} independent axes for {n_dependent} dependent joints"),
-            help: "they are left out of the solution; what the loop-closure forces share is the least norm".into(),
+            help: "they are left out of the solution; what the loop-closure forces share is the \
+                least norm"
+                .into(),
         });
     }
     let blocks = blocks(&cluster, &used, &generic.K);
     Some(Analysis { used, blocks, locked })
-}
-
-/// Directions of the dependents that K_d does not see, of unit length in the scaling.
-fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
-    let m = K_d.ncols();
-    if m == 0 {
-        return Vec::new();
-    }
-    let Ok(svd) = K_d.svd() else { return Vec::new() };
-    let (S, V) = (svd.S().column_vector(), svd.V());
-    let lost = |a: usize| a >= S.nrows() || S[a] <= RANK_GAP * S[0];
-    (0..m).filter(|a| lost(*a)).map(|a| (0..m).map(|i| V[(i, a)]).collect()).collect()
 }
 
 /// True where a direction of the dependents is idle at a sample.
@@ -138,15 +127,6 @@ fn is_idle(
         .zip(direction)
         .for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
     Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
-}
-
-/// As many places as there are directions, by pivoted QR: the largest component first.
-fn locks(directions: &[Vec<f64>]) -> Vec<usize> {
-    let Some(m) = directions.first().map(Vec::len) else { return Vec::new() };
-    let qr = Mat::from_fn(directions.len(), m, |a, i| directions[a][i]).col_piv_qr();
-    let mut locked = qr.P().arrays().0[..directions.len()].to_vec();
-    locked.sort_unstable();
-    locked
 }
 
 fn list<'a>(of: &[usize], name: impl Fn(&usize) -> &'a str) -> String {
@@ -203,7 +183,10 @@ pub(super) fn close_zero(
             return Some(Diagnostic {
                 site,
                 found: format!("loops that do not close at y = 0 ({})", outcome.status),
-                expected: "a closed pose where the independents are zero and the couplings have their offsets".into(),
+                expected:
+                    "a closed pose where the independents are zero and the couplings have their \
+                    offsets"
+                        .into(),
                 help: "correct the offsets of the couplings".into(),
             });
         }
@@ -308,33 +291,6 @@ pub(super) fn noise(k: usize) -> f64 {
     (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// Columns of a row-major matrix.
-fn matrix(K: &[f64], rows: usize, n: usize, columns: &[usize]) -> Mat<f64> {
-    Mat::from_fn(rows, columns.len(), |r, a| K[r * n + columns[a]])
-}
-
-fn rank(A: &Mat<f64>) -> usize {
-    if A.nrows() == 0 || A.ncols() == 0 {
-        return 0;
-    }
-    A.thin_svd().map_or(0, |svd| {
-        let S = svd.S().column_vector();
-        (0..S.nrows()).filter(|i| S[*i] > RANK_GAP * S[0]).count()
-    })
-}
-
-/// As many rows of K_d as it has columns, by pivoted QR of its transpose, in their own order.
-fn independent_rows(K_d: &Mat<f64>, count: usize) -> Vec<usize> {
-    if K_d.nrows() == count {
-        return (0..count).collect();
-    }
-    let qr = K_d.transpose().col_piv_qr();
-    let (forward, _) = qr.P().arrays();
-    let mut used = forward[..count].to_vec();
-    used.sort_unstable();
-    used
-}
-
 /// How much a dropped row would move along the true motion, relative to its size.
 fn off_by(samples: &[Sample], cluster: &Cluster<f64>, r: usize, n: usize) -> f64 {
     let rows = cluster.rows.len();
@@ -371,7 +327,7 @@ fn wrong_mobility(
         cluster.rows.len()
     );
     if rank < cluster.rows.len() {
-        let kept = independent_rows(K_d, self::rank(K_d).min(K_d.nrows()));
+        let kept = independent_rows(K_d, crate::compile::rank::rank(K_d).min(K_d.nrows()));
         let redundant = (0..cluster.rows.len())
             .filter(|r| !kept.contains(r))
             .map(|r| row_names[r].as_str())

@@ -63,9 +63,17 @@ pub(super) fn check(
         let ratio = worst.iter().copied().fold(0.0, f64::max);
         warnings.push(Diagnostic {
             site,
-            found: format!("masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}", ratio.log10()),
-            expected: format!("a joint's inertia at most {UNEQUAL:.0e} times what is left of it where the joints behind it are free"),
-            help: "give the light links their true mass, or read the accelerations with that many digits".into(),
+            found: format!(
+                "masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}",
+                ratio.log10()
+            ),
+            expected: format!(
+                "a joint's inertia at most {UNEQUAL:.0e} times what is left of it where the joints \
+                behind it are free"
+            ),
+            help: "give the light links their true mass, or read the accelerations with that many \
+                digits"
+                .into(),
         });
     }
     typical

@@ -13,6 +13,8 @@ mod idle;
 mod masses;
 mod open;
 mod orders;
+mod owners;
+mod rank;
 mod spanning_tree;
 mod terms;
 
@@ -261,7 +263,8 @@ fn not_closed_form(
             ("couplings (<mimic>, <transmission>) and no loops", "write NUMERICAL to say so")
         }
         _ => (
-            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 6UPS, FOURBAR, SLIDERCRANK, PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
+            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 6UPS, FOURBAR, SLIDERCRANK, \
+            PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
             "nothing to do: it is closed numerically from its loops",
         ),
     };

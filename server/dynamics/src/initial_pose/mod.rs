@@ -79,7 +79,8 @@ pub enum AssembleError {
     },
     /// The loops cannot be closed by going downhill, from the given pose and from others around it.
     #[error(
-        "no closed pose was found near the given one; the nearest still has a residual of {residual:.3e}"
+        "no closed pose was found near the given one; the nearest still has a residual of \
+        {residual:.3e}"
     )]
     Unreachable {
         /// Largest scaled loop residual of the nearest pose.

@@ -1,4 +1,4 @@
-//! A plan: the steps that a set of wanted outputs needs on a model, and no others.
+//! A plan: the steps that a query needs on a model, and no others.
 
 mod actuation;
 mod diagnostics;
@@ -24,17 +24,23 @@ use crate::workspace::Needs;
 ///
 /// ```
 /// use sarrus_dynamics::{Model, Plan, Workspace};
-/// use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind};
+/// use sarrus_dynamics::description::{
+///     Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind,
+/// };
 /// use sarrus_proto::{Field, FieldSet, Request, Status, Query};
 ///
 /// // a pendulum: 1 kg, 1 m below a horizontal axis
-/// let bob = Inertial { origin: Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.0; 6] };
+/// let origin = Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] };
+/// let bob = Inertial { origin, mass: 1.0, inertia: [0.0; 6] };
 /// let description = Description {
 ///     name: "pendulum".into(),
-///     links: vec![Link { name: "base".into(), inertial: None }, Link { name: "rod".into(), inertial: Some(bob) }],
+///     links: vec![
+///         Link { name: "base".into(), inertial: None },
+///         Link { name: "rod".into(), inertial: Some(bob) },
+///     ],
 ///     joints: vec![Joint {
-///         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1, origin: Placement::default(),
-///         axis: [0.0, 1.0, 0.0], limits: None, coupling: None, terms: Default::default(),
+///         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1,
+///         origin: Placement::default(), axis: [0.0, 1.0, 0.0], limits: None, coupling: None, terms: Default::default(),
 ///     }],
 ///     submechanisms: vec![Submechanism {
 ///         name: "all".into(), kind: SubmechanismKind::Serial, type_name: "R".into(),
@@ -43,8 +49,9 @@ use crate::workspace::Needs;
 ///     gravity: [0.0, 0.0, -9.81],
 /// };
 /// let model = Model::compile(&description)?.model;
-/// let wanted = Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
-/// let plan = Plan::new(&model, &wanted)?;
+/// let (given, want) = (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
+/// let query = Query::new(Request::InverseDynamics, given, want);
+/// let plan = Plan::new(&model, &query)?;
 /// let mut workspace = Workspace::new(&model);
 /// let mut tau = [0.0];
 /// let answer = plan.run(&model, &mut workspace, &[std::f64::consts::FRAC_PI_2], &mut tau);
@@ -109,7 +116,7 @@ pub struct Answer {
 }
 
 impl Plan {
-    /// The plan for `wanted` on `model`. Forward dynamics goes by the model's choice
+    /// The plan for `query` on `model`. Forward dynamics goes by the model's choice
     /// ([`Model::forward_method`]), or by projection where M_y is wanted too. Allocates; errors
     /// name the field that does not fit.
     pub fn new<C>(model: &Model<C>, query: &Query) -> Result<Plan, QueryError> {
@@ -121,7 +128,7 @@ impl Plan {
         )
     }
 
-    /// The plan for `wanted` on `model` with forward dynamics by this method; [`Method::Kkt`] needs
+    /// The plan for `query` on `model` with forward dynamics by this method; [`Method::Kkt`] needs
     /// [`crate::Workspace::for_plans`].
     pub fn with_method<C>(
         model: &Model<C>,

@@ -1,4 +1,6 @@
-//! All numbers of one request while it is answered, stage by stage.
+//! All numbers of one request while it is answered: the data dictionary, stage by stage. Lengths in
+//! metres, angles in radians, forces in newtons, moments in newton metres; coordinates and
+//! velocities in the order of the bodies. After each shape stands who writes it.
 
 mod body;
 
@@ -16,67 +18,78 @@ use crate::spatial::{Pose, identity, zero};
 /// one.
 #[derive(Clone, Debug)]
 pub struct Workspace<T> {
-    // coordinates, in the order of the bodies
-    /// Tree coordinates, velocities, accelerations.
+    // state: written by `plan/state.rs`
+    /// Tree coordinates `[rad, m]` (n_q), velocities and accelerations (n_v).
     pub(crate) q: Vec<T>,
     pub(crate) qd: Vec<T>,
     pub(crate) qdd: Vec<T>,
-    /// The closed pose that numerical closures start from.
+    /// The closed pose that numerical closures start from (n_q).
     pub(crate) start: Vec<T>,
-    /// The velocity there, and whether one was given.
+    /// The velocity there (n_v), and whether one was given.
     pub(crate) start_rate: Vec<T>,
     pub(crate) tangent: bool,
-    /// The actuator coordinates that one cluster has to reach.
+    /// The actuator coordinates that one cluster has to reach (n_u).
     pub(crate) goal_u: Vec<T>,
-    /// The step of the independents towards them.
+    /// The step of the independents towards them (n_vy).
     pub(crate) step_y: Vec<T>,
-    /// Independent accelerations.
+    /// Independent accelerations (n_vy): right-hand side, then solution of M_y ÿ = b.
     pub(crate) ydd: Vec<T>,
 
-    // closures
-    /// (cos q, sin q) of each revolute body's joint; 0 is the world.
+    // closures: written by `closure/`
+    /// (cos q, sin q) of each revolute body's joint (bodies); 0 is the world. Those of free joints
+    /// by `plan/run.rs`.
     pub(crate) cos_sin: Vec<(T, T)>,
-    /// G blocks of all clusters, row-major, and g.
+    /// G blocks of all clusters, row-major, read by [`Cluster::G`]; g (n_v).
     pub(crate) G: Vec<T>,
     pub(crate) g: Vec<T>,
+    /// What one cluster at a time needs.
     pub(crate) scratch: Scratch<T>,
 
-    // recursions
+    // recursions: written by `algorithms/`
+    /// Motion and force of each body (bodies) {body}.
     pub(crate) motion: Vec<BodyState<T>>,
+    /// Composite inertia of each body (bodies) {body}.
     pub(crate) composite: Vec<Composite<T>>,
+    /// Articulated inertias and factors of the recursion over clusters.
     pub(crate) embedding: Embedding<T>,
-    /// Pose of each body {root}.
+    /// Pose of each body (bodies) {root}.
     pub(crate) world: Vec<Pose<T>>,
-    /// External wrench on each body, `[n; f]` at its origin {body}.
+    /// External wrench on each body, `[n; f]` at its origin (bodies) {body}.
     pub(crate) wrench: Vec<(Vector3<T>, Vector3<T>)>,
-    /// Forces on tree, independent and actuator coordinates.
+    /// Force columns of the cluster in hand on their way to the root: `[n; f]` for each of its
+    /// independents (largest n_vy of a cluster) {body that they have reached}.
+    pub(crate) columns: Vec<Force<T>>,
+    /// The same inside one cluster, for each of its bodies (n × n_vy) {body}, and its block of the
+    /// mass matrix (n_vy × n_vy).
+    pub(crate) inside: Vec<Force<T>>,
+    pub(crate) block: Vec<T>,
+    /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force (n_vy).
+    pub(crate) M_y: Vec<T>,
+    pub(crate) C_y: Vec<T>,
+    pub(crate) factor: Vec<T>,
+
+    // forces: written by `plan/forces.rs` and `plan/actuation.rs`
+    /// Forces on tree (n_v), independent (n_vy) and actuator coordinates (n_u), and what no
+    /// actuator can give (n_vy) `[N m, N]`.
     pub(crate) tau_q: Vec<T>,
     pub(crate) tau_y: Vec<T>,
     pub(crate) tau_u: Vec<T>,
     pub(crate) tau_rest: Vec<T>,
-    /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force.
-    pub(crate) M_y: Vec<T>,
-    pub(crate) C_y: Vec<T>,
-    pub(crate) factor: Vec<T>,
-    /// Force columns of the cluster that is carried towards the root: `[n; f]` for each of its
-    /// independents.
-    pub(crate) columns: Vec<Force<T>>,
-    /// The same inside one cluster, for each of its bodies (n × n_vy), and its block of the mass
-    /// matrix (n_vy × n_vy).
-    pub(crate) inside: Vec<Force<T>>,
-    pub(crate) block: Vec<T>,
-    /// Matrix, right-hand side and scaling of the tree under its constraints; empty where no plan
-    /// asks for that method.
+    /// The tree forces that only the loops can supply (n_v).
+    pub(crate) loop_q: Vec<T>,
+    /// Matrix (n²), right-hand side and scaling (n) of the tree under its constraints, with n of
+    /// n_v and the used rows; empty where no plan asks for that method. By `plan/kkt.rs`.
     pub(crate) kkt: Vec<T>,
     pub(crate) kkt_rhs: Vec<T>,
     pub(crate) kkt_scale: Vec<T>,
-    /// Dense scratch for what is asked rarely: conditions, actuator maps, λ, Jacobians.
+
+    // what is asked rarely: conditions, actuator maps, λ, Jacobians
+    /// Square dense scratch.
     pub(crate) dense: Vec<T>,
     pub(crate) dense_rhs: Vec<T>,
     pub(crate) dense_spare: Vec<T>,
-    /// One frame's Jacobian (6 × n_vy), and the tree forces that only the loops can supply.
+    /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
-    pub(crate) loop_q: Vec<T>,
     needs: Needs,
 }
 

@@ -36,7 +36,8 @@ pub(in crate::closure) struct Inverted<T: Real> {
 }
 
 impl<T: Real> Inverted<T> {
-    /// |det| against the product of the column norms: turning and sliding joints have columns of different units.
+    /// |det| against the product of the column norms: rotating and sliding joints have columns of
+    /// different units.
     #[inline(always)]
     fn narrow(A: &[T], m: usize, det: T) -> Inverted<T> {
         let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
