@@ -1,6 +1,6 @@
 // Pinocchio on the robots and states of `sarrus report`: what a careful user writes on top of it. Text in, text out.
 //
-// In, from standard input, numbers apart by blanks (benches/src/peer/text.rs writes it):
+// In, from standard input, numbers apart by blanks (server/report/src/peer/text.rs writes it):
 //   seconds S                       how long each method is timed
 //   gravity x y z
 //   links N                         each: mass, x y z r p y of the centre of mass, ixx ixy ixz iyy iyz izz; mass 0 for none

@@ -3,9 +3,10 @@
 
 use std::hint::black_box;
 
-use crate::Outcome;
-use crate::cases::{self, Case, What};
-use crate::states::Robot;
+use sarrus_report::Outcome;
+use sarrus_report::robots::{Robot, Subject};
+
+use crate::cases::{self, Case};
 
 /// States that the calls go through in turn.
 const STATES: usize = 16;
@@ -21,8 +22,9 @@ pub fn run(count: &[String]) -> Outcome {
     let unknown = || format!("no case `{name}`; `--list` names them all");
     let mut parts = name.split('/');
     let (robot, closures) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
-    let what =
-        What::all().find(|what| what.name() == robot && what.may_have(name)).ok_or_else(unknown)?;
+    let what = Subject::all()
+        .find(|what| what.name() == robot && what.may_have(name))
+        .ok_or_else(unknown)?;
 
     let robot = Robot::load_some(what, STATES, |variant| variant == closures)?;
     let mut case = cases::of_robot(&robot)?

@@ -12,10 +12,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use sarrus_dynamics::{Method, Model, Plan, Status, Workspace};
+use sarrus_report::Outcome;
+use sarrus_report::robots::{Question, Robot, Subject, packed};
 
-use crate::Outcome;
-use crate::cases::{Question, What, packed};
-use crate::states::Robot;
 use crate::table::{Table, ns};
 
 /// Rounds of batches, and how long a batch takes at least.
@@ -82,7 +81,7 @@ impl Run {
 /// That, and robots that do not load.
 pub fn run() -> Outcome {
     let mut robots = Vec::new();
-    for what in What::all() {
+    for what in Subject::all() {
         // as it is given, in one state
         robots.push(Robot::load(what, 1)?);
     }
@@ -103,7 +102,7 @@ pub fn run() -> Outcome {
         let chosen = model.forward_method();
         let (mine, other) =
             if chosen == Method::Recursion { (times[0], times[1]) } else { (times[1], times[0]) };
-        if mine > 1.15 * other && !matches!(robot.what, What::Chain(_)) {
+        if mine > 1.15 * other && !matches!(robot.subject, Subject::Chain(_)) {
             slow.push(model.name().to_owned());
         }
         rows.push(vec![

@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
+use sarrus_report::Outcome;
+use sarrus_report::measure::timing::Samples;
 use serde_json::{Value, json};
 
-use crate::Outcome;
-use crate::cores::Cores;
 use crate::table::{Format, Table};
-use crate::timing::Samples;
 
 /// Everything that is printed or kept.
 #[derive(Clone, Debug)]
@@ -72,20 +71,4 @@ impl Printed {
         std::fs::write(path, whole.to_string())
             .map_err(|error| format!("{}: {error}", path.display()).into())
     }
-}
-
-/// Processor, how many, and how busy they are with other things.
-pub fn machine(cores: &Cores) -> String {
-    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
-    let info = read("/proc/cpuinfo");
-    let model = info
-        .lines()
-        .find_map(|line| line.strip_prefix("model name")?.split_once(": "))
-        .map_or("unknown processor", |pair| pair.1);
-    let load = read("/proc/loadavg");
-    format!(
-        "{model}, {} processors; load at the end {}",
-        cores.count,
-        load.split(' ').next().unwrap_or("unknown")
-    )
 }

@@ -115,12 +115,12 @@ fn compare<T: Scalar>(
     ledger: &mut Ledger,
     case: &Case,
     what: &str,
-    (mine, truth): (&[Fields<T>; 3], &[Fields<T>; 3]),
+    (mine, reference): (&[Fields<T>; 3], &[Fields<T>; 3]),
     skip: &[Field],
     share: f64,
 ) {
-    let scale = Scale::of(truth);
-    let K_size = largest(truth[0].get(K));
+    let scale = Scale::of(reference);
+    let K_size = largest(reference[0].get(K));
     let parts: [(&[Field], bool); 3] = [(&STATE, false), (&INVERSE, false), (&FORWARD, true)];
     for (part, (fields, forward)) in parts.into_iter().enumerate() {
         for field in fields.iter().filter(|field| !skip.contains(field)) {
@@ -128,7 +128,7 @@ fn compare<T: Scalar>(
             if forward && matches!(field, Ydd | Qdd) {
                 (least, condition) = (scale.acceleration, scale.K_d * scale.K_d * scale.M_y);
             }
-            let error = error_by_size(mine[part].get(*field), truth[part].get(*field), least);
+            let error = error_by_size(mine[part].get(*field), reference[part].get(*field), least);
             ledger.note(&format!("{what} {}", field.name()), case, error, share * condition);
         }
     }
@@ -148,9 +148,9 @@ fn double_agrees_with_double_double_in_every_output() {
         for k in 0..2 {
             let with_actuators = case.square && !case.floats();
             let mine = answers(model, &case.state(k), &links, with_actuators);
-            let truth = answers::<Dd>(exact, &case.state(k), &links, with_actuators);
+            let reference = answers::<Dd>(exact, &case.state(k), &links, with_actuators);
             let rounded: [Fields<Dd>; 3] = mine.map(|fields| fields.map(Dd::from));
-            compare(ledger, case, "", (&rounded, &truth), &[Iterations], 64.0 * f64::EPSILON);
+            compare(ledger, case, "", (&rounded, &reference), &[Iterations], 64.0 * f64::EPSILON);
         }
     });
 }

@@ -22,7 +22,7 @@ fn beside(case: &Case, robot: &mut Robot<f64>, seeded: &mut Seeded, size: f64) -
     let units = model.tree_units();
     let mut q = fields.get(Field::Q).to_vec();
     for (x, name) in q.iter_mut().zip(model.tree_q_names()) {
-        // a joint of one freedom has the same name among the velocities
+        // a joint of one degree of freedom has the same name among the velocities
         if let Some(v) = model.tree_names().iter().position(|of| of == name && !name.contains('/'))
         {
             *x += seeded.within(-size, size) * units[v];

@@ -1,4 +1,4 @@
-//! What is told of poses and masses that cost digits, and how a loop goes on where its branches
+//! What is reported of poses and masses that cost digits, and how a loop goes on where its branches
 //! cross.
 
 use std::f64::consts::FRAC_PI_2;
@@ -13,10 +13,10 @@ use sarrus_tests::draft::Draft;
 use sarrus_tests::reference::ROBOTS;
 use sarrus_tests::run::{Fields, Robot};
 
-/// Error by size from which on a user is to be told.
+/// Error by size from which on a user is to be warned.
 const FEW: f64 = 1e-9;
 
-fn told<T>(of: &Fields<T>) -> bool {
+fn is_reported<T>(of: &Fields<T>) -> bool {
     of.answer.warnings.contains(Warnings::ILL_CONDITIONED)
 }
 
@@ -38,7 +38,7 @@ fn nobody_is_warned_at_ordinary_poses() {
             let state = case.state::<f64>(k);
             let given = [(Y, state.y.as_slice()), (Yd, &state.yd), (TauY, &state.ydd)];
             let answer = robot.ask(Request::ForwardDynamics, &given, &[Ydd]).ok();
-            assert!(!told(&answer), "{name} at {:?}", state.y);
+            assert!(!is_reported(&answer), "{name} at {:?}", state.y);
         }
     }
 }
@@ -56,7 +56,7 @@ fn lambda_by_slider(kind: SubmechanismKind) -> Compiled {
 fn whoever_loses_digits_near_a_singular_pose_is_told() {
     for kind in [SubmechanismKind::Rrpr, SubmechanismKind::Numerical] {
         let Compiled { model, exact, .. } = lambda_by_slider(kind);
-        let (mut robot, mut truth) = (Robot::new(model), Robot::new(exact));
+        let (mut robot, mut reference) = (Robot::new(model), Robot::new(exact));
         // its length at zero, and where rocker and rod are in line
         let end = 0.11402 + 0.36497 - 0.29739;
         let (mut warned, mut answered) = (0, 0);
@@ -73,7 +73,7 @@ fn whoever_loses_digits_near_a_singular_pose_is_told() {
             if found.answer.status != Status::Ok {
                 continue;
             }
-            let exact = truth.ask(
+            let exact = reference.ask(
                 Request::ForwardDynamics,
                 &exact_given.each_ref().map(|(field, x)| (*field, x.as_slice())),
                 &want,
@@ -84,13 +84,17 @@ fn whoever_loses_digits_near_a_singular_pose_is_told() {
                 .map(|of| error_by_size(found.get(*of), exact.get(*of), 1e-9))
                 .fold(0.0, f64::max);
             assert!(
-                error < FEW || told(&found),
-                "{kind:?}: error {error:.1e} at {:.1e} from the end, and nobody is told",
+                error < FEW || is_reported(&found),
+                "{kind:?}: error {error:.1e} at {:.1e} from the end, and nothing is reported",
                 end - y
             );
-            assert!(k > 10 || !told(&found), "{kind:?}: told at {:.1e} from the end", end - y);
+            assert!(
+                k > 10 || !is_reported(&found),
+                "{kind:?}: reported at {:.1e} from the end",
+                end - y
+            );
             answered += 1;
-            warned += i32::from(told(&found));
+            warned += i32::from(is_reported(&found));
         }
         println!("{kind:?}: {answered} of 150 answered, {warned} with a warning");
         assert!(warned > 10, "{kind:?}: {warned}");
@@ -108,10 +112,11 @@ fn chain(n: usize, weight: f64) -> Description {
     }
     let active: Vec<usize> = joints.iter().map(|x| x.0).collect();
     draft.roles(&joints, &active);
-    let last = draft.description.links[link].inertial.as_mut().unwrap();
+    let mut description = draft.description();
+    let last = description.links[link].inertial.as_mut().unwrap();
     (last.mass, last.inertia, last.origin) =
         (weight, [0.0; 6], Placement { xyz: [1.0, 0.0, 0.0], rpy: [0.0; 3] });
-    draft.description
+    description
 }
 
 #[test]
@@ -128,12 +133,12 @@ fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
             FieldSet::of(&[Y, Yd, TauY]),
             FieldSet::of(&[Ydd]),
         );
-        let mut truth = Robot::new(exact);
+        let mut reference = Robot::new(exact);
         let numbers = [0.3, -0.4, 0.5, -0.6, 0.1, 0.2, 0.3, 0.4, 1.0, 2.0, 3.0, 4.0];
         let (y, rest) = numbers.split_at(4);
         let given = [(Y, y), (Yd, &rest[..4]), (TauY, &rest[4..])]
             .map(|(field, x)| (field, x.iter().map(|x| Dd::from_f64(*x)).collect::<Vec<_>>()));
-        let exact = truth
+        let exact = reference
             .ask(
                 Request::ForwardDynamics,
                 &given.each_ref().map(|(field, x)| (*field, x.as_slice())),
@@ -172,7 +177,7 @@ fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
         }
         of
     };
-    let (mut right, mut told_of) = (0, 0);
+    let (mut right, mut reported) = (0, 0);
     for k in 0..10 {
         for description in [chain(8, 10f64.powi(k)), rotors(10f64.powi(k))] {
             let Compiled { model, exact, .. } = compiled(&description);
@@ -184,7 +189,7 @@ fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
             let exactly =
                 numbers.clone().map(|x| x.into_iter().map(Dd::from_f64).collect::<Vec<_>>());
             let given = [(Y, exactly[0].as_slice()), (Yd, &exactly[1]), (TauY, &exactly[2])];
-            let truth =
+            let reference =
                 Robot::new(exact).ask(Request::ForwardDynamics, &given, &[Ydd]).ok().map(Dd::hi);
             let query = Query::new(
                 Request::ForwardDynamics,
@@ -200,18 +205,18 @@ fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
                     &numbers.concat(),
                     &mut ydd,
                 );
-                let error = error_by_size(&ydd, truth.get(Ydd), 0.0);
+                let error = error_by_size(&ydd, reference.get(Ydd), 0.0);
                 let warned = answer.warnings.contains(Warnings::ILL_CONDITIONED);
                 assert!(
                     answer.status != Status::Ok || warned || error < 1e-9,
                     "1e{k}, {method:?}: {error:.1e} without a word"
                 );
                 right += i32::from(error < 1e-9 && !warned);
-                told_of += i32::from(warned);
+                reported += i32::from(warned);
             }
         }
     }
-    assert!(right > 20 && told_of > 5, "{right} right without a warning, {told_of} told");
+    assert!(right > 20 && reported > 5, "{right} right without a warning, {reported} reported");
 }
 
 #[test]
@@ -258,11 +263,11 @@ fn accelerations_without_a_digit_are_refused() {
     let mut description = Case::bundled("four_bars_2").description;
     description.submechanisms.iter_mut().for_each(|part| part.kind = SubmechanismKind::Numerical);
     let Compiled { model, exact, .. } = compiled(&description);
-    let (mut robot, mut truth) = (Robot::new(model), Robot::new(exact));
+    let (mut robot, mut reference) = (Robot::new(model), Robot::new(exact));
     let (mut answered, mut refused) = (0, 0);
     for k in 0..60 {
         let y = 10f64.powf(-0.125 * f64::from(k)) - FRAC_PI_2;
-        let exact = truth
+        let exact = reference
             .ask(Request::Kinematics, &[(Y, &[Dd::from_f64(y)]), (Yd, &[Dd::ONE])], &[Qd, Qdd])
             .ok()
             .map(Dd::hi);
@@ -276,7 +281,7 @@ fn accelerations_without_a_digit_are_refused() {
                         .fold(0.0, f64::max)
                 };
                 let error = f64::max(of(Qd), of(Qdd));
-                assert!(error < 0.1 && (error < FEW || told(&found)), "{error:.1e} at {k}");
+                assert!(error < 0.1 && (error < FEW || is_reported(&found)), "{error:.1e} at {k}");
                 answered += 1;
             }
             Status::SingularClosure | Status::SingularIndependents => refused += 1,
@@ -291,7 +296,7 @@ fn accelerations_without_a_digit_are_refused() {
 fn actuators_that_nearly_lose_control_are_told() {
     // a Stewart platform turned a quarter about its axis
     let Compiled { model, exact, .. } = Case::bundled("stewart").compiled;
-    let (mut robot, mut truth) = (Robot::new(model), Robot::new(exact));
+    let (mut robot, mut reference) = (Robot::new(model), Robot::new(exact));
     let mut warned = 0;
     for k in 0..13 {
         let y = [0.01, -0.02, 0.0, 0.0, 0.0, FRAC_PI_2 - 10f64.powi(-k)];
@@ -300,14 +305,14 @@ fn actuators_that_nearly_lose_control_are_told() {
             assert_eq!(found.answer.status, Status::SingularActuation);
             continue;
         }
-        let exact = truth
+        let exact = reference
             .ask(Request::InverseDynamics, &[(Y, &y.map(Dd::from_f64))], &[TauU])
             .ok()
             .map(Dd::hi);
         let error = error_by_size(found.get(TauU), exact.get(TauU), 1e-9);
-        assert!(error < FEW || told(&found), "{error:.1e} at 1e-{k}");
-        assert!(k > 3 || !told(&found), "told at 1e-{k}");
-        warned += i32::from(told(&found));
+        assert!(error < FEW || is_reported(&found), "{error:.1e} at 1e-{k}");
+        assert!(k > 3 || !is_reported(&found), "reported at 1e-{k}");
+        warned += i32::from(is_reported(&found));
     }
     assert!(warned > 2, "{warned}");
 }

@@ -178,7 +178,7 @@ fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
             ledger.compare(what, case, a, b, size, allowed)
         };
 
-        // joints of one freedom stand at the same names in q and q̇
+        // joints of one degree of freedom stand at the same names in q and q̇
         let (q_names, v_names) =
             (case.compiled.model.tree_q_names(), case.compiled.model.tree_names());
         let rate = change(Q);

@@ -123,9 +123,9 @@ fn a_quaternion_that_is_not_of_unit_length_is_a_bad_request() {
     assert!(error_by_size(near.get(Q), exact.get(Q), 1.0) < 1e-15, "normalised");
 }
 
-/// A lambda in the plane x, y: ground 1, arm, pin at an angle, pin `aside` from the slider's line.
-fn lambda(type_name: &str, arm: f64, aside: f64) -> Case {
-    let (pin, heading) = ([0.0, arm], arm.atan2(-1.0) - (aside / 1f64.hypot(arm)).asin());
+/// A lambda in the plane x, y: ground 1, arm, pin at an angle, pin `offset` from the slider's line.
+fn lambda(type_name: &str, arm: f64, offset: f64) -> Case {
+    let (pin, heading) = ([0.0, arm], arm.atan2(-1.0) - (offset / 1f64.hypot(arm)).asin());
     let link = |name: &str| {
         format!(
             "<link name=\"{name}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>"
@@ -192,11 +192,11 @@ fn a_lambda_that_cannot_reach_says_so() {
             let x = robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q, Qd, Residual]);
             if d < 0.3 - 1e-6 {
                 // Newton's method cannot always tell that there is nothing to find
-                let told = [
+                let reported = [
                     Status::Unreachable,
                     if kind == "RRPR" { Status::Unreachable } else { Status::NotConverged },
                 ];
-                assert!(told.contains(&x.answer.status), "{kind} y = {y}: {}", x.answer.status);
+                assert!(reported.contains(&x.answer.status), "{kind} y = {y}: {}", x.answer.status);
                 assert!(x.get(Q).iter().all(|x| x.is_nan()));
             } else if x.answer.status == Status::Ok {
                 assert!(
@@ -277,7 +277,7 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
 
 #[test]
 fn actuators_that_cannot_tell_the_pose_do_not_pretend_to() {
-    // a mechanism with more or fewer actuators than freedoms: from u, without a guess, there is no
+    // a mechanism with more or fewer actuators than degrees of freedom: from u, without a guess, there is no
     // answer yet
     Ledger::over(
         robots().iter().filter(|case| case.name.contains("four-bar w")),

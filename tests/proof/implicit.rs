@@ -152,12 +152,12 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
     Ledger::over(&cases, |case, ledger| {
         let model = &case.compiled.model;
         let state = case.state::<f64>(1);
-        let truth = closed(model, &state);
+        let reference = closed(model, &state);
         let (mut form, units) = (ImplicitForm::new(model), units(case));
         for size in [1e-8, 1e-4, 1e-2] {
-            let mut q = disturbed(case, &truth.q, size, case.seed);
+            let mut q = disturbed(case, &reference.q, size, case.seed);
             let before = q.clone();
-            let mut qd: Vec<f64> = truth
+            let mut qd: Vec<f64> = reference
                 .qd
                 .iter()
                 .zip(Seeded::new(7).numbers(q.len(), 1.0))
@@ -166,7 +166,7 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
             let status = form.project(model, &mut q, &mut qd);
             if status != Status::Ok {
                 // a large disturbance of a pose near a singular one may leave no way back
-                assert!(size > 1e-3 && truth.cond > 1e3, "{status} after {size}");
+                assert!(size > 1e-3 && reference.cond > 1e3, "{status} after {size}");
                 refused += 1;
                 continue;
             }
@@ -194,7 +194,7 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
                     .sum::<f64>()
                     .sqrt()
             };
-            let (moved, disturbance) = (far(&q, &before), far(&truth.q, &before));
+            let (moved, disturbance) = (far(&q, &before), far(&reference.q, &before));
             ledger.note("length of the move", case, moved, 3.0 * disturbance + 1e-14);
             // a second projection has nothing to do
             let (again, mut again_qd) = (q.clone(), qd.clone());

@@ -24,7 +24,7 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
     }
     draft.roles(&[(first, 0.2), (second, 0.2)], &sliders);
     let model =
-        Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}")).model;
+        Model::compile(&draft.description()).unwrap_or_else(|errors| panic!("{errors:?}")).model;
 
     let mut robot = Robot::new(model);
     let [one, other] = [[0.11, -0.07], [-0.05, 0.13]]
@@ -34,13 +34,13 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
     };
     let names = robot.model.tree_names();
     let locked: Vec<&String> = (0..names.len()).filter(|v| still(*v)).map(|v| &names[v]).collect();
-    let mut told: Vec<&String> = robot.model.closures()[0].idle.iter().collect();
-    told.sort_by_key(|name| names.iter().position(|of| of == *name));
-    assert_eq!((told.len(), told), (2, locked));
+    let mut reported: Vec<&String> = robot.model.closures()[0].idle.iter().collect();
+    reported.sort_by_key(|name| names.iter().position(|of| of == *name));
+    assert_eq!((reported.len(), reported), (2, locked));
 }
 
 #[test]
-fn wishing_for_good_independents_does_not_take_an_answer_away() {
+fn asking_for_good_independents_does_not_take_an_answer_away() {
     // nearly flat, K has nearly lost rank; and a platform far out
     let flat =
         [1e-3, 1e-4, 1e-6].map(|off| ("four_bars_2", vec![off - std::f64::consts::FRAC_PI_2]));
@@ -63,7 +63,8 @@ fn a_loop_that_is_singular_at_zero_is_warned_of_and_called_singular() {
     let (_, rocker) = draft.turn(0, [0.5, 0.125, 0.0], up);
     draft.cut(rod, rocker, along, &[], &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     draft.roles(&[(crank, 0.2)], &[crank]);
-    let compiled = Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}"));
+    let compiled =
+        Model::compile(&draft.description()).unwrap_or_else(|errors| panic!("{errors:?}"));
     assert!(
         compiled.warnings.iter().any(|warning| warning.found.contains("singular at the zero pose")),
         "{:?}",

@@ -40,13 +40,13 @@ fn positions(
 ) -> (Status, Status, f64) {
     let y = case.state::<f32>(k).y;
     let x = single.ask(Request::Kinematics, &[(Y, &y)], &[Q]);
-    let truth = double.ask(Request::Kinematics, &[(Y, &wide(&y))], &[Q]);
-    let error = if x.answer.status == Status::Ok && truth.answer.status == Status::Ok {
-        error_by_size(&wide(x.get(Q)), truth.get(Q), 1.0)
+    let reference = double.ask(Request::Kinematics, &[(Y, &wide(&y))], &[Q]);
+    let error = if x.answer.status == Status::Ok && reference.answer.status == Status::Ok {
+        error_by_size(&wide(x.get(Q)), reference.get(Q), 1.0)
     } else {
         0.0
     };
-    (x.answer.status, truth.answer.status, error)
+    (x.answer.status, reference.answer.status, error)
 }
 
 /// Compares everything at one state; false where single precision has no answer.
@@ -60,7 +60,7 @@ fn compare(
     let State { y, yd, ydd } = case.state::<f32>(k);
     let [wide_y, wide_yd, wide_ydd] = [&y, &yd, &ydd].map(|x| wide(x));
     let motion: [(Field, &[f64]); 3] = [(Y, &wide_y), (Yd, &wide_yd), (Ydd, &wide_ydd)];
-    let truth = double.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, CondKd]).ok();
+    let reference = double.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, CondKd]).ok();
     let forces = double.ask(Request::InverseDynamics, &motion, &[TauQ, TauY, CondMy]).ok();
     let tau = narrow(forces.get(TauY));
     let forward = double
@@ -75,13 +75,13 @@ fn compare(
         return false;
     }
 
-    let (cond, cond_M) = (truth.get(CondKd)[0], forces.get(CondMy)[0]);
+    let (cond, cond_M) = (reference.get(CondKd)[0], forces.get(CondMy)[0]);
     let allowed = ROUNDING * EPSILON * cond;
-    let speed = largest(truth.get(Qd)).max(1.0);
-    let rate = speed.powi(2).max(largest(truth.get(Qdd)));
-    ledger.compare("q", case, &wide(x.get(Q)), truth.get(Q), 1.0, allowed);
-    ledger.compare("q̇", case, &wide(x.get(Qd)), truth.get(Qd), speed, allowed);
-    ledger.compare("q̈", case, &wide(x.get(Qdd)), truth.get(Qdd), rate, allowed * cond);
+    let speed = largest(reference.get(Qd)).max(1.0);
+    let rate = speed.powi(2).max(largest(reference.get(Qdd)));
+    ledger.compare("q", case, &wide(x.get(Q)), reference.get(Q), 1.0, allowed);
+    ledger.compare("q̇", case, &wide(x.get(Qd)), reference.get(Qd), speed, allowed);
+    ledger.compare("q̈", case, &wide(x.get(Qdd)), reference.get(Qdd), rate, allowed * cond);
     let force = largest(forces.get(TauQ));
     ledger.compare("τ_y", case, &wide(tau_y.get(TauY)), forces.get(TauY), force, allowed * cond);
     let acceleration = largest(forward.get(Ydd)).max(rate);
@@ -127,11 +127,11 @@ fn single_precision_never_gives_another_branch() {
         let (mut single, mut double) =
             (Robot::new(double.convert(|x| x as f32)), Robot::new(double.clone()));
         for k in 0..4 * STATES {
-            let (status, truth, error) = positions(&case, &mut single, &mut double, k);
+            let (status, reference, error) = positions(&case, &mut single, &mut double, k);
             let name = &case.name;
             assert!(
-                status != Status::Ok || truth == Status::Ok,
-                "{name}, state {k}: ok, but {truth} in double"
+                status != Status::Ok || reference == Status::Ok,
+                "{name}, state {k}: ok, but {reference} in double"
             );
             assert!(error < ANOTHER, "{name}, state {k}: {error}");
             *(if status == Status::Ok { &mut answered } else { &mut refused }) += 1;

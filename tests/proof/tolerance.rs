@@ -27,9 +27,9 @@ fn measured(case: &Case, model: &Model) -> (f64, f64) {
     for k in 0..STATES {
         let x = robot.ask(Request::Kinematics, &[(Y, &case.state::<f64>(k).y)], &[Q, Iterations]);
         assert_eq!(x.answer.status, Status::Ok, "{} state {k}", case.name);
-        let truth =
+        let reference =
             exact.ask(Request::Kinematics, &[(Y, &case.state(k).y)], &[Q]).ok().map(|x| x.hi());
-        worst = worst.max(error_by_size(x.get(Q), truth.get(Q), 1.0));
+        worst = worst.max(error_by_size(x.get(Q), reference.get(Q), 1.0));
         steps += x.get(Iterations)[0];
     }
     (worst, steps)

@@ -122,13 +122,13 @@ fn conditions_agree_with_an_independent_engine() {
 fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
     let mut robot = Robot::new(bundled(name).model);
     let mut worst: Vec<(&'static str, f64)> = Vec::new();
-    let mut note = |key: &'static str, mine: &[f64], truth: &[Dd], least: f64| {
-        let size = largest(truth).max(least);
+    let mut note = |key: &'static str, mine: &[f64], reference: &[Dd], least: f64| {
+        let size = largest(reference).max(least);
         // the spacing of doubles at that size
         let ulp = 2f64.powi(size.log2().floor() as i32 - 52);
         let error = mine
             .iter()
-            .zip(truth)
+            .zip(reference)
             .fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs() / ulp));
         match worst.iter_mut().find(|x| x.0 == key) {
             Some(seen) => seen.1 = seen.1.max(error),

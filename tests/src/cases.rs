@@ -96,7 +96,7 @@ impl Case {
     }
 
     /// How far the rows of the loops contradict each other or the closed forms, which no precision
-    /// mends: the misfit of a closed form that counts as rounding, and the redundant rows of
+    /// corrects: the misfit of a closed form that counts as rounding, and the redundant rows of
     /// placements that are rounded.
     pub fn contradiction(&self) -> f64 {
         let closures = self.compiled.model.closures();
@@ -136,7 +136,7 @@ impl Case {
         let (mut y, mut yd, mut ydd) = (Vec::new(), Vec::new(), Vec::new());
         for (name, reach) in model.independent_names().iter().zip(&self.reach) {
             if let Some(joint) = name.strip_suffix("/rx") {
-                // a floating joint: position and quaternion stand for its six freedoms; a ball
+                // a floating joint: position and quaternion stand for its six degrees of freedom; a ball
                 // joint: a quaternion for its three
                 if model.independent_names().contains(&format!("{joint}/tx")) {
                     y.extend(seeded.vector(self.scale).map(number));

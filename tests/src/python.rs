@@ -62,13 +62,13 @@ pub fn environment() -> &'static Environment {
 
 fn make() -> Result<Environment, String> {
     // target/PROFILE/deps/proof-…
-    let test = std::env::current_exe().map_err(told)?;
+    let test = std::env::current_exe().map_err(described)?;
     let profile = test.ancestors().nth(2).ok_or("this is no test binary of cargo")?;
     let root = profile.parent().ok_or("this is no test binary of cargo")?.join("python");
-    fs::create_dir_all(&root).map_err(told)?;
+    fs::create_dir_all(&root).map_err(described)?;
     // one process at a time; the lock ends with the file's handle
-    let lock = File::create(root.join("lock")).map_err(told)?;
-    lock.lock().map_err(told)?;
+    let lock = File::create(root.join("lock")).map_err(described)?;
+    lock.lock().map_err(described)?;
     let python = virtual_environment(&root.join("environment"))?;
     // each profile has a package of its own
     let package = root.join(profile.file_name().ok_or("no profile")?);
@@ -105,22 +105,22 @@ fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
         ));
     }
     if folder.exists() {
-        fs::remove_dir_all(folder).map_err(told)?;
+        fs::remove_dir_all(folder).map_err(described)?;
     }
     run(Command::new(&base).args(["-m", "venv"]).arg(folder))
         .map_err(|error| format!("{error}\non Debian: apt install python3-venv"))?;
     let requirements = folder.join("requirements.txt");
-    fs::write(&requirements, REQUIREMENTS).map_err(told)?;
+    fs::write(&requirements, REQUIREMENTS).map_err(described)?;
     let mut install = Command::new(&python);
     install
         .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement"])
         .arg(&requirements);
     run(&mut install)?;
-    fs::write(&stamp, made_from).map_err(told)?;
+    fs::write(&stamp, made_from).map_err(described)?;
     Ok(python)
 }
 
-fn told(error: std::io::Error) -> String {
+fn described(error: std::io::Error) -> String {
     error.to_string()
 }
 
@@ -140,7 +140,7 @@ fn run(command: &mut Command) -> Result<String, String> {
 
 /// Makes a folder of Python sources equal to another one.
 fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
-    fs::create_dir_all(to).map_err(told)?;
+    fs::create_dir_all(to).map_err(described)?;
     let query: Vec<PathBuf> =
         entries(from)?.into_iter().filter(|path| !path.ends_with("__pycache__")).collect();
     // what the sources no longer have must not be found by an import
@@ -149,8 +149,8 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
         let is_extension = path.extension().is_some_and(|ending| ending == "so");
         match (same || is_extension, path.is_dir()) {
             (true, _) => {}
-            (false, true) => fs::remove_dir_all(&path).map_err(told)?,
-            (false, false) => fs::remove_file(&path).map_err(told)?,
+            (false, true) => fs::remove_dir_all(&path).map_err(described)?,
+            (false, false) => fs::remove_file(&path).map_err(described)?,
         }
     }
     for path in query {
@@ -166,7 +166,7 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
 
 fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    entries.map(|entry| entry.map(|entry| entry.path()).map_err(told)).collect()
+    entries.map(|entry| entry.map(|entry| entry.path()).map_err(described)).collect()
 }
 
 /// Copies a file that differs, under another name first: a process that has the old one open keeps
@@ -177,6 +177,6 @@ fn copy_file(from: &Path, to: &Path) -> Result<(), String> {
         return Ok(());
     }
     let fresh = to.with_extension("fresh");
-    fs::write(&fresh, bytes).map_err(told)?;
-    fs::rename(&fresh, to).map_err(told)
+    fs::write(&fresh, bytes).map_err(described)?;
+    fs::rename(&fresh, to).map_err(described)
 }

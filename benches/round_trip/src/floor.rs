@@ -11,17 +11,17 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc::Service;
-use sarrus_benches::Outcome;
-use sarrus_benches::cores::Cores;
 use sarrus_proto::lane::{ComputeActive, ComputeClient, ComputePending, send_request};
 use sarrus_proto::message::{ComputeRequest, RequestHead};
 use sarrus_proto::service::{ComputeServer, open_compute, serve_compute};
 use sarrus_proto::{Domain, ServerName};
+use sarrus_report::Outcome;
+use sarrus_report::measure::cores::Cores;
 
 use crate::child::{Child, Role};
 
 /// How long the two processes wait for each other.
-const PATIENCE: Duration = Duration::from_secs(5);
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// How often the near end looks before it gives the other one up: some seconds.
 const SPINS: u64 = 1 << 27;
 /// Numbers that one message can carry.
@@ -46,7 +46,7 @@ impl End {
         let server = serve_compute(&node, &ServerName::new(mine)?, 1)?;
         opened()?;
         let start = Instant::now();
-        let late = || start.elapsed() > PATIENCE;
+        let late = || start.elapsed() > LONGEST_WAIT;
         let client = loop {
             match open_compute(&node, &ServerName::new(theirs)?, 1) {
                 Ok(client) => break client,

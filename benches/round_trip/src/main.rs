@@ -14,14 +14,15 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use sarrus_benches::Outcome;
-use sarrus_benches::cases::What;
-use sarrus_benches::cores::Cores;
-use sarrus_benches::printed::{Printed, machine};
-use sarrus_benches::progress::Progress;
-use sarrus_benches::states::Robot;
+use sarrus_benches::printed::Printed;
 use sarrus_benches::table::{Format, Table, ns};
-use sarrus_benches::timing::clock;
+use sarrus_report::Outcome;
+use sarrus_report::measure::cores::Cores;
+use sarrus_report::measure::machine::machine;
+use sarrus_report::measure::progress::Progress;
+use sarrus_report::measure::timing::clock;
+use sarrus_report::robots::Robot;
+use sarrus_report::robots::Subject;
 use serde_json::json;
 
 use crate::measure::{Effort, ROBOT, STATES, Trip};
@@ -78,7 +79,7 @@ fn run(flags: &Flags) -> Outcome {
     let progress = Progress::silent();
     let cores = Cores::choose()?;
     cores.pin_client();
-    let robot = Robot::load(What::Bundled(ROBOT), STATES)?;
+    let robot = Robot::load(Subject::Bundled(ROBOT), STATES)?;
     let trips = measure::measure(&robot, &cores, &effort, &flags.only, &progress)?;
     progress.clear();
     let printed = Printed {

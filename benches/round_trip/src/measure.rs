@@ -5,15 +5,15 @@
 
 use std::time::Instant;
 
-use sarrus_benches::Outcome;
-use sarrus_benches::cases::{Question, packed};
-use sarrus_benches::cores::Cores;
-use sarrus_benches::progress::Progress;
-use sarrus_benches::states::Robot;
-use sarrus_benches::timing::Samples;
 use sarrus_client::{ConnectOptions, PlanId, Robot as Client, Transport, WaitStrategy};
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_proto::Domain;
+use sarrus_report::Outcome;
+use sarrus_report::measure::cores::Cores;
+use sarrus_report::measure::progress::Progress;
+use sarrus_report::measure::timing::Samples;
+use sarrus_report::robots::Robot;
+use sarrus_report::robots::{Question, packed};
 use serde_json::{Value, json};
 
 use crate::child::{Child, Role};

@@ -3,18 +3,36 @@
 mod tables;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
+use sarrus_report::Outcome;
+use sarrus_report::measure::cores::Cores;
+use sarrus_report::measure::machine::machine;
+use sarrus_report::measure::progress::Progress;
+use sarrus_report::measure::timing;
+use sarrus_report::robots::{Robot, Subject};
 use serde_json::json;
 
-use crate::Outcome;
 use crate::cases::{self, Case};
-use crate::cores::Cores;
-use crate::error;
-use crate::printed::{Printed, machine};
-use crate::progress::Progress;
-use crate::states::Robot;
+use crate::errors;
+use crate::printed::Printed;
 use crate::table::Format;
-use crate::timing::{self, Effort};
+
+/// How much a run repeats.
+#[derive(Clone, Copy, Debug)]
+struct Effort {
+    /// States whose error is measured.
+    states: usize,
+    /// How long the rounds through all cases go on.
+    rounds: Duration,
+}
+
+impl Effort {
+    /// At most a minute.
+    const QUICK: Effort = Effort { states: 256, rounds: Duration::from_secs(15) };
+    /// Some minutes.
+    const FULL: Effort = Effort { states: 1024, rounds: Duration::from_secs(120) };
+}
 
 /// What to measure and where it goes.
 #[derive(Clone, Debug)]
@@ -44,8 +62,7 @@ pub fn run(options: &Options) -> Outcome {
 
     // the same states for every way to close a robot's loops
     let mut robots = Vec::new();
-    let whats: Vec<cases::What> =
-        cases::What::all().filter(|what| what.may_have(&options.only)).collect();
+    let whats: Vec<Subject> = Subject::all().filter(|what| what.may_have(&options.only)).collect();
     for (k, what) in whats.iter().enumerate() {
         progress.show(what.name(), k as f64 / whats.len() as f64);
         match Robot::load(*what, what.states(if options.list { 0 } else { effort.states })) {
@@ -69,7 +86,7 @@ pub fn run(options: &Options) -> Outcome {
     let n_cases = cases.len();
     for (k, case) in cases.iter_mut().enumerate() {
         progress.show("errors", k as f64 / n_cases as f64);
-        errors.push(error::measure(case, &mut kept)?);
+        errors.push(errors::measure(case, &mut kept)?);
     }
     let samples =
         timing::interleaved(&mut cases, effort.rounds, |done| progress.show("in process", done))?;

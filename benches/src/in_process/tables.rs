@@ -1,13 +1,13 @@
 //! The tables of the times in process, and their numbers.
 
 use sarrus_dynamics::Method;
+use sarrus_report::measure::timing::Samples;
+use sarrus_report::robots::{Question, Robot, Start};
 use serde_json::{Value, json};
 
-use crate::cases::{Case, Question, Start};
-use crate::error::Errors;
-use crate::states::Robot;
+use crate::cases::Case;
+use crate::errors::Errors;
 use crate::table::{Table, error, ns};
-use crate::timing::Samples;
 
 /// Every table; none without cases.
 pub(super) fn all(

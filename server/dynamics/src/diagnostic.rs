@@ -46,7 +46,7 @@ impl fmt::Display for Diagnostic {
     errors.first().map(ToString::to_string).unwrap_or_default()
 )]
 pub struct CompileError {
-    /// What must be fixed.
+    /// What must be corrected.
     pub errors: Vec<Diagnostic>,
     /// What may stay.
     pub warnings: Vec<Diagnostic>,

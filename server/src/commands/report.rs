@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use sarrus_benches::report::{Effort, Options, names, run};
+use sarrus_report::measure::Effort;
+use sarrus_report::{Options, names, run};
 
 use super::output::finish;
 

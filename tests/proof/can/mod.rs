@@ -2,11 +2,11 @@
 //! kernel.
 
 mod chain;
-mod fronts;
+mod end_to_end;
+mod frontends;
 mod harness;
 mod kernel;
 mod peers;
 mod python;
-mod rehearsal;
 mod rules;
 mod watch;

@@ -1,12 +1,12 @@
 //! The rules with every protocol that has a simulated motor, in this process: nothing allocates,
 //! and power is the same on both sides.
 
-use sarrus_can::bridge::{Bridge, Verdict};
-use sarrus_can::config::{Configuration, Surroundings};
-use sarrus_can::drive::Measurement;
-use sarrus_can::frame::FrameQueue;
-use sarrus_can::mapping::{ActuatorSetpoint, Mapping};
-use sarrus_can::motor::{Physics, Simulated};
+use sarrus_can_core::bridge::{Bridge, CommandVerdict};
+use sarrus_can_core::config::{Configuration, Surroundings};
+use sarrus_can_core::drive::Measurement;
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::mapping::{ActuatorSetpoint, Mapping};
+use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
 use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation};
 use sarrus_tests::seed::Seeded;
@@ -94,7 +94,7 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
         let before = calls();
         if !(1000..1200).contains(&step) {
             let verdict = bridge.command(now_ns, &command);
-            assert_eq!(verdict == Verdict::NotFinite, step % 500 == 499);
+            assert_eq!(verdict == CommandVerdict::NotFinite, step % 500 == 499);
         }
         bridge.cycle(now_ns);
         calls_of_bridge += calls() - before;

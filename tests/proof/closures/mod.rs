@@ -47,14 +47,14 @@ fn answers<T: Scalar>(model: &Model<T>, y: &[f64], yd: &[f64]) -> Option<(Fields
 /// level, and what the misfit leaves.
 fn share<T: Scalar>(
     mine: &(Fields<T>, Fields<T>),
-    truth: &(Fields<T>, Fields<T>),
+    reference: &(Fields<T>, Fields<T>),
     misfit: f64,
     length: f64,
 ) -> f64 {
-    let cond = truth.0.get(CondKd)[0].to_f64();
-    let (velocity, K_size) = (largest(truth.0.get(Qd)), largest(truth.0.get(K)));
+    let cond = reference.0.get(CondKd)[0].to_f64();
+    let (velocity, K_size) = (largest(reference.0.get(Qd)), largest(reference.0.get(K)));
     let square = velocity * velocity;
-    let force = largest(truth.1.get(TauQ));
+    let force = largest(reference.1.get(TauQ));
     let allowed = 64.0 * T::EPSILON + 100.0 * misfit;
     let mut worst: f64 = 0.0;
     for (field, least, power) in [
@@ -66,7 +66,7 @@ fn share<T: Scalar>(
         (KBias, K_size * square, 1),
         (Qdd, square, 2),
     ] {
-        let share = error_by_size(mine.0.get(field), truth.0.get(field), least)
+        let share = error_by_size(mine.0.get(field), reference.0.get(field), least)
             / (allowed * cond.powi(power));
         if share > 1.0 {
             println!("{field:?}: {share:.1e} of {allowed:.1e}, cond {cond:.1e}");
@@ -75,8 +75,8 @@ fn share<T: Scalar>(
     }
     // moments make forces over the mechanism's length
     for (field, least) in [(TauQ, force), (TauY, force), (Lambda, force / length.min(1.0))] {
-        let share =
-            error_by_size(mine.1.get(field), truth.1.get(field), least) / (allowed * cond * cond);
+        let share = error_by_size(mine.1.get(field), reference.1.get(field), least)
+            / (allowed * cond * cond);
         if share > 1.0 {
             println!(
                 "{field:?}: {share:.1e} of {allowed:.1e}, cond {cond:.1e}, forces of {force:.1e}"
@@ -94,7 +94,7 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
     for seed in 0..40 {
         let straight = seed % 4 == 0;
         let draft = draft(seed, straight);
-        let description = &draft.description;
+        let description = &draft.description();
         let (form, newton) = (compile(description), numerical(description));
         let info = &form.model.closures()[0];
         assert!(form.warnings.is_empty(), "seed {seed}: {:?}", form.warnings);

@@ -12,15 +12,23 @@ const PATH: &str = "../models/src/closures.md";
 const HEAD: &str = "\
 # Closures
 
-How the loops of each bundled robot are closed. The tables are what `sarrus check --robot NAME` prints, and a test compares them.
+How the loops of each bundled robot are closed. The tables are what `sarrus check --robot NAME`
+prints, and a test compares them.
 
-- `closure`: `analytic` by a closed form, `numerical` by Newton's method on the rows, `serial` without loops.
-- `rows` are the constraint rows, `rank` says how many of them are independent; `redundant` ones say nothing new and are left out.
-- `idle` joints turn a rod between its ball joints and nothing else; they keep the value that they start with.
-- `branch` is the sign of det K_d at the zero pose, one for each cluster that can be assembled in two ways, 0 where the pose is singular.
-- `misfit` is how far the geometry is from what the closed form assumes, relative to the mechanism's size.
-- `sigma` and `cond` are the least singular value and the condition number of the scaled K_d at the zero pose.
-- Singular poses are those of the type: where the dependents cannot be told from the independents.
+- `closure`: `analytic` by a closed form, `numerical` by Newton's method on the rows, `serial`
+  without loops.
+- `rows` are the constraint rows, `rank` says how many of them are independent; `redundant` ones say
+  nothing new and are left out.
+- `idle` joints turn a rod between its ball joints and nothing else; they keep the value that they
+  start with.
+- `branch` is the sign of det K_d at the zero pose, one for each cluster that can be assembled in
+  two ways, 0 where the pose is singular.
+- `misfit` is how far the geometry is from what the closed form assumes, relative to the mechanism's
+  size.
+- `sigma` and `cond` are the least singular value and the condition number of the scaled K_d at the
+  zero pose.
+- Singular poses are those of the type: where the dependents cannot be distinguished from
+  the independents.
 
 ";
 

@@ -49,7 +49,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A robot of one freedom under way: y, ẏ and its tree coordinates.
+/// A robot of one degree of freedom under way: y, ẏ and its tree coordinates.
 #[derive(Default)]
 struct Motion {
     y: f64,

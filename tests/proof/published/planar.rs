@@ -2,8 +2,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use sarrus_benches::four_bars;
 use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_report::integration::four_bars;
 use sarrus_tests::compare::assert_close;
 use sarrus_tests::seed::Seeded;
 

@@ -1,4 +1,4 @@
-//! Numerical closures never fail silently: ranks, idle freedoms, reactions, singular poses and
+//! Numerical closures never fail silently: ranks, idle degrees of freedom, reactions, singular poses and
 //! targets out of reach.
 
 mod mechanisms;
@@ -119,7 +119,7 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
                     &[K, Lambda, LambdaDeterminate, TauQ, TauU],
                 )
                 .ok();
-            let (lambda, told) = (x.get(Lambda), x.get(LambdaDeterminate));
+            let (lambda, reported) = (x.get(Lambda), x.get(LambdaDeterminate));
             // the loops supply what the actuator does not
             let mut rest = x.get(TauQ).to_vec();
             rest[0] -= x.get(TauU)[0];
@@ -134,7 +134,7 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
                     along.abs() < 1e-11 * largest(&scaled),
                     "{along} along a null vector of {scaled:?}"
                 );
-                // and a null vector changes exactly the reactions that are not told to be
+                // and a null vector changes exactly the reactions that are not reported to be
                 // determinate
                 let unseen: f64 = (0..n - 1)
                     .map(|j| (0..rows).map(|r| K_d[(r, j)] * null[(r, a)]).sum::<f64>().abs())
@@ -144,12 +144,12 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
             for r in 0..rows {
                 let share = (0..null.ncols()).map(|a| null[(r, a)].powi(2)).sum::<f64>().sqrt();
                 assert_eq!(
-                    told[r] == 1.0,
+                    reported[r] == 1.0,
                     share < 1e-6,
-                    "row {r} shares {share:.1e}, told {}",
-                    told[r]
+                    "row {r} shares {share:.1e}, reported {}",
+                    reported[r]
                 );
-                counts = if told[r] == 1.0 {
+                counts = if reported[r] == 1.0 {
                     (counts.0 + 1, counts.1)
                 } else {
                     (counts.0, counts.1 + 1)
@@ -307,16 +307,16 @@ fn toggle() -> (f64, f64) {
 
 #[test]
 fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
-    let mut counts = [0; 16];
+    let mut counts = [0; Status::ALL.len()];
     let mut check = |robot: &mut Robot<f64>, reach: f64, beyond: f64, name: &str| {
         let x = at(robot, &[reach + beyond], &[Q, NearestY, Residual, SigmaMin, GoodIndependents]);
         counts[x.answer.status as usize] += 1;
         assert_ne!(x.answer.status, Status::Ok, "{name} {beyond:.1e} beyond");
-        let told = x.get(NearestY)[0];
+        let reported = x.get(NearestY)[0];
         assert!(
-            (told - reach).abs() < 1e-9,
-            "{name} {beyond:.1e} beyond: nearest {told}, truly {reach}, off by {:.1e}",
-            told - reach
+            (reported - reach).abs() < 1e-9,
+            "{name} {beyond:.1e} beyond: nearest {reported}, truly {reach}, off by {:.1e}",
+            reported - reach
         );
         assert!(x.get(SigmaMin)[0] < 1e-2, "{name}: {:?}", x.get(SigmaMin));
         // the crank is no good independent there, some dependent is
@@ -438,7 +438,7 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
         let mut seeded = Seeded::new(5);
         let (mut robot, mut exact) = (robot(&compiled), Robot::new(compiled.exact.clone()));
         let branch = at(&mut robot, &[0.0], &[Branch]).ok().get(Branch).to_vec();
-        let (mut counts, mut closest) = ([0; 16], f64::INFINITY);
+        let (mut counts, mut closest) = ([0; Status::ALL.len()], f64::INFINITY);
         for _ in 0..400 {
             // as near as rounding on either side
             let y = reach + seeded.sign() * 10f64.powf(seeded.within(-15.0, 0.0));
@@ -452,21 +452,25 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
                 continue;
             }
             let finite = x.get(Q).iter().chain(x.get(G)).all(|x| x.is_finite());
-            let truth = exact.ask(Request::Kinematics, &[(Y, &[Dd::from(y)])], &[Q]);
-            let near = truth.answer.status == Status::Ok && {
-                let truth: Vec<f64> = truth.get(Q).iter().map(|q| q.hi()).collect();
-                error_by_size(x.get(Q), &truth, 1.0) < 1e-15 * x.get(CondKd)[0].powi(2).max(10.0)
+            let reference = exact.ask(Request::Kinematics, &[(Y, &[Dd::from(y)])], &[Q]);
+            let near = reference.answer.status == Status::Ok && {
+                let reference: Vec<f64> = reference.get(Q).iter().map(|q| q.hi()).collect();
+                error_by_size(x.get(Q), &reference, 1.0)
+                    < 1e-15 * x.get(CondKd)[0].powi(2).max(10.0)
             };
             if !finite || x.get(Branch) != branch || x.get(Residual)[0] > 1e-12 || !near {
                 println!("{name} at {y}, {:.1e} from its reach: ok but wrong", y - reach);
                 silent += 1;
             }
         }
-        let told =
+        let reported =
             Status::ALL.iter().map(|status| (status, counts[*status as usize])).filter(|x| x.1 > 0);
         println!(
             "{name}, answered up to {closest:.1e} from its reach: {}",
-            told.map(|(status, count)| format!("{count} {status}")).collect::<Vec<_>>().join(", ")
+            reported
+                .map(|(status, count)| format!("{count} {status}"))
+                .collect::<Vec<_>>()
+                .join(", ")
         );
     }
     println!("silent failures: {silent}");

@@ -1,4 +1,4 @@
-//! What cannot be simulated, and how that is told.
+//! What cannot be simulated, and how that is reported.
 
 use sarrus_dynamics::Status;
 use sarrus_simulation::{End, EventKind, Run, SimulationError, Source, Space};
@@ -113,13 +113,14 @@ fn an_open_start_is_closed_and_told_and_a_closed_one_left_alone() {
     let (mut q, mut qd) = (first.q.clone(), first.qd.clone());
     q[1] += 0.01;
     qd[3] -= 0.1;
-    let mended = robot.run(&Start::Tree { q, qd }, &settings);
+    let projected = robot.run(&Start::Tree { q, qd }, &settings);
     assert!(
-        (mended.correction[0] - 0.01).abs() < 1e-9 && (mended.correction[1] - 0.1).abs() < 1e-3,
+        (projected.correction[0] - 0.01).abs() < 1e-9
+            && (projected.correction[1] - 0.1).abs() < 1e-3,
         "{:?}",
-        mended.correction
+        projected.correction
     );
-    assert!(mended.residual() < 1e-14);
+    assert!(projected.residual() < 1e-14);
 }
 
 /// The five-bar pushed out of its reach.

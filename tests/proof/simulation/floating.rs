@@ -156,10 +156,10 @@ fn without_gravity_momentum_stays_and_quaternions_keep_their_length() {
 fn every_method_arrives_at_the_same_state_of_a_floating_robot() {
     let robot = satellite(-9.81);
     let start = spinning(&robot);
-    let truth = robot.run(&start, &fixed(Method::RungeKutta, 2e-4, 0.5));
+    let reference = robot.run(&start, &fixed(Method::RungeKutta, 2e-4, 0.5));
     for method in [Method::Dop853, Method::Radau5] {
         let run = robot.run(&start, &adaptive(method, 1e-11, 0.5));
-        assert_close(method.name(), &arrived(&run).y, &arrived(&truth).y, 1.0, 1e-9);
-        assert_close(method.name(), &arrived(&run).yd, &arrived(&truth).yd, 1.0, 1e-8);
+        assert_close(method.name(), &arrived(&run).y, &arrived(&reference).y, 1.0, 1e-9);
+        assert_close(method.name(), &arrived(&run).yd, &arrived(&reference).yd, 1.0, 1e-8);
     }
 }

@@ -22,7 +22,7 @@ fn implicit_forms_arrive_where_the_independents_do() {
         let robot = pushed(name, force);
         let n = robot.loaded.compiled.model.sizes().n_vy;
         let start = from(&vec![0.05; n], &vec![0.3; n]);
-        let truth = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 0.3));
+        let reference = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 0.3));
         for (method, allowed) in [(Method::Projection, 1e-7), (Method::Baumgarte, 1e-6)] {
             let run = robot.run(&start, &fixed(method, 1e-3, 0.3));
             println!(
@@ -34,14 +34,14 @@ fn implicit_forms_arrive_where_the_independents_do() {
             assert_close(
                 &format!("{name} by {}", method.name()),
                 &arrived(&run).y,
-                &arrived(&truth).y,
+                &arrived(&reference).y,
                 1.0,
                 allowed,
             );
             assert_close(
                 &format!("{name} by {}", method.name()),
                 &arrived(&run).yd,
-                &arrived(&truth).yd,
+                &arrived(&reference).yd,
                 1.0,
                 100.0 * allowed,
             );
@@ -104,10 +104,10 @@ fn springs_and_floating_bases_are_the_same_in_both_forms() {
         .map(|name| f64::from(u8::from(name.ends_with("/qw"))))
         .collect();
     let start = from(&rest, &vec![0.05; sizes.n_vy]);
-    let truth = robot.run(&start, &adaptive(Method::Dop853, 1e-11, 0.05));
+    let reference = robot.run(&start, &adaptive(Method::Dop853, 1e-11, 0.05));
     for method in [Method::Projection, Method::Baumgarte] {
         let run = robot.run(&start, &fixed(method, 2.5e-4, 0.05));
-        let gap = largest(&minus(&arrived(&run).y, &arrived(&truth).y));
+        let gap = largest(&minus(&arrived(&run).y, &arrived(&reference).y));
         println!("{} {gap:e} drift {:e}", method.name(), run.drift());
         assert!(gap < 1e-8, "{} is {gap:e} away", method.name());
     }

@@ -11,7 +11,7 @@ mod switching;
 use sarrus_models::{Loaded, Options, Source, load};
 use sarrus_simulation::{Input, Method, Point, Run, Settings, Setup, Spring, Start, simulate};
 
-/// A robot with what hangs on it.
+/// A robot with what acts on it.
 struct Robot {
     loaded: Loaded,
     springs: Vec<Spring>,

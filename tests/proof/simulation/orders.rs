@@ -45,11 +45,11 @@ fn adaptive_methods_come_nearer_the_truth_with_their_tolerance() {
         .inputs
         .push(Input { space: Space::Independent, source: Source::Constant(vec![2.0, -1.0]) });
     let start = from(&[0.05, -0.04], &[0.3, 0.2]);
-    let truth = robot.run(&start, &fixed(Method::RungeKutta, 1e-4, 0.2));
+    let reference = robot.run(&start, &fixed(Method::RungeKutta, 1e-4, 0.2));
     for method in [Method::Dop853, Method::Radau5] {
         let errors = [1e-4, 1e-7, 1e-10].map(|tolerance| {
             let run = robot.run(&start, &adaptive(method, tolerance, 0.2));
-            largest(&minus(&arrived(&run).yd, &arrived(&truth).yd))
+            largest(&minus(&arrived(&run).yd, &arrived(&reference).yd))
         });
         println!("{} {errors:?}", method.name());
         assert!(
@@ -63,14 +63,14 @@ fn adaptive_methods_come_nearer_the_truth_with_their_tolerance() {
 fn the_estimate_of_the_error_is_of_its_size() {
     let robot = Robot::bundled("lambda");
     let start = from(&[0.1], &[0.5]);
-    let truth = robot.run(&start, &fixed(Method::RungeKutta, 1e-4, 0.2));
+    let reference = robot.run(&start, &fixed(Method::RungeKutta, 1e-4, 0.2));
     for settings in [
         fixed(Method::Euler, 1e-3, 0.2),
         fixed(Method::RungeKutta, 1e-2, 0.2),
         adaptive(Method::Dop853, 1e-6, 0.2),
     ] {
         let run = robot.run(&start, &Settings { estimate: true, ..settings });
-        let error = (arrived(&run).yd[0] - arrived(&truth).yd[0]).abs();
+        let error = (arrived(&run).yd[0] - arrived(&reference).yd[0]).abs();
         let [_, estimate] = run.error_estimate.unwrap();
         println!("{} error {error:e} estimate {estimate:e}", settings.method.name());
         assert!(
@@ -138,7 +138,7 @@ fn the_semi_implicit_method_neither_gains_nor_loses_energy_over_ten_thousand_swi
 fn a_step_as_long_as_the_samples_or_the_motion_is_estimated_too() {
     let robot = Robot::bundled("lambda");
     let start = from(&[0.3], &[0.0]);
-    let truth = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 1.0));
+    let reference = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 1.0));
     for (step, every) in [(0.1, Some(0.05)), (1.0, None), (0.25, Some(0.25))] {
         let settings = Settings {
             step: Some(step),
@@ -147,7 +147,7 @@ fn a_step_as_long_as_the_samples_or_the_motion_is_estimated_too() {
             ..Settings::new(Method::RungeKutta, 1.0)
         };
         let run = robot.run(&start, &settings);
-        let error = (arrived(&run).y[0] - arrived(&truth).y[0]).abs();
+        let error = (arrived(&run).y[0] - arrived(&reference).y[0]).abs();
         let [estimate, _] = run.error_estimate.unwrap();
         assert!(estimate > 0.03 * error, "step {step}: error {error:e}, estimate {estimate:e}");
     }

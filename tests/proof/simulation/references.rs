@@ -4,7 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use sarrus_benches::{four_bars, pendulum};
+use sarrus_report::integration::{four_bars, pendulum};
 use sarrus_simulation::{Source, Space};
 use sarrus_tests::compare::assert_close;
 
@@ -136,7 +136,7 @@ fn bricards_mechanism_falls_as_published() {
 /// Flyball governor (IFToMM A05), which is stiff.
 fn governor() -> Robot {
     let mut robot =
-        Robot::text(include_str!("../../../benches/src/integration/governor.urdf"), None);
+        Robot::text(include_str!("../../../server/report/src/integration/governor.urdf"), None);
     for rod in ["right_rod", "left_rod"] {
         robot.spring((rod, [0.5, 0.0, 0.0]), ("slider", [0.0; 3]), [8e5, 4e4, 0.5]);
     }

@@ -55,11 +55,12 @@ pub(super) fn slider_crank(kind: &str, independent: &str) -> Robot {
 fn a_slider_crank_driven_by_its_slider_goes_round_by_another_independent() {
     let right = slider_crank("NUMERICAL", "turn");
     let wrong = slider_crank("NUMERICAL", "slide");
-    let truth = right.run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-11, 3.0));
-    let turns = arrived(&truth).y[0] / (2.0 * std::f64::consts::PI);
+    let reference = right.run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-11, 3.0));
+    let turns = arrived(&reference).y[0] / (2.0 * std::f64::consts::PI);
     assert!(turns > 2.0, "{turns} turns only");
     // ẋ of the slider at ẏ of the crank: from the same state of the tree
-    let start = Start::Tree { q: truth.samples[0].q.clone(), qd: truth.samples[0].qd.clone() };
+    let start =
+        Start::Tree { q: reference.samples[0].q.clone(), qd: reference.samples[0].qd.clone() };
     for settings in [
         adaptive(Method::Dop853, 1e-11, 3.0),
         adaptive(Method::Radau5, 1e-10, 3.0),
@@ -81,7 +82,7 @@ fn a_slider_crank_driven_by_its_slider_goes_round_by_another_independent() {
         let gap = end
             .q
             .iter()
-            .zip(&arrived(&truth).q)
+            .zip(&arrived(&reference).q)
             .fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
         assert!(gap < 1e-7, "{} ends {gap:e} away", settings.method.name());
         // y stays what was declared
@@ -92,9 +93,10 @@ fn a_slider_crank_driven_by_its_slider_goes_round_by_another_independent() {
 #[test]
 fn without_switching_it_ends_at_the_dead_centre_and_says_why() {
     let robot = slider_crank("NUMERICAL", "slide");
-    let truth = slider_crank("NUMERICAL", "turn")
+    let reference = slider_crank("NUMERICAL", "turn")
         .run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-9, 0.1));
-    let start = Start::Tree { q: truth.samples[0].q.clone(), qd: truth.samples[0].qd.clone() };
+    let start =
+        Start::Tree { q: reference.samples[0].q.clone(), qd: reference.samples[0].qd.clone() };
     for settings in [
         adaptive(Method::Dop853, 1e-9, 3.0),
         adaptive(Method::Radau5, 1e-9, 3.0),
@@ -131,13 +133,14 @@ fn without_switching_it_ends_at_the_dead_centre_and_says_why() {
 fn closed_forms_are_left_for_others_where_they_have_to_be() {
     let right = slider_crank("NUMERICAL", "turn");
     let wrong = slider_crank("SLIDERCRANK", "slide");
-    let truth = right.run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-11, 2.0));
-    let start = Start::Tree { q: truth.samples[0].q.clone(), qd: truth.samples[0].qd.clone() };
+    let reference = right.run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-11, 2.0));
+    let start =
+        Start::Tree { q: reference.samples[0].q.clone(), qd: reference.samples[0].qd.clone() };
     let run = wrong.run(&start, &adaptive(Method::Dop853, 1e-10, 2.0));
     let gap = arrived(&run)
         .q
         .iter()
-        .zip(&arrived(&truth).q)
+        .zip(&arrived(&reference).q)
         .fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
     println!("{:?}", run.events);
     assert!(gap < 1e-7, "ends {gap:e} away");

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use sarrus_proto::Sizes;
+use sarrus_proto::{ModelInfo, Sizes};
 
 use crate::closure::Closure;
 use crate::compile::couplings::{characteristic_length, couplings};
@@ -12,18 +12,18 @@ use crate::compile::geometry::{onto_z, unit, vector};
 use crate::compile::orders::Names;
 use crate::compile::owners::owners;
 use crate::compile::spanning_tree::{Partition, Skeleton};
-use crate::description::{Description, JointKind, Loop, SubmechanismKind};
+use crate::description::{Description, JointKind, Limits, Loop, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::linalg::TreeSparsity;
 use crate::mechanism::{Body, JointTerms, Motion};
-use crate::model::{Meta, Model, Order};
+use crate::model::{Model, Order};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, zero};
 
 /// A model before its closures are chosen, and who owns what.
 pub(super) struct Assembly {
     pub(super) model: Model<Dd>,
-    pub(super) meta: Meta,
+    pub(super) meta: ModelInfo,
     /// Submechanism, loop and row of each external row of K; couplings have no loop.
     pub(super) row_owner: Vec<(usize, Option<(usize, usize)>)>,
     /// For each cluster the first submechanism that owns a joint of it, and its joints in body
@@ -198,7 +198,7 @@ impl<'a> Builder<'a> {
             inertia: [Dd::ZERO; 6],
         };
         let model = Model {
-            meta: Arc::new(Meta::empty()),
+            meta: Arc::new(ModelInfo::default()),
             gravity: vector(description.gravity),
             bodies: vec![world],
             clusters: Vec::new(),
@@ -236,7 +236,7 @@ impl<'a> Builder<'a> {
         row_owner: &[(usize, Option<(usize, usize)>)],
         loops: &[Vec<Loop>],
         errors: &mut Vec<Diagnostic>,
-    ) -> Option<(Model<Dd>, Meta)> {
+    ) -> Option<(Model<Dd>, ModelInfo)> {
         self.model.zero = vec![Dd::ZERO; self.model.order.q.len()];
         for body in self.model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
             self.model.zero[body.q + body.motion.n_q() - 1] = Dd::ONE;
@@ -304,9 +304,9 @@ impl<'a> Builder<'a> {
             n_c: row_owner.len(),
             n_branches: branches.len(),
         };
-        let meta = Meta {
-            name: self.description.name.clone(),
-            fingerprint: fingerprint(self.description),
+        let meta = ModelInfo {
+            robot: self.description.name.clone(),
+            fingerprint: self.description.fingerprint(),
             sizes,
             tree: names.tree,
             tree_q: names.tree_q,
@@ -316,36 +316,10 @@ impl<'a> Builder<'a> {
             loops: loop_names,
             branches,
             links: self.description.links.iter().map(|link| link.name.clone()).collect(),
-            limits: names.limits,
+            limits: names.limits.iter().map(|limits| limits.map(Limits::finite)).collect(),
             closures: Vec::new(),
+            warnings: Vec::new(),
         };
         Some((self.model, meta))
-    }
-}
-
-/// FNV-1a over everything that was written.
-fn fingerprint(description: &Description) -> u64 {
-    format!("{description:?}").bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
-}
-
-impl Meta {
-    pub(super) fn empty() -> Meta {
-        Meta {
-            name: String::new(),
-            fingerprint: 0,
-            sizes: Sizes::default(),
-            tree: Vec::new(),
-            tree_q: Vec::new(),
-            independent: Vec::new(),
-            independent_q: Vec::new(),
-            active: Vec::new(),
-            loops: Vec::new(),
-            branches: Vec::new(),
-            links: Vec::new(),
-            limits: Vec::new(),
-            closures: Vec::new(),
-        }
     }
 }

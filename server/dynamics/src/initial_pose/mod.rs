@@ -22,6 +22,7 @@ use crate::model::{Model, assess};
 
 pub use open::OpenModel;
 use problem::Problem;
+pub(crate) use rezero::placement;
 pub use rezero::{closing_placements, rezeroed};
 
 /// A closed pose near a given one.

@@ -5,22 +5,21 @@
 //! it does, and a link's own frame survives as a [`Frame`].
 
 mod closures_at_zero;
-mod info;
+mod compiled;
 mod order;
 mod tolerance;
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use sarrus_proto::Sizes;
+use sarrus_proto::{ClosureInfo, ModelInfo, Sizes};
 
 pub use closures_at_zero::ClosureAtZero;
 pub(crate) use closures_at_zero::assess;
-pub use info::{ClosureInfo, ClosureKind, Compiled};
+pub use compiled::Compiled;
 pub(crate) use order::{Limit, Order};
 
 use crate::closure::Closure;
-use crate::description::Limits;
 use crate::linalg::TreeSparsity;
 use crate::mechanism::{Body, Cluster, Frame, JointTerms};
 use crate::scalar::Real;
@@ -32,7 +31,8 @@ pub(crate) const UNEQUAL: f64 = 1e6;
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
 pub struct Model<C = f64> {
-    pub(crate) meta: Arc<Meta>,
+    /// What both precisions share.
+    pub(crate) meta: Arc<ModelInfo>,
     /// Gravity {root} `[m/s²]`.
     pub(crate) gravity: Vector3<C>,
     /// Bodies; 0 is the world.
@@ -70,28 +70,14 @@ pub struct Model<C = f64> {
     pub(crate) effort: Vec<f64>,
 }
 
-/// What both precisions of a model share.
-#[derive(Clone, Debug)]
-pub(crate) struct Meta {
-    pub(crate) name: String,
-    pub(crate) fingerprint: u64,
-    pub(crate) sizes: Sizes,
-    pub(crate) tree: Vec<String>,
-    pub(crate) tree_q: Vec<String>,
-    pub(crate) independent: Vec<String>,
-    pub(crate) independent_q: Vec<String>,
-    pub(crate) active: Vec<String>,
-    pub(crate) loops: Vec<String>,
-    pub(crate) branches: Vec<String>,
-    pub(crate) links: Vec<String>,
-    pub(crate) limits: Vec<Option<Limits>>,
-    pub(crate) closures: Vec<ClosureInfo>,
-}
-
 impl<C> Model<C> {
+    /// Names, orders, sizes, limits and closures; without the warnings of files.
+    pub fn info(&self) -> &ModelInfo {
+        &self.meta
+    }
     /// Name of the robot.
     pub fn name(&self) -> &str {
-        &self.meta.name
+        &self.meta.robot
     }
     /// A number that differs whenever any name, order or constant differs.
     pub fn fingerprint(&self) -> u64 {
@@ -146,10 +132,6 @@ impl<C> Model<C> {
             cluster.active.iter().for_each(|(u, _)| clusters[*u] = c);
         }
         clusters
-    }
-    /// Limits in the order of q̇ (n_v).
-    pub fn tree_limits(&self) -> &[Option<Limits>] {
-        &self.meta.limits
     }
 }
 

@@ -52,7 +52,12 @@ pub(super) struct ForceFlags {
     control: SpaceFlag,
     /// A spring with a damper between two points of links, such as `--spring base:0,0,0.1 hand
     /// 500,5,0.2`: stiffness N/m, damping N s/m, rest length m; may stand several times.
-    #[arg(long, num_args = 3, value_names = ["LINK:X,Y,Z", "LINK:X,Y,Z", "K,C,L0"], allow_hyphen_values = true)]
+    #[arg(
+        long,
+        num_args = 3,
+        value_names = ["LINK:X,Y,Z", "LINK:X,Y,Z", "K,C,L0"],
+        allow_hyphen_values = true
+    )]
     spring: Vec<String>,
 }
 
@@ -127,7 +132,8 @@ impl ForceFlags {
                     rest: *rest,
                 }),
                 other => Err(format!(
-                    "--spring {constants}: found {} number(s), expected stiffness, damping and rest length",
+                    "--spring {constants}: found {} number(s), expected stiffness, damping and \
+                     rest length",
                     other.len()
                 )),
             }
@@ -138,13 +144,13 @@ impl ForceFlags {
 
 /// A link with or without a point on it.
 fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
-    let place = |name: &str| model.link_names().iter().position(|link| link == name);
+    let index = |name: &str| model.link_names().iter().position(|link| link == name);
     // a link's own name may hold a colon
-    if let Some(link) = place(text) {
+    if let Some(link) = index(text) {
         return Ok(Point { link, at: [0.0; 3] });
     }
     let (name, at) = text.rsplit_once(':').unwrap_or((text, "0,0,0"));
-    let Some(link) = place(name) else {
+    let Some(link) = index(name) else {
         return Err(format!(
             "--spring {text}: there is no link `{name}`, expected one of {}",
             model.link_names().join(", ")

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use sarrus_benches::report::{Axis, Figure, Pictures, Point, Series};
 use sarrus_models::Loaded;
+use sarrus_report::page::{Axis, Figure, Pictures, Point, Series};
 use sarrus_simulation::{EventKind, Method, Run, Sample};
 use serde_json::{Value, json};
 
@@ -93,7 +93,7 @@ fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
     let series = |name: &str, of: &dyn Fn(&Sample) -> f64| Series {
         name: name.to_owned(),
         line: true,
-        front: false,
+        competes: false,
         points: run
             .samples
             .iter()
@@ -165,7 +165,8 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
         run.time
     ));
     line(format!(
-        "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), Jacobians {}, factorisations {}",
+        "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), \
+         Jacobians {}, factorisations {}",
         counts.steps,
         counts.rejected,
         counts.failed,
@@ -203,7 +204,8 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
 fn words(kind: &EventKind) -> String {
     match kind {
         EventKind::Switched { from, to, before, after } => format!(
-            "went on with the independents {} in place of {} (distance to singularity {before:.2e}, then {after:.2e})",
+            "went on with the independents {} in place of {} (distance to singularity \
+             {before:.2e}, then {after:.2e})",
             to.join(", "),
             from.join(", ")
         ),

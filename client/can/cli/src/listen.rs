@@ -1,0 +1,85 @@
+//! `sarrus-can listen`: what is said on a bus. For wiring: nothing is sent.
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::Args;
+use rustix::event::{PollFd, PollFlags};
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+use crate::bus::{self, Address, Bus, BusError, Heard, Reconnecting};
+use sarrus_client::now_ns;
+
+/// Options of `listen`.
+#[derive(Args)]
+pub(crate) struct Listen {
+    /// socketcan or slcan
+    #[arg(long, default_value = "socketcan")]
+    interface: String,
+    /// Network interface or serial port
+    #[arg(long)]
+    channel: String,
+    /// Bit rate [bit/s]; slcan takes 1000000 without it, and an interface of socketcan must have it
+    /// if it is said
+    #[arg(long)]
+    bitrate: Option<u32>,
+    /// Data bit rate of CAN FD [bit/s]
+    #[arg(long)]
+    data_bitrate: Option<u32>,
+}
+
+/// Prints frames as `candump -L` does, and news of the bus on stderr, until it is asked to stop.
+pub(crate) fn run(arguments: &Listen) -> ExitCode {
+    let stop = Arc::new(AtomicBool::new(false));
+    let registered = [SIGINT, SIGTERM]
+        .into_iter()
+        .try_for_each(|signal| signal_hook::flag::register(signal, Arc::clone(&stop)).map(|_| ()));
+    if let Err(error) = registered {
+        eprintln!("sarrus-can listen: signals: {error}");
+        return ExitCode::from(2);
+    }
+    match listen(arguments, &stop) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("sarrus-can listen: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
+    let Listen { interface, channel, bitrate, data_bitrate } = arguments;
+    let bitrate = bitrate.or((interface == "slcan").then_some(1_000_000));
+    let mut bus = Reconnecting::open(
+        channel,
+        Address { interface, channel, bitrate, data_bitrate: *data_bitrate, listen_only: true },
+    )?;
+    eprintln!("ready {channel}");
+    while !stop.load(Ordering::Relaxed) {
+        bus::wait_for(
+            &mut [PollFd::from_borrowed_fd(bus.readable(), PollFlags::IN)],
+            Duration::from_millis(100),
+        )?;
+        while let Some(heard) = bus.next()? {
+            let now_ns = now_ns();
+            let (seconds, micros) = (now_ns / 1_000_000_000, now_ns / 1000 % 1_000_000);
+            match heard {
+                Heard::Frame(frame) => {
+                    let mut out = io::stdout().lock();
+                    if writeln!(out, "({seconds}.{micros:06}) {channel} {frame}")
+                        .and_then(|()| out.flush())
+                        .is_err()
+                    {
+                        // nobody reads any more
+                        return Ok(());
+                    }
+                }
+                Heard::Event(event) => eprintln!("({seconds}.{micros:06}) {channel} {event:?}"),
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,141 @@
+//! `sarrus-can arm`, `disarm` and `reset`: what an operator tells a running bridge.
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use sarrus_client::Observer;
+use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
+
+/// Flags of the three.
+#[derive(Args)]
+pub(crate) struct Operate {
+    /// Name of the bridge
+    #[arg(default_value = "default")]
+    name: String,
+    /// Wait at most this long for the bridge to be where it is to go `[s]`
+    #[arg(long, default_value_t = 5.0)]
+    timeout: f64,
+}
+
+/// A request may find a bridge that does not know of this program yet: it is repeated after this
+/// time.
+const AGAIN: Duration = Duration::from_millis(50);
+/// After this time without a change a request to arm was refused at once.
+const REFUSED: Duration = Duration::from_millis(300);
+
+impl Operate {
+    /// 0 when the bridge is where it was to go, 1 when it is not (and why), 2 without a bridge.
+    pub(crate) fn run(&self, operation: Operation) -> ExitCode {
+        let name = operation.name();
+        let observer = match Observer::connect(&self.name) {
+            Ok(observer) => observer,
+            Err(error) => {
+                eprintln!("sarrus-can {name}: {error}");
+                return ExitCode::from(2);
+            }
+        };
+        match self.ask(&observer, operation) {
+            Ok(()) => {
+                // whoever asked may not want to know
+                let _ = writeln!(io::stdout(), "{}", goal(operation));
+                ExitCode::SUCCESS
+            }
+            Err(states) => {
+                eprintln!("sarrus-can {name}: {states}");
+                ExitCode::from(1)
+            }
+        }
+    }
+
+    /// Asks until the bridge is where it is to go, or will not get there.
+    fn ask(&self, observer: &Observer, operation: Operation) -> Result<(), String> {
+        let timeout = Duration::try_from_secs_f64(self.timeout).unwrap_or(Duration::MAX);
+        let begin = Instant::now();
+        let (mut asked, mut begun, mut repeated) = (observer.operate(operation), false, begin);
+        let (mut before, mut last) = (None, None);
+        while begin.elapsed() < timeout {
+            thread::sleep(Duration::from_millis(5));
+            let Some(state) = observer.state() else { continue };
+            let now = Standings::of(&state);
+            let before = *before.get_or_insert(now);
+            last = Some(now);
+            if state.stamp_ns > asked {
+                begun |= now != before || begin.elapsed() > REFUSED;
+                match operation {
+                    Operation::Disarm if now.enabled + now.arming == 0 => return Ok(()),
+                    Operation::Reset if now.fault == 0 => return Ok(()),
+                    Operation::Arm if now.enabled == now.all && now.all > 0 => return Ok(()),
+                    // refused, or given up
+                    Operation::Arm if begun && now.arming == 0 => return Err(now.to_string()),
+                    _ => {}
+                }
+            }
+            if !begun && repeated.elapsed() > AGAIN {
+                (asked, repeated) = (observer.operate(operation), Instant::now());
+            }
+        }
+        let Some(last) = last else { return Err("the bridge is silent".to_owned()) };
+        if operation == Operation::Arm && last.enabled == 0 && last.arming > 0 {
+            // power that comes when nobody waits for it any more would be a surprise
+            observer.operate(Operation::Disarm);
+            thread::sleep(AGAIN);
+            return Err(format!("{last}; given up after {} s and disarmed", self.timeout));
+        }
+        Err(last.to_string())
+    }
+}
+
+/// What people read when all went well.
+fn goal(operation: Operation) -> &'static str {
+    match operation {
+        Operation::Arm => "enabled",
+        Operation::Disarm => "disarmed",
+        _ => "reset",
+    }
+}
+
+/// How many actuators with motors stand where, and the worst of their reasons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Standings {
+    all: usize,
+    enabled: usize,
+    arming: usize,
+    fault: usize,
+    state: u32,
+    reason: u32,
+}
+
+impl Standings {
+    fn of(state: &ActuatorState) -> Standings {
+        let flags = state.flags.iter().zip(&state.states).take(state.n_u as usize);
+        let with_motor: Vec<u32> = flags
+            .filter(|(flags, _)| *flags & flag::NO_MOTOR == 0)
+            .map(|(_, state)| *state)
+            .collect();
+        let count =
+            |state: MechanismState| with_motor.iter().filter(|of| **of == state as u32).count();
+        Standings {
+            all: with_motor.len(),
+            enabled: count(MechanismState::Enabled),
+            arming: count(MechanismState::Arming),
+            fault: count(MechanismState::Fault),
+            state: state.state,
+            reason: state.reason,
+        }
+    }
+}
+
+impl core::fmt::Display for Standings {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let state = MechanismState::from_code(self.state).map_or("unknown", MechanismState::name);
+        let reason = Reason::from_code(self.reason).map_or("unknown", Reason::name);
+        write!(
+            f,
+            "the bridge is {state}: {reason}; {} of {} actuators have power",
+            self.enabled, self.all
+        )
+    }
+}

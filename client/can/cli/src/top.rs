@@ -1,0 +1,225 @@
+//! `sarrus-can top`: a running bridge at a glance.
+
+use std::fmt::Write as _;
+use std::io::{IsTerminal, Write as _};
+use std::process::ExitCode;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use sarrus_client::actuators::{ActuatorState, MechanismState, Reason, flag};
+use sarrus_client::watch::{BridgeStatistics, Times};
+use sarrus_client::{ConnectError, Observer};
+use sarrus_proto::counts::{BusCounts, CommandVerdict};
+use serde_json::{Map, Value, json};
+
+use crate::check::{Format, table};
+
+/// Time for the first state and statistics to come.
+const TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Flags of `top`.
+#[derive(Args)]
+pub(crate) struct Top {
+    /// Name of the bridge
+    #[arg(default_value = "default")]
+    name: String,
+    /// Look once; so it is where the output is no terminal
+    #[arg(long)]
+    once: bool,
+    /// As text, or as one JSON object for each look
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+impl Top {
+    /// 0, or 2 where there is no bridge.
+    pub(crate) fn run(&self) -> ExitCode {
+        match self.watch() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("sarrus-can top: {error}");
+                ExitCode::from(2)
+            }
+        }
+    }
+
+    fn watch(&self) -> Result<(), Box<dyn std::error::Error>> {
+        let observer = Observer::connect(&self.name)?;
+        let is_live = !self.once && std::io::stdout().is_terminal();
+        let (mut state, mut statistics) = (None, None);
+        let begin = Instant::now();
+        let mut heard = begin;
+        loop {
+            if let Some(new) = observer.state() {
+                (state, heard) = (Some(new), Instant::now());
+            }
+            statistics = observer.statistics().or(statistics);
+            if heard.elapsed() > TIMEOUT || (statistics.is_none() && begin.elapsed() > TIMEOUT) {
+                return Err(Box::new(ConnectError::SilentBridge { name: self.name.clone() }));
+            }
+            if let (Some(state), Some(statistics)) = (&state, &statistics) {
+                let text = match self.format {
+                    Format::Text => text(state, statistics),
+                    Format::Json => format!("{}\n", object(state, statistics)),
+                };
+                let clear =
+                    if is_live && self.format == Format::Text { "\x1b[2J\x1b[H" } else { "" };
+                let mut out = std::io::stdout().lock();
+                if write!(out, "{clear}{text}").and_then(|()| out.flush()).is_err() || !is_live {
+                    return Ok(());
+                }
+            }
+            thread::sleep(Duration::from_millis(if statistics.is_some() { 500 } else { 20 }));
+        }
+    }
+}
+
+fn state_name(code: u32) -> &'static str {
+    MechanismState::from_code(code).map_or("unknown", MechanismState::name)
+}
+
+fn reason(code: u32) -> &'static str {
+    Reason::from_code(code).map_or("unknown", Reason::name)
+}
+
+fn flags(bits: u32) -> Vec<&'static str> {
+    flag::NAMES
+        .into_iter()
+        .enumerate()
+        .filter(|(bit, _)| bits & (1 << bit) != 0)
+        .map(|(_, name)| name)
+        .collect()
+}
+
+/// One actuator's numbers, by its place.
+fn of<T: Copy + Default>(numbers: &[T], place: usize) -> T {
+    numbers.get(place).copied().unwrap_or_default()
+}
+
+fn times(name: &str, times: &Times) -> Vec<String> {
+    let us = |ns: u64| format!("{:.1}", ns as f64 / 1e3);
+    vec![
+        name.to_owned(),
+        times.count.to_string(),
+        us(times.p50),
+        us(times.p99),
+        us(times.p999),
+        us(times.max),
+    ]
+}
+
+fn row<const N: usize>(words: [&str; N]) -> Vec<String> {
+    words.map(String::from).to_vec()
+}
+
+fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
+    let mut out = String::new();
+    let s = statistics;
+    let up = s.stamp_ns.saturating_sub(s.started_ns) as f64 * 1e-9;
+    // writing to a string cannot fail
+    let _ = writeln!(
+        out,
+        "{} ({})   process {}, {up:.0} s, {} cycles",
+        state_name(state.state),
+        reason(state.reason),
+        s.process,
+        s.cycles
+    );
+    let count =
+        |verdict: &CommandVerdict| format!("{} {}", s.commands.of(*verdict), verdict.words());
+    let (taken, refused) = CommandVerdict::ALL.split_at(1);
+    let [taken, refused] = [taken, refused].map(|part| part.iter().map(count).collect::<Vec<_>>());
+    let _ = writeln!(out, "commands: {}; refused: {}\n", taken.join(", "), refused.join(", "));
+    let mut rows = vec![row(["µs", "count", "p50", "p99", "p99.9", "max"])];
+    rows.extend([
+        times("wake", &s.wake),
+        times("work", &s.work),
+        times("command age", &s.age),
+        times("reply", &s.reply),
+    ]);
+    table(&mut out, &rows);
+    out.push('\n');
+    let mut heads = row(["bus", "state", "load", "sent"]);
+    heads.extend(BusCounts::NAMES.map(String::from));
+    let mut rows = vec![heads];
+    for bus in s.buses.iter().take(s.n_buses as usize) {
+        let mut row = vec![
+            bus.name.as_str().to_owned(),
+            bus_state(bus.state).to_owned(),
+            format!("{:.0} %", bus.load * 100.0),
+        ];
+        row.push(bus.sent.to_string());
+        row.extend(bus.counts.each().map(|(_, count)| count.to_string()));
+        rows.push(row);
+    }
+    table(&mut out, &rows);
+    out.push('\n');
+    let mut rows = vec![row([
+        "actuator", "state", "reason", "position", "velocity", "effort", "°C", "fault", "flags",
+    ])];
+    for (place, name) in s.actuators.iter().enumerate().take(s.n_u as usize) {
+        rows.push(vec![
+            name.as_str().to_owned(),
+            state_name(of(&state.states, place)).to_owned(),
+            reason(of(&state.reasons, place)).to_owned(),
+            format!("{:.4}", of(&state.position, place)),
+            format!("{:.3}", of(&state.velocity, place)),
+            format!("{:.3}", of(&state.effort, place)),
+            format!("{:.0}", of(&state.temperature, place)),
+            format!("{:#x}", of(&state.faults, place)),
+            flags(of(&state.flags, place)).join(" "),
+        ]);
+    }
+    table(&mut out, &rows);
+    out
+}
+
+fn bus_state(code: u64) -> &'static str {
+    ["active", "warning", "passive", "off"].get(code as usize).copied().unwrap_or("unknown")
+}
+
+fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
+    let times = |times: &Times| json!({"count": times.count, "p50": times.p50, "p99": times.p99, "p999": times.p999, "max": times.max});
+    let commands: Map<String, Value> = CommandVerdict::ALL
+        .iter()
+        .map(|verdict| (verdict.name().to_owned(), json!(s.commands.of(*verdict))))
+        .collect();
+    let buses: Vec<Value> = s
+        .buses
+        .iter()
+        .take(s.n_buses as usize)
+        .map(|bus| {
+            let mut object = json!({
+                "name": bus.name.as_str(),
+                "state": bus_state(bus.state),
+                "load": bus.load,
+                "sent": bus.sent,
+            });
+            for (name, count) in bus.counts.each() {
+                object[name] = json!(count);
+            }
+            object
+        })
+        .collect();
+    let actuators: Vec<Value> = s
+        .actuators
+        .iter()
+        .enumerate()
+        .take(s.n_u as usize)
+        .map(|(place, name)| {
+            let number = |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
+            json!({"name": name.as_str(), "state": state_name(of(&state.states, place)), "reason": reason(of(&state.reasons, place)),
+               "position": number(&state.position), "velocity": number(&state.velocity), "effort": number(&state.effort),
+               "temperature": number(&state.temperature), "fault": of(&state.faults, place), "flags": flags(of(&state.flags, place)),
+               "measured_ns": of(&state.measured_ns, place)})
+        })
+        .collect();
+    json!({
+        "state": state_name(state.state), "reason": reason(state.reason), "sequence": state.sequence, "command": state.command,
+        "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint), "process": s.process, "cycles": s.cycles,
+        "commands": commands,
+        "times_ns": {"wake": times(&s.wake), "work": times(&s.work), "age": times(&s.age), "reply": times(&s.reply)},
+        "buses": buses, "actuators": actuators,
+    })
+}

@@ -1,0 +1,449 @@
+//! The rules: what the motors are given in each cycle, given commands, measurements and the state of
+//! the buses.
+//!
+//! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits
+//! until every motor measures, is calibrated, has no fault and a watchdog that is on, until the
+//! buses are error-active with nothing left to send, and until a controller commands. The first
+//! set-point is the measured position without gains; gains, efforts and the way to the commanded
+//! position then grow together. Commands older than T1 bring damping, older than T2 take the power
+//! away. Nothing ever arms by itself.
+
+mod counters;
+mod event;
+mod mechanism;
+mod motor;
+mod report;
+mod setpoint;
+#[cfg(test)]
+mod tests;
+mod verdict;
+
+pub use counters::{BusCounters, BusState, Counters};
+pub use event::BusEvent;
+pub use sarrus_proto::counts::CommandVerdict;
+
+use sarrus_proto::actuators::{
+    ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
+};
+
+use crate::config::{Configuration, Stop};
+use crate::drive::{DriveCommand, Power, Receipt};
+use crate::frame::{Frame, FrameQueue};
+use mechanism::Mechanism;
+use motor::Motor;
+
+/// Requests for power that are older than this are of another time `[ns]`.
+const OPERATION_NS: u64 = 1_000_000_000;
+/// A reset is repeated for this long to motors that keep a fault `[ns]`.
+const RESET_NS: u64 = 1_000_000_000;
+/// Room for frames of one motor in one cycle.
+const FRAMES_PER_MOTOR: usize = 8;
+
+/// The bridge between commands and motors of one robot.
+#[derive(Debug)]
+pub struct Bridge {
+    configuration: Configuration,
+    motors: Vec<Motor>,
+    mechanisms: Vec<Mechanism>,
+    buses: Vec<Bus>,
+    command: ActuatorCommand,
+    /// Stamp of the command when the robot was last asked to arm `[ns]`; arming waits for a later
+    /// one.
+    armed_at: u64,
+    /// Stamp of the newest request to disarm `[ns]`.
+    disarmed_at: u64,
+    /// Whether there was a command yet.
+    commanded: bool,
+    /// Since when a reset is under way.
+    reset_ns: Option<u64>,
+    last_cycle_ns: Option<u64>,
+    state: ActuatorState,
+    counters: Counters,
+}
+
+#[derive(Debug)]
+struct Bus {
+    queue: FrameQueue,
+    sync: Option<Frame>,
+    state: BusState,
+    backlog: u32,
+    counters: BusCounters,
+}
+
+impl Bridge {
+    /// A bridge whose motors are all disabled. Allocates; nothing after it does.
+    pub fn new(mut configuration: Configuration) -> Bridge {
+        let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
+        let buses = (0..configuration.buses.len()).map(|bus| Bus {
+            queue: FrameQueue::new((of_bus(bus).count() + 1) * FRAMES_PER_MOTOR),
+            sync: of_bus(bus).find_map(|motor| motor.drive.sync()),
+            state: BusState::Active,
+            backlog: 0,
+            counters: BusCounters::default(),
+        });
+        let buses = buses.collect();
+        let motors: Vec<Motor> =
+            std::mem::take(&mut configuration.motors).into_iter().map(Motor::new).collect();
+        let with_motors = |mechanism: usize| {
+            motors.iter().any(|motor| {
+                configuration.mechanisms.get(motor.config.actuator) == Some(&mechanism)
+            })
+        };
+        let mechanisms = (0..configuration.n_mechanisms())
+            .map(|number| Mechanism::new(with_motors(number)))
+            .collect();
+        let state = ActuatorState {
+            fingerprint: configuration.fingerprint,
+            n_u: configuration.actuators.len() as u64,
+            ..ActuatorState::default()
+        };
+        Bridge {
+            configuration,
+            motors,
+            mechanisms,
+            buses,
+            command: ActuatorCommand::default(),
+            armed_at: 0,
+            disarmed_at: 0,
+            commanded: false,
+            reset_ns: None,
+            last_cycle_ns: None,
+            state,
+            counters: Counters::default(),
+        }
+    }
+
+    /// The configuration, without its motors.
+    pub fn configuration(&self) -> &Configuration {
+        &self.configuration
+    }
+
+    /// Takes a frame that came on a bus at `now_ns`.
+    pub fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) {
+        let Some(of_bus) = self.buses.get_mut(bus) else { return };
+        of_bus.counters.counts.received += 1;
+        let mut is_known = false;
+        for motor in self.motors.iter_mut().filter(|motor| motor.config.bus == bus) {
+            match motor.config.drive.receive(now_ns, frame) {
+                Receipt::NotMine => continue,
+                Receipt::Malformed => of_bus.counters.counts.malformed += 1,
+                Receipt::Noted | Receipt::Parameter(..) => {}
+                Receipt::Measured(measured) => {
+                    if let Some(reply_ns) = motor.measured(now_ns, &measured) {
+                        self.counters.reply_ns = reply_ns;
+                        self.counters.replies += 1;
+                    } else if !measured.position.is_finite() {
+                        of_bus.counters.counts.malformed += 1;
+                    }
+                }
+            }
+            is_known = true;
+            break;
+        }
+        if !is_known {
+            of_bus.counters.counts.unknown += 1;
+        }
+    }
+
+    /// Takes what happened on a bus besides frames.
+    pub fn bus_event(&mut self, _now_ns: u64, bus: usize, event: BusEvent) {
+        let Some(of_bus) = self.buses.get_mut(bus) else { return };
+        of_bus.counters.add(event);
+        match event {
+            BusEvent::ErrorActive | BusEvent::Restarted => of_bus.state = BusState::Active,
+            BusEvent::ErrorWarning => of_bus.state = BusState::Warning,
+            BusEvent::ErrorPassive => of_bus.state = BusState::Passive,
+            BusEvent::BusOff => of_bus.state = BusState::Off,
+            BusEvent::Backlog(frames) => of_bus.backlog = frames,
+            BusEvent::Dropped(_) | BusEvent::Overrun(_) => {}
+        }
+        if matches!(event, BusEvent::BusOff | BusEvent::Restarted) {
+            self.motors
+                .iter_mut()
+                .filter(|motor| motor.config.bus == bus)
+                .for_each(|motor| motor.config.drive.forget());
+        }
+        if event == BusEvent::BusOff {
+            self.fail(|motor| motor.config.bus == bus, Reason::BusOff);
+        }
+    }
+
+    /// Takes a command, or says why not; a command that is not taken changes nothing but a counter.
+    pub fn command(&mut self, now_ns: u64, command: &ActuatorCommand) -> CommandVerdict {
+        let verdict = self.assess(now_ns, command);
+        self.counters.commands.add(verdict);
+        if verdict == CommandVerdict::Accepted {
+            self.command = *command;
+            self.commanded = true;
+        }
+        verdict
+    }
+
+    /// Takes a request of an operator. Power is given for requests of now only, and not for those
+    /// before the last one to disarm, in whatever order they come.
+    pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
+        let operation = Operation::from_code(request.operation)?;
+        if operation == Operation::Disarm {
+            self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
+        } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS
+            || request.stamp_ns <= self.disarmed_at
+        {
+            return None;
+        }
+        self.operate(now_ns, operation);
+        Some(operation)
+    }
+
+    /// Does what an operator asks.
+    pub fn operate(&mut self, now_ns: u64, operation: Operation) {
+        match operation {
+            Operation::Arm => {
+                self.armed_at = self.command.stamp_ns;
+                let unready = self.motors.iter().find_map(Motor::never_ready);
+                let Bridge { motors, mechanisms, configuration, .. } = self;
+                for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+                    if mechanism.arm(now_ns, unready) {
+                        let is_member = |motor: &&mut Motor| {
+                            configuration.mechanisms.get(motor.config.actuator) == Some(&number)
+                        };
+                        motors
+                            .iter_mut()
+                            .filter(is_member)
+                            .for_each(|motor| motor.config.drive.prepare());
+                    }
+                }
+            }
+            Operation::Disarm => {
+                self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed))
+            }
+            Operation::Reset => {
+                self.mechanisms.iter_mut().for_each(Mechanism::reset);
+                self.reset_ns = Some(now_ns);
+            }
+            _ => {}
+        }
+    }
+
+    /// One cycle: assesses, decides, and makes the frames to be sent now.
+    pub fn cycle(&mut self, now_ns: u64) {
+        let gap_ns = self.last_cycle_ns.map_or(0, |last| now_ns.saturating_sub(last));
+        self.last_cycle_ns = Some(now_ns);
+        self.counters.cycles += 1;
+        self.buses.iter_mut().for_each(|bus| bus.queue.clear());
+
+        // what failed since the last cycle
+        if gap_ns > self.configuration.timeouts.disable_ns {
+            self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
+        }
+        self.look_for_faults(now_ns);
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        self.motors.iter_mut().for_each(|motor| motor.forget_if_stale(now_ns, feedback_ns));
+
+        // how old the command is
+        let age_ns = now_ns.saturating_sub(self.command.stamp_ns);
+        let is_late = !self.commanded || age_ns > self.configuration.timeouts.damping_ns;
+        let is_lost = !self.commanded || age_ns > self.configuration.timeouts.disable_ns;
+        self.counters.age_ns = age_ns;
+
+        // where each mechanism goes
+        self.arm(now_ns, is_late);
+        for number in 0..self.mechanisms.len() {
+            self.follow(number, now_ns, is_late, is_lost);
+        }
+
+        // what each motor is given
+        let is_reset = self.reset_ns.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
+        let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
+        for motor in &mut self.motors {
+            let actuator = motor.config.actuator;
+            let mechanism = self
+                .configuration
+                .mechanisms
+                .get(actuator)
+                .and_then(|number| self.mechanisms.get(*number));
+            let (Some(mechanism), Some(bus)) = (mechanism, self.buses.get_mut(motor.config.bus))
+            else {
+                continue;
+            };
+            let command = match mechanism.ramp(now_ns, self.configuration.ramp_ns) {
+                Some(ramp) => DriveCommand::On(motor.setpoint(
+                    &self.command,
+                    ramp,
+                    mechanism.is_damped(),
+                    elapsed,
+                )),
+                None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
+                None => DriveCommand::Off,
+            };
+            motor.sent_ns = Some(now_ns);
+            motor.config.drive.cycle(now_ns, command, &mut bus.queue);
+        }
+        for bus in &mut self.buses {
+            bus.queue.push_some(bus.sync);
+        }
+        self.report(now_ns);
+    }
+
+    /// The frames of the last cycle for a bus, in the order in which they are to be sent. What
+    /// cannot be sent at once is to be dropped: the next cycle knows better.
+    pub fn frames(&self, bus: usize) -> &[Frame] {
+        self.buses.get(bus).map_or(&[], |bus| bus.queue.frames())
+    }
+
+    /// Frames that take the power from every motor become those of [`Bridge::frames`]; for every
+    /// way out. Send them several times.
+    pub fn shutdown(&mut self) {
+        self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed));
+        for (number, bus) in self.buses.iter_mut().enumerate() {
+            bus.queue.clear();
+            let of_bus = self.motors.iter().filter(|motor| motor.config.bus == number);
+            of_bus.for_each(|motor| motor.config.drive.disable(&mut bus.queue));
+        }
+    }
+
+    /// The frames of a bus that [`Bridge::shutdown`] would make, to be kept for the worst case.
+    /// Allocates.
+    pub fn shutdown_frames(&self, bus: usize) -> Vec<Frame> {
+        let mut queue = FrameQueue::new(self.motors.len() * FRAMES_PER_MOTOR);
+        let of_bus = self.motors.iter().filter(|motor| motor.config.bus == bus);
+        of_bus.for_each(|motor| motor.config.drive.disable(&mut queue));
+        queue.frames().to_vec()
+    }
+
+    /// What is known of all actuators after the last cycle.
+    pub fn state(&self) -> &ActuatorState {
+        &self.state
+    }
+
+    /// What was counted since the start.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// What was counted on a bus since the start, and how the bus is.
+    pub fn bus_counters(&self, bus: usize) -> Option<(BusState, &BusCounters)> {
+        self.buses.get(bus).map(|bus| (bus.state, &bus.counters))
+    }
+
+    /// Motors that fail bring their mechanism, or the robot, to FAULT.
+    fn look_for_faults(&mut self, now_ns: u64) {
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        for i in 0..self.motors.len() {
+            let Some(motor) = self.motors.get(i) else { continue };
+            let Some(number) = self.configuration.mechanisms.get(motor.config.actuator).copied()
+            else {
+                continue;
+            };
+            let Some(mechanism) =
+                self.mechanisms.get(number).filter(|mechanism| mechanism.is_powered())
+            else {
+                continue;
+            };
+            let reason = if motor.config.drive.state().fault != 0 {
+                Reason::MotorFault
+            } else if motor.is_stale(now_ns, feedback_ns) {
+                Reason::FeedbackStale
+            } else if let Some(reason) = motor.config.missing_watchdog() {
+                reason
+            } else if mechanism.state == MechanismState::Enabled
+                && motor.config.drive.state().power != Power::On
+            {
+                Reason::PowerLost
+            } else {
+                continue;
+            };
+            self.fail_mechanism(number, reason);
+        }
+    }
+
+    fn fail(&mut self, is_meant: impl Fn(&Motor) -> bool, reason: Reason) {
+        for i in 0..self.motors.len() {
+            let number = self
+                .motors
+                .get(i)
+                .filter(|motor| is_meant(motor))
+                .and_then(|motor| self.configuration.mechanisms.get(motor.config.actuator));
+            if let Some(number) = number.copied() {
+                self.fail_mechanism(number, reason);
+            }
+        }
+    }
+
+    fn fail_mechanism(&mut self, number: usize, reason: Reason) {
+        self.mechanisms.get_mut(number).into_iter().for_each(|mechanism| mechanism.fail(reason));
+        if self.configuration.stop == Stop::Robot {
+            self.mechanisms.iter_mut().for_each(|mechanism| mechanism.fail(Reason::OtherMechanism));
+        }
+    }
+
+    /// Gives power to mechanisms that wait for it, once nothing is missing anywhere.
+    fn arm(&mut self, now_ns: u64, is_late: bool) {
+        if !self.mechanisms.iter().any(Mechanism::is_waiting) {
+            return;
+        }
+        let missing = self.missing(now_ns, is_late);
+        if missing.is_none() {
+            let Bridge { motors, mechanisms, configuration, .. } = self;
+            let of = |motor: &Motor| {
+                configuration
+                    .mechanisms
+                    .get(motor.config.actuator)
+                    .and_then(|number| mechanisms.get(*number))
+            };
+            let begins = |motor: &&mut Motor| of(motor).is_some_and(Mechanism::is_waiting);
+            motors.iter_mut().filter(begins).for_each(Motor::hold);
+        }
+        let arming_ns = self.configuration.timeouts.arming_ns;
+        for mechanism in &mut self.mechanisms {
+            mechanism.wait(now_ns, arming_ns, missing);
+        }
+    }
+
+    /// What arming still waits for: of the buses, of the motors that wait, of the controller.
+    fn missing(&self, now_ns: u64, is_late: bool) -> Option<Reason> {
+        let is_waiting = |motor: &&Motor| self.mechanism(motor).is_some_and(Mechanism::is_waiting);
+        let of_bus = |motor: &Motor| match self
+            .buses
+            .get(motor.config.bus)
+            .map(|bus| (bus.state, bus.backlog))
+        {
+            Some((BusState::Off, _)) => Some(Reason::BusOff),
+            Some((BusState::Passive, _)) => Some(Reason::BusPassive),
+            Some((_, 1..)) => Some(Reason::Backlog),
+            _ => None,
+        };
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
+        let no_command =
+            (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
+        self.motors.iter().filter(is_waiting).find_map(of_motor).or(no_command)
+    }
+
+    /// The mechanism that a motor acts on.
+    fn mechanism(&self, motor: &Motor) -> Option<&Mechanism> {
+        let number = self.configuration.mechanisms.get(motor.config.actuator)?;
+        self.mechanisms.get(*number)
+    }
+
+    /// A mechanism whose motors all have power follows; one whose commands stay away loses power.
+    fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
+        let mechanisms = &self.configuration.mechanisms;
+        let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
+        let all_on = self
+            .motors
+            .iter()
+            .filter(|motor| is_member(motor))
+            .all(|motor| motor.config.drive.state().power == Power::On);
+        let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
+        let changed = mechanism.follow(
+            now_ns,
+            self.configuration.timeouts.arming_ns,
+            all_on,
+            is_late,
+            is_lost,
+        );
+        if changed {
+            self.motors.iter_mut().filter(|motor| is_member(motor)).for_each(Motor::hold);
+        }
+    }
+}

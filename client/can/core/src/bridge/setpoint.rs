@@ -1,0 +1,148 @@
+//! From a command to the set-point of one motor: limits, ramps, damping. One function for all modes
+//! and all paths.
+
+use sarrus_proto::actuators::{ActuatorCommand, flag};
+
+use super::motor::Motor;
+use crate::drive::{Mode, Setpoint};
+use crate::mapping::ActuatorSetpoint;
+
+impl Motor {
+    /// The set-point of this cycle, on the motor's side. `ramp` goes from 0 to 1 after arming,
+    /// `elapsed` is the time since the last set-point `[s]`. Marks what was limited.
+    pub(super) fn setpoint(
+        &mut self,
+        command: &ActuatorCommand,
+        ramp: f64,
+        is_damped: bool,
+        elapsed: f64,
+    ) -> Setpoint {
+        self.flags = 0;
+        let mut setpoint =
+            if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
+        if self.config.common.mode == Mode::Torque {
+            // a motor without gains of its own gets their sum
+            setpoint = ActuatorSetpoint {
+                effort: setpoint.effort + self.by_gains(&setpoint),
+                stiffness: 0.0,
+                damping: 0.0,
+                ..setpoint
+            };
+        }
+        if !is_damped {
+            let change = self.config.limits.effort_rate * elapsed;
+            let (least, most) = (self.last_effort - change, self.last_effort + change);
+            setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
+        }
+        let setpoint = self.within_effort(setpoint);
+        (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
+        self.config.mapping.to_motor(&setpoint)
+    }
+
+    /// Stays where it is by damping alone: as a velocity of zero where the motor follows
+    /// velocities, and as the position where commands stayed away where it follows positions.
+    fn damped(&self) -> ActuatorSetpoint {
+        ActuatorSetpoint {
+            position: self.hold,
+            velocity: 0.0,
+            effort: 0.0,
+            stiffness: 0.0,
+            damping: self.config.damping,
+        }
+    }
+
+    fn following(
+        &mut self,
+        command: &ActuatorCommand,
+        ramp: f64,
+        elapsed: f64,
+    ) -> ActuatorSetpoint {
+        let limits = self.config.limits;
+        let of = |numbers: &[f64]| numbers.get(self.config.actuator).copied().unwrap_or(0.0);
+        let desired = ActuatorSetpoint {
+            position: of(&command.position),
+            velocity: of(&command.velocity),
+            effort: of(&command.effort),
+            stiffness: of(&command.stiffness),
+            damping: of(&command.damping),
+        };
+
+        // within the limits of the actuator
+        let position =
+            self.limited(desired.position, limits.lower, limits.upper, flag::POSITION_LIMITED);
+        let velocity = self.limited(
+            desired.velocity,
+            -limits.velocity,
+            limits.velocity,
+            flag::VELOCITY_LIMITED,
+        );
+        let effort =
+            self.limited(desired.effort, -limits.effort, limits.effort, flag::EFFORT_LIMITED);
+
+        // on the way from the measured position to the commanded one, no faster than the actuator
+        // may move
+        let position = self.hold + ramp * (position - self.hold);
+        let way = limits.velocity * elapsed;
+        let position = self.limited(
+            position,
+            self.last_position - way,
+            self.last_position + way,
+            flag::VELOCITY_LIMITED,
+        );
+
+        ActuatorSetpoint {
+            position,
+            velocity: ramp * velocity,
+            effort: ramp * effort,
+            stiffness: ramp * desired.stiffness,
+            damping: ramp * desired.damping,
+        }
+    }
+
+    /// What stiffness and damping make of the last measurement `[N m, N]`.
+    fn by_gains(&self, setpoint: &ActuatorSetpoint) -> f64 {
+        if matches!(self.config.common.mode, Mode::Position | Mode::Velocity) {
+            return 0.0;
+        }
+        // a motor that does not tell its velocity counts as standing
+        let known =
+            |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
+        let behind = setpoint.position - known(self.measured.position, setpoint.position);
+        let slower = setpoint.velocity - known(self.measured.velocity, 0.0);
+        setpoint.stiffness * behind + setpoint.damping * slower
+    }
+
+    /// Spring, damper and effort together stay within the limit, as far as the last measurement
+    /// tells. All three shrink alike, so that none of them is left alone where the motor itself
+    /// saturates another.
+    fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+        let most = self.config.limits.effort;
+        let total = setpoint.effort + self.by_gains(&setpoint);
+        if total.abs() <= most {
+            return setpoint;
+        }
+        self.flags |= flag::EFFORT_LIMITED;
+        let part = most / total.abs();
+        let ActuatorSetpoint { effort, stiffness, damping, .. } = setpoint;
+        ActuatorSetpoint {
+            effort: part * effort,
+            stiffness: part * stiffness,
+            damping: part * damping,
+            ..setpoint
+        }
+    }
+
+    /// A number between two bounds; marks it where it is not. Both comparisons fail for NaN, which
+    /// commands never hold.
+    fn limited(&mut self, number: f64, least: f64, most: f64, bit: u32) -> f64 {
+        let limited = if number < least {
+            least
+        } else if number > most {
+            most
+        } else {
+            return number;
+        };
+        self.flags |= bit;
+        limited
+    }
+}

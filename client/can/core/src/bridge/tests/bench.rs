@@ -1,0 +1,268 @@
+//! A bridge with plain motors that answer, one millisecond at a time.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use sarrus_models::Diagnostics;
+use sarrus_models::yaml;
+use sarrus_proto::actuators::MAX_ACTUATORS;
+
+use super::super::*;
+use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};
+use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
+use crate::frame::Id;
+use crate::mapping::Mapping;
+use crate::protocol::{Common, Protocol, Settings};
+
+pub(super) const MS: u64 = 1_000_000;
+
+/// What a motor was given.
+pub(super) type Given = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
+
+/// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a
+/// fault; the answer likewise.
+#[derive(Debug)]
+struct Plain {
+    id: u16,
+    state: DriveState,
+    given: Given,
+    watchdog_ms: std::sync::Arc<AtomicU32>,
+}
+
+impl Drive for Plain {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        self.given.lock().unwrap().push(command);
+        if command == DriveCommand::Reset {
+            self.state.fault = 0;
+        }
+        out.push_some(Frame::classic(
+            Id::Standard(self.id),
+            &[u8::from(matches!(command, DriveCommand::On(_)))],
+        ));
+    }
+    fn encode(&self, _setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(Frame::classic(Id::Standard(self.id), &[1]));
+    }
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(Frame::classic(Id::Standard(self.id), &[0]));
+    }
+    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        if frame.id != Id::Standard(self.id + 16) {
+            return Receipt::NotMine;
+        }
+        let Some([is_on, fault, position]) = frame.exactly::<3>() else {
+            return Receipt::Malformed;
+        };
+        let watchdog = Watchdog::Set(self.watchdog_ms.load(Ordering::Relaxed));
+        self.state = DriveState {
+            power: if is_on == 1 { Power::On } else { Power::Off },
+            fault: u32::from(fault),
+            watchdog,
+        };
+        Receipt::Measured(Measurement {
+            position: f64::from(position) / 100.0,
+            velocity: 0.0,
+            torque: 0.0,
+            temperature: 30.0,
+        })
+    }
+    fn state(&self) -> DriveState {
+        self.state
+    }
+    fn forget(&mut self) {
+        self.state = DriveState::default();
+    }
+    fn identifiers(&self) -> Vec<Id> {
+        vec![Id::Standard(self.id), Id::Standard(self.id + 16)]
+    }
+    fn replies(&self) -> Vec<Reply> {
+        Vec::new()
+    }
+    fn probe(&mut self, _out: &mut FrameQueue) {}
+}
+
+static PLAIN: Protocol = Protocol {
+    name: "plain",
+    about: "",
+    modes: &[Mode::Impedance],
+    fd: false,
+    keys: &[],
+    make: |_, _, _| None,
+};
+
+/// A bridge over three plain motors: the first two on one mechanism and bus, the third alone on
+/// another.
+pub(super) struct Bench {
+    pub(super) bridge: Bridge,
+    pub(super) given: Vec<Given>,
+    pub(super) now_ns: u64,
+    pub(super) sequence: u64,
+    /// What each motor answers: fault code, and whether at all.
+    pub(super) fault: [u8; 3],
+    pub(super) answers: [bool; 3],
+    pub(super) position: u8,
+    /// What each motor's watchdog is when it is read `[ms]`.
+    pub(super) watchdog_ms: [std::sync::Arc<AtomicU32>; 3],
+    pub(super) commands: bool,
+}
+
+impl Bench {
+    pub(super) fn new(change: impl Fn(&mut Configuration)) -> Bench {
+        let given: Vec<Given> = (0..3).map(|_| std::sync::Arc::default()).collect();
+        let watchdog_ms: [std::sync::Arc<AtomicU32>; 3] =
+            core::array::from_fn(|_| std::sync::Arc::new(AtomicU32::new(50)));
+        let settings = || {
+            let mut diagnostics = Diagnostics::new(false);
+            let node = yaml::read("", b"{}".to_vec(), "settings", &mut diagnostics).unwrap();
+            Settings::read(&node, "", &[], &[], &|_| Err(String::new()), &mut diagnostics).unwrap()
+        };
+        let motor = |i: usize| MotorConfig {
+            actuator: i,
+            bus: i / 2,
+            protocol: &PLAIN,
+            settings: settings(),
+            common: Common {
+                mode: Mode::Impedance,
+                watchdog_ms: 50,
+                torque_limit: 10.0,
+                period_ns: 0,
+            },
+            drive: Box::new(Plain {
+                id: i as u16,
+                state: DriveState::default(),
+                given: given[i].clone(),
+                watchdog_ms: watchdog_ms[i].clone(),
+            }),
+            mapping: Mapping::DIRECT,
+            is_calibrated: true,
+            watchdog_believed: false,
+            limits: Limits {
+                lower: -1.0,
+                upper: 1.0,
+                velocity: 100.0,
+                effort: 10.0,
+                effort_rate: f64::INFINITY,
+            },
+            damping: 3.0,
+        };
+        let bus = |name: &str| BusConfig {
+            name: name.into(),
+            interface: "none".into(),
+            channel: name.into(),
+            bitrate: 1_000_000,
+            data_bitrate: None,
+        };
+        let mut configuration = Configuration {
+            robot: None,
+            source: None,
+            fingerprint: 7,
+            actuators: ["a", "b", "c"].map(String::from).to_vec(),
+            mechanisms: vec![0, 0, 1],
+            rate_hz: 1000.0,
+            timeouts: Timeouts {
+                damping_ns: 20 * MS,
+                disable_ns: 100 * MS,
+                feedback_ns: 20 * MS,
+                arming_ns: 500 * MS,
+            },
+            ramp_ns: 100 * MS,
+            stop: Stop::Mechanism,
+            buses: vec![bus("x"), bus("y")],
+            motors: (0..3).map(motor).collect(),
+            warnings: Vec::new(),
+        };
+        change(&mut configuration);
+        Bench {
+            bridge: Bridge::new(configuration),
+            given,
+            now_ns: 5 * MS,
+            sequence: 0,
+            fault: [0; 3],
+            answers: [true; 3],
+            position: 20,
+            watchdog_ms,
+            commands: true,
+        }
+    }
+
+    pub(super) fn command(&self) -> ActuatorCommand {
+        ActuatorCommand {
+            sequence: self.sequence,
+            stamp_ns: self.now_ns,
+            fingerprint: 7,
+            n_u: 3,
+            position: [0.5; MAX_ACTUATORS],
+            effort: [1.0; MAX_ACTUATORS],
+            stiffness: [2.0; MAX_ACTUATORS],
+            ..ActuatorCommand::default()
+        }
+    }
+
+    /// One millisecond: a command, a cycle, and the answers of the motors to its frames.
+    pub(super) fn step(&mut self) {
+        self.now_ns += MS;
+        if self.commands {
+            self.sequence += 1;
+            self.bridge.command(self.now_ns, &self.command());
+        }
+        self.bridge.cycle(self.now_ns);
+        for i in 0..3_usize {
+            let sent = self
+                .bridge
+                .frames(i / 2)
+                .iter()
+                .find(|frame| frame.id == Id::Standard(i as u16))
+                .copied();
+            if let (Some(frame), true) = (sent, self.answers[i]) {
+                let answer = [frame.data()[0], self.fault[i], self.position];
+                let answer = Frame::classic(Id::Standard(i as u16 + 16), &answer).unwrap();
+                self.bridge.receive(self.now_ns + MS / 4, i / 2, &answer);
+            }
+        }
+    }
+
+    pub(super) fn steps(&mut self, n: usize) {
+        (0..n).for_each(|_| self.step());
+    }
+
+    pub(super) fn armed() -> Bench {
+        let mut bench = Bench::new(|_| {});
+        bench.arm();
+        bench
+    }
+
+    pub(super) fn arm(&mut self) {
+        self.steps(3);
+        self.bridge.operate(self.now_ns, Operation::Arm);
+        self.steps(5);
+        assert_eq!(self.states(), [MechanismState::Enabled; 3]);
+    }
+
+    /// One command more, which is the last, and ages.
+    pub(super) fn send(&mut self, change: impl Fn(&mut ActuatorCommand)) {
+        self.commands = false;
+        self.sequence += 1;
+        self.now_ns += 1;
+        let mut command = self.command();
+        change(&mut command);
+        assert_eq!(self.bridge.command(self.now_ns, &command), CommandVerdict::Accepted);
+    }
+
+    pub(super) fn states(&self) -> [MechanismState; 3] {
+        core::array::from_fn(|i| MechanismState::from_code(self.bridge.state().states[i]).unwrap())
+    }
+
+    pub(super) fn reason(&self, i: usize) -> Reason {
+        Reason::from_code(self.bridge.state().reasons[i]).unwrap()
+    }
+
+    pub(super) fn last(&self, i: usize) -> DriveCommand {
+        *self.given[i].lock().unwrap().last().unwrap()
+    }
+
+    pub(super) fn setpoint(&self, i: usize) -> Setpoint {
+        match self.last(i) {
+            DriveCommand::On(setpoint) => setpoint,
+            other => panic!("motor {i} is given {other:?}"),
+        }
+    }
+}

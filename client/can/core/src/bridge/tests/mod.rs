@@ -1,0 +1,447 @@
+mod bench;
+
+use std::sync::atomic::Ordering;
+
+use bench::{Bench, MS};
+use sarrus_models::LoadError;
+
+use super::*;
+use crate::config::{Limits, Surroundings};
+use crate::drive::{Mode, Setpoint};
+use crate::frame::Id;
+use sarrus_proto::actuators::flag;
+
+#[test]
+fn nothing_has_power_before_it_is_armed() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(50);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+    assert!(
+        bench.given.iter().all(|given| given
+            .lock()
+            .unwrap()
+            .iter()
+            .all(|command| *command == DriveCommand::Off))
+    );
+}
+
+#[test]
+fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(3);
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.steps(120);
+    let given = bench.given[0].lock().unwrap().clone();
+    let setpoints: Vec<Setpoint> = given
+        .iter()
+        .filter_map(
+            |command| if let DriveCommand::On(setpoint) = command { Some(*setpoint) } else { None },
+        )
+        .collect();
+    assert_eq!(setpoints[0], Setpoint { position: 0.2, ..Setpoint::default() });
+    // from 0.2 to 0.5 in 100 ms, no step larger than its share
+    for pair in setpoints.windows(2) {
+        assert!(pair[1].position - pair[0].position <= 0.3 / 100.0 + 1e-12, "{pair:?}");
+        assert!(
+            pair[1].stiffness >= pair[0].stiffness
+                && pair[1].stiffness - pair[0].stiffness <= 2.0 / 100.0 + 1e-12
+        );
+    }
+    let last = setpoints.last().unwrap();
+    assert_eq!((last.position, last.torque, last.stiffness), (0.5, 1.0, 2.0));
+}
+
+#[test]
+fn arming_waits_for_every_motor_the_buses_and_a_command() {
+    let wait = |prepare: &dyn Fn(&mut Bench), reason: Reason| {
+        let mut bench = Bench::new(|_| {});
+        prepare(&mut bench);
+        bench.steps(3);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        assert_eq!(bench.bridge.state().state, MechanismState::Arming as u32, "{reason:?}");
+        assert_eq!(bench.reason(0), reason);
+        // not for ever
+        bench.steps(600);
+        assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+        assert_eq!(bench.reason(0), reason);
+        assert!(bench.given.iter().all(|given| {
+            given.lock().unwrap().iter().all(|command| *command == DriveCommand::Off)
+        }));
+    };
+    wait(&|bench| bench.answers[2] = false, Reason::FeedbackStale);
+    wait(&|bench| bench.fault[1] = 9, Reason::MotorFault);
+    wait(&|bench| bench.commands = false, Reason::NoCommand);
+    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::ErrorPassive), Reason::BusPassive);
+    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::BusOff), Reason::BusOff);
+    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::Backlog(3)), Reason::Backlog);
+}
+
+#[test]
+fn a_motor_that_is_not_calibrated_is_never_armed() {
+    let mut bench = Bench::new(|configuration| configuration.motors[2].is_calibrated = false);
+    bench.steps(3);
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.step();
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+    assert_eq!(bench.reason(0), Reason::NotCalibrated);
+}
+
+#[test]
+fn late_commands_bring_damping_and_lost_ones_no_power() {
+    let mut bench = Bench::armed();
+    bench.commands = false;
+    bench.steps(20);
+    assert!(bench.setpoint(0).stiffness > 0.0);
+    bench.steps(2);
+    assert_eq!(bench.setpoint(0), Setpoint { position: 0.2, damping: 3.0, ..Setpoint::default() });
+    assert_ne!(bench.bridge.state().flags[0] & flag::DAMPED, 0);
+    bench.steps(80);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+    assert_eq!((bench.last(0), bench.reason(0)), (DriveCommand::Off, Reason::CommandLost));
+    // commands that come back do not arm
+    bench.commands = true;
+    bench.steps(200);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+}
+
+#[test]
+fn commands_that_come_back_in_time_grow_again_from_where_the_actuator_is() {
+    let mut bench = Bench::armed();
+    bench.steps(200);
+    bench.commands = false;
+    bench.steps(30);
+    bench.position = 90;
+    bench.step();
+    bench.commands = true;
+    bench.step();
+    assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
+    let first = bench.setpoint(0);
+    assert_eq!((first.position, first.stiffness), (0.9, 0.0));
+}
+
+#[test]
+fn one_number_that_is_none_rejects_the_whole_command() {
+    let mut bench = Bench::armed();
+    let position = bench.setpoint(0).position;
+    bench.commands = false;
+    for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e61] {
+        for field in 0..5 {
+            bench.sequence += 1;
+            let mut command = bench.command();
+            let fields = [
+                &mut command.position,
+                &mut command.velocity,
+                &mut command.effort,
+                &mut command.stiffness,
+                &mut command.damping,
+            ];
+            fields[field][2] = number;
+            assert_eq!(bench.bridge.command(bench.now_ns, &command), CommandVerdict::NotFinite);
+        }
+    }
+    assert_eq!(bench.bridge.counters().commands.not_finite, 20);
+    bench.steps(120);
+    assert_eq!(bench.reason(0), Reason::CommandLost, "commands that are not taken feed no deadman");
+    assert!(position.is_finite());
+}
+
+#[test]
+fn commands_of_the_past_the_future_and_other_robots_are_not_taken() {
+    let mut bench = Bench::armed();
+    let good = ActuatorCommand {
+        sequence: bench.sequence + 1,
+        stamp_ns: bench.now_ns + 1,
+        ..bench.command()
+    };
+    let (last, now_ns) = (bench.sequence, bench.now_ns);
+    let assessed =
+        |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(now_ns + 1, &command);
+    assert_eq!(
+        assessed(&mut bench, ActuatorCommand { sequence: last, ..good }),
+        CommandVerdict::Old
+    );
+    assert_eq!(assessed(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), CommandVerdict::Old);
+    assert_eq!(
+        assessed(&mut bench, ActuatorCommand { stamp_ns: now_ns + 10 * MS, ..good }),
+        CommandVerdict::Ahead
+    );
+    assert_eq!(
+        assessed(&mut bench, ActuatorCommand { fingerprint: 8, ..good }),
+        CommandVerdict::WrongModel
+    );
+    assert_eq!(assessed(&mut bench, ActuatorCommand { n_u: 2, ..good }), CommandVerdict::WrongSize);
+    let mut negative = good;
+    negative.stiffness[1] = -1.0;
+    assert_eq!(assessed(&mut bench, negative), CommandVerdict::Negative);
+    assert_eq!(assessed(&mut bench, good), CommandVerdict::Accepted);
+}
+
+#[test]
+fn a_motor_that_fails_stops_its_closed_mechanism_and_no_other() {
+    for (prepare, reason) in [
+        ((|bench: &mut Bench| bench.fault[1] = 4) as fn(&mut Bench), Reason::MotorFault),
+        (|bench| bench.answers[1] = false, Reason::FeedbackStale),
+    ] {
+        let mut bench = Bench::armed();
+        prepare(&mut bench);
+        bench.steps(30);
+        assert_eq!(
+            bench.states(),
+            [MechanismState::Fault, MechanismState::Fault, MechanismState::Enabled]
+        );
+        assert_eq!(
+            (bench.last(0), bench.last(1), bench.reason(0)),
+            (DriveCommand::Off, DriveCommand::Off, reason)
+        );
+        assert!(matches!(bench.last(2), DriveCommand::On(_)));
+    }
+}
+
+#[test]
+fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
+    let mut bench = Bench::new(|configuration| configuration.stop = Stop::Robot);
+    bench.arm();
+    bench.fault[2] = 1;
+    bench.steps(3);
+    assert_eq!(bench.states(), [MechanismState::Fault; 3]);
+    assert_eq!((bench.reason(0), bench.reason(2)), (Reason::OtherMechanism, Reason::MotorFault));
+}
+
+#[test]
+fn requests_of_another_time_give_no_power_and_take_it_at_any_time() {
+    let mut bench = Bench::new(|_| {});
+    bench.steps(3000);
+    let request = |stamp_ns, operation: Operation| OperatorRequest {
+        stamp_ns,
+        operation: operation as u32,
+        reserved: 0,
+    };
+    let now_ns = bench.now_ns;
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 1001 * MS, Operation::Arm)), None);
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns + 1001 * MS, Operation::Arm)), None);
+    assert_eq!(
+        bench
+            .bridge
+            .request(now_ns, &OperatorRequest { stamp_ns: now_ns, operation: 99, reserved: 0 }),
+        None
+    );
+    assert_eq!(
+        bench.bridge.request(now_ns, &request(now_ns - 999 * MS, Operation::Arm)),
+        Some(Operation::Arm)
+    );
+    assert_eq!(
+        bench.bridge.request(now_ns, &request(now_ns - 2000 * MS, Operation::Disarm)),
+        Some(Operation::Disarm)
+    );
+    bench.steps(5);
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+    // a later disarm that came before an earlier arm
+    let now_ns = bench.now_ns;
+    bench.bridge.request(now_ns, &request(now_ns - 1, Operation::Disarm));
+    assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 2, Operation::Arm)), None);
+    assert_eq!(
+        bench.bridge.request(now_ns, &request(now_ns, Operation::Arm)),
+        Some(Operation::Arm)
+    );
+}
+
+#[test]
+fn a_motor_whose_watchdog_is_not_as_configured_has_no_power() {
+    for (ms, reason) in [(0, Reason::WatchdogOff), (61, Reason::WatchdogLong)] {
+        let mut bench = Bench::armed();
+        bench.watchdog_ms[1].store(ms, Ordering::Relaxed);
+        bench.steps(3);
+        assert_eq!(
+            (bench.states()[0], bench.reason(0), bench.last(0)),
+            (MechanismState::Fault, reason, DriveCommand::Off)
+        );
+        bench.bridge.operate(bench.now_ns, Operation::Reset);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(3);
+        assert_eq!((bench.states()[0], bench.reason(0)), (MechanismState::Arming, reason));
+        bench.watchdog_ms[1].store(50, Ordering::Relaxed);
+        bench.steps(5);
+        assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
+    }
+}
+
+#[test]
+fn what_was_known_of_a_motor_that_fell_silent_is_forgotten() {
+    let mut bench = Bench::armed();
+    bench.answers[2] = false;
+    bench.steps(20);
+    assert_ne!(bench.bridge.state().flags[2] & flag::POWERED, 0);
+    bench.steps(5);
+    assert_eq!(bench.bridge.state().flags[2] & flag::POWERED, 0);
+    assert_eq!(bench.reason(2), Reason::FeedbackStale);
+}
+
+#[test]
+fn a_fault_stays_until_it_is_reset_and_a_reset_does_not_arm() {
+    let mut bench = Bench::armed();
+    bench.fault[2] = 4;
+    bench.steps(5);
+    bench.fault[2] = 0;
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.steps(50);
+    assert_eq!(bench.states()[2], MechanismState::Fault);
+    bench.bridge.operate(bench.now_ns, Operation::Reset);
+    bench.steps(50);
+    assert_eq!(
+        bench.states(),
+        [MechanismState::Enabled, MechanismState::Enabled, MechanismState::Disabled]
+    );
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    bench.steps(5);
+    assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
+}
+
+#[test]
+fn a_bus_that_goes_off_stops_its_mechanisms() {
+    let mut bench = Bench::armed();
+    bench.bridge.bus_event(bench.now_ns, 0, BusEvent::BusOff);
+    bench.step();
+    assert_eq!(
+        bench.states(),
+        [MechanismState::Fault, MechanismState::Fault, MechanismState::Enabled]
+    );
+    assert_eq!(bench.reason(0), Reason::BusOff);
+}
+
+#[test]
+fn a_bridge_that_was_stopped_lets_go() {
+    let mut bench = Bench::armed();
+    bench.now_ns += 2_000 * MS;
+    bench.step();
+    assert_ne!(bench.states(), [MechanismState::Enabled; 3]);
+    assert_eq!((bench.last(0), bench.reason(0)), (DriveCommand::Off, Reason::Stalled));
+}
+
+#[test]
+fn limits_are_kept_and_reported() {
+    let mut bench = Bench::armed();
+    bench.steps(150);
+    bench.send(|command| {
+        command.position[0] = 40.0;
+        command.effort[1] = -50.0;
+        command.stiffness[1] = 0.0;
+        command.velocity[2] = 1e6;
+        command.stiffness[2] = 0.0;
+    });
+    bench.steps(10);
+    assert_eq!(bench.setpoint(0).position, 1.0);
+    assert_eq!(bench.setpoint(1).torque, -10.0);
+    assert_eq!(bench.setpoint(2).velocity, 100.0);
+    let flags = bench.bridge.state().flags;
+    assert_ne!(flags[0] & flag::POSITION_LIMITED, 0);
+    assert_ne!(flags[1] & flag::EFFORT_LIMITED, 0);
+    assert_ne!(flags[2] & flag::VELOCITY_LIMITED, 0);
+}
+
+#[test]
+fn spring_and_effort_together_stay_within_the_effort() {
+    for most_stiffness in [1000.0, 1e60] {
+        let mut bench = Bench::armed();
+        bench.steps(150);
+        bench.send(|command| command.stiffness[0] = most_stiffness);
+        bench.step();
+        let Setpoint { position, torque, stiffness, .. } = bench.setpoint(0);
+        assert!((stiffness * (position - 0.2) + torque - 10.0).abs() < 1e-9);
+        // neither is large against the other: a motor that saturates one of them is not left with
+        // the rest
+        assert!(
+            (0.0..=10.0).contains(&torque) && (0.0..=10.0 / 0.3 + 1e-9).contains(&stiffness),
+            "{torque} {stiffness}"
+        );
+        assert_ne!(bench.bridge.state().flags[0] & flag::EFFORT_LIMITED, 0);
+    }
+}
+
+#[test]
+fn a_motor_that_follows_torques_gets_the_sum_no_faster_than_it_may_change() {
+    let mut bench = Bench::new(|configuration| {
+        configuration.motors[0].common.mode = Mode::Torque;
+        configuration.motors[0].limits.effort_rate = 1000.0;
+    });
+    bench.arm();
+    bench.steps(150);
+    // 1 + 2 (0.5 - 0.2)
+    assert_eq!(bench.setpoint(0), Setpoint { position: 0.5, torque: 1.6, ..Setpoint::default() });
+    bench.send(|command| command.stiffness[0] = 20.0);
+    let torques: Vec<f64> = (0..10)
+        .map(|_| {
+            bench.step();
+            bench.setpoint(0).torque
+        })
+        .collect();
+    let expected = [2.6, 3.6, 4.6, 5.6, 6.6, 7.0, 7.0, 7.0, 7.0, 7.0];
+    assert!(
+        torques.iter().zip(expected).all(|(torque, expected)| (torque - expected).abs() < 1e-5),
+        "{torques:?}"
+    );
+}
+
+#[test]
+fn a_mechanism_that_is_armed_does_not_disturb_another_that_follows() {
+    let mut bench = Bench::new(|configuration| {
+        configuration.motors.iter_mut().for_each(|motor| {
+            motor.limits = Limits { velocity: 1.0, effort_rate: 100.0, ..motor.limits }
+        });
+    });
+    bench.arm();
+    bench.fault[2] = 4;
+    bench.steps(1000);
+    let before = bench.setpoint(0);
+    bench.fault[2] = 0;
+    bench.bridge.operate(bench.now_ns, Operation::Reset);
+    bench.step();
+    bench.bridge.operate(bench.now_ns, Operation::Arm);
+    for _ in 0..5 {
+        bench.step();
+        assert_eq!(bench.setpoint(0), before);
+    }
+    assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
+}
+
+#[test]
+fn every_way_out_has_a_frame_that_disables_each_motor() {
+    let mut bench = Bench::armed();
+    bench.bridge.shutdown();
+    for i in 0..3_u16 {
+        let frames = bench.bridge.frames(usize::from(i) / 2);
+        assert!(
+            frames.contains(&Frame::classic(Id::Standard(i), &[0]).unwrap()),
+            "{i}: {frames:?}"
+        );
+        assert!(!frames.contains(&Frame::classic(Id::Standard(i), &[1]).unwrap()));
+    }
+}
+
+#[test]
+fn frames_of_strangers_and_malformed_ones_are_counted_and_not_used() {
+    let mut bench = Bench::armed();
+    let before = bench.bridge.state().position[0];
+    bench.answers = [false; 3];
+    bench.bridge.receive(bench.now_ns, 0, &Frame::classic(Id::Standard(99), &[1, 0, 90]).unwrap());
+    bench.bridge.receive(bench.now_ns, 0, &Frame::classic(Id::Standard(16), &[1, 0]).unwrap());
+    // the right identifier on another bus
+    bench.bridge.receive(bench.now_ns, 1, &Frame::classic(Id::Standard(16), &[1, 0, 90]).unwrap());
+    bench.step();
+    let counters = |bus| bench.bridge.bus_counters(bus).unwrap().1.counts;
+    assert_eq!((counters(0).unknown, counters(0).malformed, counters(1).unknown), (1, 1, 1));
+    assert_eq!(bench.bridge.state().position[0], before);
+}
+
+#[test]
+fn a_configuration_without_anything_is_told_what_it_lacks() {
+    let surroundings = Surroundings {
+        file: &|_| Err("absent".into()),
+        robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+    };
+    let report = Configuration::read("empty.yml", b"{}".to_vec(), &surroundings).unwrap_err();
+    let given: Vec<String> = report.errors.iter().map(|error| error.found.clone()).collect();
+    for key in ["rate_hz", "buses", "motors"] {
+        assert!(given.iter().any(|found| found.contains(key)), "{given:?}");
+    }
+}

@@ -1,0 +1,246 @@
+//! What a protocol is: the bridge's half of the talk with one motor.
+//!
+//! A [`Drive`] knows no bus, no clock and no rule of safety. It is given what its motor is to do,
+//! makes the frames that say so, and reads the motor's answers. Everything on this side of it is
+//! the motor's own: radians at the motor's output shaft, N m, and the motor's sign.
+
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+
+/// What a motor is to be given, on the motor's side of gear and sign.
+///
+/// All numbers are finite: the bridge has rejected others. A drive uses what its mode knows:
+/// `Impedance` all of them, the others the one that they are named after, with those below it as
+/// feed-forward where the protocol has room for them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Setpoint {
+    /// Position `[rad]`.
+    pub position: f64,
+    /// Velocity `[rad/s]`.
+    pub velocity: f64,
+    /// Torque `[N m]`.
+    pub torque: f64,
+    /// Stiffness `[N m/rad]`.
+    pub stiffness: f64,
+    /// Damping `[N m s/rad]`.
+    pub damping: f64,
+}
+
+/// What a motor's own controller follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Mode {
+    /// τ + k (p* − p) + d (v* − v), in the motor.
+    Impedance,
+    /// A position, with velocity and torque as feed-forward.
+    Position,
+    /// A velocity, with torque as feed-forward.
+    Velocity,
+    /// A torque. The bridge adds stiffness and damping at its own rate.
+    Torque,
+}
+
+impl Mode {
+    /// The name in configurations.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Mode::Impedance => "impedance",
+            Mode::Position => "position",
+            Mode::Velocity => "velocity",
+            Mode::Torque => "torque",
+        }
+    }
+}
+
+/// What a motor is to do in this cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DriveCommand {
+    /// Have no power, and say where it is. Meanwhile the drive sets the motor's watchdog and mode
+    /// and reads them back.
+    Off,
+    /// The same, and forget a latched fault.
+    Reset,
+    /// Follow the set-point; the drive takes the steps that lead there, one a cycle where the motor
+    /// has to answer in between, and never gives power before the motor has this set-point or a
+    /// zero torque.
+    On(Setpoint),
+}
+
+/// Where a motor is, as far as its answers say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Power {
+    /// It has not answered yet.
+    #[default]
+    Unknown,
+    /// Without power.
+    Off,
+    /// On the way to power.
+    Starting,
+    /// Follows set-points.
+    On,
+}
+
+/// What is known of the watchdog in the motor: the time without commands after which it turns its torque off by
+/// itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Watchdog {
+    /// Not read back yet.
+    #[default]
+    Unknown,
+    /// It is off.
+    Off,
+    /// Read back from the motor `[ms]`, at least 1.
+    Set(u32),
+    /// This protocol cannot read it.
+    Unreadable,
+}
+
+/// What a drive knows of its motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriveState {
+    /// Power.
+    pub power: Power,
+    /// The motor's own code of its fault, or one of [`fault`](crate::protocol::fault); 0 without
+    /// one.
+    pub fault: u32,
+    /// The motor's watchdog.
+    pub watchdog: Watchdog,
+}
+
+/// What a motor measured, on the motor's side; NaN for what its protocol does not tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// Position `[rad]`, continuous across the ends of the protocol's range.
+    pub position: f64,
+    /// Velocity `[rad/s]`.
+    pub velocity: f64,
+    /// Torque `[N m]`.
+    pub torque: f64,
+    /// Temperature `[°C]`.
+    pub temperature: f64,
+}
+
+/// What a frame was to a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Receipt {
+    /// Nothing: the frame is another's.
+    NotMine,
+    /// It has this motor's identifier and is none of its frames (length, checksum, format); nothing
+    /// was taken from it.
+    Malformed,
+    /// It was read and holds no measurement.
+    Noted,
+    /// A measurement.
+    Measured(Measurement),
+    /// The value of a parameter, by its place in [`Drive::parameters`].
+    Parameter(usize, f64),
+}
+
+/// A parameter of a motor that can be read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// Name in the protocol's own words.
+    pub name: &'static str,
+    /// Unit; empty without one.
+    pub unit: &'static str,
+}
+
+/// What a motor sends back, for the load of a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reply {
+    /// Identifier.
+    pub id: Id,
+    /// Classic, or FD with its bit rate switch.
+    pub kind: FrameKind,
+    /// Data bytes.
+    pub len: usize,
+}
+
+/// An identifier that several motors of a bus may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shared {
+    /// The identifier.
+    pub id: Id,
+    /// What the data say of the motor, in the bits of `mask`.
+    pub tag: u16,
+    /// Bits that the data have room for.
+    pub mask: u16,
+}
+
+impl Shared {
+    /// Whether frames of the two cannot be told apart.
+    pub fn collides(&self, other: &Shared) -> bool {
+        self.id == other.id && (self.tag ^ other.tag) & self.mask & other.mask == 0
+    }
+}
+
+/// The bridge's half of the talk with one motor. Nothing here allocates, panics or reads a clock.
+pub trait Drive: Send + core::fmt::Debug {
+    /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor
+    /// answers with a measurement.
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue);
+
+    /// The frames of a set-point alone, as [`Drive::cycle`] sends them while the motor is on: for
+    /// tables, loads and tests of the codec.
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue);
+
+    /// Frames that take the motor's power away, without regard to anything that was said before.
+    /// Sent on every way out.
+    fn disable(&self, out: &mut FrameQueue);
+
+    /// Reads a frame from the bus.
+    fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt;
+
+    /// What is known of the motor.
+    fn state(&self) -> DriveState;
+
+    /// Called when an operator arms, and before the motor gets power: what the motor must have
+    /// been given is set and read back anew, since a motor whose supply was away has lost it.
+    /// Nothing where nothing can be set or read.
+    fn prepare(&mut self) {}
+
+    /// Forgets what is known of the motor: it may have been off the bus, or without supply.
+    fn forget(&mut self);
+
+    /// Identifiers that this drive sends on and its motor answers on; no two motors of a bus may
+    /// share one.
+    fn identifiers(&self) -> Vec<Id>;
+
+    /// Identifiers that several motors of a bus may use, told apart by their data; none of them may
+    /// be in anyone's [`identifiers`](Drive::identifiers).
+    fn shared_identifiers(&self) -> Vec<Shared> {
+        Vec::new()
+    }
+
+    /// What the motor sends back in one cycle while it is on.
+    fn replies(&self) -> Vec<Reply>;
+
+    /// A frame that all motors of a bus wait for at the end of a cycle (SYNC of CANopen); sent
+    /// once, whoever wants it.
+    fn sync(&self) -> Option<Frame> {
+        None
+    }
+
+    /// A frame that [`Drive::cycle`] sends now and then besides (heartbeat of CANopen), and the
+    /// time between two `[ns]`.
+    fn heartbeat(&self) -> Option<(Frame, u64)> {
+        None
+    }
+
+    /// Asks for a heartbeat without giving power or changing anything.
+    fn probe(&mut self, out: &mut FrameQueue);
+
+    /// Makes the present position the motor's zero; false where the protocol has no such command.
+    fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
+        let _ = out;
+        false
+    }
+
+    /// Parameters that can be read.
+    fn parameters(&self) -> &'static [Parameter] {
+        &[]
+    }
+
+    /// Asks for a parameter by its place.
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        let _ = (parameter, out);
+    }
+}

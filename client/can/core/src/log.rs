@@ -1,0 +1,296 @@
+//! Logs of what a bridge was given: JSON lines, one for each thing. The same log gives the same
+//! frames, in every frontend.
+//!
+//! ```json
+//! {"t": 2000000, "frame": "123#0011AA", "bus": "left_arm"}
+//! {"t": 2100000, "event": "dropped", "count": 3, "bus": "left_arm"}
+//! {"t": 2200000, "operate": "arm"}
+//! {"t": 2300000, "command": {"sequence": 1, "stamp_ns": 2300000, "effort": [0.5, 0]}}
+//! {"t": 4000000, "cycle": true}
+//! ```
+//!
+//! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Of a command, what is
+//! not given is zero (`fingerprint` and `n_u`: the configuration's), and `null` is NaN, for which
+//! JSON has no word.
+
+use serde_json::{Map, Value, json};
+
+use crate::bridge::{Bridge, BusEvent};
+use crate::config::{Configuration, MAX_ACTUATORS};
+use crate::frame::Frame;
+use sarrus_proto::actuators::{ActuatorCommand, Operation};
+
+/// One line of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// When it happened `[ns]`.
+    pub t: u64,
+    /// What happened.
+    pub what: What,
+}
+
+/// What a bridge was given.
+#[derive(Clone, Debug, PartialEq)]
+pub enum What {
+    /// A frame came on a bus.
+    Frame(usize, Frame),
+    /// Something else happened on a bus.
+    Event(usize, BusEvent),
+    /// An operator asked for something.
+    Operate(Operation),
+    /// A controller commanded.
+    Command(Box<ActuatorCommand>),
+    /// It was time for a cycle.
+    Cycle,
+}
+
+impl Line {
+    /// Reads a line.
+    ///
+    /// # Errors
+    /// What is wrong with it, and what was expected.
+    pub fn read(text: &str, configuration: &Configuration) -> Result<Line, String> {
+        let line: Value =
+            serde_json::from_str(text).map_err(|error| format!("this is not JSON: {error}"))?;
+        let t = line
+            .get("t")
+            .and_then(Value::as_u64)
+            .ok_or("the line has no time, expected `\"t\": NANOSECONDS`")?;
+        let bus = || {
+            let name = line
+                .get("bus")
+                .and_then(Value::as_str)
+                .ok_or("the line has no bus, expected `\"bus\": NAME`")?;
+            configuration.bus(name).ok_or(format!("there is no bus `{name}` in the configuration"))
+        };
+        let what = if let Some(text) = line.get("frame") {
+            let frame = text
+                .as_str()
+                .and_then(Frame::from_text)
+                .ok_or("the frame cannot be read, expected ID#DATA as candump writes it")?;
+            What::Frame(bus()?, frame)
+        } else if let Some(name) = line.get("event") {
+            let count = line
+                .get("count")
+                .map_or(Some(1), Value::as_u64)
+                .and_then(|count| u32::try_from(count).ok());
+            let count = count.ok_or("`count` is no whole number of 32 bits")?;
+            let event = name
+                .as_str()
+                .and_then(|name| BusEvent::named(name, count))
+                .ok_or("there is no such event")?;
+            What::Event(bus()?, event)
+        } else if let Some(name) = line.get("operate") {
+            let operation =
+                Operation::ALL.iter().find(|operation| Some(operation.name()) == name.as_str());
+            What::Operate(
+                *operation.ok_or("there is no such operation, expected arm, disarm or reset")?,
+            )
+        } else if let Some(fields) = line.get("command") {
+            What::Command(Box::new(command(fields, configuration)?))
+        } else if line.get("cycle").is_some() {
+            What::Cycle
+        } else {
+            return Err("the line says nothing, expected frame, event, operate, command or cycle"
+                .to_owned());
+        };
+        Ok(Line { t, what })
+    }
+
+    /// Gives the bridge what it was given.
+    pub fn apply(&self, bridge: &mut Bridge) {
+        match &self.what {
+            What::Frame(bus, frame) => bridge.receive(self.t, *bus, frame),
+            What::Event(bus, event) => bridge.bus_event(self.t, *bus, *event),
+            What::Operate(operation) => bridge.operate(self.t, *operation),
+            What::Command(command) => drop(bridge.command(self.t, command)),
+            What::Cycle => bridge.cycle(self.t),
+        }
+    }
+
+    /// The line's text, without its end.
+    pub fn text(&self, configuration: &Configuration) -> String {
+        let bus = |bus: usize| configuration.buses.get(bus).map_or("", |bus| bus.name.as_str());
+        let (t, n_u) = (self.t, configuration.actuators.len());
+        let line = match &self.what {
+            What::Frame(of, frame) => json!({"t": t, "frame": frame.to_string(), "bus": bus(*of)}),
+            What::Event(of, event) => match event.count() {
+                Some(count) => {
+                    json!({"t": t, "event": event.name(), "count": count, "bus": bus(*of)})
+                }
+                None => json!({"t": t, "event": event.name(), "bus": bus(*of)}),
+            },
+            What::Operate(operation) => json!({"t": t, "operate": operation.name()}),
+            What::Command(command) => {
+                let ActuatorCommand {
+                    sequence,
+                    stamp_ns,
+                    fingerprint,
+                    n_u: of,
+                    position,
+                    velocity,
+                    effort,
+                    stiffness,
+                    damping,
+                } = &**command;
+                let mut fields = Map::new();
+                for (key, whole) in [
+                    ("sequence", sequence),
+                    ("stamp_ns", stamp_ns),
+                    ("fingerprint", fingerprint),
+                    ("n_u", of),
+                ] {
+                    fields.insert(key.to_owned(), json!(whole));
+                }
+                for (key, numbers) in [
+                    ("position", position),
+                    ("velocity", velocity),
+                    ("effort", effort),
+                    ("stiffness", stiffness),
+                    ("damping", damping),
+                ] {
+                    fields.insert(key.to_owned(), json!(numbers.get(..n_u)));
+                }
+                json!({"t": t, "command": fields})
+            }
+            What::Cycle => json!({"t": t, "cycle": true}),
+        };
+        line.to_string()
+    }
+}
+
+/// The frames of the bridge's last cycle at `t` `[ns]`, a line each, as `candump -L` writes them.
+pub fn sent(bridge: &Bridge, t: u64) -> impl Iterator<Item = String> {
+    let (seconds, micros) = (t / 1_000_000_000, t % 1_000_000_000 / 1000);
+    let buses = bridge.configuration().buses.iter().enumerate();
+    buses.flat_map(move |(bus, config)| {
+        bridge
+            .frames(bus)
+            .iter()
+            .map(move |frame| format!("({seconds}.{micros:06}) {} {frame}", config.name))
+    })
+}
+
+fn command(fields: &Value, configuration: &Configuration) -> Result<ActuatorCommand, String> {
+    let Value::Object(given) = fields else { return Err("the command is no mapping".to_owned()) };
+    const KEYS: [&str; 9] = [
+        "sequence",
+        "stamp_ns",
+        "fingerprint",
+        "n_u",
+        "position",
+        "velocity",
+        "effort",
+        "stiffness",
+        "damping",
+    ];
+    if let Some(unknown) = given.keys().find(|key| !KEYS.contains(&key.as_str())) {
+        return Err(format!("a command has no `{unknown}`, expected {}", KEYS.join(", ")));
+    }
+    let whole = |key: &str, otherwise: u64| {
+        given
+            .get(key)
+            .map_or(Some(otherwise), Value::as_u64)
+            .ok_or(format!("`{key}` is no whole number"))
+    };
+    let numbers = |key: &str| {
+        let mut numbers = [0.0; MAX_ACTUATORS];
+        let Some(given) = given.get(key) else { return Ok(numbers) };
+        let given = given
+            .as_array()
+            .filter(|given| given.len() <= MAX_ACTUATORS)
+            .ok_or(format!("`{key}` is no list of numbers"))?;
+        for (into, number) in numbers.iter_mut().zip(given) {
+            *into = if number.is_null() {
+                f64::NAN
+            } else {
+                number.as_f64().ok_or(format!("`{key}` holds {number}, expected numbers"))?
+            };
+        }
+        Ok::<_, String>(numbers)
+    };
+    Ok(ActuatorCommand {
+        sequence: whole("sequence", 0)?,
+        stamp_ns: whole("stamp_ns", 0)?,
+        fingerprint: whole("fingerprint", configuration.fingerprint)?,
+        n_u: whole("n_u", configuration.actuators.len() as u64)?,
+        position: numbers("position")?,
+        velocity: numbers("velocity")?,
+        effort: numbers("effort")?,
+        stiffness: numbers("stiffness")?,
+        damping: numbers("damping")?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Surroundings;
+    use crate::frame::Id;
+    use sarrus_models::LoadError;
+
+    fn configuration() -> Configuration {
+        let yaml = "rate_hz: 500\nbuses:\n- {name: x, channel: can0}\nmotors:\n- {actuator: a, bus: x, drive: {protocol: cybergear, id: 1, \
+                    position_range: 12.5}, offset: 0, limits: {effort: 1}, watchdog_ms: 50}\n";
+        let surroundings = Surroundings {
+            file: &|_| Err("absent".into()),
+            robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+        };
+        Configuration::read("log.yml", yaml.into(), &surroundings).unwrap()
+    }
+
+    #[test]
+    fn lines_are_read_as_they_are_written() {
+        let configuration = configuration();
+        let mut command =
+            ActuatorCommand { sequence: 7, stamp_ns: 8, n_u: 1, ..ActuatorCommand::default() };
+        (command.position[0], command.effort[0]) = (0.1 + 0.2, -1e-300);
+        let whats = [
+            What::Frame(0, Frame::classic(Id::Extended(0x1234), &[1, 2]).unwrap()),
+            What::Event(0, BusEvent::Dropped(u32::MAX)),
+            What::Event(0, BusEvent::BusOff),
+            What::Operate(Operation::Reset),
+            What::Command(Box::new(command)),
+            What::Cycle,
+        ];
+        for what in whats {
+            let line = Line { t: u64::MAX, what };
+            assert_eq!(Line::read(&line.text(&configuration), &configuration), Ok(line));
+        }
+        // NaN is null and back
+        command.velocity[0] = f64::NAN;
+        let line = Line { t: 0, what: What::Command(Box::new(command)) };
+        let Ok(Line { what: What::Command(back), .. }) =
+            Line::read(&line.text(&configuration), &configuration)
+        else {
+            panic!()
+        };
+        assert!(back.velocity[0].is_nan());
+    }
+
+    #[test]
+    fn lines_that_are_none_say_what_is_wrong() {
+        for (line, expected) in [
+            ("{", "not JSON"),
+            ("{\"t\": -1, \"cycle\": true}", "no time"),
+            ("{\"t\": Infinity, \"cycle\": true}", "not JSON"),
+            ("{\"t\": 1}", "says nothing"),
+            ("{\"t\": 1, \"frame\": \"123#0\", \"bus\": \"x\"}", "cannot be read"),
+            ("{\"t\": 1, \"frame\": \"+12#+f\", \"bus\": \"x\"}", "cannot be read"),
+            ("{\"t\": 1, \"frame\": \"123#00\", \"bus\": \"y\"}", "no bus `y`"),
+            ("{\"t\": 1, \"event\": \"dropped\", \"count\": -1, \"bus\": \"x\"}", "`count`"),
+            (
+                "{\"t\": 1, \"event\": \"dropped\", \"count\": 4294967296, \"bus\": \"x\"}",
+                "`count`",
+            ),
+            ("{\"t\": 1, \"operate\": \"run\"}", "no such operation"),
+            ("{\"t\": 1, \"command\": {\"position\": [NaN]}}", "not JSON"),
+            ("{\"t\": 1, \"command\": {\"position\": [\"1\"]}}", "`position` holds"),
+            ("{\"t\": 1, \"command\": {\"positions\": [1]}}", "no `positions`"),
+            ("{\"t\": 1, \"command\": [1]}", "no mapping"),
+        ] {
+            let message = Line::read(line, &configuration()).unwrap_err();
+            assert!(message.contains(expected), "{line}: {message}");
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! From an actuator to its motor and back: sign, gear, offset and torque constant, in one place for
+//! every path.
+//!
+//! q = s q_m / N + o, q̇ = s q̇_m / N, and since both sides have the same power τ q̇ = τ_m q̇_m,
+//! τ_m = s τ / N. A spring or damper at the actuator is N² times softer at the motor. The torque
+//! constant stands between the torque that a protocol says and the true one, τ_m = k τ_said, and so
+//! between the gains that it says and the true ones.
+
+use crate::drive::{Measurement, Setpoint};
+
+/// How an actuator's coordinate follows from its motor's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mapping {
+    /// s: 1, or −1 where actuator and motor go against each other.
+    pub sign: f64,
+    /// N: the motor's turn for that of the actuator `[rad/rad]`, or for its way `[rad/m]`; greater
+    /// than 0.
+    pub gear: f64,
+    /// o: where the actuator is when the motor says 0 `[rad, m]`.
+    pub offset: f64,
+    /// k: true torque for the torque that the protocol says; greater than 0.
+    pub torque_constant: f64,
+}
+
+/// A set-point or a measurement of an actuator.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ActuatorSetpoint {
+    /// Position `[rad, m]`.
+    pub position: f64,
+    /// Velocity `[rad/s, m/s]`.
+    pub velocity: f64,
+    /// Moment or force `[N m, N]`.
+    pub effort: f64,
+    /// Stiffness `[N m/rad, N/m]`.
+    pub stiffness: f64,
+    /// Damping `[N m s/rad, N s/m]`.
+    pub damping: f64,
+}
+
+/// What an actuator's motor measured, on the actuator's side; NaN for what it does not tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActuatorMeasurement {
+    /// Position `[rad, m]`.
+    pub position: f64,
+    /// Velocity `[rad/s, m/s]`.
+    pub velocity: f64,
+    /// Moment or force `[N m, N]`.
+    pub effort: f64,
+    /// Temperature of the motor `[°C]`.
+    pub temperature: f64,
+}
+
+impl ActuatorMeasurement {
+    /// Nothing is known.
+    pub const NONE: ActuatorMeasurement = ActuatorMeasurement {
+        position: f64::NAN,
+        velocity: f64::NAN,
+        effort: f64::NAN,
+        temperature: f64::NAN,
+    };
+}
+
+impl Mapping {
+    /// Motor and actuator are one.
+    pub const DIRECT: Mapping = Mapping { sign: 1.0, gear: 1.0, offset: 0.0, torque_constant: 1.0 };
+
+    /// What the motor is given for a set-point of the actuator.
+    pub fn to_motor(&self, setpoint: &ActuatorSetpoint) -> Setpoint {
+        let Mapping { sign, gear, offset, torque_constant } = *self;
+        let softer = 1.0 / (gear * gear * torque_constant);
+        Setpoint {
+            position: sign * gear * (setpoint.position - offset),
+            velocity: sign * gear * setpoint.velocity,
+            torque: sign * setpoint.effort / (gear * torque_constant),
+            stiffness: setpoint.stiffness * softer,
+            damping: setpoint.damping * softer,
+        }
+    }
+
+    /// What a measurement of the motor says of the actuator.
+    pub fn to_actuator(&self, measured: &Measurement) -> ActuatorMeasurement {
+        let Mapping { sign, gear, offset, torque_constant } = *self;
+        ActuatorMeasurement {
+            position: sign * measured.position / gear + offset,
+            velocity: sign * measured.velocity / gear,
+            effort: sign * measured.torque * gear * torque_constant,
+            temperature: measured.temperature,
+        }
+    }
+}

@@ -1,0 +1,426 @@
+//! What the kernel says of a CAN interface: whether it is up, its bit rates, the state of its
+//! controller, and its error frames.
+//!
+//! One question RTM_GETLINK, which a frontend sends over a route socket, and the attributes of its
+//! answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`, `linux/can/netlink.h`.
+
+use thiserror::Error;
+
+use crate::bridge::BusEvent;
+
+/// Kinds of messages.
+const GET_LINK: u16 = 18;
+const NEW_LINK: u16 = 16;
+const ERROR: u16 = 2;
+/// `NLM_F_REQUEST`.
+const REQUEST: u16 = 1;
+/// Bytes of `nlmsghdr` and of `ifinfomsg`.
+const HEAD: usize = 16;
+const INFO: usize = 16;
+/// `IFF_UP` in the flags of `ifinfomsg`.
+const UP: u32 = 1;
+/// `IFLA_IFNAME`, `IFLA_MTU`, `IFLA_LINKINFO`, and in the last one `IFLA_INFO_DATA`.
+const NAME: u16 = 3;
+const MTU: u16 = 4;
+const LINK_INFO: u16 = 18;
+const DATA: u16 = 2;
+/// `IFLA_CAN_BITTIMING`, `IFLA_CAN_STATE`, `IFLA_CAN_DATA_BITTIMING`.
+const TIMING: u16 = 1;
+const STATE: u16 = 4;
+const DATA_TIMING: u16 = 9;
+/// Where an attribute's kind has flags.
+const FLAGS: u16 = 0xC000;
+/// Bit rates that differ by less than this part of them work together: clocks do not divide into
+/// every one exactly.
+const SAME_RATE: f64 = 0.005;
+
+/// How a controller stands on its bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Controller {
+    /// Takes part fully.
+    Active,
+    /// 96 errors or more.
+    Warning,
+    /// 128 errors or more.
+    Passive,
+    /// Has left the bus.
+    Off,
+    /// Stopped or asleep: the interface is down.
+    Stopped,
+}
+
+/// A CAN interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interface {
+    /// Somebody brought it up.
+    pub is_up: bool,
+    /// Largest frame: 16 without CAN FD, 72 with it.
+    pub mtu: u32,
+    /// Bit rate `[bit/s]`; `None` where there is none (`vcan`), or where the kernel does not know
+    /// it.
+    pub bitrate: Option<u32>,
+    /// Bit rate of the data of FD frames `[bit/s]`.
+    pub data_bitrate: Option<u32>,
+    /// `None` where there is no controller.
+    pub controller: Option<Controller>,
+}
+
+/// Why an interface cannot be used.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum InterfaceError {
+    /// The kernel has no answer, but an error of the system, by its number.
+    #[error("the kernel refuses to tell of it: error {0}")]
+    Refused(i32),
+    /// The answer is none.
+    #[error("the kernel's answer is not understood")]
+    Garbled,
+    /// It is down.
+    #[error("{name} is down: `{set}`")]
+    Down {
+        /// The interface.
+        name: String,
+        /// The command that brings it up.
+        set: String,
+    },
+    /// Its controller has left the bus.
+    #[error(
+        "{0} is bus-off: its controller has left the bus after too many errors; look at wires, termination and the bit rate of every node, \
+             then `ip link set {0} type can restart`, or down and up"
+    )]
+    Off(String),
+    /// It carries no CAN FD.
+    #[error(
+        "{0}: the interface carries no CAN FD, expected an MTU of 72: `ip link set {0} mtu 72`, or `type can fd on` before it is up"
+    )]
+    NoFd(String),
+    /// It has another bit rate.
+    #[error(
+        "{name} has a {what} of {found} bit/s, expected {expected}: `ip link set {name} down`, then `{set}`"
+    )]
+    OtherBitrate {
+        /// The interface.
+        name: String,
+        /// Which of its two bit rates.
+        what: &'static str,
+        /// What it has `[bit/s]`.
+        found: u32,
+        /// What it should have `[bit/s]`.
+        expected: u32,
+        /// The command that sets it.
+        set: String,
+    },
+}
+
+impl Interface {
+    /// Reads the kernel's answer to [`question`].
+    ///
+    /// # Errors
+    /// [`InterfaceError::Refused`] where there is no such interface, [`InterfaceError::Garbled`].
+    pub fn read(answer: &[u8]) -> Result<Interface, InterfaceError> {
+        use InterfaceError::Garbled;
+        let length = word(answer, 0).ok_or(Garbled)? as usize;
+        let kind = answer.get(4..6).and_then(half).ok_or(Garbled)?;
+        let message = answer.get(..length).ok_or(Garbled)?;
+        if kind == ERROR {
+            let code = word(message, HEAD).ok_or(Garbled)? as i32;
+            return Err(InterfaceError::Refused(code.wrapping_neg()));
+        }
+        let flags = word(message, HEAD + 8).ok_or(Garbled)?;
+        let list = message.get(HEAD + INFO..).filter(|_| kind == NEW_LINK).ok_or(Garbled)?;
+        let mtu = find(list, MTU).and_then(|bytes| word(bytes, 0)).ok_or(Garbled)?;
+        let data = find(list, LINK_INFO).and_then(|info| find(info, DATA)).unwrap_or_default();
+        // the bit rate is the first number of `can_bittiming`; a rate that nobody has set, or that
+        // only the adapter knows, is 0 or −1
+        let rate = |kind: u16| {
+            find(data, kind)
+                .and_then(|timing| word(timing, 0))
+                .filter(|rate| !matches!(*rate, 0 | u32::MAX))
+        };
+        let controller =
+            find(data, STATE).and_then(|state| word(state, 0)).map(|state| match state {
+                0 => Controller::Active,
+                1 => Controller::Warning,
+                2 => Controller::Passive,
+                3 => Controller::Off,
+                _ => Controller::Stopped,
+            });
+        Ok(Interface {
+            is_up: flags & UP != 0,
+            mtu,
+            bitrate: rate(TIMING),
+            data_bitrate: rate(DATA_TIMING),
+            controller,
+        })
+    }
+
+    /// Whether the interface `name` can be used with these bit rates `[bit/s]`; `None` for the
+    /// first may be any, for the second a classic bus. What there is to say of its controller then.
+    ///
+    /// # Errors
+    /// What is wrong, with the command that fixes it.
+    pub fn check(
+        &self,
+        name: &str,
+        bitrate: Option<u32>,
+        data_bitrate: Option<u32>,
+    ) -> Result<Option<BusEvent>, InterfaceError> {
+        let set = set_up(name, bitrate, data_bitrate, self.controller.is_some());
+        let name = name.to_owned();
+        if !self.is_up || self.controller == Some(Controller::Stopped) {
+            return Err(InterfaceError::Down { name, set });
+        }
+        if self.controller == Some(Controller::Off) {
+            return Err(InterfaceError::Off(name));
+        }
+        if data_bitrate.is_some() && self.mtu != FD_MTU {
+            return Err(InterfaceError::NoFd(name));
+        }
+        for (what, found, expected) in [
+            ("bit rate", self.bitrate, bitrate),
+            ("data bit rate", self.data_bitrate, data_bitrate),
+        ] {
+            match (found, expected) {
+                (Some(found), Some(expected))
+                    if (f64::from(found) / f64::from(expected) - 1.0).abs() > SAME_RATE =>
+                {
+                    return Err(InterfaceError::OtherBitrate { name, what, found, expected, set });
+                }
+                _ => {}
+            }
+        }
+        Ok(match self.controller {
+            Some(Controller::Warning) => Some(BusEvent::ErrorWarning),
+            Some(Controller::Passive) => Some(BusEvent::ErrorPassive),
+            _ => None,
+        })
+    }
+}
+
+/// MTU of an interface that carries CAN FD.
+const FD_MTU: u32 = 72;
+
+/// The command that brings an interface up as the configuration says.
+fn set_up(
+    name: &str,
+    bitrate: Option<u32>,
+    data_bitrate: Option<u32>,
+    has_controller: bool,
+) -> String {
+    match (bitrate, data_bitrate) {
+        (Some(bitrate), Some(data)) if has_controller => {
+            format!("ip link set {name} up type can bitrate {bitrate} dbitrate {data} fd on")
+        }
+        (Some(bitrate), None) if has_controller => {
+            format!("ip link set {name} up type can bitrate {bitrate}")
+        }
+        _ => format!("ip link set {name} up"),
+    }
+}
+
+/// The question for an interface: `nlmsghdr` (length, kind, flags, number, sender), an empty
+/// `ifinfomsg`, and the name.
+pub fn question(name: &str) -> Vec<u8> {
+    let attribute = 4 + name.len() + 1;
+    let total = HEAD + INFO + attribute.next_multiple_of(4);
+    let mut bytes = Vec::with_capacity(total);
+    bytes.extend((total as u32).to_ne_bytes());
+    bytes.extend([GET_LINK, REQUEST].map(u16::to_ne_bytes).as_flattened());
+    bytes.extend([1_u32, 0].map(u32::to_ne_bytes).as_flattened());
+    bytes.extend([0; INFO]);
+    bytes.extend([attribute as u16, NAME].map(u16::to_ne_bytes).as_flattened());
+    bytes.extend(name.as_bytes());
+    bytes.resize(total, 0);
+    bytes
+}
+
+/// The content of the first attribute of a kind. Attributes are length and kind in 16 bits each,
+/// content, and what fills four bytes.
+fn find(mut list: &[u8], desired: u16) -> Option<&[u8]> {
+    loop {
+        let (length, kind) = (usize::from(half(list.get(..2)?)?), half(list.get(2..4)?)?);
+        let content = list.get(4..length)?;
+        if kind & !FLAGS == desired {
+            return Some(content);
+        }
+        list = list.get(length.next_multiple_of(4)..)?;
+    }
+}
+
+/// Events of an error frame, from its class and its data, whose second byte is the controller's
+/// state: the gravest state, and every loss (`linux/can/error.h`).
+pub fn error_events(class: u32, data: &[u8]) -> [Option<BusEvent>; 3] {
+    const CONTROLLER: u32 = 0x4;
+    const BUS_OFF: u32 = 0x40;
+    const RESTARTED: u32 = 0x100;
+    let controller = data.get(1).copied().filter(|_| class & CONTROLLER != 0).unwrap_or(0);
+    let state = match (class, controller) {
+        (class, _) if class & BUS_OFF != 0 => Some(BusEvent::BusOff),
+        (class, _) if class & RESTARTED != 0 => Some(BusEvent::Restarted),
+        (_, state) if state & 0x30 != 0 => Some(BusEvent::ErrorPassive),
+        (_, state) if state & 0x0C != 0 => Some(BusEvent::ErrorWarning),
+        (_, state) if state & 0x40 != 0 => Some(BusEvent::ErrorActive),
+        _ => None,
+    };
+    let overrun = (controller & 0x01 != 0).then_some(BusEvent::Overrun(1));
+    let dropped = (controller & 0x02 != 0).then_some(BusEvent::Dropped(1));
+    [state, overrun, dropped]
+}
+
+fn half(bytes: &[u8]) -> Option<u16> {
+    bytes.try_into().ok().map(u16::from_ne_bytes)
+}
+
+fn word(bytes: &[u8], place: usize) -> Option<u32> {
+    bytes.get(place..place + 4)?.try_into().ok().map(u32::from_ne_bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Answers of Linux 6.1, recorded; statistics and settings of the network are left out of them.
+    /// `vcan`, up, with CAN FD.
+    const VCAN: &str = "\
+        540000001000000001000000b90200000000180102000000c1000100000000000a0003007663616e3000000008000d00e8030000050010000000000008000400\
+        4800000010001200090001007663616e00000000";
+    /// The same, down.
+    const DOWN: &str = "\
+        540000001000000001000000bb020000000018010200000080000000000000000a0003007663616e3000000008000d00e8030000050010000200000008000400\
+        4800000010001200090001007663616e00000000";
+    /// `slcan`, up, with `type can bitrate 500000`.
+    const SLCAN: &str = "\
+        f40000001000000001000000d20200000000180103000000c1000100000000000b000300736c63616e30000008000d000a000000050010000600000008000400\
+        10000000b00012000800010063616e001c000300000000000000000001000000010000000000000000000000880002002400010020a107000000000000000000\
+        0000000000000000000000000000000000000000080003000000000008000400000000000c0005000000000000000000080006000000000028000d0010270000\
+        204e000050c30000a086010048e8010090d0030020a1070000350c0040420f0008000f00000000000c0011800800010002000000";
+    /// `slcan` without a bit rate that the kernel knows, bus-off.
+    const OFF: &str = "\
+        d00000001000000001000000cd020000000018010300000081000000000000000b000300736c63616e30000008000d000a000000050010000200000008000400\
+        100000008c0012000800010063616e001c0003000000000000000000010000000100000000000000000000006400020008000300000000000800040003000000\
+        0c0005000000000000000000080006000000000028000d0010270000204e000050c30000a086010048e8010090d0030020a1070000350c0040420f0008000f00\
+        000000000c0011800800010002000000";
+    /// No interface of this name.
+    const NONE: &str = "\
+        400000000200000001000000bc020000edffffff2c00000012000100010000000000000000000000000000000000000000000000090003006e6f6e6500000000";
+
+    fn bytes(text: &str) -> Vec<u8> {
+        text.as_bytes()
+            .chunks(2)
+            .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+            .collect()
+    }
+
+    fn read(text: &str) -> Interface {
+        Interface::read(&bytes(text)).unwrap()
+    }
+
+    #[test]
+    fn answers_of_a_kernel_are_read() {
+        let vcan =
+            Interface { is_up: true, mtu: 72, bitrate: None, data_bitrate: None, controller: None };
+        assert_eq!(read(VCAN), vcan);
+        assert_eq!(read(DOWN), Interface { is_up: false, ..vcan });
+        let slcan = Interface {
+            mtu: 16,
+            bitrate: Some(500_000),
+            controller: Some(Controller::Active),
+            ..vcan
+        };
+        assert_eq!(read(SLCAN), slcan);
+        assert_eq!(
+            read(OFF),
+            Interface { bitrate: None, controller: Some(Controller::Off), ..slcan }
+        );
+        assert_eq!(Interface::read(&bytes(NONE)), Err(InterfaceError::Refused(19)));
+    }
+
+    /// An answer with these rates and this state.
+    fn answer(up: u32, mtu: u32, timings: [(u16, u32); 2], state: u32) -> Interface {
+        let attribute = |kind: u16, content: &[u8]| {
+            let mut bytes =
+                [4 + content.len() as u16, kind].map(u16::to_ne_bytes).as_flattened().to_vec();
+            bytes.extend(content);
+            bytes.resize(bytes.len().next_multiple_of(4), 0);
+            bytes
+        };
+        let timing = |(kind, rate): (u16, u32)| {
+            attribute(kind, [rate.to_ne_bytes().as_slice(), &[0; 28]].concat().as_slice())
+        };
+        let data = [timings.map(timing).concat(), attribute(STATE, &state.to_ne_bytes())].concat();
+        let info = [attribute(1, b"can\0"), attribute(DATA | 0x8000, &data)].concat();
+        let list = [
+            attribute(NAME, b"can0\0"),
+            attribute(MTU, &mtu.to_ne_bytes()),
+            attribute(LINK_INFO, &info),
+        ]
+        .concat();
+        let length = (HEAD + INFO + list.len()) as u32;
+        let mut bytes = length.to_ne_bytes().to_vec();
+        bytes.extend([NEW_LINK, 0, 0, 0, 0, 0].map(u16::to_ne_bytes).as_flattened());
+        bytes.extend([0, 3, up, 0].map(u32::to_ne_bytes).as_flattened());
+        bytes.extend(list);
+        Interface::read(&bytes).unwrap()
+    }
+
+    #[test]
+    fn an_interface_that_is_not_as_configured_is_refused_with_the_command_that_sets_it() {
+        let rates = [(TIMING, 1_000_000), (DATA_TIMING, 5_000_000)];
+        let fd = answer(UP, 72, rates, 0);
+        assert_eq!(
+            (fd.bitrate, fd.data_bitrate, fd.controller),
+            (Some(1_000_000), Some(5_000_000), Some(Controller::Active))
+        );
+        assert!(fd.check("can0", Some(1_000_000), Some(5_000_000)) == Ok(None));
+        assert!(fd.check("can0", None, None).is_ok());
+        assert!(
+            answer(UP, 72, [(TIMING, 996_016), (DATA_TIMING, 0)], 1).check(
+                "can0",
+                Some(1_000_000),
+                None
+            ) == Ok(Some(BusEvent::ErrorWarning)),
+            "as near as a clock comes"
+        );
+        let message = |interface: Interface, (bitrate, data): (u32, Option<u32>)| {
+            interface.check("can0", Some(bitrate), data).unwrap_err().to_string()
+        };
+        assert_eq!(
+            message(fd, (500_000, None)),
+            "can0 has a bit rate of 1000000 bit/s, expected 500000: `ip link set can0 down`, then `ip link set can0 up type can bitrate 500000`"
+        );
+        let set = "`ip link set can0 up type can bitrate 1000000 dbitrate 2000000 fd on`";
+        assert!(message(fd, (1_000_000, Some(2_000_000))).ends_with(set));
+        assert_eq!(
+            message(answer(0, 72, rates, 4), (1_000_000, Some(2_000_000))),
+            format!("can0 is down: {set}")
+        );
+        assert!(
+            message(answer(UP, 16, rates, 0), (1_000_000, Some(5_000_000)))
+                .contains("carries no CAN FD")
+        );
+        assert!(
+            message(answer(UP, 72, rates, 3), (1_000_000, None)).starts_with("can0 is bus-off")
+        );
+        assert_eq!(message(read(DOWN), (1_000_000, None)), "can0 is down: `ip link set can0 up`");
+        assert!(
+            read(VCAN).check("vcan0", Some(1_000_000), Some(5_000_000)).is_ok(),
+            "no bit rate to compare"
+        );
+    }
+
+    #[test]
+    fn what_is_no_answer_is_refused() {
+        let whole = bytes(SLCAN);
+        for end in 0..whole.len() {
+            assert!(Interface::read(&whole[..end]).is_err(), "{end}");
+        }
+        // attributes that lie about their length end nowhere
+        for place in HEAD + INFO..whole.len() {
+            for wrong in [0, 1, 3, 0xFF] {
+                let mut bytes = whole.clone();
+                bytes[place] = wrong;
+                let _ = Interface::read(&bytes);
+            }
+        }
+    }
+}

@@ -1,0 +1,473 @@
+//! CANopen drives of the profile CiA 402: cyclic synchronous position, velocity and torque.
+//!
+//! Sources: CiA 301 4.2.0 (NMT, SYNC, EMCY, SDO, PDO, heartbeat); CiA 402-2 4.0 (state machine,
+//! objects 6040 …).
+//!
+//! - 000 NMT: command, node (01 start, 80 pre-operational). 080 SYNC, empty, at the end of each
+//!   cycle, once a bus. 080 + node EMCY: code u16, register u8, five of the maker's. 600 + node and
+//!   580 + node SDO, expedited. 700 + node heartbeat, 0 when the drive booted.
+//! - 200 + node, sent: control word 6040 u16, then target position 607A i32, target velocity 60FF
+//!   i32 or target torque 6071 i16; behind a position or a velocity the torque offset 60B2 i16, if
+//!   desired. All little-endian, taken at SYNC.
+//! - 180 + node, received after SYNC: status word 6041 u16, position 6064 i32, torque 6077 i16. 280
+//!   + node: velocity 606C i32.
+//! - Positions in counts, `counts_per_turn` of them in a turn of the output; velocities in
+//!   `velocity_counts_per_turn` units for one turn/s; torques in thousandths of the rated torque
+//!   6076.
+//!
+//! Without power the drive is set up by SDO, one request at a time: PDOs, mode 6060 (8, 9, 10), the
+//! largest torque 6072, the heartbeat that it waits for 1016 with what it does when that is late
+//! 6007 (2: no voltage), and the time between set-points 60C2. The rated torque, the mode, the
+//! heartbeat and what follows from its loss are read back. All of it is done anew after a boot, and
+//! when a drive that should be operational is not: after a lost NMT command, or when it missed the
+//! heartbeat and went back by itself (1029).
+//!
+//! The position goes on where its 32 bits begin again. A target cannot: in the mode position a
+//! drive outside them has a fault.
+
+mod setup;
+mod states;
+
+use std::f64::consts::TAU;
+
+use super::number::{limited, steps};
+use super::power_up::{Action, PowerUp, Stage};
+use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use crate::drive::{
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Shared,
+};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use sarrus_models::Diagnostics;
+use setup::{PARAMETERS, READABLE, Setup};
+use states::{DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, SHUTDOWN, SWITCH_ON, State};
+
+/// CANopen CiA 402.
+pub(super) const CIA402: Protocol = Protocol {
+    name: "cia402",
+    about: "CANopen drives of the profile CiA 402 (CSP, CSV, CST)",
+    modes: &[Mode::Torque, Mode::Position, Mode::Velocity],
+    fd: false,
+    keys: &[
+        Key {
+            name: "node",
+            kind: KeyKind::Integer(1, 126),
+            default: None,
+            about: "node of the drive",
+        },
+        Key {
+            name: "master",
+            kind: KeyKind::Integer(1, 127),
+            default: Some("127"),
+            about: "node of this side, for its heartbeat",
+        },
+        Key {
+            name: "rated_torque",
+            kind: KeyKind::Number(1e-3, 1e6),
+            default: None,
+            about: "object 6076 [N m], at the motor's output",
+        },
+        Key {
+            name: "counts_per_turn",
+            kind: KeyKind::Number(1.0, 1e9),
+            default: None,
+            about: "counts of 6064 in a turn of the motor's output",
+        },
+        Key {
+            name: "velocity_counts_per_turn",
+            kind: KeyKind::Number(1e-3, 1e9),
+            default: Some(""),
+            about: "606C and 60FF at one turn a second; without it the counts of the position",
+        },
+        Key {
+            name: "torque_offset",
+            kind: KeyKind::Flag,
+            default: Some("false"),
+            about: "torque beside position or velocity, by 60B2",
+        },
+        Key {
+            name: "velocity_feedback",
+            kind: KeyKind::Flag,
+            default: Some("true"),
+            about: "the velocity in a second PDO",
+        },
+        Key {
+            name: "configure",
+            kind: KeyKind::Flag,
+            default: Some("true"),
+            about: "whether the PDOs are set up by SDO; else they are as above",
+        },
+    ],
+    make,
+};
+
+const SYNC: u16 = 0x080;
+/// A drive that is set up and says nothing for this time is set up anew `[ns]`.
+const SILENCE_NS: u64 = 500_000_000;
+/// The same, if it says that it is not operational.
+const STOPPED_NS: u64 = 100_000_000;
+
+#[derive(Debug)]
+struct Cia402 {
+    node: u16,
+    master: u16,
+    mode: Mode,
+    torque_limit: f64,
+    rated_torque: f64,
+    counts: f64,
+    velocity_counts: f64,
+    torque_offset: bool,
+    velocity_feedback: bool,
+    watchdog_ms: u32,
+    setup: Setup,
+    state: Option<State>,
+    power_up: PowerUp,
+    emergency: u16,
+    /// It ended the following, and no cycle has answered that yet.
+    emergency_holds: bool,
+    /// Of the last measurement.
+    counted: Option<(i32, i64)>,
+    /// The first PDO came, and not yet the second one of its cycle.
+    is_new: bool,
+    /// When it last reported its status, or was set up `[ns]`.
+    heard_ns: Option<u64>,
+    torque: f64,
+    heartbeat_ns: Option<u64>,
+}
+
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
+    let (node, master) = (settings.integer("node") as u16, settings.integer("master") as u16);
+    if node == master {
+        diagnostics.error(
+            settings.place("master"),
+            format!("`master` is {node} like `node`"),
+            "another node",
+            "give this side a free one",
+        );
+        return None;
+    }
+    let counts = settings.number("counts_per_turn");
+    let rated_torque = settings.number("rated_torque");
+    let velocity_counts = if settings.has("velocity_counts_per_turn") {
+        settings.number("velocity_counts_per_turn")
+    } else {
+        counts
+    };
+    let torque_offset = settings.flag("torque_offset") && common.mode != Mode::Torque;
+    let velocity_feedback = settings.flag("velocity_feedback");
+    let setup = Setup::new(setup::Desired {
+        node,
+        master,
+        mode: common.mode,
+        watchdog_ms: common.watchdog_ms.min(0xFFFF) as u16,
+        torque_limit: (common.torque_limit / rated_torque * 1000.0).floor(),
+        rated_torque,
+        torque_offset,
+        velocity_feedback,
+        configure: settings.flag("configure"),
+        period_ns: common.period_ns,
+    });
+    Some(Box::new(Cia402 {
+        node,
+        master,
+        mode: common.mode,
+        torque_limit: common.torque_limit,
+        rated_torque,
+        counts,
+        velocity_counts,
+        torque_offset,
+        velocity_feedback,
+        watchdog_ms: common.watchdog_ms,
+        setup,
+        state: None,
+        power_up: PowerUp::at_once(),
+        emergency: 0,
+        emergency_holds: false,
+        counted: None,
+        is_new: false,
+        heard_ns: None,
+        torque: f64::NAN,
+        heartbeat_ns: None,
+    }))
+}
+
+impl Cia402 {
+    fn frame(&self, base: u16, bytes: &[u8]) -> Option<Frame> {
+        Frame::classic(Id::Standard(base + self.node), bytes)
+    }
+
+    /// The control word with a set-point.
+    fn command(&self, control: u16, setpoint: &Setpoint) -> Option<Frame> {
+        let per_mille = self.rated_torque / 1000.0;
+        let torque = (steps(limited(setpoint.torque, self.torque_limit), per_mille, 32_767) as i16)
+            .to_le_bytes();
+        let [low, high] = control.to_le_bytes();
+        let target = match self.mode {
+            Mode::Position => steps(setpoint.position, TAU / self.counts, i32::MAX),
+            Mode::Velocity => steps(setpoint.velocity, TAU / self.velocity_counts, i32::MAX),
+            Mode::Torque | Mode::Impedance => {
+                return self.frame(0x200, &[low, high, torque[0], torque[1]]);
+            }
+        };
+        let [a, b, c, d] = target.to_le_bytes();
+        match self.torque_offset {
+            true => self.frame(0x200, &[low, high, a, b, c, d, torque[0], torque[1]]),
+            false => self.frame(0x200, &[low, high, a, b, c, d]),
+        }
+    }
+
+    /// What keeps the motor where it is.
+    fn neutral(&self) -> Setpoint {
+        Setpoint {
+            position: self.counted.map_or(0.0, |(_, counts)| counts as f64 * TAU / self.counts),
+            ..Setpoint::default()
+        }
+    }
+
+    /// The heartbeat of this side, four times in the time that the drive waits for it.
+    fn beat(&mut self, now_ns: u64, out: &mut FrameQueue) {
+        let Some((frame, period_ns)) = self.heartbeat() else { return };
+        if self.heartbeat_ns.is_none_or(|last| now_ns.saturating_sub(last) >= period_ns) {
+            self.heartbeat_ns = Some(now_ns);
+            out.push(frame);
+        }
+    }
+
+    /// Whether it should have reported its status for this time.
+    fn is_silent(&self, now_ns: u64, time_ns: u64) -> bool {
+        self.setup.is_done()
+            && self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > time_ns)
+    }
+
+    /// It is not what it was set up to be any more.
+    fn set_up_again(&mut self) {
+        self.lose();
+        (self.state, self.is_new) = (None, false);
+        self.setup.again();
+    }
+
+    fn lose(&mut self) {
+        self.emergency_holds |= self.power_up.stage() == Stage::On;
+        self.power_up.lose();
+    }
+
+    fn idle(&mut self, now_ns: u64, out: &mut FrameQueue) {
+        self.emergency_holds = false;
+        if self.is_silent(now_ns, SILENCE_NS) {
+            self.set_up_again();
+        }
+        if !self.setup.is_done() {
+            self.heard_ns = Some(now_ns);
+        }
+        out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
+        out.push_some(self.setup.request(now_ns));
+    }
+
+    fn status(&mut self, status: u16) {
+        let state = State::of(status);
+        self.state = Some(state);
+        self.emergency_holds |= self.power_up.report(state == State::Enabled);
+        let follows = self.power_up.stage() == Stage::On || self.emergency_holds;
+        if state != State::Faulty && self.emergency != 0 && !follows {
+            // reported by EMCY and gone without one
+            self.emergency = 0;
+        }
+    }
+
+    /// A position without jumps.
+    fn follow(&mut self, counts: i32) -> f64 {
+        let whole = match self.counted {
+            Some((last, whole)) => whole + i64::from(counts.wrapping_sub(last)),
+            None => i64::from(counts),
+        };
+        self.counted = Some((counts, whole));
+        whole as f64 * TAU / self.counts
+    }
+
+    fn measured(&self, velocity: f64) -> Receipt {
+        let position = self.neutral().position;
+        Receipt::Measured(Measurement {
+            position,
+            velocity,
+            torque: self.torque,
+            temperature: f64::NAN,
+        })
+    }
+}
+
+impl Drive for Cia402 {
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        self.beat(now_ns, out);
+        let is_ready = self.setup.is_done() && self.state.is_some() && self.state().fault == 0;
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(_) | Action::Withhold => self.idle(now_ns, out),
+            Action::Reset => {
+                (self.emergency, self.emergency_holds) = (0, false);
+                if self.setup.fault != 0 {
+                    self.setup.again();
+                }
+                out.push_some(self.command(FORGET_FAULT, &self.neutral()));
+            }
+            Action::Prime(setpoint)
+            | Action::Ask(setpoint)
+            | Action::Await(setpoint)
+            | Action::Follow(setpoint) => {
+                let control = match self.state {
+                    Some(State::Disabled) => SHUTDOWN,
+                    Some(State::Ready) => SWITCH_ON,
+                    Some(State::SwitchedOn | State::Enabled) => ENABLE,
+                    _ => DISABLE_VOLTAGE,
+                };
+                out.push_some(self.command(control, &setpoint));
+            }
+        }
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.command(ENABLE, setpoint));
+    }
+
+    /// The control word by PDO with a SYNC that makes it count, and by SDO, which a drive takes in
+    /// every network state but stopped.
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
+        out.push_some(self.sync());
+        out.push_some(setup::write(self.node, 0x6040, 0, 2, 0));
+    }
+
+    fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
+        let Id::Standard(id) = frame.id else { return Receipt::NotMine };
+        let Some(base) = id.checked_sub(self.node) else { return Receipt::NotMine };
+        if !matches!(base, 0x080 | 0x180 | 0x280 | 0x580 | 0x700) {
+            return Receipt::NotMine;
+        }
+        match (base, frame.data()) {
+            _ if frame.is_fd() => Receipt::Malformed,
+            (0x080, [low, high, _, ..]) => {
+                self.emergency = u16::from_le_bytes([*low, *high]);
+                Receipt::Noted
+            }
+            // what a PDO holds is known once it is set up
+            (0x180, [_, _, _, _, _, _, _, _]) | (0x280, [_, _, _, _]) if !self.setup.is_done() => {
+                Receipt::Noted
+            }
+            (0x180, [low, high, a, b, c, d, e, f]) => {
+                (self.is_new, self.heard_ns) = (true, Some(now_ns));
+                self.status(u16::from_le_bytes([*low, *high]));
+                self.follow(i32::from_le_bytes([*a, *b, *c, *d]));
+                self.torque = f64::from(i16::from_le_bytes([*e, *f])) * self.rated_torque / 1000.0;
+                if self.velocity_feedback { Receipt::Noted } else { self.measured(f64::NAN) }
+            }
+            (0x280, [a, b, c, d]) if self.velocity_feedback && self.is_new => {
+                self.is_new = false;
+                self.measured(
+                    f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts,
+                )
+            }
+            (0x280, [_, _, _, _]) => Receipt::Noted,
+            (0x580, _) => match frame.exactly::<8>() {
+                Some(bytes) => self.setup.answered(now_ns, bytes),
+                None => Receipt::Malformed,
+            },
+            (0x700, [state]) => {
+                match state & 0x7F {
+                    // it booted: nothing of what was set is still there
+                    0 => {
+                        self.set_up_again();
+                        self.counted = None;
+                    }
+                    // stopped or pre-operational, and not just told to be operational
+                    0x04 | 0x7F if self.is_silent(now_ns, STOPPED_NS) => self.set_up_again(),
+                    _ => {}
+                }
+                Receipt::Noted
+            }
+            _ => Receipt::Malformed,
+        }
+    }
+
+    fn state(&self) -> DriveState {
+        let power = match self.state {
+            None => Power::Unknown,
+            Some(State::Enabled | State::QuickStop) => Power::On,
+            Some(_) if self.power_up.is_asked() => Power::Starting,
+            Some(_) => Power::Off,
+        };
+        let is_faulty = self.state == Some(State::Faulty);
+        let is_beyond = self.mode == Mode::Position
+            && self.counted.is_some_and(|(_, whole)| i32::try_from(whole).is_err());
+        let fault = match self.emergency {
+            code if code != 0 => u32::from(code),
+            _ if is_faulty => fault::UNKNOWN,
+            _ if self.setup.fault != 0 => self.setup.fault,
+            _ if self.power_up.stage() == Stage::Lost => fault::POWER_LOST,
+            _ if is_beyond => fault::OUT_OF_RANGE,
+            _ => 0,
+        };
+        DriveState { power, fault, watchdog: self.setup.watchdog }
+    }
+
+    fn prepare(&mut self) {
+        self.set_up_again();
+    }
+
+    fn forget(&mut self) {
+        (self.counted, self.heard_ns, self.heartbeat_ns) = (None, None, None);
+        self.power_up.forget();
+        (self.emergency, self.emergency_holds, self.torque) = (0, false, f64::NAN);
+        self.prepare();
+    }
+
+    fn identifiers(&self) -> Vec<Id> {
+        [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700]
+            .map(|base| Id::Standard(base + self.node))
+            .to_vec()
+    }
+
+    fn shared_identifiers(&self) -> Vec<Shared> {
+        // what the master says to all
+        [0, SYNC, 0x700 + self.master]
+            .map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F })
+            .to_vec()
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        let reply = |base: u16, len| Reply {
+            id: Id::Standard(base + self.node),
+            kind: FrameKind::Classic,
+            len,
+        };
+        if self.velocity_feedback {
+            vec![reply(0x180, 8), reply(0x280, 4)]
+        } else {
+            vec![reply(0x180, 8)]
+        }
+    }
+
+    fn sync(&self) -> Option<Frame> {
+        Frame::classic(Id::Standard(SYNC), &[])
+    }
+
+    fn heartbeat(&self) -> Option<(Frame, u64)> {
+        let frame = Frame::classic(Id::Standard(0x700 + self.master), &[0x05])?;
+        (self.watchdog_ms > 0).then(|| (frame, u64::from(self.watchdog_ms) * 250_000))
+    }
+
+    /// Asks for the device's type, object 1000.
+    fn probe(&mut self, out: &mut FrameQueue) {
+        out.push_some(setup::read(self.node, 0x1000, 0));
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        PARAMETERS
+    }
+
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        let Some((index, sub, _)) = READABLE.get(parameter) else { return };
+        out.push_some(setup::read(self.node, *index, *sub));
+    }
+}

@@ -1,0 +1,298 @@
+//! What a drive is given by SDO before it gets power, one request at a time, and what is read back.
+
+use crate::drive::{Mode, Parameter, Receipt, Watchdog};
+use crate::frame::{Frame, Id};
+use crate::protocol::fault;
+
+/// An unanswered request is sent again after this time `[ns]`.
+const TIMEOUT_NS: u64 = 50_000_000;
+/// The unit of 60C2 as drives are delivered, which many of them do not change.
+const MILLISECONDS: u32 = -3_i8 as u8 as u32;
+/// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
+const SAME_TORQUE: f64 = 1e-3;
+
+pub(super) const PARAMETERS: &[Parameter] = &[
+    Parameter { name: "1000 device type", unit: "" },
+    Parameter { name: "6061 mode", unit: "" },
+    Parameter { name: "6076 rated torque", unit: "mN m" },
+    Parameter { name: "6075 rated current", unit: "mA" },
+    Parameter { name: "6072 largest torque", unit: "‰" },
+    Parameter { name: "603F error code", unit: "" },
+    Parameter { name: "6064 position", unit: "counts" },
+    Parameter { name: "6079 voltage", unit: "mV" },
+];
+/// Their objects, and whether those are signed.
+pub(super) const READABLE: [(u16, u8, bool); 8] = [
+    (0x1000, 0, false),
+    (0x6061, 0, true),
+    (0x6076, 0, false),
+    (0x6075, 0, false),
+    (0x6072, 0, false),
+    (0x603F, 0, false),
+    (0x6064, 0, true),
+    (0x6079, 0, false),
+];
+
+/// What the drive is to be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Desired {
+    pub(super) node: u16,
+    pub(super) master: u16,
+    pub(super) mode: Mode,
+    pub(super) watchdog_ms: u16,
+    /// Thousandths of the rated torque; not finite without one.
+    pub(super) torque_limit: f64,
+    /// `[N m]`
+    pub(super) rated_torque: f64,
+    pub(super) torque_offset: bool,
+    pub(super) velocity_feedback: bool,
+    pub(super) configure: bool,
+    /// 0 where it is not known.
+    pub(super) period_ns: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// An NMT command; has no answer.
+    Network(u8),
+    /// Index, subindex, bytes, value; the drive has to take it.
+    Write(u16, u8, u8, u32),
+    /// The same, for objects that not all drives have.
+    Offer(u16, u8, u8, u32),
+    /// An object that is assessed when it was read.
+    Read(u16, u8),
+}
+
+#[derive(Debug)]
+pub(super) struct Setup {
+    desired: Desired,
+    steps: Vec<Step>,
+    next: usize,
+    sent_ns: Option<u64>,
+    pub(super) watchdog: Watchdog,
+    /// What is wrong, or 0.
+    pub(super) fault: u32,
+}
+
+/// An expedited write of `len` bytes.
+pub(super) fn write(node: u16, index: u16, sub: u8, len: u8, value: u32) -> Option<Frame> {
+    let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
+    Frame::classic(
+        Id::Standard(0x600 + node),
+        &[0x23 | (4 - len.clamp(1, 4)) << 2, low, high, sub, a, b, c, d],
+    )
+}
+
+/// A read.
+pub(super) fn read(node: u16, index: u16, sub: u8) -> Option<Frame> {
+    let [low, high] = index.to_le_bytes();
+    Frame::classic(Id::Standard(0x600 + node), &[0x40, low, high, sub, 0, 0, 0, 0])
+}
+
+const fn mode_of(mode: Mode) -> u8 {
+    match mode {
+        Mode::Position => 8,
+        Mode::Velocity => 9,
+        Mode::Torque | Mode::Impedance => 10,
+    }
+}
+
+/// A time as 60C2 holds it: value × 10^exponent s, exactly if that can be.
+fn interpolation(period_ns: u64) -> (u8, i8) {
+    let scaled = |exponent: i8| period_ns as f64 * 10_f64.powi(-9 - i32::from(exponent));
+    let fits = |exponent: &i8| (0.5..255.5).contains(&scaled(*exponent));
+    let is_exact = |exponent: &i8| {
+        fits(exponent) && (scaled(*exponent) - scaled(*exponent).round()).abs() < 1e-6
+    };
+    let exponent = [-3, -2, -1, 0, -4, -5, -6]
+        .into_iter()
+        .find(is_exact)
+        .or_else(|| (-6..=0).find(fits))
+        .unwrap_or(-3);
+    (scaled(exponent).round() as u8, exponent)
+}
+
+/// A PDO at `communication` and `mapping` that goes with SYNC and holds these objects; without any
+/// it is off.
+fn pdo(communication: u16, mapping: u16, id: u32, objects: &[u32], steps: &mut Vec<Step>) {
+    const OFF: u32 = 1 << 31;
+    if objects.is_empty() {
+        return steps.push(Step::Offer(communication, 1, 4, OFF | id));
+    }
+    steps.push(Step::Write(communication, 1, 4, OFF | id));
+    steps.push(Step::Write(communication, 2, 1, 1));
+    steps.push(Step::Write(mapping, 0, 1, 0));
+    for (i, object) in objects.iter().enumerate() {
+        steps.push(Step::Write(mapping, i as u8 + 1, 4, *object));
+    }
+    steps.push(Step::Write(mapping, 0, 1, objects.len() as u32));
+    steps.push(Step::Write(communication, 1, 4, id));
+}
+
+impl Setup {
+    pub(super) fn new(desired: Desired) -> Setup {
+        let node = u32::from(desired.node);
+        let mut steps = vec![Step::Network(0x80), Step::Write(0x6040, 0, 2, 0)];
+        if desired.configure {
+            let target = match desired.mode {
+                Mode::Position => 0x607A_0020,
+                Mode::Velocity => 0x60FF_0020,
+                Mode::Torque | Mode::Impedance => 0x6071_0010,
+            };
+            let command = [0x6040_0010, target, 0x60B2_0010];
+            let n_objects = if desired.torque_offset { 3 } else { 2 };
+            pdo(
+                0x1400,
+                0x1600,
+                0x200 + node,
+                command.get(..n_objects).unwrap_or_default(),
+                &mut steps,
+            );
+            pdo(0x1800, 0x1A00, 0x180 + node, &[0x6041_0010, 0x6064_0020, 0x6077_0010], &mut steps);
+            pdo(
+                0x1801,
+                0x1A01,
+                0x280 + node,
+                if desired.velocity_feedback { &[0x606C_0020] } else { &[] },
+                &mut steps,
+            );
+        }
+        steps.push(Step::Write(0x6060, 0, 1, u32::from(mode_of(desired.mode))));
+        if desired.period_ns > 0 && matches!(desired.mode, Mode::Position | Mode::Velocity) {
+            let (value, exponent) = interpolation(desired.period_ns);
+            steps.push(Step::Offer(0x60C2, 2, 1, u32::from(exponent as u8)));
+            steps.push(Step::Offer(0x60C2, 1, 1, u32::from(value)));
+        }
+        if desired.torque_limit.is_finite() {
+            steps.push(Step::Offer(0x6072, 0, 2, desired.torque_limit.clamp(0.0, 65_535.0) as u32));
+        }
+        if desired.watchdog_ms > 0 {
+            steps.push(Step::Offer(0x6007, 0, 2, 2));
+            steps.push(Step::Write(
+                0x1016,
+                1,
+                4,
+                u32::from(desired.master) << 16 | u32::from(desired.watchdog_ms),
+            ));
+        }
+        let read_back = [(0x1016, 1), (0x6007, 0), (0x6076, 0), (0x6061, 0)];
+        steps.extend(read_back.map(|(index, sub)| Step::Read(index, sub)));
+        steps.push(Step::Network(0x01));
+        Setup { desired, steps, next: 0, sent_ns: None, watchdog: Watchdog::Unknown, fault: 0 }
+    }
+
+    /// Begins again.
+    pub(super) fn again(&mut self) {
+        (self.next, self.sent_ns, self.watchdog, self.fault) = (0, None, Watchdog::Unknown, 0);
+    }
+
+    pub(super) fn is_done(&self) -> bool {
+        self.next == self.steps.len()
+    }
+
+    /// The next request, or the last one again when it was not answered.
+    pub(super) fn request(&mut self, now_ns: u64) -> Option<Frame> {
+        if self.fault != 0
+            || self.sent_ns.is_some_and(|sent| now_ns.saturating_sub(sent) < TIMEOUT_NS)
+        {
+            return None;
+        }
+        let node = self.desired.node;
+        self.sent_ns = Some(now_ns);
+        match *self.steps.get(self.next)? {
+            Step::Network(command) => {
+                self.proceed();
+                Frame::classic(Id::Standard(0), &[command, node as u8])
+            }
+            Step::Write(index, sub, len, value) | Step::Offer(index, sub, len, value) => {
+                write(node, index, sub, len, value)
+            }
+            Step::Read(index, sub) => read(node, index, sub),
+        }
+    }
+
+    fn proceed(&mut self) {
+        self.next += 1;
+        self.sent_ns = None;
+    }
+
+    /// Takes an answer of the SDO server.
+    pub(super) fn answered(&mut self, _now_ns: u64, bytes: [u8; 8]) -> Receipt {
+        let [command, low, high, sub, a, b, c, d] = bytes;
+        let index = u16::from_le_bytes([low, high]);
+        let is_refused = command == 0x80;
+        // expedited, with as many bytes as its bits 2 and 3 leave
+        let n_bytes = if command & 0x01 != 0 { 4 - (command >> 2 & 3) } else { 4 };
+        let value = u32::from_le_bytes([a, b, c, d]) & (u32::MAX >> (8 * (4 - u32::from(n_bytes))));
+        match self.steps.get(self.next) {
+            Some(Step::Write(i, s, ..))
+                if (*i, *s) == (index, sub) && (is_refused || command == 0x60) =>
+            {
+                if is_refused {
+                    self.fault = fault::SETTING_REFUSED;
+                } else {
+                    self.proceed();
+                }
+            }
+            Some(Step::Offer(i, s, _, value))
+                if (*i, *s) == (index, sub) && (is_refused || command == 0x60) =>
+            {
+                // a number in a unit that the drive has not is no time: it keeps its own
+                let is_unit = (index, sub) == (0x60C2, 2) && *value != MILLISECONDS;
+                self.proceed();
+                if is_refused && is_unit {
+                    self.proceed();
+                }
+            }
+            Some(Step::Read(i, s))
+                if (*i, *s) == (index, sub) && (is_refused || command & 0xE2 == 0x42) =>
+            {
+                self.assess(index, (!is_refused).then_some(value));
+                self.proceed();
+            }
+            _ => {}
+        }
+        if command & 0xE2 != 0x42 {
+            return if is_refused || command == 0x60 { Receipt::Noted } else { Receipt::Malformed };
+        }
+        let Some(parameter) = READABLE.iter().position(|(i, s, _)| (*i, *s) == (index, sub)) else {
+            return Receipt::Noted;
+        };
+        let is_signed = READABLE.get(parameter).is_some_and(|(_, _, is_signed)| *is_signed);
+        let unused = 8 * (4 - u32::from(n_bytes));
+        let signed = (value << unused) as i32 >> unused;
+        Receipt::Parameter(parameter, if is_signed { f64::from(signed) } else { f64::from(value) })
+    }
+
+    fn assess(&mut self, index: u16, value: Option<u32>) {
+        match (index, value) {
+            (0x1016, Some(value)) => {
+                let is_ours = value >> 16 & 0x7F == u32::from(self.desired.master);
+                self.watchdog = if is_ours && value & 0xFFFF > 0 {
+                    Watchdog::Set(value & 0xFFFF)
+                } else {
+                    Watchdog::Off
+                };
+            }
+            (0x1016, None) => self.watchdog = Watchdog::Unreadable,
+            // when the heartbeat is late: nothing; fault, no voltage or quick stop; what only the
+            // maker knows
+            (0x6007, Some(0)) => self.watchdog = Watchdog::Off,
+            (0x6007, Some(1..=3)) => {}
+            (0x6007, _) if matches!(self.watchdog, Watchdog::Set(_)) => {
+                self.watchdog = Watchdog::Unreadable
+            }
+            (0x6076, Some(value)) => {
+                let (read, configured) = (f64::from(value) / 1000.0, self.desired.rated_torque);
+                if (read - configured).abs() > SAME_TORQUE * configured + 1e-3 {
+                    self.fault = fault::RANGES_DIFFER;
+                }
+            }
+            (0x6061, Some(value)) if value != u32::from(mode_of(self.desired.mode)) => {
+                self.fault = fault::MODE_REFUSED
+            }
+            (0x6076 | 0x6061, None) => self.fault = fault::SETTING_REFUSED,
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! CyberGear, and RobStride motors in their private protocol.
+//!
+//! Sources: Xiaomi CyberGear instruction manual, chapter 4; RobStride 00 manual, "private
+//! communication protocol".
+//!
+//! - Extended identifier: kind in bits 28 … 24, data in 23 … 8, receiver in 7 … 0. 8 data bytes.
+//! - 1 set-point: the identifier's data is the torque; bytes position, velocity, stiffness,
+//!   damping, each 16 bits big-endian. Code 0 is the low end of a range and FFFF the high end: ±
+//!   `position_range` rad, ± `velocity_range` rad/s, ± `torque_range` N m, 0 … `stiffness_range` N
+//!   m/rad, 0 … `damping_range` N m s/rad. 3 power on, 4 power off (byte 0 = 1: forget faults), 6
+//!   zero here (byte 0 = 1), 17 read and 18 write a parameter: index u16, 0 0, value of 4 bytes,
+//!   little-endian. There the identifier's data is the host.
+//! - 2 feedback to the host: data = mode (2 bits: 0 reset, 1 calibration, 2 runs), faults (6 bits),
+//!   motor (8 bits); bytes position, velocity, torque, temperature × 10, big-endian. 17 answers a
+//!   read, 21 tells faults u32 and warnings u32, 0 answers who is there.
+//!
+//! Around zero a range has no code for zero: the two codes beside it are sent in turn. Beyond ±
+//! `position_range` the feedback is followed, and reported as a fault. The motor's watchdog is the
+//! parameter canTimeout in units of 50 µs; it is off as motors are delivered.
+
+mod keys;
+
+use super::number::limited;
+use super::power_up::{Action, PowerUp, Stage};
+use super::scale::Scale;
+use super::turns::Turns;
+use super::{Common, Protocol, Settings, fault};
+use crate::drive::{
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Watchdog,
+};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use keys::{INDICES, KEYS, PARAMETERS, RUN_MODE};
+use sarrus_models::Diagnostics;
+
+/// CyberGear and RobStride.
+pub(super) const CYBERGEAR: Protocol = Protocol {
+    name: "cybergear",
+    about: "CyberGear, and RobStride in its private protocol",
+    modes: &[Mode::Impedance, Mode::Torque],
+    fd: false,
+    keys: KEYS,
+    make,
+};
+
+/// Ranges of a CyberGear, in the order of [`RANGES`].
+const CYBERGEAR_RANGES: [f64; 4] = [30.0, 12.0, 500.0, 5.0];
+const RANGES: [&str; 4] = ["velocity_range", "torque_range", "stiffness_range", "damping_range"];
+
+const WHO: u32 = 0;
+const SETPOINT: u32 = 1;
+const FEEDBACK: u32 = 2;
+const POWER_ON: u32 = 3;
+const POWER_OFF: u32 = 4;
+const ZERO: u32 = 6;
+const READ: u32 = 17;
+const WRITE: u32 = 18;
+const FAULTS: u32 = 21;
+
+/// Units of canTimeout in a millisecond: one is 50 µs.
+const TIMEOUT_PER_MS: u32 = 20;
+/// Feedback's mode of a motor that runs.
+const RUNS: u32 = 2;
+
+/// What is set and read before the motor gets power, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    WriteMode,
+    ReadMode,
+    WriteTimeout,
+    ReadTimeout,
+    Done,
+}
+
+#[derive(Debug)]
+struct CyberGear {
+    id: u32,
+    host: u32,
+    mode: Mode,
+    torque_limit: f64,
+    position: Scale,
+    velocity: Scale,
+    torque: Scale,
+    stiffness: Scale,
+    damping: Scale,
+    watchdog_index: u16,
+    watchdog_ms: u32,
+    watchdog: Watchdog,
+    step: Step,
+    power_up: PowerUp,
+    /// Feedback's mode.
+    runs: Option<u32>,
+    /// Faults of the feedback, and those that the motor reported by themselves.
+    motor_fault: u32,
+    reported_fault: u32,
+    refused: bool,
+    turns: Turns,
+    odd: bool,
+}
+
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
+    let is_cybergear = settings.text("model") == "cybergear";
+    let mut ranges = CYBERGEAR_RANGES;
+    let mut good = true;
+    for (key, range) in RANGES.iter().zip(&mut ranges) {
+        if settings.has(key) {
+            *range = settings.number(key);
+        } else if !is_cybergear {
+            let found = format!("the drive has no `{key}`");
+            diagnostics.error(
+                settings.place("model"),
+                found,
+                "the range of this RobStride",
+                "add it from the motor's manual",
+            );
+            good = false;
+        }
+    }
+    let [velocity, torque, stiffness, damping] = ranges;
+    let watchdog_index = match settings.has("watchdog_index") {
+        true => settings.integer("watchdog_index") as u16,
+        false if is_cybergear => 0x200C,
+        false => 0x7028,
+    };
+    good.then(|| {
+        Box::new(CyberGear {
+            id: settings.integer("id") as u32,
+            host: settings.integer("host_id") as u32,
+            mode: common.mode,
+            torque_limit: common.torque_limit,
+            position: Scale::around_zero(settings.number("position_range"), 16),
+            velocity: Scale::around_zero(velocity, 16),
+            torque: Scale::around_zero(torque, 16),
+            stiffness: Scale::from_zero(stiffness, 16),
+            damping: Scale::from_zero(damping, 16),
+            watchdog_index,
+            watchdog_ms: common.watchdog_ms,
+            watchdog: unknown(watchdog_index),
+            step: Step::WriteMode,
+            power_up: PowerUp::primed(),
+            runs: None,
+            motor_fault: 0,
+            reported_fault: 0,
+            refused: false,
+            turns: Turns::default(),
+            odd: false,
+        }) as Box<dyn Drive>
+    })
+}
+
+const fn unknown(watchdog_index: u16) -> Watchdog {
+    if watchdog_index == 0 { Watchdog::Unreadable } else { Watchdog::Unknown }
+}
+
+impl CyberGear {
+    fn frame(&self, kind: u32, data: u32, bytes: [u8; 8]) -> Option<Frame> {
+        Frame::classic(Id::Extended(kind << 24 | data << 8 | self.id), &bytes)
+    }
+
+    fn power_off(&self, forget_faults: u8) -> Option<Frame> {
+        self.frame(POWER_OFF, self.host, [forget_faults, 0, 0, 0, 0, 0, 0, 0])
+    }
+
+    fn parameter(&self, kind: u32, index: u16, value: u32) -> Option<Frame> {
+        let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
+        self.frame(kind, self.host, [low, high, 0, 0, a, b, c, d])
+    }
+
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
+        let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
+            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
+            _ => *setpoint,
+        };
+        let torque = self.torque.code(limited(torque, self.torque_limit), self.odd);
+        let [a, b] = self.position.code(position, self.odd).to_be_bytes();
+        let [c, d] = self.velocity.code(velocity, self.odd).to_be_bytes();
+        let [e, f] = self.stiffness.code(stiffness, self.odd).to_be_bytes();
+        let [g, h] = self.damping.code(damping, self.odd).to_be_bytes();
+        self.frame(SETPOINT, u32::from(torque), [a, b, c, d, e, f, g, h])
+    }
+
+    /// A set-point; codes beside zero alternate from one to the next.
+    fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+        self.odd = !self.odd;
+    }
+
+    /// The watchdog's time in its units.
+    fn timeout(&self) -> u32 {
+        self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS)
+    }
+
+    fn request(&self) -> Option<Frame> {
+        match self.step {
+            Step::WriteMode => self.parameter(WRITE, RUN_MODE, 0),
+            Step::ReadMode => self.parameter(READ, RUN_MODE, 0),
+            Step::WriteTimeout => self.parameter(WRITE, self.watchdog_index, self.timeout()),
+            Step::ReadTimeout => self.parameter(READ, self.watchdog_index, 0),
+            Step::Done => None,
+        }
+    }
+
+    /// Cycle `n` without power; what is to be set and read takes every other one.
+    fn idle(&mut self, n: u64, out: &mut FrameQueue) {
+        if !n.is_multiple_of(2) {
+            return out.push_some(self.power_off(0));
+        }
+        out.push_some(self.request().or_else(|| self.power_off(0)));
+        // a write has no answer of its own: what counts is what is read afterwards
+        self.step = match self.step {
+            Step::WriteMode => Step::ReadMode,
+            Step::WriteTimeout => Step::ReadTimeout,
+            step => step,
+        };
+    }
+
+    fn read(&mut self, bytes: [u8; 8]) -> Receipt {
+        let [low, high, _, _, a, b, c, d] = bytes;
+        let index = u16::from_le_bytes([low, high]);
+        let number = u32::from_le_bytes([a, b, c, d]);
+        if index == RUN_MODE && self.step == Step::ReadMode {
+            self.refused = a != 0;
+            self.step = match (self.watchdog_index, self.watchdog_ms) {
+                // the write may have been lost
+                _ if self.refused => Step::WriteMode,
+                (0, _) => Step::Done,
+                (_, 0) => Step::ReadTimeout,
+                _ => Step::WriteTimeout,
+            };
+        }
+        if index == self.watchdog_index && index != 0 {
+            if self.step == Step::ReadTimeout {
+                self.watchdog = if number == 0 {
+                    Watchdog::Off
+                } else {
+                    Watchdog::Set((number / TIMEOUT_PER_MS).max(1))
+                };
+                let is_desired = self.watchdog_ms == 0 || number == self.timeout();
+                self.step = if is_desired { Step::Done } else { Step::WriteTimeout };
+            }
+            return Receipt::Parameter(INDICES.len(), f64::from(number));
+        }
+        match INDICES.iter().position(|known| *known == index) {
+            Some(0) => Receipt::Parameter(0, f64::from(a)),
+            Some(parameter) => {
+                Receipt::Parameter(parameter, f64::from(f32::from_le_bytes([a, b, c, d])))
+            }
+            None => Receipt::Noted,
+        }
+    }
+
+    fn feedback(&mut self, data: u32, bytes: [u8; 8]) -> Receipt {
+        let (mode, faults) = (data >> 14 & 3, data >> 8 & 0x3F);
+        let [a, b, c, d, e, f, g, h] = bytes;
+        self.runs = Some(mode);
+        self.motor_fault = faults;
+        if self.power_up.report(mode == RUNS) {
+            self.prepare();
+        }
+        let whole = self.turns.follow(u16::from_be_bytes([a, b]));
+        Receipt::Measured(Measurement {
+            position: self.position.value_at(whole),
+            velocity: self.velocity.value(u16::from_be_bytes([c, d])),
+            torque: self.torque.value(u16::from_be_bytes([e, f])),
+            temperature: f64::from(i16::from_be_bytes([g, h])) / 10.0,
+        })
+    }
+}
+
+impl Drive for CyberGear {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        let is_ready = self.step == Step::Done && self.runs.is_some() && self.state().fault == 0;
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(n) => self.idle(n, out),
+            Action::Reset => {
+                self.reported_fault = 0;
+                self.turns.trust();
+                self.prepare();
+                out.push_some(self.power_off(1));
+            }
+            // nothing but a torque of zero waits in the motor when it gets power
+            Action::Prime(_) => self.follow(&Setpoint::default(), out),
+            Action::Ask(_) | Action::Await(_) => {
+                out.push_some(self.frame(POWER_ON, self.host, [0; 8]));
+            }
+            Action::Follow(setpoint) => self.follow(&setpoint, out),
+            Action::Withhold => out.push_some(self.power_off(0)),
+        }
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+    }
+
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.power_off(0));
+    }
+
+    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        let Id::Extended(id) = frame.id else { return Receipt::NotMine };
+        let (kind, data, receiver) = (id >> 24, id >> 8 & 0xFFFF, id & 0xFF);
+        // a set-point has no room for the host's identifier: its answer goes to the one that the
+        // motor keeps, 0 as delivered
+        let is_ours = receiver == self.host || (kind == FEEDBACK && receiver == 0);
+        let is_answer = matches!(kind, FEEDBACK | READ | FAULTS) && is_ours;
+        let is_who = kind == WHO && receiver == 0xFE;
+        if data & 0xFF != self.id || !(is_answer || is_who) {
+            return Receipt::NotMine;
+        }
+        let Some(bytes) = frame.exactly::<8>().filter(|_| !frame.is_fd()) else {
+            return Receipt::Malformed;
+        };
+        match kind {
+            FEEDBACK => self.feedback(data, bytes),
+            // the upper half of the data tells that the parameter does not exist
+            READ if data >> 8 != 0 => Receipt::Noted,
+            READ => self.read(bytes),
+            FAULTS => {
+                let [a, b, c, d, ..] = bytes;
+                self.reported_fault = u32::from_le_bytes([a, b, c, d]);
+                Receipt::Noted
+            }
+            _ => Receipt::Noted,
+        }
+    }
+
+    fn state(&self) -> DriveState {
+        let power = match self.runs {
+            None => Power::Unknown,
+            Some(RUNS) => Power::On,
+            Some(_) if self.power_up.is_starting() => Power::Starting,
+            Some(_) => Power::Off,
+        };
+        let fault = match self.power_up.stage() {
+            _ if self.reported_fault != 0 => self.reported_fault,
+            _ if self.motor_fault != 0 => self.motor_fault,
+            _ if self.refused => fault::MODE_REFUSED,
+            Stage::Lost => fault::POWER_LOST,
+            _ => self.turns.fault(self.mode),
+        };
+        DriveState { power, fault, watchdog: self.watchdog }
+    }
+
+    fn prepare(&mut self) {
+        (self.step, self.refused) = (Step::WriteMode, false);
+        self.watchdog = unknown(self.watchdog_index);
+    }
+
+    fn forget(&mut self) {
+        self.power_up.forget();
+        (self.runs, self.motor_fault, self.reported_fault) = (None, 0, 0);
+        self.turns.forget();
+        self.prepare();
+    }
+
+    /// Power on, and feedback without faults: they stand for all kinds of frames of this motor.
+    fn identifiers(&self) -> Vec<Id> {
+        vec![
+            Id::Extended(POWER_ON << 24 | self.host << 8 | self.id),
+            Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host),
+        ]
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        vec![Reply {
+            id: Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host),
+            kind: FrameKind::Classic,
+            len: 8,
+        }]
+    }
+
+    fn probe(&mut self, out: &mut FrameQueue) {
+        out.push_some(self.frame(WHO, self.host, [0; 8]));
+    }
+
+    fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
+        out.push_some(self.frame(ZERO, self.host, [1, 0, 0, 0, 0, 0, 0, 0]));
+        self.turns = Turns::default();
+        true
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        let n_known = if self.watchdog_index == 0 { INDICES.len() } else { PARAMETERS.len() };
+        PARAMETERS.get(..n_known).unwrap_or_default()
+    }
+
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        let index = INDICES.get(parameter).copied().unwrap_or(self.watchdog_index);
+        out.push_some(self.parameter(READ, index, 0));
+    }
+}

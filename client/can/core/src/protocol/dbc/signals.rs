@@ -1,0 +1,199 @@
+//! The signals that settings name: those that are sent, frame by frame, and those that the motor
+//! tells, with when it told them.
+
+use super::super::Settings;
+use super::file::{Message, Multiplexing, Signal};
+use crate::frame::{Frame, Id};
+use sarrus_models::Diagnostics;
+
+/// What a signal that is sent holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Role {
+    Enable,
+    /// Span in position, velocity, torque, stiffness, damping.
+    Setpoint(usize),
+    Constant(f64),
+}
+
+/// A frame that is sent: its message, and the signals in it.
+#[derive(Clone, Debug)]
+pub(super) struct Sent {
+    pub(super) id: Id,
+    len: usize,
+    /// The switch and its value.
+    switch: Option<(Signal, u64)>,
+    signals: Vec<(Signal, Role)>,
+}
+
+/// A signal of a message, by its name.
+#[derive(Clone, Debug)]
+pub(super) struct Named {
+    pub(super) id: Id,
+    pub(super) len: usize,
+    switch: Option<(Signal, u64)>,
+    signal: Signal,
+}
+
+/// A signal that the motor sends, as last reported.
+#[derive(Clone, Debug)]
+pub(super) struct Reported {
+    pub(super) named: Named,
+    value: f64,
+    at_ns: Option<u64>,
+}
+
+impl Sent {
+    /// Whether it gives and takes power.
+    pub(super) fn has_power(&self) -> bool {
+        self.signals.iter().any(|(_, role)| *role == Role::Enable)
+    }
+
+    /// The frame with these values.
+    pub(super) fn frame(&self, value: impl Fn(Role) -> f64) -> Option<Frame> {
+        let mut bytes = [0; 8];
+        self.switch.iter().for_each(|(switch, value)| switch.set_raw(*value, &mut bytes));
+        self.signals.iter().for_each(|(signal, role)| signal.set_value(value(*role), &mut bytes));
+        Frame::classic(self.id, bytes.get(..self.len)?)
+    }
+}
+
+/// The frames that hold all these signals: one for each value of a message's switch that they need.
+/// What is in the message whatever its switch says goes into each of them. The name of a signal
+/// that is a message's switch and cannot have a value of its own is the error.
+pub(super) fn frames(desired: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
+    let switched: Vec<Id> = desired
+        .iter()
+        .filter(|(named, _)| named.switch.is_some())
+        .map(|(named, _)| named.id)
+        .collect();
+    let is_switched = |named: &Named| switched.contains(&named.id);
+    let (everywhere, others): (Vec<_>, Vec<_>) =
+        desired.into_iter().partition(|(named, _)| named.switch.is_none() && is_switched(named));
+    if let Some((switch, _)) =
+        everywhere.iter().find(|(named, _)| named.signal.multiplexing == Multiplexing::Switch)
+    {
+        return Err(switch.signal.name.clone());
+    }
+    let mut sent: Vec<Sent> = Vec::new();
+    for (named, role) in others {
+        let value = |switch: &Option<(Signal, u64)>| switch.as_ref().map(|(_, value)| *value);
+        match sent
+            .iter_mut()
+            .find(|sent| sent.id == named.id && value(&sent.switch) == value(&named.switch))
+        {
+            Some(sent) => sent.signals.push((named.signal, role)),
+            None => sent.push(Sent {
+                id: named.id,
+                len: named.len,
+                switch: named.switch,
+                signals: vec![(named.signal, role)],
+            }),
+        }
+    }
+    for (named, role) in everywhere {
+        for sent in sent.iter_mut().filter(|sent| sent.id == named.id) {
+            sent.signals.push((named.signal.clone(), role));
+        }
+    }
+    Ok(sent)
+}
+
+impl Reported {
+    /// Takes the value times a unit, if this frame holds it. A number that is not finite is none.
+    pub(super) fn take(&mut self, now_ns: u64, frame: &Frame, unit: f64) -> Option<f64> {
+        let Named { id, switch, signal, .. } = &self.named;
+        let is_there =
+            switch.as_ref().is_none_or(|(switch, value)| switch.raw(frame.data()) == *value);
+        if frame.id != *id || !is_there {
+            return None;
+        }
+        let value = signal.value(frame.data()) * unit;
+        self.value = if value.is_finite() { value } else { f64::NAN };
+        self.at_ns = Some(now_ns);
+        Some(self.value)
+    }
+
+    /// Whether it was reported once.
+    pub(super) fn is_known(&self) -> bool {
+        self.at_ns.is_some()
+    }
+
+    /// Whether it was reported, and not for longer than this time any more.
+    pub(super) fn is_old(&self, now_ns: u64, most_ns: u64) -> bool {
+        self.at_ns.is_some_and(|at_ns| now_ns.saturating_sub(at_ns) > most_ns)
+    }
+
+    pub(super) fn forget(&mut self) {
+        (self.value, self.at_ns) = (f64::NAN, None);
+    }
+}
+
+/// The last value of a signal that may not exist; NaN where it is unknown or older than this time.
+pub(super) fn value(reported: Option<&Reported>, now_ns: u64, most_ns: u64) -> f64 {
+    reported
+        .filter(|reported| !reported.is_old(now_ns, most_ns))
+        .map_or(f64::NAN, |reported| reported.value)
+}
+
+/// Finds the signals that settings name.
+pub(super) struct Finder<'a> {
+    pub(super) messages: &'a [Message],
+    pub(super) settings: &'a Settings,
+    pub(super) diagnostics: &'a mut Diagnostics,
+    pub(super) good: bool,
+}
+
+impl Finder<'_> {
+    /// The signal of a setting: nothing where there is none.
+    pub(super) fn of(&mut self, key: &str) -> Option<Named> {
+        if !self.settings.has(key) {
+            return None;
+        }
+        self.named(key, self.settings.text(key).trim())
+    }
+
+    /// The same, for one that the motor tells.
+    pub(super) fn reported(&mut self, key: &str) -> Option<Reported> {
+        self.of(key).map(|named| Reported { named, value: f64::NAN, at_ns: None })
+    }
+
+    pub(super) fn named(&mut self, key: &str, name: &str) -> Option<Named> {
+        let found = name.split_once('.').and_then(|(message, signal)| {
+            let message = self.messages.iter().find(|known| known.name == message)?;
+            let signal = message.signals.iter().find(|known| known.name == signal)?;
+            let switch =
+                message.signals.iter().find(|known| known.multiplexing == Multiplexing::Switch);
+            let switch = match signal.multiplexing {
+                Multiplexing::While(value) => Some((switch?.clone(), value)),
+                Multiplexing::Always | Multiplexing::Switch => None,
+            };
+            let id = if message.id >> 31 == 1 {
+                Id::Extended(message.id & 0x1FFF_FFFF)
+            } else {
+                Id::Standard(message.id as u16)
+            };
+            Some(Named { id, len: message.len, switch, signal: signal.clone() })
+        });
+        match found {
+            Some(named) if named.len <= 8 => Some(named),
+            _ => {
+                let found = format!(
+                    "`{key}` names {}, which the DBC file has not",
+                    sarrus_models::yaml::quoted(name)
+                );
+                self.wrong(
+                    key,
+                    found,
+                    "Message.Signal of a message with at most 8 bytes",
+                    "correct the name",
+                );
+                None
+            }
+        }
+    }
+
+    pub(super) fn wrong(&mut self, key: &str, found: String, expected: &str, help: &str) {
+        self.diagnostics.error(self.settings.place(key), found, expected, help);
+        self.good = false;
+    }
+}

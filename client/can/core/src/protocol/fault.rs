@@ -1,0 +1,36 @@
+//! Faults that a drive finds by itself, in the numbers of
+//! [`DriveState::fault`](crate::drive::DriveState): above what any motor sends.
+
+/// The motor's ranges, read back, are not those of the configuration: every number would be scaled
+/// wrongly.
+pub const RANGES_DIFFER: u32 = 0x8000_0001;
+/// The motor is outside its protocol's range of positions, where position set-points cannot be
+/// said.
+pub const OUT_OF_RANGE: u32 = 0x8000_0002;
+/// The motor lost its power without a command.
+pub const POWER_LOST: u32 = 0x8000_0003;
+/// The motor does not take the mode that the configuration wants.
+pub const MODE_REFUSED: u32 = 0x8000_0004;
+/// The motor refused a setting that it must have.
+pub const SETTING_REFUSED: u32 = 0x8000_0005;
+/// The motor sent a number that is not finite.
+pub const NOT_FINITE: u32 = 0x8000_0006;
+/// The motor says that it has a fault, without a code.
+pub const UNKNOWN: u32 = 0x8000_0007;
+/// What the motor tells of its fault or its power has stopped coming.
+pub const SILENT: u32 = 0x8000_0008;
+
+/// What a drive's own fault means; `None` for the codes of motors.
+pub fn describe(fault: u32) -> Option<&'static str> {
+    Some(match fault {
+        RANGES_DIFFER => "the motor's ranges are not those of the configuration",
+        OUT_OF_RANGE => "the motor is outside its protocol's range of positions",
+        POWER_LOST => "the motor lost its power by itself",
+        MODE_REFUSED => "the motor does not take this mode",
+        SETTING_REFUSED => "the motor refused a setting",
+        NOT_FINITE => "the motor sent a number that is not finite",
+        UNKNOWN => "the motor has a fault without a code",
+        SILENT => "the motor does not tell its state any more",
+        _ => return None,
+    })
+}

@@ -1,0 +1,372 @@
+//! MIT mode: position, velocity, gains and torque in one classic frame of 8 bytes, the state in the
+//! reply.
+//!
+//! Sources: mini cheetah motor controller firmware (Katz, MIT, CAN_com); CubeMars AK series manual
+//! V1.0.8 (`t_motor`); Damiao DM-J4310-2EC manual V1.1 (`damiao`); RobStride 00 manual, chapter
+//! "MIT protocol" (`robstride`).
+//!
+//! - Command, standard identifier = `id`, big-endian bits: position 16, velocity 12, stiffness 12,
+//!   damping 12, torque 12. Code 0 is the low end of a range and all ones the high end: ±
+//!   `position_range` rad, ± `velocity_range` rad/s, 0 … `stiffness_range` N m/rad, 0 …
+//!   `damping_range` N m s/rad, ± `torque_range` N m. Ranges belong to the motor's firmware; public
+//!   tables for one motor differ.
+//! - Special commands: FF ×7, then FC power on, FD power off, FE zero here, FB forget faults
+//!   (Damiao and RobStride only: the others would take FB for a set-point).
+//! - Reply on `reply_id`: byte 0 the motor's id (Damiao: id in the low, state in the high half),
+//!   position 16, velocity 12, torque 12; then nothing (`mini_cheetah`, older `t_motor`),
+//!   temperature + 40 °C and error (`t_motor`), temperatures of bridge and winding (`damiao`), or
+//!   the winding's temperature × 10 in 16 bits (`robstride`).
+//!
+//! A set-point with all of position, velocity, gains at their maximum could be byte for byte a
+//! special command: then the torque code FFA is sent, and to a RobStride, which reads more such
+//! commands, a position one step lower. Around zero a range has no code for zero: the two codes
+//! beside it are sent in turn. Beyond ± `position_range` the feedback begins again at the other
+//! end: it is followed there, and reported as a fault, since no set-point can be said there.
+
+mod damiao;
+
+use super::number::limited;
+use super::power_up::{Action, PowerUp, Stage};
+use super::scale::Scale;
+use super::turns::Turns;
+use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use crate::drive::{
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Shared, Watchdog,
+};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use damiao::Registers;
+use sarrus_models::Diagnostics;
+
+/// MIT mode.
+pub(super) const MIT: Protocol = Protocol {
+    name: "mit",
+    about: "MIT mode: mini cheetah, T-Motor AK, Damiao, RobStride",
+    modes: &[Mode::Impedance, Mode::Torque],
+    fd: false,
+    keys: &[
+        Key {
+            name: "variant",
+            kind: KeyKind::Word(&["mini_cheetah", "t_motor", "damiao", "robstride"]),
+            default: None,
+            about: "whose MIT mode it is",
+        },
+        Key {
+            name: "id",
+            kind: KeyKind::Integer(1, 0x7FE),
+            default: None,
+            about: "identifier of the motor's commands",
+        },
+        Key {
+            name: "reply_id",
+            kind: KeyKind::Integer(0, 0x7FE),
+            default: None,
+            about: "identifier of the motor's replies",
+        },
+        range("position_range", "position at the end of the range [rad]"),
+        range("velocity_range", "velocity at the end of the range [rad/s]"),
+        range("torque_range", "torque at the end of the range [N m]"),
+        range("stiffness_range", "largest stiffness [N m/rad]"),
+        range("damping_range", "largest damping [N m s/rad]"),
+    ],
+    make,
+};
+
+const fn range(name: &'static str, about: &'static str) -> Key {
+    Key { name, kind: KeyKind::Number(1e-3, 1e5), default: None, about }
+}
+
+const POWER_ON: u8 = 0xFC;
+const POWER_OFF: u8 = 0xFD;
+const ZERO: u8 = 0xFE;
+const FORGET_FAULT: u8 = 0xFB;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Variant {
+    MiniCheetah,
+    TMotor,
+    Damiao,
+    RobStride,
+}
+
+/// Replies after which a motor that does not tell its state counts as having power: earlier ones
+/// may answer what was said before.
+const REPLIES_TO_POWER: u8 = 4;
+
+#[derive(Debug)]
+struct Mit {
+    variant: Variant,
+    id: u16,
+    reply_id: u16,
+    mode: Mode,
+    torque_limit: f64,
+    position: Scale,
+    velocity: Scale,
+    torque: Scale,
+    stiffness: Scale,
+    damping: Scale,
+    registers: Option<Registers>,
+    power_up: PowerUp,
+    power: Power,
+    motor_fault: u32,
+    turns: Turns,
+    odd: bool,
+}
+
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
+    let variant = match settings.text("variant") {
+        "mini_cheetah" => Variant::MiniCheetah,
+        "t_motor" => Variant::TMotor,
+        "damiao" => Variant::Damiao,
+        _ => Variant::RobStride,
+    };
+    let (id, reply_id) = (settings.integer("id") as u16, settings.integer("reply_id") as u16);
+    if id == reply_id {
+        let found = format!("`id` and `reply_id` are both {id}");
+        diagnostics.error(
+            settings.place("reply_id"),
+            found,
+            "two identifiers",
+            "set the motor's reply to another one",
+        );
+        return None;
+    }
+    let ranges =
+        ["position_range", "velocity_range", "torque_range"].map(|key| settings.number(key));
+    let [position, velocity, torque] = ranges;
+    Some(Box::new(Mit {
+        variant,
+        id,
+        reply_id,
+        mode: common.mode,
+        torque_limit: common.torque_limit,
+        position: Scale::around_zero(position, 16),
+        velocity: Scale::around_zero(velocity, 12),
+        torque: Scale::around_zero(torque, 12),
+        stiffness: Scale::from_zero(settings.number("stiffness_range"), 12),
+        damping: Scale::from_zero(settings.number("damping_range"), 12),
+        registers: (variant == Variant::Damiao)
+            .then(|| Registers::new(id, common.watchdog_ms, ranges)),
+        power_up: PowerUp::primed(),
+        power: Power::Unknown,
+        motor_fault: 0,
+        turns: Turns::default(),
+        odd: false,
+    }))
+}
+
+impl Mit {
+    fn special(&self, command: u8) -> Option<Frame> {
+        Frame::classic(Id::Standard(self.id), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, command])
+    }
+
+    /// A set-point in its 8 bytes, never those of a special command.
+    fn setpoint(&self, setpoint: Setpoint) -> Option<Frame> {
+        let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
+            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
+            _ => setpoint,
+        };
+        let odd = self.odd;
+        let torque = self.torque.code(limited(torque, self.torque_limit), odd);
+        let [p_high, p_low] = self.position.code(position, odd).to_be_bytes();
+        let [v_high, v_low] = (self.velocity.code(velocity, odd) << 4).to_be_bytes();
+        let [k_high, k_low] = self.stiffness.code(stiffness, odd).to_be_bytes();
+        let [d_high, d_low] = (self.damping.code(damping, odd) << 4).to_be_bytes();
+        let [t_high, t_low] = torque.to_be_bytes();
+        let mut bytes =
+            [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
+        match (&mut bytes, self.variant) {
+            ([0xFF, low @ 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ..], Variant::RobStride) => *low = 0xFE,
+            ([0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last @ 0xFB..=0xFE], _) => *last = 0xFA,
+            _ => {}
+        }
+        Frame::classic(Id::Standard(self.id), &bytes)
+    }
+
+    /// Bits of the identifier that a reply has room for.
+    fn id_mask(&self) -> u16 {
+        if self.variant == Variant::Damiao { 0x0F } else { 0xFF }
+    }
+
+    fn ready(&self) -> bool {
+        self.power != Power::Unknown
+            && self.state().fault == 0
+            && self.registers.is_none_or(|registers| registers.done())
+    }
+
+    /// Cycle `n` without power; what is to be set and read takes every other one.
+    fn idle(&self, n: u64) -> Option<Frame> {
+        let registers = self.registers.filter(|_| n.is_multiple_of(2));
+        registers.and_then(|registers| registers.request()).or_else(|| self.special(POWER_OFF))
+    }
+
+    /// A set-point; codes beside zero alternate from one to the next.
+    fn follow(&mut self, setpoint: Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+        self.odd = !self.odd;
+    }
+
+    /// Takes the motor's own word of its state, where the reply has one.
+    fn learn(&mut self, state: u8, error: u8) {
+        match self.variant {
+            Variant::Damiao => {
+                self.motor_fault = if state > 1 { u32::from(state) } else { 0 };
+                if self.power_up.report(state == 1) {
+                    self.prepare();
+                }
+                self.power = if state == 1 { Power::On } else { Power::Off };
+            }
+            Variant::MiniCheetah | Variant::TMotor | Variant::RobStride => {
+                self.motor_fault = u32::from(error);
+                self.power_up.count_reply(REPLIES_TO_POWER);
+                let is_on = self.power_up.stage() == Stage::On;
+                self.power = if is_on { Power::On } else { Power::Off };
+            }
+        }
+    }
+}
+
+impl Drive for Mit {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        let is_ready = self.ready();
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(n) => out.push_some(self.idle(n)),
+            Action::Reset => {
+                self.turns.trust();
+                self.prepare();
+                if matches!(self.variant, Variant::Damiao | Variant::RobStride) {
+                    out.push_some(self.special(FORGET_FAULT));
+                }
+                out.push_some(self.special(POWER_OFF));
+            }
+            // nothing but a torque of zero waits in the motor when it gets power
+            Action::Prime(_) => self.follow(Setpoint::default(), out),
+            Action::Ask(_) | Action::Await(_) => out.push_some(self.special(POWER_ON)),
+            Action::Follow(setpoint) => self.follow(setpoint, out),
+            Action::Withhold => out.push_some(self.special(POWER_OFF)),
+        }
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(*setpoint));
+    }
+
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.special(POWER_OFF));
+    }
+
+    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        let bytes = frame.data();
+        if frame.id != Id::Standard(self.reply_id) {
+            return Receipt::NotMine;
+        }
+        let first = bytes.first().copied().unwrap_or_default();
+        if !bytes.is_empty() && (u16::from(first) ^ self.id) & self.id_mask() != 0 {
+            return Receipt::NotMine;
+        }
+        let (bytes, short) = match (frame.is_fd(), bytes) {
+            (false, [a, b, c, d, e, f]) => ([*a, *b, *c, *d, *e, *f, 0, 0], true),
+            (false, [a, b, c, d, e, f, g, h]) => ([*a, *b, *c, *d, *e, *f, *g, *h], false),
+            _ => return Receipt::Malformed,
+        };
+        let expected = match self.variant {
+            Variant::MiniCheetah => short,
+            Variant::TMotor => true,
+            Variant::Damiao | Variant::RobStride => !short,
+        };
+        if !expected {
+            return Receipt::Malformed;
+        }
+        if let Some(receipt) =
+            self.registers.as_mut().and_then(|registers| registers.receive(bytes))
+        {
+            return receipt;
+        }
+        let [state, p_high, p_low, v_high, v_low, t_low, g, h] = bytes;
+        let code = u16::from_be_bytes([p_high, p_low]);
+        let (state, error, temperature) = match self.variant {
+            Variant::MiniCheetah => (0, 0, f64::NAN),
+            Variant::TMotor if short => (0, 0, f64::NAN),
+            Variant::TMotor => (0, h, f64::from(g) - 40.0),
+            Variant::Damiao => (state >> 4, 0, f64::from(g.max(h))),
+            Variant::RobStride => (0, 0, f64::from(u16::from_be_bytes([g, h])) / 10.0),
+        };
+        self.learn(state, error);
+        let whole = self.turns.follow(code);
+        Receipt::Measured(Measurement {
+            position: self.position.value_at(whole),
+            velocity: self.velocity.value(u16::from_be_bytes([v_high, v_low]) >> 4),
+            torque: self.torque.value(u16::from_be_bytes([v_low & 0x0F, t_low])),
+            temperature,
+        })
+    }
+
+    fn state(&self) -> DriveState {
+        let registers = self.registers.map_or(0, |registers| registers.fault);
+        let fault = match self.power_up.stage() {
+            _ if self.motor_fault != 0 => self.motor_fault,
+            _ if registers != 0 => registers,
+            Stage::Lost => fault::POWER_LOST,
+            _ => self.turns.fault(self.mode),
+        };
+        let power = match self.power {
+            Power::Off if self.power_up.is_starting() => Power::Starting,
+            power => power,
+        };
+        let watchdog = self.registers.map_or(Watchdog::Unreadable, |registers| registers.watchdog);
+        DriveState { power, fault, watchdog }
+    }
+
+    fn prepare(&mut self) {
+        self.registers.iter_mut().for_each(Registers::forget);
+    }
+
+    fn forget(&mut self) {
+        self.power_up.forget();
+        (self.power, self.motor_fault) = (Power::Unknown, 0);
+        self.turns.forget();
+        self.prepare();
+    }
+
+    fn identifiers(&self) -> Vec<Id> {
+        vec![Id::Standard(self.id)]
+    }
+
+    fn shared_identifiers(&self) -> Vec<Shared> {
+        let shared = |id, mask| Shared { id: Id::Standard(id), tag: self.id, mask };
+        let reply = shared(self.reply_id, self.id_mask());
+        if self.registers.is_some() { vec![reply, shared(0x7FF, 0xFFFF)] } else { vec![reply] }
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        let len = if self.variant == Variant::MiniCheetah { 6 } else { 8 };
+        vec![Reply { id: Id::Standard(self.reply_id), kind: FrameKind::Classic, len }]
+    }
+
+    /// Damiao motors are asked for a register; the others answer set-points and special commands
+    /// only, of which power off is the one that cannot do harm.
+    fn probe(&mut self, out: &mut FrameQueue) {
+        match &self.registers {
+            Some(registers) => out.push_some(registers.probe()),
+            None => out.push_some(self.special(POWER_OFF)),
+        }
+    }
+
+    fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
+        out.push_some(self.special(ZERO));
+        self.turns = Turns::default();
+        true
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        if self.registers.is_some() { damiao::PARAMETERS } else { &[] }
+    }
+
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        out.push_some(self.registers.and_then(|registers| registers.read_parameter(parameter)));
+    }
+}

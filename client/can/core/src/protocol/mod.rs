@@ -1,0 +1,65 @@
+//! The protocols. To add one: a file here with its [`Protocol`], and its line in [`PROTOCOLS`].
+
+mod cia402;
+mod cybergear;
+mod dbc;
+pub mod fault;
+mod mit;
+mod moteus;
+mod number;
+mod odrive;
+mod power_up;
+mod scale;
+mod turns;
+
+use sarrus_models::Diagnostics;
+
+use crate::drive::{Drive, Mode};
+pub use crate::settings::{Key, KeyKind, Settings};
+
+/// What all drives are made from besides their own settings.
+#[derive(Clone, Copy, Debug)]
+pub struct Common {
+    /// What the motor's controller is to follow; one of [`Protocol::modes`].
+    pub mode: Mode,
+    /// The motor's watchdog is to be this `[ms]`; 0 leaves it alone.
+    pub watchdog_ms: u32,
+    /// Torque that the motor must never be asked for `[N m]`, for drives that hold a limit of their
+    /// own; infinite without one.
+    pub torque_limit: f64,
+    /// Time between two cycles `[ns]`; 0 where it is not known.
+    pub period_ns: u64,
+}
+
+/// A protocol: its name and settings in configurations, and how its drives are made.
+#[derive(Debug)]
+pub struct Protocol {
+    /// Name in configurations.
+    pub name: &'static str,
+    /// One line for people.
+    pub about: &'static str,
+    /// Modes that it knows, the default first.
+    pub modes: &'static [Mode],
+    /// Whether it needs CAN FD.
+    pub fd: bool,
+    /// Settings besides the common ones.
+    pub keys: &'static [Key],
+    /// Makes a drive from checked settings. What they say that cannot be goes to the diagnostics, and
+    /// then there is no drive.
+    pub make: fn(&Settings, Common, &mut Diagnostics) -> Option<Box<dyn Drive>>,
+}
+
+/// All protocols.
+pub const PROTOCOLS: &[&Protocol] = &[
+    &mit::MIT,
+    &odrive::ODRIVE,
+    &cybergear::CYBERGEAR,
+    &moteus::MOTEUS,
+    &cia402::CIA402,
+    &dbc::DBC,
+];
+
+/// The protocol of a name.
+pub fn protocol(name: &str) -> Option<&'static Protocol> {
+    PROTOCOLS.iter().copied().find(|protocol| protocol.name == name)
+}

@@ -1,0 +1,405 @@
+//! moteus: registers in sub-frames of CAN FD.
+//!
+//! Source: mjbots moteus documentation, "CAN protocol" and "registers" (mjbots.github.io/moteus),
+//! firmware of 2025.
+//!
+//! - Identifier: source << 8 | destination, bit 15 asks for an answer; extended beyond 7FF. The
+//!   answer has source and destination exchanged. FD with its bit rate switch, filled up with 50.
+//! - Sub-frames: write 00, read 10, answer 20, each + 0 int8, 4 int16, 8 int32, C single, + a count
+//!   of 1 to 3 (0: the count follows); then the first register and, but for reads, the values,
+//!   little-endian. 30, 31 tell errors.
+//! - Registers: 000 mode (0 stopped, 1 fault, 2 … 4 starts, 10 position, 11 timeout), 001 position,
+//!   002 velocity, 003 torque, 00E temperature, 00F fault, 020 position, 021 velocity, 022 torque,
+//!   023 and 024 scales of the motor's own gains, 025 largest torque, 027 watchdog (0: its own
+//!   default; NaN: none), 028 and 029 limits of velocity and acceleration. Positions in turns,
+//!   velocities in turns/s, torques in N m, all at the output.
+//!
+//! A command takes 34 bytes, which FD sends as 48: mode int8, position and velocity single, torque
+//! and largest torque int16 in .01 N m, scales int16 in 1/32767, watchdog int8 in .01 s, and both
+//! limits int8 below 0: with a limit, its own or servo.default_accel_limit, a motor would follow a
+//! way to the position and not the position. In the mode torque there is no position, and it takes
+//! 24. A motor with servo.bemf_feedforward takes no command without such a limit and says so by a
+//! fault. The answer takes 24: mode, position, velocity, torque single, voltage, temperature, fault
+//! int8. The motor makes the damping's scale no larger than the stiffness's: what is left of the
+//! damping is added as torque, at the bus's rate. What it does when its watchdog ends is
+//! servo.timeout_mode.
+
+mod subframes;
+
+use std::f64::consts::TAU;
+
+use super::number::{limited, single, steps};
+use super::power_up::{Action, PowerUp, Stage};
+use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use crate::drive::{
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Watchdog,
+};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use sarrus_models::Diagnostics;
+use subframes::{EMPTY, Payload, TEMPERATURE, value, varuint};
+
+/// moteus.
+pub(super) const MOTEUS: Protocol = Protocol {
+    name: "moteus",
+    about: "mjbots moteus (CAN FD)",
+    modes: &[Mode::Torque, Mode::Impedance, Mode::Position],
+    fd: true,
+    keys: &[
+        Key {
+            name: "id",
+            kind: KeyKind::Integer(1, 126),
+            default: None,
+            about: "id.id of the controller",
+        },
+        Key {
+            name: "source",
+            kind: KeyKind::Integer(0, 126),
+            default: Some("0"),
+            about: "identifier of this side",
+        },
+        Key {
+            name: "kp",
+            kind: KeyKind::Number(1e-6, 1e6),
+            default: Some(""),
+            about: "servo.pid_position.kp [N m/turn], for the mode impedance",
+        },
+        Key {
+            name: "kd",
+            kind: KeyKind::Number(1e-6, 1e6),
+            default: Some(""),
+            about: "servo.pid_position.kd [N m s/turn], for the mode impedance",
+        },
+    ],
+    make,
+};
+
+const STOPPED: u8 = 0;
+const FAULT: u8 = 1;
+const POSITION: u8 = 10;
+
+const MODE_REGISTER: u32 = 0x000;
+const FAULT_REGISTER: u32 = 0x00F;
+const WATCHDOG: u8 = 0x27;
+/// No limit of velocity or acceleration: anything below 0.
+const NO_LIMIT: u8 = -1_i8 as u8;
+
+const PARAMETERS: &[Parameter] = &[
+    Parameter { name: "voltage", unit: "V" },
+    Parameter { name: "motor temperature", unit: "°C" },
+    Parameter { name: "home state", unit: "" },
+    Parameter { name: "register map version", unit: "" },
+];
+/// Their registers.
+const READABLE: [u32; 4] = [0x00D, 0x00A, 0x00C, 0x102];
+
+/// 1 in an int16 scale.
+const WHOLE: i32 = 32_767;
+/// A step of an int16 torque `[N m]`.
+const TORQUE_STEP: f64 = 0.01;
+
+#[derive(Debug)]
+struct Moteus {
+    id: u32,
+    source: u32,
+    mode: Mode,
+    torque_limit: f64,
+    /// The motor's own gains at scale 1 `[N m/turn, N m s/turn]`.
+    gains: [f64; 2],
+    /// Steps of .01 s, 0 for the controller's own.
+    watchdog_steps: u8,
+    watchdog: Watchdog,
+    power_up: PowerUp,
+    servo_mode: Option<u8>,
+    code: u8,
+    not_finite: bool,
+    velocity: f64,
+}
+
+/// The longest watchdog that eight bits of hundredths of a second can say `[ms]`.
+const LONGEST_WATCHDOG_MS: u32 = 1270;
+
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
+    if common.mode == Mode::Impedance && !(settings.has("kp") && settings.has("kd")) {
+        let found = "the drive has not both of `kp` and `kd`";
+        diagnostics.error(
+            settings.place("kp"),
+            found,
+            "the controller's own gains",
+            "add servo.pid_position.kp and .kd",
+        );
+        return None;
+    }
+    if common.watchdog_ms > LONGEST_WATCHDOG_MS {
+        let found = format!("a watchdog of {} ms", common.watchdog_ms);
+        diagnostics.error(
+            settings.place("id"),
+            found,
+            format!("at most {LONGEST_WATCHDOG_MS} with moteus"),
+            "make `watchdog_ms` shorter",
+        );
+        return None;
+    }
+    Some(Box::new(Moteus {
+        id: settings.integer("id") as u32,
+        source: settings.integer("source") as u32,
+        mode: common.mode,
+        torque_limit: common.torque_limit,
+        gains: [settings.number("kp"), settings.number("kd")],
+        watchdog_steps: common.watchdog_ms.div_ceil(10) as u8,
+        watchdog: Watchdog::Unknown,
+        power_up: PowerUp::at_once(),
+        servo_mode: None,
+        code: 0,
+        not_finite: false,
+        velocity: f64::NAN,
+    }))
+}
+
+impl Moteus {
+    fn frame(&self, payload: &Payload) -> Option<Frame> {
+        Frame::fd(Id::Extended(0x8000 | self.source << 8 | self.id), true, payload.padded())
+    }
+
+    /// Mode, position, velocity, torque; voltage, temperature, fault.
+    fn query(payload: Payload) -> Payload {
+        payload.add(&[0x1C, 4, 0, 0x13, 0x0D])
+    }
+
+    fn stop(&self) -> Option<Frame> {
+        let payload = EMPTY.add(&[0x01, 0x00, STOPPED]).add(&[0x01, WATCHDOG, self.watchdog_steps]);
+        self.frame(&Moteus::query(payload.add(&[0x11, WATCHDOG])))
+    }
+
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
+        let [kp, kd] = match self.mode {
+            Mode::Impedance => {
+                let [kp, kd] = self.gains;
+                let stiffness = (setpoint.stiffness * TAU / kp).clamp(0.0, 1.0);
+                [stiffness, (setpoint.damping * TAU / kd).clamp(0.0, stiffness)]
+            }
+            Mode::Position => [1.0, 1.0],
+            Mode::Torque | Mode::Velocity => [0.0, 0.0],
+        };
+        let mut torque = setpoint.torque;
+        if self.mode == Mode::Impedance && self.velocity.is_finite() {
+            let [_, own] = self.gains;
+            torque +=
+                (setpoint.damping - kd * own / TAU).max(0.0) * (setpoint.velocity - self.velocity);
+        }
+        let torque = steps(limited(torque, self.torque_limit), TORQUE_STEP, WHOLE) as i16;
+        // rounded towards less; the lowest value means the controller's own limit
+        let most = (self.torque_limit / TORQUE_STEP).floor();
+        let most =
+            if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
+        let scale = |gain: f64| (steps(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16).to_le_bytes();
+        let payload = EMPTY.add(&[0x01, 0x00, POSITION]);
+        let payload = match self.mode {
+            Mode::Torque | Mode::Velocity => payload,
+            Mode::Impedance | Mode::Position => payload
+                .add(&[0x0E, 0x20])
+                .add(&single(setpoint.position / TAU).to_le_bytes())
+                .add(&single(setpoint.velocity / TAU).to_le_bytes()),
+        };
+        let payload = payload
+            .add(&[0x04, 4, 0x22])
+            .add(&torque.to_le_bytes())
+            .add(&scale(kp))
+            .add(&scale(kd))
+            .add(&most.to_le_bytes())
+            .add(&[0x03, WATCHDOG, self.watchdog_steps, NO_LIMIT, NO_LIMIT]);
+        self.frame(&Moteus::query(payload))
+    }
+
+    /// Takes a register's value; the position, velocity or torque goes to `measured`.
+    fn take(&mut self, register: u32, value: f64, measured: &mut [f64; 5]) -> Option<Receipt> {
+        let small = if value.is_finite() { value as i64 as u8 } else { 0 };
+        match register {
+            MODE_REGISTER => self.servo_mode = Some(small),
+            FAULT_REGISTER => self.code = small,
+            TEMPERATURE => measured[4] = value,
+            register if register == u32::from(WATCHDOG) => {
+                let ms = value * 1e3;
+                self.watchdog = match value.is_nan() {
+                    true => Watchdog::Off,
+                    // 0 is the controller's own default, which it does not tell
+                    false if ms < 1.0 => Watchdog::Unreadable,
+                    false => Watchdog::Set(ms.round() as u32),
+                };
+            }
+            1..=3 => measured.get_mut(register as usize).into_iter().for_each(|slot| *slot = value),
+            _ => {}
+        }
+        let parameter = READABLE.iter().position(|known| *known == register);
+        parameter.map(|parameter| Receipt::Parameter(parameter, value))
+    }
+
+    fn proceed(&mut self) {
+        let Some(mode) = self.servo_mode else { return };
+        if mode == FAULT && self.power_up.is_asked() {
+            self.power_up.lose();
+        }
+        self.power_up.report(mode == POSITION);
+    }
+}
+
+impl Drive for Moteus {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        let is_ready = self.servo_mode == Some(STOPPED)
+            && self.watchdog != Watchdog::Unknown
+            && self.state().fault == 0;
+        let frame = match self.power_up.action(command, is_ready) {
+            Action::Reset => {
+                self.not_finite = false;
+                self.stop()
+            }
+            Action::Idle(_) | Action::Withhold => self.stop(),
+            Action::Prime(setpoint)
+            | Action::Ask(setpoint)
+            | Action::Await(setpoint)
+            | Action::Follow(setpoint) => self.setpoint(&setpoint),
+        };
+        out.push_some(frame);
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+    }
+
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.stop());
+    }
+
+    fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        if frame.id.number() != self.id << 8 | self.source {
+            return Receipt::NotMine;
+        }
+        let mut measured = [f64::NAN; 5];
+        let mut receipt = Receipt::Noted;
+        // nothing is taken before all of it was read
+        for pass in 0..2 {
+            let mut rest = frame.data();
+            while let [kind, more @ ..] = rest {
+                rest = more;
+                if *kind == 0x50 {
+                    continue;
+                }
+                if matches!(kind, 0x30 | 0x31) {
+                    let Some((_, more)) = varuint(rest).and_then(|(_, more)| varuint(more)) else {
+                        return Receipt::Malformed;
+                    };
+                    rest = more;
+                    continue;
+                }
+                if kind & 0xF0 != 0x20 {
+                    return Receipt::Malformed;
+                }
+                let mut count = u32::from(kind & 3);
+                if count == 0 {
+                    let Some((number, more)) = varuint(rest) else { return Receipt::Malformed };
+                    (count, rest) = (number, more);
+                }
+                let Some((first, more)) = varuint(rest) else { return Receipt::Malformed };
+                rest = more;
+                for i in 0..count {
+                    let Some(register) = first.checked_add(i) else { return Receipt::Malformed };
+                    let Some((number, len)) = value(kind >> 2 & 3, register, rest) else {
+                        return Receipt::Malformed;
+                    };
+                    rest = rest.get(len..).unwrap_or_default();
+                    if pass == 1 {
+                        receipt = self.take(register, number, &mut measured).unwrap_or(receipt);
+                    }
+                }
+            }
+        }
+        self.proceed();
+        let [_, position, velocity, torque, temperature] = measured;
+        if position.is_nan() && velocity.is_nan() {
+            return receipt;
+        }
+        self.not_finite = !(position.is_finite() && velocity.is_finite());
+        if self.not_finite {
+            return Receipt::Malformed;
+        }
+        self.velocity = velocity * TAU;
+        let torque = if torque.is_finite() { torque } else { f64::NAN };
+        Receipt::Measured(Measurement {
+            position: position * TAU,
+            velocity: self.velocity,
+            torque,
+            temperature,
+        })
+    }
+
+    fn state(&self) -> DriveState {
+        let power = match (self.servo_mode, self.power_up.stage()) {
+            (None, _) => Power::Unknown,
+            (Some(POSITION), _) => Power::On,
+            (Some(STOPPED), Stage::Asked(_)) => Power::Starting,
+            // after a timeout or a fault the motor may brake: it is off in that it follows nothing
+            (Some(STOPPED | FAULT), _) => Power::Off,
+            (Some(2..=4), _) => Power::Starting,
+            _ => Power::Off,
+        };
+        let fault = match self.power_up.stage() {
+            // other codes tell what limits a motor without fault
+            _ if self.servo_mode == Some(FAULT) => u32::from(self.code.max(1)),
+            _ if self.not_finite => fault::NOT_FINITE,
+            Stage::Lost => fault::POWER_LOST,
+            _ => 0,
+        };
+        DriveState { power, fault, watchdog: self.watchdog }
+    }
+
+    fn prepare(&mut self) {
+        self.watchdog = Watchdog::Unknown;
+    }
+
+    fn forget(&mut self) {
+        self.power_up.forget();
+        (self.servo_mode, self.code, self.not_finite) = (None, 0, false);
+        self.velocity = f64::NAN;
+        self.prepare();
+    }
+
+    fn identifiers(&self) -> Vec<Id> {
+        let answer = self.id << 8 | self.source;
+        vec![
+            Id::Extended(0x8000 | self.source << 8 | self.id),
+            Id::standard(answer).unwrap_or(Id::Extended(answer)),
+        ]
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        let answer = self.id << 8 | self.source;
+        let id = Id::standard(answer).unwrap_or(Id::Extended(answer));
+        vec![Reply { id, kind: FrameKind::Fd { bit_rate_switch: true }, len: 24 }]
+    }
+
+    fn probe(&mut self, out: &mut FrameQueue) {
+        out.push_some(self.frame(&Moteus::query(EMPTY)));
+    }
+
+    fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
+        // set output exact, register 131
+        out.push_some(self.frame(&EMPTY.add(&[0x0D, 0xB1, 0x02, 0, 0, 0, 0])));
+        true
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        PARAMETERS
+    }
+
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        let Some(register) = READABLE.get(parameter) else { return };
+        let [low, high] = [(register & 0x7F) as u8, (register >> 7) as u8];
+        let payload =
+            if high == 0 { EMPTY.add(&[0x1D, low]) } else { EMPTY.add(&[0x1D, low | 0x80, high]) };
+        out.push_some(self.frame(&payload));
+    }
+}

@@ -1,0 +1,358 @@
+//! ODrive, CANSimple.
+//!
+//! Source: ODrive documentation 0.6.10, "CAN protocol"
+//! (docs.odriverobotics.com/v/latest/manual/can-protocol.html).
+//!
+//! - Standard identifier = `node` << 5 | command; numbers are little-endian, floats IEEE 754
+//!   singles. Positions in turns, velocities in turns/s, torques in N m.
+//! - Sent: 07 state u32 (1 idle, 8 closed loop), 0B control and input mode u32 u32, 0C position
+//!   f32, velocity i16 × `velocity_scale` turns/s, torque i16 × `torque_scale` N m, 0D velocity
+//!   f32, torque f32, 0E torque f32, 18 forget errors, 19 position is now f32, 04 write or read an
+//!   endpoint: u8 1 | 0, endpoint u16, 0, value.
+//! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last
+//!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
+//!   temperatures of bridge and motor f32 f32; 1C desired and estimated torque f32 f32.
+//!
+//! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
+//! needed) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
+//! turns/s) where other masters overflow. The endpoints of its watchdog have other numbers in each
+//! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
+
+mod keys;
+mod setup;
+
+use std::f64::consts::TAU;
+
+use super::number::{limited, single, steps};
+use super::power_up::{Action, PowerUp, Stage};
+use super::{Common, Protocol, Settings, fault};
+use crate::drive::{
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use keys::KEYS;
+use sarrus_models::Diagnostics;
+use setup::Setup;
+
+/// ODrive CANSimple.
+pub(super) const ODRIVE: Protocol = Protocol {
+    name: "odrive",
+    about: "ODrive, CANSimple",
+    modes: &[Mode::Torque, Mode::Position, Mode::Velocity],
+    fd: false,
+    keys: KEYS,
+    make,
+};
+
+const HEARTBEAT: u16 = 0x01;
+const ERRORS: u16 = 0x03;
+const ENDPOINT_REPLY: u16 = 0x05;
+const STATE: u16 = 0x07;
+const ESTIMATES: u16 = 0x09;
+const CONTROL_MODE: u16 = 0x0B;
+const POSITION: u16 = 0x0C;
+const VELOCITY: u16 = 0x0D;
+const TORQUE: u16 = 0x0E;
+const TEMPERATURES: u16 = 0x15;
+const FORGET_ERRORS: u16 = 0x18;
+const POSITION_IS: u16 = 0x19;
+const TORQUES: u16 = 0x1C;
+
+const IDLE: u32 = 1;
+const CLOSED_LOOP: u32 = 8;
+/// Without a heartbeat for this time nothing is known of the motor's state `[ns]`.
+const HEARTBEAT_LOST_NS: u64 = 500_000_000;
+/// Input mode 1 passes set-points on as they are.
+const PASSTHROUGH: u32 = 1;
+
+#[derive(Debug)]
+struct ODrive {
+    node: u16,
+    mode: Mode,
+    torque_limit: f64,
+    velocity_scale: f64,
+    torque_scale: f64,
+    torque_feedback: bool,
+    setup: Setup,
+    power_up: PowerUp,
+    axis_state: Option<u8>,
+    /// When its last heartbeat came `[ns]`.
+    heard_ns: u64,
+    errors: u32,
+    not_finite: bool,
+    position: f64,
+    torque: f64,
+    temperature: f64,
+}
+
+fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
+    let endpoint = |key| settings.has(key).then(|| settings.integer(key) as u16);
+    let endpoints =
+        match (endpoint("watchdog_timeout_endpoint"), endpoint("enable_watchdog_endpoint")) {
+            (Some(timeout), Some(enable)) => Some((timeout, enable)),
+            (None, None) => None,
+            _ => {
+                let place = settings.place("watchdog_timeout_endpoint");
+                diagnostics.error(
+                    place,
+                    "one of the watchdog's two endpoints",
+                    "both or none",
+                    "add the other one from flat_endpoints.json",
+                );
+                return None;
+            }
+        };
+    let node = settings.integer("node") as u16;
+    Some(Box::new(ODrive {
+        node,
+        mode: common.mode,
+        torque_limit: common.torque_limit,
+        velocity_scale: settings.number("velocity_scale"),
+        torque_scale: settings.number("torque_scale"),
+        torque_feedback: settings.flag("torque_feedback"),
+        setup: Setup::new(node, endpoints, common.watchdog_ms),
+        power_up: PowerUp::primed(),
+        axis_state: None,
+        heard_ns: 0,
+        errors: 0,
+        not_finite: false,
+        position: f64::NAN,
+        torque: f64::NAN,
+        temperature: f64::NAN,
+    }))
+}
+
+impl ODrive {
+    fn frame(&self, command: u16, bytes: &[u8]) -> Option<Frame> {
+        Frame::classic(Id::Standard(self.node << 5 | command), bytes)
+    }
+
+    fn state_request(&self, state: u32) -> Option<Frame> {
+        self.frame(STATE, &state.to_le_bytes())
+    }
+
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
+        let torque = limited(setpoint.torque, self.torque_limit);
+        let velocity = setpoint.velocity / TAU;
+        match self.mode {
+            Mode::Position => {
+                let [a, b, c, d] = single(setpoint.position / TAU).to_le_bytes();
+                let [e, f] = (steps(velocity, self.velocity_scale, 32_767) as i16).to_le_bytes();
+                let [g, h] = (steps(torque, self.torque_scale, 32_767) as i16).to_le_bytes();
+                self.frame(POSITION, &[a, b, c, d, e, f, g, h])
+            }
+            Mode::Velocity => {
+                let [a, b, c, d] = single(velocity).to_le_bytes();
+                let [e, f, g, h] = single(torque).to_le_bytes();
+                self.frame(VELOCITY, &[a, b, c, d, e, f, g, h])
+            }
+            Mode::Torque | Mode::Impedance => self.frame(TORQUE, &single(torque).to_le_bytes()),
+        }
+    }
+
+    /// What keeps the motor where it is.
+    fn neutral(&self) -> Setpoint {
+        Setpoint {
+            position: if self.position.is_finite() { self.position } else { 0.0 },
+            ..Setpoint::default()
+        }
+    }
+
+    /// Sets the mode. Nothing answers it, so it is said again and again while the motor has no
+    /// power.
+    fn control_mode(&self) -> Option<Frame> {
+        let mode: u32 = match self.mode {
+            Mode::Torque | Mode::Impedance => 1,
+            Mode::Velocity => 2,
+            Mode::Position => 3,
+        };
+        let ([a, b, c, d], [e, f, g, h]) = (mode.to_le_bytes(), PASSTHROUGH.to_le_bytes());
+        self.frame(CONTROL_MODE, &[a, b, c, d, e, f, g, h])
+    }
+
+    /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is
+    /// to be set and read, in turn.
+    fn idle(&mut self, n: u64, out: &mut FrameQueue) {
+        let frame = match n % 3 {
+            1 => self.state_request(IDLE),
+            2 => self.setpoint(&self.neutral()),
+            _ => self.setup.request().or_else(|| self.control_mode()),
+        };
+        out.push_some(frame);
+    }
+
+    fn heartbeat(&mut self, now_ns: u64, errors: u32, state: u8) {
+        self.errors = errors;
+        self.axis_state = Some(state);
+        self.heard_ns = now_ns;
+        let is_on = u32::from(state) == CLOSED_LOOP;
+        match self.power_up.stage() {
+            // the request was lost, or the heartbeat is older than it
+            Stage::Asked(_) if !is_on && errors == 0 => self.power_up.ask_again(),
+            Stage::Asked(_) if !is_on => self.power_up.lose(),
+            _ if self.power_up.report(is_on) => self.prepare(),
+            _ => {}
+        }
+    }
+}
+
+/// Two singles.
+fn pair(frame: &Frame) -> Option<(f64, f64)> {
+    let [a, b, c, d, e, f, g, h] = frame.exactly::<8>()?;
+    Some((f64::from(f32::from_le_bytes([a, b, c, d])), f64::from(f32::from_le_bytes([e, f, g, h]))))
+}
+
+impl Drive for ODrive {
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        if self.axis_state.is_some() && now_ns.saturating_sub(self.heard_ns) > HEARTBEAT_LOST_NS {
+            // measurements alone do not tell whether it has power, or errors
+            self.axis_state = None;
+            self.power_up.lose();
+        }
+        let is_ready = self.setup.is_done() && self.axis_state.is_some() && self.state().fault == 0;
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(n) => self.idle(n, out),
+            Action::Reset => {
+                self.power_up.forget();
+                self.not_finite = false;
+                self.prepare();
+                // a set-point, so that the watchdog does not bite again at once
+                out.push_some(self.setpoint(&self.neutral()));
+                out.push_some(self.frame(FORGET_ERRORS, &[0]));
+            }
+            Action::Prime(setpoint) => {
+                out.push_some(self.control_mode());
+                out.push_some(self.setpoint(&setpoint));
+            }
+            Action::Ask(_) => out.push_some(self.state_request(CLOSED_LOOP)),
+            Action::Await(setpoint) | Action::Follow(setpoint) => {
+                out.push_some(self.setpoint(&setpoint));
+            }
+            Action::Withhold => out.push_some(self.state_request(IDLE)),
+        }
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+    }
+
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.state_request(IDLE));
+    }
+
+    fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
+        let Id::Standard(id) = frame.id else { return Receipt::NotMine };
+        if id >> 5 != self.node {
+            return Receipt::NotMine;
+        }
+        if frame.is_fd() {
+            return Receipt::Malformed;
+        }
+        match (id & 0x1F, frame.data()) {
+            (HEARTBEAT, [a, b, c, d, state, _, _, ..]) => {
+                self.heartbeat(now_ns, u32::from_le_bytes([*a, *b, *c, *d]), *state);
+                Receipt::Noted
+            }
+            (ERRORS, [a, b, c, d, _, _, _, _]) => {
+                self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
+                Receipt::Noted
+            }
+            (ENDPOINT_REPLY, [_, low, high, _, value @ ..]) => {
+                self.setup.answered(u16::from_le_bytes([*low, *high]), value)
+            }
+            (ESTIMATES, _) => {
+                let Some((position, velocity)) = pair(frame) else { return Receipt::Malformed };
+                self.not_finite = !(position.is_finite() && velocity.is_finite());
+                if self.not_finite {
+                    return Receipt::Malformed;
+                }
+                self.position = position * TAU;
+                let (torque, temperature) = (self.torque, self.temperature);
+                Receipt::Measured(Measurement {
+                    position: self.position,
+                    velocity: velocity * TAU,
+                    torque,
+                    temperature,
+                })
+            }
+            (TEMPERATURES, _) => pair(frame).map_or(Receipt::Malformed, |(bridge, motor)| {
+                self.temperature = bridge.max(motor);
+                Receipt::Noted
+            }),
+            (TORQUES, _) => match pair(frame) {
+                Some((_, estimate)) if estimate.is_finite() => {
+                    self.torque = estimate;
+                    Receipt::Noted
+                }
+                _ => Receipt::Malformed,
+            },
+            (HEARTBEAT | ERRORS | ENDPOINT_REPLY, _) => Receipt::Malformed,
+            _ => Receipt::Noted,
+        }
+    }
+
+    fn state(&self) -> DriveState {
+        let power = match (self.axis_state.map(u32::from), self.power_up.stage()) {
+            (None, _) => Power::Unknown,
+            (Some(CLOSED_LOOP), _) => Power::On,
+            (Some(IDLE | 0), Stage::Off | Stage::Lost) => Power::Off,
+            _ => Power::Starting,
+        };
+        let fault = match self.power_up.stage() {
+            _ if self.errors != 0 => self.errors,
+            _ if self.not_finite => fault::NOT_FINITE,
+            Stage::Lost => fault::POWER_LOST,
+            _ => 0,
+        };
+        DriveState { power, fault, watchdog: self.setup.watchdog }
+    }
+
+    fn prepare(&mut self) {
+        self.setup.again();
+    }
+
+    fn forget(&mut self) {
+        self.power_up.forget();
+        (self.axis_state, self.errors, self.not_finite) = (None, 0, false);
+        (self.position, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
+        self.prepare();
+    }
+
+    /// All commands of the node.
+    fn identifiers(&self) -> Vec<Id> {
+        (0..32).map(|command| Id::Standard(self.node << 5 | command)).collect()
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        let reply = |command| Reply {
+            id: Id::Standard(self.node << 5 | command),
+            kind: FrameKind::Classic,
+            len: 8,
+        };
+        if self.torque_feedback {
+            vec![reply(ESTIMATES), reply(TORQUES)]
+        } else {
+            vec![reply(ESTIMATES)]
+        }
+    }
+
+    /// Nothing: heartbeats come by themselves, every 100 ms as an ODrive is delivered.
+    fn probe(&mut self, _out: &mut FrameQueue) {}
+
+    fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
+        out.push_some(self.frame(POSITION_IS, &[0; 4]));
+        true
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        self.setup.parameters()
+    }
+
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        out.push_some(self.setup.read_parameter(parameter));
+    }
+}

@@ -1,0 +1,197 @@
+//! Settings in configurations: declared as data, read and checked in one place.
+
+use std::collections::BTreeMap;
+
+use sarrus_models::Diagnostics;
+use sarrus_models::yaml::{self, Node, Span, Value, quoted};
+
+/// A setting.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// Name in configurations.
+    pub name: &'static str,
+    /// What may stand there.
+    pub kind: KeyKind,
+    /// What stands there when nobody wrote it, as it would be written; empty for nothing at all,
+    /// and `None` for settings that must be there.
+    pub default: Option<&'static str>,
+    /// One line for people, with the unit.
+    pub about: &'static str,
+}
+
+/// What may stand at a setting.
+#[derive(Clone, Copy, Debug)]
+pub enum KeyKind {
+    /// A whole number between two bounds, both included; also as 0x….
+    Integer(i64, i64),
+    /// A finite number between two bounds, both included.
+    Number(f64, f64),
+    /// One of these words.
+    Word(&'static [&'static str]),
+    /// Any text.
+    Text,
+    /// The name of a file beside the configuration; the setting is its content.
+    File,
+    /// `true` or `false`.
+    Flag,
+}
+
+#[derive(Clone, Debug)]
+enum Setting {
+    Integer(i64),
+    Number(f64),
+    Text(String),
+    Flag(bool),
+}
+
+/// The settings of one mapping: checked, defaults filled in.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    place: Span,
+    settings: BTreeMap<&'static str, (Setting, Span)>,
+}
+
+impl Settings {
+    /// Reads the settings `keys` from a mapping, in messages `of`, whose other keys are `others`;
+    /// every fault is reported. `file` gives the content of a file that a setting names, or says why it
+    /// cannot.
+    pub fn read(
+        node: &Node,
+        of: &str,
+        keys: &'static [Key],
+        others: &[&str],
+        file: &dyn Fn(&str) -> Result<String, String>,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Settings> {
+        let known: Vec<&str> =
+            others.iter().copied().chain(keys.iter().map(|key| key.name)).collect();
+        let mut good = yaml::keys(node, of, &known, diagnostics);
+        if !matches!(node.value, Value::Map(_)) {
+            return None;
+        }
+        let mut settings = BTreeMap::new();
+        for key in keys {
+            let place = node.get(key.name).map_or(node.span, |value| value.span);
+            let written = match (node.get(key.name), key.default) {
+                (Some(value), _) => match &value.value {
+                    Value::Scalar { text, .. } => Some(text.as_str()),
+                    _ => None,
+                },
+                (None, Some("")) => continue,
+                (None, Some(default)) => Some(default),
+                (None, None) => {
+                    let found = format!("{of} has no {}", quoted(key.name));
+                    diagnostics.error(
+                        node.span,
+                        found,
+                        key.expected(),
+                        format!("add `{}`: {}", key.name, key.about),
+                    );
+                    good = false;
+                    continue;
+                }
+            };
+            let Some(setting) = written.and_then(|text| key.parse(text)) else {
+                let found = format!(
+                    "`{}` is {}",
+                    key.name,
+                    node.get(key.name).map_or_else(String::new, Node::describe)
+                );
+                diagnostics.error(
+                    place,
+                    found,
+                    key.expected(),
+                    format!("correct it: {}", key.about),
+                );
+                good = false;
+                continue;
+            };
+            let setting = match (key.kind, setting) {
+                (KeyKind::File, Setting::Text(name)) if !name.is_empty() => match file(&name) {
+                    Ok(content) => Setting::Text(content),
+                    Err(reason) => {
+                        let found = format!("{} cannot be read: {reason}", quoted(&name));
+                        diagnostics.error(
+                            place,
+                            found,
+                            "a file beside the configuration",
+                            "correct the name",
+                        );
+                        good = false;
+                        continue;
+                    }
+                },
+                (_, setting) => setting,
+            };
+            settings.insert(key.name, (setting, place));
+        }
+        good.then_some(Settings { place: node.span, settings })
+    }
+
+    /// Whether there is something at a setting.
+    pub fn has(&self, key: &str) -> bool {
+        self.settings.contains_key(key)
+    }
+
+    /// Where a setting stands, or the mapping where it is a default.
+    pub fn place(&self, key: &str) -> Span {
+        self.settings.get(key).map_or(self.place, |(_, place)| *place)
+    }
+
+    /// A setting declared as a number; NaN for any other name.
+    pub fn number(&self, key: &str) -> f64 {
+        match self.settings.get(key) {
+            Some((Setting::Number(number), _)) => *number,
+            Some((Setting::Integer(number), _)) => *number as f64,
+            _ => f64::NAN,
+        }
+    }
+
+    /// A setting declared as a whole number; 0 for any other name.
+    pub fn integer(&self, key: &str) -> i64 {
+        if let Some((Setting::Integer(number), _)) = self.settings.get(key) { *number } else { 0 }
+    }
+
+    /// A setting declared as word, text or file; empty for any other name.
+    pub fn text(&self, key: &str) -> &str {
+        if let Some((Setting::Text(text), _)) = self.settings.get(key) { text } else { "" }
+    }
+
+    /// A setting declared as a flag; false for any other name.
+    pub fn flag(&self, key: &str) -> bool {
+        matches!(self.settings.get(key), Some((Setting::Flag(true), _)))
+    }
+}
+
+impl Key {
+    fn parse(&self, text: &str) -> Option<Setting> {
+        match self.kind {
+            KeyKind::Integer(least, most) => {
+                let number = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+                    Some(digits) => i64::from_str_radix(digits, 16).ok()?,
+                    None => text.parse().ok()?,
+                };
+                (least <= number && number <= most).then_some(Setting::Integer(number))
+            }
+            KeyKind::Number(least, most) => {
+                let number: f64 = text.parse().ok()?;
+                (number.is_finite() && least <= number && number <= most)
+                    .then_some(Setting::Number(number))
+            }
+            KeyKind::Word(words) => words.contains(&text).then(|| Setting::Text(text.to_owned())),
+            KeyKind::Text | KeyKind::File => Some(Setting::Text(text.to_owned())),
+            KeyKind::Flag => text.parse().ok().map(Setting::Flag),
+        }
+    }
+
+    fn expected(&self) -> String {
+        match self.kind {
+            KeyKind::Integer(least, most) => format!("a whole number from {least} to {most}"),
+            KeyKind::Number(least, most) => format!("a number from {least} to {most}"),
+            KeyKind::Word(words) => words.join(", "),
+            KeyKind::Text => "a text".to_owned(),
+            KeyKind::File => "the name of a file".to_owned(),
+            KeyKind::Flag => "true or false".to_owned(),
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Errors and residuals of every method on every state, then times in batches that take turns.
+
+use std::time::Duration;
+
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Layout, Status};
+
+use super::methods::Method;
+use crate::Outcome;
+use crate::measure::timing::{Timed, interleaved};
+use crate::reference::Reference;
+use crate::robots::Robot;
+use crate::robots::{Question, Start, Subject};
+
+/// What a method with one setting costs and what it is worth.
+#[derive(Clone, Debug)]
+pub(super) struct Measured {
+    pub(super) asked: Question,
+    pub(super) series: String,
+    pub(super) label: String,
+    pub(super) default: bool,
+    /// Median of a call.
+    pub(super) ns: f64,
+    /// The worst of all states; NaN where some state has no answer.
+    pub(super) error: f64,
+    /// The largest |φ| of q, where q was asked.
+    pub(super) residual: Option<f64>,
+    /// Why there is no answer.
+    pub(super) fault: Option<String>,
+}
+
+/// Exact answers, by question, variant and start.
+pub(super) struct References<'a> {
+    robot: &'a Robot,
+    kept: Vec<((Question, usize, bool), Reference)>,
+}
+
+impl<'a> References<'a> {
+    pub(super) fn new(robot: &'a Robot) -> References<'a> {
+        References { robot, kept: Vec::new() }
+    }
+
+    /// The error of an answer to a question at a state, whose numbers are those of `want`: on
+    /// chains of the forces, for ÿ.
+    pub(super) fn error(
+        &mut self,
+        (asked, place, start): (Question, usize, Start),
+        want: &Layout,
+        state: usize,
+        answer: &[f64],
+    ) -> Outcome<f64> {
+        // a cold start has to find the pose that a warm one leads to
+        let key = (asked, place, start != Start::None);
+        if !self.kept.iter().any(|(of, _)| *of == key) {
+            self.kept.push((key, Reference::new(self.robot, place, asked, start)?));
+        }
+        let reference = self
+            .kept
+            .iter_mut()
+            .find(|(of, _)| *of == key)
+            .map(|(_, reference)| reference)
+            .ok_or("no exact answers")?;
+        for before in 0..=state {
+            reference.compute(self.robot, before)?;
+        }
+        let exact = reference.exact(want, state);
+        let chain = matches!(self.robot.subject, Subject::Chain(_));
+        Ok(if chain && asked == Question::ForwardDynamics {
+            exact.backward_error(answer)
+        } else {
+            exact.error(answer)
+        })
+    }
+}
+
+/// A method as the timing sees it.
+struct Run<'a>(&'a mut Method);
+
+impl Timed for Run<'_> {
+    fn name(&self) -> String {
+        format!("{}, {}", self.0.series, self.0.label)
+    }
+
+    fn states(&self) -> usize {
+        self.0.runner.states()
+    }
+
+    #[inline]
+    fn call(&mut self, state: usize) -> Status {
+        self.0.runner.call(state)
+    }
+}
+
+/// Measures all methods of one robot; `shown` learns the share that is done.
+pub(super) fn measure(
+    robot: &Robot,
+    methods: &mut [Method],
+    references: &mut References<'_>,
+    rounds: Duration,
+    shown: impl Fn(f64),
+) -> Outcome<Vec<Measured>> {
+    let mut measured = Vec::new();
+    for method in methods.iter_mut() {
+        measured.push(errors(robot, method, references)?);
+    }
+    // a method that does not answer is not timed
+    let fine = |of: &Measured| of.fault.is_none();
+    let mut runs: Vec<Run<'_>> = methods
+        .iter_mut()
+        .zip(&measured)
+        .filter(|(_, of)| fine(of))
+        .map(|(method, _)| Run(method))
+        .collect();
+    let times = interleaved(&mut runs, rounds, shown)?;
+    for (of, samples) in measured.iter_mut().filter(|of| fine(of)).zip(times) {
+        of.ns = samples.median();
+    }
+    Ok(measured)
+}
+
+/// The numbers of a question to this robot.
+pub(super) fn layout(robot: &Robot, asked: Question) -> Layout {
+    Layout::of_want(&asked.query(), &robot.variants[0].compiled.model.sizes())
+}
+
+fn errors(
+    robot: &Robot,
+    method: &mut Method,
+    references: &mut References<'_>,
+) -> Outcome<Measured> {
+    let Method { asked, place, start, .. } = *method;
+    let want = layout(robot, asked);
+    let exact = &robot.variants[place].compiled.exact;
+    let mut form = (asked == Question::State).then(|| ImplicitForm::new(exact));
+    let (mut worst, mut residual, mut fault) = (0.0_f64, 0.0_f64, None);
+    for state in 0..method.runner.states() {
+        let status = method.runner.call(state);
+        if status != Status::Ok {
+            fault = Some(format!("{status} at state {state}"));
+            break;
+        }
+        let answer = method.runner.answer();
+        let error = references.error((asked, place, start), &want, state, &answer)?;
+        worst = if error > worst || error.is_nan() { error } else { worst };
+        if let (Some(form), Some(slot)) = (&mut form, want.slot(Field::Q)) {
+            let q: Vec<Dd> = answer[slot.range()].iter().map(|x| Dd::from(*x)).collect();
+            form.measure_drift(exact, &q, &vec![Dd::from(0.0); exact.sizes().n_v]);
+            residual = residual.max(form.position_drift().hi());
+        }
+    }
+    let nan = |x: f64| if fault.is_some() { f64::NAN } else { x };
+    Ok(Measured {
+        asked,
+        series: method.series.clone(),
+        label: method.label.clone(),
+        default: method.default,
+        ns: f64::NAN,
+        error: nan(worst),
+        residual: form.is_some().then(|| nan(residual)),
+        fault,
+    })
+}
+
+/// The numbers of an answer that is q alone.
+pub(super) fn only_q(robot: &Robot) -> Layout {
+    let mut query = Question::State.query();
+    query.want = FieldSet::of(&[Field::Q]);
+    Layout::of_want(&query, &robot.variants[0].compiled.model.sizes())
+}

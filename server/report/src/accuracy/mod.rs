@@ -1,0 +1,448 @@
+//! Section `accuracy`: error against run time, a figure for each robot and each question.
+//!
+//! A method is one line in `methods.rs`; what it calls is in `runner.rs`, how it is measured in
+//! `measure.rs`.
+
+mod measure;
+mod methods;
+mod runner;
+
+use std::time::Duration;
+
+use sarrus_dynamics::Model;
+use sarrus_dynamics::description::{Description, SubmechanismKind};
+
+use self::measure::{Measured, References, layout, measure, only_q};
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::measure::progress::Progress;
+use crate::page::{Axis, Figure, Point, Section, Series, Table, exponent, pareto_front};
+use crate::peer::{self, Asked, Peer};
+use crate::robots::catalogue::variants;
+use crate::robots::{Question, Robot, Start, Subject, Variant};
+
+/// The robots.
+const ROBOTS: [Subject; 8] = [
+    Subject::Bundled("lambda"),
+    Subject::Bundled("torso"),
+    Subject::Bundled("ankle"),
+    Subject::Bundled("wrist"),
+    Subject::Bundled("stewart"),
+    Subject::Bundled("rh5v2_upper_body"),
+    Subject::Bundled("rh5v2_full"),
+    Subject::Chain(1),
+];
+/// The questions, as the page and the files call them, and as peers know them.
+const QUESTIONS: [(Question, &str, &str, Asked); 3] = [
+    (Question::State, "state", "state", Asked::State),
+    (Question::InverseDynamics, "inverse dynamics", "id", Asked::InverseDynamics),
+    (Question::ForwardDynamics, "forward dynamics", "fd", Asked::ForwardDynamics),
+];
+/// A time above that of another method that still counts as the same.
+const SAME_TIME: f64 = 1.05;
+
+/// How much is measured.
+#[derive(Clone, Copy)]
+struct Amount {
+    states: usize,
+    /// How long the batches of one robot take turns.
+    rounds: Duration,
+    /// How long a peer times each of its methods, in seconds.
+    of_peer: f64,
+}
+
+impl Amount {
+    const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
+    const FULL: Amount = Amount { states: 128, rounds: Duration::from_secs(20), of_peer: 0.3 };
+}
+
+/// Fills the section.
+pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
+    let amount = if effort.quick { Amount::QUICK } else { Amount::FULL };
+    let mut section = Section::new("accuracy", "Error against run time");
+    let (mut rows, mut places, mut silent) = (Vec::new(), Vec::new(), None);
+    for (k, subject) in ROBOTS.into_iter().enumerate() {
+        let share = |done: f64| (k as f64 + done) / ROBOTS.len() as f64;
+        progress.show(&title(subject), share(0.0));
+        let robot = load(subject, amount.states)?;
+        let (figures, measured, peer) =
+            robot_figures(&robot, amount, |done| progress.show(&title(subject), share(done)))?;
+        let place = |(figure, of): (&Figure, &Measured)| row(&robot, figure, of);
+        let defaults = measured.iter().filter(|of| of.default);
+        let with_figure = defaults.filter_map(|of| {
+            Some((figures.iter().find(|figure| figure.id == id(subject, of.asked))?, of))
+        });
+        let of_robot: Vec<DefaultRow> = with_figure.map(place).collect();
+        places.push(sentence(subject, &of_robot));
+        for of in &of_robot {
+            let worst = section.worst_error.unwrap_or(0.0);
+            section.worst_error =
+                Some(if of.error > worst || of.error.is_nan() { of.error } else { worst });
+        }
+        rows.extend(of_robot.into_iter().map(|of| of.cells));
+        section.figures.extend(figures);
+        silent = silent.or(peer);
+    }
+    let worst = section.worst_error.map_or("-".to_owned(), exponent);
+    section
+        .summary
+        .push(format!("largest error of the methods that are used without asking: {worst}"));
+    section.summary.append(&mut places);
+    section.summary.extend(silent);
+    section.tables.push(Table {
+        id: "accuracy-defaults".into(),
+        title: "What is used without asking".into(),
+        caption: "Time and error of the default methods, and the time against the fastest method of the figure that is no less exact."
+            .into(),
+        columns: ["robot", "asked", "method", "ns per call", "error", "loop residual", "place"].map(str::to_owned).into(),
+        rows,
+    });
+    Ok(section)
+}
+
+/// A robot as it is given and by Newton's method, on the same states.
+fn load(subject: Subject, n_states: usize) -> Outcome<Robot> {
+    let n_states = subject.states(n_states);
+    let (description, mut all) = variants(subject, |name| !name.starts_with("hybrid-"))?;
+    if matches!(subject, Subject::Chain(_)) {
+        all.push(Variant {
+            closures: "numerical",
+            compiled: Model::compile(&made_numerical(&description))?,
+        });
+    }
+    Robot::with_variants(subject, description, all, n_states)
+}
+
+/// The same robot with every loop closed by Newton's method.
+fn made_numerical(description: &Description) -> Description {
+    let mut description = description.clone();
+    for part in description.submechanisms.iter_mut().filter(|part| !part.loops.is_empty()) {
+        part.kind = SubmechanismKind::Numerical;
+    }
+    description
+}
+
+fn title(subject: Subject) -> String {
+    if matches!(subject, Subject::Chain(_)) {
+        "chain of 100 lambdas".to_owned()
+    } else {
+        subject.name().to_owned()
+    }
+}
+
+fn id(subject: Subject, asked: Question) -> String {
+    let of =
+        QUESTIONS.iter().find(|(question, ..)| *question == asked).map_or("", |(_, _, id, _)| *id);
+    format!("accuracy-{}-{of}", subject.name())
+}
+
+/// The figures of one robot, what is in them, and why a peer is missing.
+fn robot_figures(
+    robot: &Robot,
+    amount: Amount,
+    shown: impl Fn(f64),
+) -> Outcome<(Vec<Figure>, Vec<Measured>, Option<String>)> {
+    let mut methods = methods::of_robot(robot)?;
+    let mut references = References::new(robot);
+    let measured = measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
+    let (runs, missing) =
+        match peer::pinocchio(&robot.description, &robot.states, 0, amount.of_peer)? {
+            Peer::Measured { runs, .. } => (runs, None),
+            Peer::Missing(why) => (Vec::new(), Some(why)),
+        };
+    let mut figures = Vec::new();
+    for (question, name, _, asked) in QUESTIONS {
+        let mut figure =
+            figure(robot, question, name, measured.iter().filter(|of| of.asked == question));
+        figure.series.extend(of_peer(robot, &mut references, &runs, question, asked)?);
+        if let (Some(why), true) = (&missing, robot.subject != Subject::Chain(1)) {
+            figure.caption += &format!(" {why}");
+        }
+        figures.push(figure);
+    }
+    Ok((figures, measured, missing.filter(|_| robot.subject == ROBOTS[0])))
+}
+
+/// What a peer adds to a figure; of a state it finds q alone.
+fn of_peer(
+    robot: &Robot,
+    references: &mut References<'_>,
+    runs: &[peer::Run],
+    question: Question,
+    asked: Asked,
+) -> Outcome<Vec<Series>> {
+    let start = if ["hybrid", "numerical"].contains(&robot.variants[0].closures) {
+        Start::Warm
+    } else {
+        Start::None
+    };
+    let want = if asked == Asked::State { only_q(robot) } else { layout(robot, question) };
+    let mut errors: Vec<Vec<f64>> = Vec::new();
+    for run in runs {
+        let mut of_run = Vec::new();
+        for (state, answer) in run.answers.iter().enumerate().filter(|_| run.asked == asked) {
+            let fits = answer.len() == want.len();
+            of_run.push(if fits {
+                references.error((question, 0, start), &want, state, answer)?
+            } else {
+                f64::NAN
+            });
+        }
+        errors.push(of_run);
+    }
+    // one run at a time: its answers have their errors beside them
+    let mut all: Vec<Series> = Vec::new();
+    for (run, errors) in runs.iter().zip(&errors) {
+        for series in peer::series(std::slice::from_ref(run), asked, |state, _| errors[state]) {
+            match all.iter_mut().find(|of| of.name == series.name) {
+                Some(of) => of.points.extend(series.points),
+                None => all.push(series),
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn figure<'a>(
+    robot: &Robot,
+    question: Question,
+    name: &str,
+    measured: impl Iterator<Item = &'a Measured>,
+) -> Figure {
+    let chain_forward =
+        matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;
+    let mut series: Vec<Series> = Vec::new();
+    let mut add = |name: String, competes: bool, point: Point| match series
+        .iter_mut()
+        .find(|of| of.name == name)
+    {
+        Some(of) => {
+            of.line = true;
+            of.points.push(point);
+        }
+        None => series.push(Series { name, line: false, competes, points: vec![point] }),
+    };
+    let mut residuals = Vec::new();
+    for of in measured {
+        let fault = of.fault.as_ref().map_or(String::new(), |fault| format!(": {fault}"));
+        let label = format!("{}{fault}", of.label);
+        if let Some(residual) =
+            of.residual.filter(|_| !of.series.contains("bounded") && !of.series.contains("cold"))
+        {
+            residuals.push((
+                format!("loop residual of {}", of.series),
+                Point { x: of.ns, y: residual, label: label.clone() },
+            ));
+        }
+        add(of.series.clone(), true, Point { x: of.ns, y: of.error, label });
+    }
+    residuals.into_iter().for_each(|(name, point)| add(name, false, point));
+    let asked = match question {
+        Question::State => "q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ; a peer finds q alone",
+        Question::InverseDynamics => "τ_u from y, ẏ, ÿ",
+        _ => "ÿ from y, ẏ, τ_u",
+    };
+    let of = if chain_forward {
+        "backward error, by how much the forces would have to change"
+    } else {
+        "by size, against double-double"
+    };
+    let implicit = if question == Question::ForwardDynamics {
+        format!(" The implicit form closes the loops first; α = β = {} 1/s.", runner::STABILISATION)
+    } else {
+        String::new()
+    };
+    Figure {
+        id: id(robot.subject, question),
+        title: format!("{}: {name}", title(robot.subject)),
+        caption: format!(
+            "{asked}. The largest error of {} states, {of}, over the median of batches that take turns. Warm: from the closed pose 1 ms \
+             earlier; cold: from that at zero. Single precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
+            robot.states.len()
+        ),
+        command: String::new(),
+        x: Axis { label: "time of a call in ns".into(), log: true },
+        y: Axis {
+            label: if chain_forward { "backward error" } else { "error by size" }.into(),
+            log: true,
+        },
+        series,
+    }
+}
+
+/// How a default method stands in its figure.
+struct DefaultRow {
+    asked: &'static str,
+    error: f64,
+    /// Its time against the fastest that is no less exact.
+    factor: f64,
+    on_front: bool,
+    cells: Vec<String>,
+}
+
+fn row(robot: &Robot, figure: &Figure, of: &Measured) -> DefaultRow {
+    let asked = QUESTIONS
+        .iter()
+        .find(|(question, ..)| *question == of.asked)
+        .map_or("", |(_, name, ..)| *name);
+    let points =
+        figure.series.iter().filter(|series| series.competes).flat_map(|series| &series.points);
+    let fastest = points
+        .filter(|point| point.y <= of.error)
+        .map(|point| point.x)
+        .fold(f64::INFINITY, f64::min);
+    let factor = of.ns / fastest;
+    let on_front = pareto_front(figure)
+        .iter()
+        .any(|point| point.series == of.series && point.label == of.label);
+    let place = if on_front {
+        "on the front".to_owned()
+    } else {
+        format!("{factor:.2} times the time of what is no less exact")
+    };
+    let method = format!("{}, {}", of.series, of.label);
+    let residual = of.residual.map_or("-".to_owned(), exponent);
+    let cells = vec![
+        title(robot.subject),
+        asked.to_owned(),
+        method,
+        format!("{:.0}", of.ns),
+        exponent(of.error),
+        residual,
+        place,
+    ];
+    DefaultRow { asked, error: of.error, factor, on_front, cells }
+}
+
+/// Where the default methods of a robot stand.
+fn sentence(subject: Subject, places: &[DefaultRow]) -> String {
+    let word = |place: &DefaultRow| match (place.on_front, place.factor) {
+        (true, _) => format!("{} on the front", place.asked),
+        (_, factor) if factor < SAME_TIME => format!("{} within 5 % of the front", place.asked),
+        (_, factor) => format!("{} {factor:.2} times the time of the front", place.asked),
+    };
+    let words: Vec<String> = places.iter().map(word).collect();
+    format!("{}, used without asking: {}", title(subject), words.join(", "))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test that fails panics")]
+mod tests {
+    use super::*;
+
+    const SMALL: Amount = Amount { states: 6, rounds: Duration::from_millis(150), of_peer: 0.001 };
+
+    fn figures(subject: Subject) -> (Vec<Figure>, Vec<Measured>) {
+        let robot = load(subject, SMALL.states).unwrap();
+        let (figures, measured, _) = robot_figures(&robot, SMALL, |_| {}).unwrap();
+        (figures, measured)
+    }
+
+    fn setting(label: &str) -> f64 {
+        label.rsplit(' ').find_map(|word| word.parse().ok()).unwrap()
+    }
+
+    #[test]
+    fn errors_are_finite_and_a_tighter_end_is_never_much_worse() {
+        for subject in [
+            Subject::Bundled("torso"),
+            Subject::Bundled("wrist"),
+            Subject::Bundled("stewart"),
+            Subject::Chain(0),
+        ] {
+            let (figures, measured) = figures(subject);
+            assert_eq!(figures.len(), 3);
+            for of in &measured {
+                let Measured { series, label, error, ns, fault, .. } = of;
+                assert!(
+                    fault.is_none() && error.is_finite() && *ns > 0.0,
+                    "{series}, {label}: {error:e} {fault:?}"
+                );
+                if series.ends_with("single") {
+                    assert!(*error > 1e-9 && *error < 0.1, "{series}, {label}: {error:e}");
+                }
+                if of.default {
+                    assert!(*error < 1e-11, "{series}, {label}: {error:e}");
+                }
+                if let Some(residual) = of.residual {
+                    assert!(
+                        residual <= 10.0 * error.max(1e-16),
+                        "{series}, {label}: {residual:e} and {error:e}"
+                    );
+                }
+            }
+            for figure in &figures {
+                for series in figure.series.iter().filter(|series| {
+                    series.points.iter().any(|point| point.label.starts_with("tolerance"))
+                }) {
+                    let ends =
+                        series.points.iter().filter(|point| point.label.starts_with("tolerance"));
+                    let mut ends: Vec<(f64, f64)> =
+                        ends.map(|point| (setting(&point.label), point.y)).collect();
+                    ends.sort_by(|a, b| b.0.total_cmp(&a.0));
+                    for pair in ends.windows(2) {
+                        assert!(
+                            pair[1].1 <= 3.0 * pair[0].1 + 1e-11,
+                            "{}, {}: {pair:?}",
+                            figure.title,
+                            series.name
+                        );
+                    }
+                }
+            }
+            // more steps are better too
+            let bounded = measured.iter().filter(|of| {
+                of.asked == Question::State && of.series == "Newton, cold, double, bounded steps"
+            });
+            let errors: Vec<f64> = bounded.map(|of| of.error).collect();
+            assert!(
+                errors.len() > 3 && errors.last().unwrap() < &1e-9 && errors[0] > 1e-9,
+                "{errors:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_on_a_front_is_beaten_and_every_default_has_its_place() {
+        let subject = Subject::Bundled("lambda");
+        let (figures, measured) = figures(subject);
+        for figure in &figures {
+            let best = pareto_front(figure);
+            assert!(!best.is_empty());
+            let points = || {
+                figure
+                    .series
+                    .iter()
+                    .filter(|series| series.competes)
+                    .flat_map(|series| &series.points)
+            };
+            for of in &best {
+                assert!(
+                    !points().any(|point| point.x < of.x && point.y < of.y),
+                    "{}: {of:?}",
+                    figure.title
+                );
+            }
+            // and what is not on it is beaten or equalled
+            for point in points().filter(|point| point.x.is_finite() && point.y.is_finite()) {
+                assert!(
+                    best.iter().any(|of| of.x <= point.x && of.y <= point.y),
+                    "{}: {point:?}",
+                    figure.title
+                );
+            }
+            let unique: std::collections::HashSet<_> =
+                figure.series.iter().map(|series| &series.name).collect();
+            assert_eq!(unique.len(), figure.series.len());
+        }
+        let robot = load(subject, 2).unwrap();
+        let defaults: Vec<&Measured> = measured.iter().filter(|of| of.default).collect();
+        assert_eq!(defaults.len(), 3, "{defaults:?}");
+        for of in defaults {
+            let figure = figures.iter().find(|figure| figure.id == id(subject, of.asked)).unwrap();
+            let place = row(&robot, figure, of);
+            assert!(place.factor >= 1.0 && place.cells.len() == 7, "{:?}", place.cells);
+            assert!(!place.on_front || place.factor < 1.0 + 1e-12, "{:?}", place.cells);
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! What is called: a plan over any scalar, or the implicit form after a closing.
+
+use std::hint::black_box;
+
+use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::{
+    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status, Workspace,
+};
+
+use crate::Outcome;
+use crate::robots::Robot;
+use crate::robots::{Start, packed};
+
+/// α = β of Baumgarte's stabilisation in 1/s: a drift falls by a digit in 39 ms.
+pub(super) const STABILISATION: f64 = 100.0;
+
+/// Something that answers a question on each state.
+pub(super) trait Runner {
+    fn states(&self) -> usize;
+    /// One call.
+    fn call(&mut self, state: usize) -> Status;
+    /// What the last call answered, in the order of the question's fields.
+    fn answer(&self) -> Vec<f64>;
+}
+
+/// A plan with its inputs in the scalar of the model.
+pub(super) struct Planned<T> {
+    model: Model<T>,
+    plan: Plan,
+    workspace: Workspace<T>,
+    inputs: Vec<Vec<T>>,
+    output: Vec<T>,
+}
+
+/// The query, with the guess that a warm start has.
+pub(super) fn with_start(mut query: Query, start: Start) -> Query {
+    if start == Start::Warm {
+        query.given = query.given.with(Field::QGuess);
+    }
+    query
+}
+
+impl<T: Scalar> Planned<T> {
+    /// On the states of a robot, with the guesses of the variant at this place.
+    pub(super) fn new(model: Model<T>, plan: Plan, robot: &Robot, place: usize) -> Planned<T> {
+        let input = |state| packed(&plan, state, place).into_iter().map(T::from_f64).collect();
+        Planned {
+            workspace: Workspace::for_plans(&model, [&plan]),
+            inputs: robot.states.iter().map(input).collect(),
+            output: vec![T::ZERO; plan.want().len()],
+            model,
+            plan,
+        }
+    }
+}
+
+impl<T: Scalar> Runner for Planned<T> {
+    fn states(&self) -> usize {
+        self.inputs.len()
+    }
+
+    #[inline]
+    fn call(&mut self, state: usize) -> Status {
+        let answer = self.plan.run(
+            &self.model,
+            &mut self.workspace,
+            black_box(&self.inputs[state]),
+            &mut self.output,
+        );
+        black_box(&self.output);
+        answer.status
+    }
+
+    fn answer(&self) -> Vec<f64> {
+        self.output.iter().map(|x| x.to_f64()).collect()
+    }
+}
+
+/// Closing first, then q̈ of the whole tree under its loops.
+pub(super) struct Implicit {
+    closing: Planned<f64>,
+    form: ImplicitForm<f64>,
+    /// Forces on the tree, for each state.
+    tau: Vec<Vec<f64>>,
+    qdd: Vec<f64>,
+    /// Where ÿ stands in q̈.
+    independent: Vec<usize>,
+}
+
+impl Implicit {
+    /// On the states of a robot; the loops are closed from this start.
+    pub(super) fn new(
+        model: &Model,
+        robot: &Robot,
+        place: usize,
+        start: Start,
+    ) -> Outcome<Implicit> {
+        let query = Query::new(
+            Request::Kinematics,
+            FieldSet::of(&[Field::Y, Field::Yd]),
+            FieldSet::of(&[Field::Q, Field::Qd]),
+        );
+        let plan = Plan::new(model, &with_start(query, start))?;
+        let at = |name: &String| {
+            model
+                .tree_names()
+                .iter()
+                .position(|x| x == name)
+                .ok_or_else(|| format!("no velocity {name}"))
+        };
+        let active = model.active_names().iter().map(at).collect::<Result<Vec<usize>, String>>()?;
+        let tau = robot.states.iter().map(|state| {
+            let mut tau = vec![0.0; model.sizes().n_v];
+            active.iter().zip(&state.tau_u).for_each(|(v, x)| tau[*v] = *x);
+            tau
+        });
+        Ok(Implicit {
+            tau: tau.collect(),
+            qdd: vec![0.0; model.sizes().n_v],
+            independent: model.independent_names().iter().map(at).collect::<Result<_, String>>()?,
+            form: ImplicitForm::new(model),
+            closing: Planned::new(model.clone(), plan, robot, place),
+        })
+    }
+}
+
+/// A field of packed numbers.
+fn field<'a>(layout: &Layout, field: Field, numbers: &'a [f64]) -> &'a [f64] {
+    layout.slot(field).map_or(&[], |slot| &numbers[slot.range()])
+}
+
+impl Runner for Implicit {
+    fn states(&self) -> usize {
+        self.tau.len()
+    }
+
+    fn call(&mut self, state: usize) -> Status {
+        let status = self.closing.call(state);
+        if status != Status::Ok {
+            return status;
+        }
+        let Planned { model, plan, output, .. } = &self.closing;
+        let [q, qd] = [Field::Q, Field::Qd].map(|of| field(plan.want(), of, output));
+        let status = self.form.accelerations(
+            model,
+            q,
+            qd,
+            &self.tau[state],
+            &[],
+            (STABILISATION, STABILISATION),
+            &mut self.qdd,
+        );
+        black_box(&self.qdd);
+        status
+    }
+
+    fn answer(&self) -> Vec<f64> {
+        self.independent.iter().map(|v| self.qdd[*v]).collect()
+    }
+}

@@ -1,0 +1,71 @@
+//! Energy over many steps.
+
+use sarrus_models::{Options, Source, load};
+use sarrus_simulation::{Method, Settings, Setup, Start, simulate};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::page::{Axis, Figure, Point, Series, exponent};
+
+/// Steps of a full and of a quick report, and how long each is `[s]`.
+const STEPS: [u32; 2] = [1_000_000, 30_000];
+const STEP: f64 = 1e-3;
+/// Samples of each run.
+const SAMPLES: u32 = 200;
+
+/// The lambda swings freely under gravity, without anything that takes energy: picture and
+/// sentence.
+pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
+    let loaded = load(&Source::Bundled("lambda".into()), &Options::default())?;
+    let setup = Setup {
+        description: &loaded.description,
+        compiled: &loaded.compiled,
+        springs: &[],
+        inputs: &[],
+    };
+    let start = Start::Independent { y: vec![0.3], yd: vec![0.0], guess: None };
+    let steps = STEPS[usize::from(effort.quick)];
+    let duration = f64::from(steps) * STEP;
+    let (mut series, mut reported) = (Vec::new(), Vec::new());
+    for method in Method::ALL.into_iter().filter(|method| !method.is_implicit_form()) {
+        let step = method.is_fixed().then_some(STEP);
+        let every = Some(duration / f64::from(SAMPLES));
+        let settings =
+            Settings { step, every, rtol: 1e-11, atol: 1e-11, ..Settings::new(method, duration) };
+        let run = simulate(&setup, &start, &settings, &mut |_| ())?;
+        let Some(first) = run.samples.first() else { continue };
+        let size = run.samples.iter().map(|sample| sample.energy.kinetic).fold(0.0, f64::max);
+        let points = run.samples.iter().skip(1).map(|sample| Point {
+            x: sample.time,
+            y: (sample.balance() - first.balance()).abs() / size,
+            label: String::new(),
+        });
+        reported.push(format!(
+            "{} {} in {} steps",
+            method.name(),
+            exponent(run.drift()),
+            run.counts.steps
+        ));
+        series.push(Series {
+            name: method.name().into(),
+            line: true,
+            competes: false,
+            points: points.collect(),
+        });
+    }
+    let figure = Figure {
+        id: "integration-energy".into(),
+        title: format!("Energy of a lambda that swings freely, {steps} steps of 1 ms"),
+        caption: "Change of the energy since the start as a share of the largest kinetic energy. The methods with their own step have a tolerance of \
+                  1e-11. A change of exactly zero is drawn at 1e-17."
+            .into(),
+        command: String::new(),
+        x: Axis { label: "time simulated, s".into(), log: true },
+        y: Axis { label: "relative change of energy".into(), log: true },
+        series,
+    };
+    Ok((
+        figure,
+        format!("Energy drift of a free lambda over {duration} s: {}", reported.join(", ")),
+    ))
+}

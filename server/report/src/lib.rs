@@ -1,0 +1,31 @@
+//! What sarrus reports of itself: error beside time, of one run, on the same models and states.
+//!
+//! [`run()`] measures the sections of a report (error against run time, time integration, stress
+//! cases) and writes them as a page that opens offline, with its data as JSON and CSV. Figures
+//! can be drawn on a page of their own by [`page::Pictures`]. What is measured, and how, serves
+//! programs that measure more: [`robots`], [`reference`] and [`measure`].
+//!
+//! The modules know each other in this order, each only those above it:
+//!
+//! ```text
+//! measure    processors, times, progress                robots     robots, questions, states
+//! page       figures, sections, HTML, JSON, CSV          reference  the same in double-double
+//! peer       other engines on the same states
+//! accuracy   integration   stress                        one section each
+//! run        all sections into a folder
+//! ```
+
+mod accuracy;
+pub mod integration;
+pub mod measure;
+pub mod page;
+pub mod peer;
+pub mod reference;
+pub mod robots;
+mod run;
+mod stress;
+
+pub use self::run::{Options, names, run};
+
+/// A report that cannot be measured or written stops and says why.
+pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;

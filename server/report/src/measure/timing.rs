@@ -1,0 +1,147 @@
+//! Nanoseconds per call, in batches that take turns.
+
+use std::time::{Duration, Instant};
+
+use sarrus_dynamics::Status;
+
+use crate::Outcome;
+
+/// States that the batches of a case go through.
+const STATES: usize = 64;
+/// A batch takes no longer than this where four states do not: long ones are interrupted on a
+/// machine that others use too.
+const LONGEST: Duration = Duration::from_micros(200);
+/// A batch takes at least this long: the clock's own time is then below a percent.
+const BATCH: Duration = Duration::from_micros(15);
+/// Untimed calls before each batch take this long: the other cases had the caches and the branch
+/// predictor.
+const WARM_UP: Duration = Duration::from_micros(80);
+
+/// Nanoseconds of all batches or round trips of a case, in ascending order.
+#[derive(Clone, Debug, Default)]
+pub struct Samples(Vec<f64>);
+
+impl Samples {
+    /// Sorts them.
+    pub fn new(mut ns: Vec<f64>) -> Samples {
+        ns.sort_unstable_by(f64::total_cmp);
+        Samples(ns)
+    }
+
+    /// The least value that this share of the samples does not exceed; 0 for the least, NaN without
+    /// samples.
+    pub fn at(&self, quantile: f64) -> f64 {
+        let last = self.0.len().saturating_sub(1);
+        self.0
+            .get(((quantile * self.0.len() as f64) as usize).min(last))
+            .copied()
+            .unwrap_or(f64::NAN)
+    }
+
+    /// The middle one.
+    pub fn median(&self) -> f64 {
+        self.at(0.5)
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Every sample, as pairs of a value in tenths of a nanosecond and how often it came.
+    pub fn counted(&self) -> Vec<(u64, usize)> {
+        let tenths: Vec<u64> = self.0.iter().map(|ns| (10.0 * ns).round() as u64).collect();
+        tenths.chunk_by(|a, b| a == b).map(|equal| (equal[0], equal.len())).collect()
+    }
+}
+
+/// What a batch of a case goes through.
+#[derive(Clone, Copy)]
+struct Batch {
+    /// The first state; the next batch goes on after the last one.
+    first: usize,
+    states: usize,
+    /// Calls before it that are not timed.
+    warm_up: usize,
+    /// How often it goes through its states.
+    passes: usize,
+}
+
+/// What can be timed: a call on each of some states.
+pub trait Timed {
+    /// How a failure calls it.
+    fn name(&self) -> String;
+    /// How many states there are.
+    fn states(&self) -> usize;
+    /// One call, input and result out of the optimiser's sight.
+    fn call(&mut self, state: usize) -> Status;
+}
+
+/// Runs a batch of every case in turn, again and again for this long; gives the nanoseconds per
+/// call of each batch. `shown` learns the share that is done.
+///
+/// # Errors
+///
+/// A case that has no answer.
+pub fn interleaved<C: Timed>(
+    cases: &mut [C],
+    rounds: Duration,
+    shown: impl Fn(f64),
+) -> Outcome<Vec<Samples>> {
+    let mut batches = Vec::new();
+    for case in cases.iter_mut() {
+        let few = Batch { first: 0, states: case.states().min(4), warm_up: 1, passes: 1 };
+        let call = few.run(case)?.max(1.0);
+        let states = (LONGEST.as_nanos() as f64 / call) as usize;
+        let states = states.clamp(4, STATES).min(case.states());
+        let passes = (BATCH.as_nanos() as f64 / (call * states as f64)).ceil() as usize;
+        batches.push(Batch {
+            first: 0,
+            states,
+            warm_up: (WARM_UP.as_nanos() as f64 / call).ceil() as usize,
+            passes,
+        });
+    }
+    let mut ns = vec![Vec::new(); cases.len()];
+    let start = Instant::now();
+    while !cases.is_empty() && start.elapsed() < rounds {
+        shown(start.elapsed().as_secs_f64() / rounds.as_secs_f64());
+        for ((case, batch), ns) in cases.iter_mut().zip(&mut batches).zip(&mut ns) {
+            ns.push(batch.run(case)?);
+            batch.first = (batch.first + batch.states) % STATES.min(case.states());
+        }
+    }
+    Ok(ns.into_iter().map(Samples::new).collect())
+}
+
+impl Batch {
+    /// Nanoseconds per call.
+    fn run<C: Timed>(&self, case: &mut C) -> Outcome<f64> {
+        let all = STATES.min(case.states());
+        let mut failed = false;
+        for k in 0..self.warm_up {
+            failed |= case.call((self.first + k) % all) != Status::Ok;
+        }
+        let mut state = self.first;
+        let start = Instant::now();
+        for _ in 0..self.passes * self.states {
+            failed |= case.call(state) != Status::Ok;
+            state = if state + 1 == all { 0 } else { state + 1 };
+        }
+        let elapsed = start.elapsed().as_nanos() as f64;
+        if failed {
+            Err(format!("{} fails", case.name()).into())
+        } else {
+            Ok(elapsed / (self.passes * self.states) as f64)
+        }
+    }
+}
+
+/// What reading the clock twice takes, in nanoseconds: a part of every round trip that is shown.
+pub fn clock() -> f64 {
+    let pair = |_| {
+        let start = Instant::now();
+        start.elapsed().as_nanos() as f64
+    };
+    Samples::new((0..10_001).map(pair).collect()).median()
+}

@@ -1,0 +1,81 @@
+//! What a figure holds: axes, series, points; a page of figures alone.
+
+use super::html;
+use crate::Outcome;
+
+/// Where an error of exactly zero is drawn on a logarithmic axis.
+pub const DRAWN_FOR_ZERO: f64 = 1e-17;
+
+/// A picture and its data.
+#[derive(Clone, Debug, Default)]
+pub struct Figure {
+    /// Unique on the page, of small letters, digits, `-` and `_`; also the name of its CSV file.
+    pub id: String,
+    /// What it shows.
+    pub title: String,
+    /// What a reader has to know.
+    pub caption: String,
+    /// What draws it again; empty stands for this section's command.
+    pub command: String,
+    /// To the right.
+    pub x: Axis,
+    /// Upwards.
+    pub y: Axis,
+    /// What is drawn.
+    pub series: Vec<Series>,
+}
+
+/// An axis of a figure.
+#[derive(Clone, Debug, Default)]
+pub struct Axis {
+    /// Quantity and unit.
+    pub label: String,
+    /// Logarithmic; what is not positive is drawn at [`DRAWN_FOR_ZERO`].
+    pub log: bool,
+}
+
+/// Points that belong together.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    /// The name in the legend; a peer's begins with the peer's name.
+    pub name: String,
+    /// Joined by a line.
+    pub line: bool,
+    /// Competes for the Pareto front of its figure, where less is better on both axes.
+    pub competes: bool,
+    /// Points; a value that is not finite is not drawn but stands in the table.
+    pub points: Vec<Point>,
+}
+
+/// One measurement.
+#[derive(Clone, Debug, Default)]
+pub struct Point {
+    /// To the right.
+    pub x: f64,
+    /// Upwards.
+    pub y: f64,
+    /// What it is, such as a tolerance; stands in the table.
+    pub label: String,
+}
+
+/// A page of figures alone, such as of one motion.
+#[derive(Clone, Debug, Default)]
+pub struct Pictures {
+    /// The heading.
+    pub title: String,
+    /// What stands below it.
+    pub lines: Vec<String>,
+    /// In their order.
+    pub figures: Vec<Figure>,
+}
+
+impl Pictures {
+    /// The page as HTML, with everything in it.
+    ///
+    /// # Errors
+    ///
+    /// A picture that cannot be drawn.
+    pub fn page(&self) -> Outcome<String> {
+        html::pictures(&self.title, &self.lines, &self.figures)
+    }
+}

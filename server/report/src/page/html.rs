@@ -1,0 +1,253 @@
+//! The page: one file, with everything in it.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::data::{figure_table, result_table};
+use super::figure::Figure;
+use super::pareto::{ROUNDING, exponent, summaries};
+use super::picture::{NARROW, WIDE, colours, picture, points, sign};
+use super::section::{Assessment, Case, Report, Section, Table};
+use crate::Outcome;
+
+/// The content security policy: nothing is loaded from anywhere.
+const POLICY: &str = include_str!("policy.txt");
+
+/// The whole page.
+pub(super) fn page(report: &Report) -> Outcome<String> {
+    let mut sections = Vec::new();
+    for section in &report.sections {
+        sections.push(one(report, section)?);
+    }
+    let body = html! {
+        (top(report))
+        @for section in &sections { (section) }
+    };
+    Ok(document("sarrus: error against run time, stiff and extreme cases", &body))
+}
+
+/// A page of figures alone, below some lines.
+pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Outcome<String> {
+    let mut drawn = Vec::new();
+    for figure in figures {
+        drawn.push(self::drawn(figure, None)?);
+    }
+    let body = html! {
+        header {
+            h1 { (title) }
+            @for line in lines { p { (line) } }
+        }
+        section { div.figures { @for figure in &drawn { (figure) } } }
+    };
+    Ok(document(title, &body))
+}
+
+/// A body with everything around it.
+fn document(title: &str, body: &Markup) -> String {
+    let [rules, light, dark] = colours();
+    // paper is light whatever the screen was
+    let style = format!(
+        "{}\n:root{{{light}}}\n@media screen and (prefers-color-scheme: dark){{:root{{{dark}}}}}\n{rules}\n",
+        include_str!("page.css")
+    );
+    let markup = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta http-equiv="Content-Security-Policy" content=(POLICY.trim());
+                title { (title) }
+                style { (PreEscaped(style)) }
+            }
+            body { (body) }
+        }
+    };
+    markup.into_string()
+}
+
+/// What was found, on one screen.
+fn top(report: &Report) -> Markup {
+    let summaries = summaries(&report.sections);
+    let silent = report.silent_failures();
+    let against = summaries.iter().filter(|summary| summary.with_peer);
+    let (front, ours) =
+        against.fold((0, 0), |(front, ours), summary| (front + summary.front, ours + summary.ours));
+    html! {
+        header {
+            h1 { "sarrus: error against run time, stiff and extreme cases" }
+            p.soft { code { (report.command) } " on " (report.machine) ", " (report.date) }
+            ul.facts {
+                li { b { (report.worst_error().map_or("-".to_owned(), exponent)) } "worst error of an answer given as good" }
+                li.(if silent == 0 { "good" } else { "bad" }) { b { (silent) } "silent failures" }
+                li { b { (report.cases()) } "extreme cases" }
+                @if front > 0 { li { b { (ours) " of " (front) } "points on the Pareto fronts that a peer competes for are ours" } }
+            }
+            @for section in &report.sections {
+                @for sentence in &section.summary { p { (sentence) } }
+                @if let Some(failure) = &section.failure { p.bad { (section.title) ": not finished. " (failure) } }
+            }
+            @if !summaries.is_empty() {
+                h2 id="places" { "Pareto places" }
+                p.soft {
+                    "Fastest and most exact point of each front, as method (cost; error). Peers: the least time factor at which one of ours makes no \
+                     larger error; errors up to " (exponent(ROUNDING)) " are rounding and count as equal there."
+                }
+                div.scroll {
+                    table.summaries {
+                        thead { tr { th { "figure" } th { "on the front, ours of all" } th { "fastest" } th { "most exact" } th { "peers" } } }
+                        tbody {
+                            @for summary in &summaries {
+                                tr {
+                                    td { a href={ "#" (summary.figure) } { (summary.title) } }
+                                    td.number { (summary.ours) " of " (summary.front) }
+                                    td { (summary.fastest) }
+                                    td { (summary.most_exact) }
+                                    td { (summary.peers) }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        nav {
+            h2 { "Contents" }
+            @for section in &report.sections {
+                p { a href={ "#" (section.name) } { (section.title) } }
+                ul {
+                    @for figure in &section.figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
+                    @for table in &section.tables { li { a href={ "#" (table.id) } { (table.title) } } }
+                }
+            }
+        }
+    }
+}
+
+fn one(report: &Report, section: &Section) -> Outcome<Markup> {
+    let mut figures = Vec::new();
+    for figure in &section.figures {
+        figures.push(drawn(figure, Some((report, section)))?);
+    }
+    let nothing =
+        section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
+    Ok(html! {
+        section id=(section.name) {
+            h2 { (section.title) }
+            @if nothing { p.empty { "Nothing was measured in this section." } }
+            @if !section.cases.is_empty() { (assessments(section)) }
+            div.figures { @for figure in &figures { (figure) } }
+            @for table in &section.tables {
+                div.table id=(table.id) {
+                    h3 { (table.title) }
+                    @if !table.caption.is_empty() { p.soft { (table.caption) } }
+                    div.scroll { (cells(table)) }
+                    p.soft { a href={ (table.id) ".csv" } { (table.id) ".csv" } }
+                }
+            }
+        }
+    })
+}
+
+/// A figure: legend, picture, what it is and where it is from, its data.
+fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup> {
+    let wide = picture(figure, WIDE)?;
+    let narrow = picture(figure, NARROW)?;
+    let mut signs = Vec::new();
+    for (k, series) in
+        figure.series.iter().enumerate().filter(|(_, series)| points(series).next().is_some())
+    {
+        signs.push((sign(Some((k, series.line)))?, series.name.as_str()));
+    }
+    if figure.series.iter().any(|series| series.competes) {
+        signs.push((sign(None)?, "Pareto front"));
+    }
+    let all: usize = figure.series.iter().map(|series| series.points.len()).sum();
+    let left_out = all - figure.series.iter().map(|series| points(series).count()).sum::<usize>();
+    let table = figure_table(figure);
+    Ok(html! {
+        figure id=(figure.id) {
+            h3 { (figure.title) }
+            @match (&wide, &narrow) {
+                (Some(wide), Some(narrow)) => {
+                    ul.legend { @for (sign, name) in &signs { li { (PreEscaped(sign)) span { (name) } } } }
+                    p.axis { "↑ " (figure.y.label) }
+                    div.wide { (PreEscaped(wide)) }
+                    div.narrow { (PreEscaped(narrow)) }
+                    p.axis.x { (figure.x.label) " →" }
+                }
+                _ => p.empty { "No picture: nothing that could be drawn was measured." }
+            }
+            figcaption {
+                @if !figure.caption.is_empty() { p { (figure.caption) } }
+                @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand in the table." } }
+                @if let Some((report, section)) = origin { p.from { code { (report.command_of(section, figure)) } " on " (report.machine) } }
+            }
+            details {
+                summary { "Data: " (all) @if all == 1 { " point" } @else { " points" } }
+                @if origin.is_some() { p { a href={ (figure.id) ".csv" } { (figure.id) ".csv" } } }
+                div.tall { (cells(&table)) }
+            }
+        }
+    })
+}
+
+/// How many cases of each family ended how, and every case.
+fn assessments(section: &Section) -> Markup {
+    let mut families: Vec<&str> = Vec::new();
+    for case in &section.cases {
+        if !families.contains(&case.family.as_str()) {
+            families.push(&case.family);
+        }
+    }
+    let count = |family: Option<&str>, assessment: Option<Assessment>| {
+        let is = |case: &&Case| {
+            family.is_none_or(|family| case.family == family)
+                && assessment.is_none_or(|assessment| case.assessment == assessment)
+        };
+        section.cases.iter().filter(is).count()
+    };
+    let rows = families.iter().map(|family| Some(*family)).chain([None]);
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "driven to extremes" }
+                        @for assessment in Assessment::ALL { th { (assessment.name()) } }
+                        th { "cases" }
+                    }
+                }
+                tbody {
+                    @for family in rows {
+                        tr {
+                            td { (family.unwrap_or("all")) }
+                            @for assessment in Assessment::ALL { @let n = count(family, Some(assessment));
+                                td.number.bad[assessment == Assessment::FailedSilently && n > 0] { (n) } }
+                            td.number { (count(family, None)) }
+                        }
+                    }
+                }
+            }
+        }
+        details {
+            summary { "Every case: " (section.cases.len()) }
+            p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
+            div.tall { (cells(&result_table(section))) }
+        }
+    }
+}
+
+/// Numbers to the right, words to the left.
+fn cells(table: &Table) -> Markup {
+    let is_number = |cell: &str| cell.parse::<f64>().is_ok();
+    html! {
+        table {
+            thead { tr { @for column in &table.columns { th { (column) } } } }
+            tbody {
+                @for row in &table.rows {
+                    tr { @for cell in row { td.number[is_number(cell)] { (cell) } } }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! What a report holds: its sections, their tables and stress cases.
+
+use super::figure::Figure;
+use super::pareto::exponent;
+
+/// Everything that the page shows.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The command that measures it again.
+    pub command: String,
+    /// Where it was measured.
+    pub machine: String,
+    /// When, as year, month and day.
+    pub date: String,
+    /// With less effort.
+    pub quick: bool,
+    /// In their order.
+    pub sections: Vec<Section>,
+}
+
+impl Report {
+    /// How many extreme cases there are.
+    pub fn cases(&self) -> usize {
+        self.results().count()
+    }
+
+    /// How many of them failed silently.
+    pub fn silent_failures(&self) -> usize {
+        self.results().filter(|case| case.assessment == Assessment::FailedSilently).count()
+    }
+
+    /// The largest error of an answer that was given as good; none where no section has one.
+    pub fn worst_error(&self) -> Option<f64> {
+        self.sections.iter().filter_map(|section| section.worst_error).reduce(f64::max)
+    }
+
+    /// What was found, a line each.
+    pub fn summary(&self) -> Vec<String> {
+        let worst = self.worst_error().map_or("-".to_owned(), exponent);
+        let mut lines = vec![format!(
+            "worst error {worst}, {} extreme cases, {} silent failures",
+            self.cases(),
+            self.silent_failures()
+        )];
+        for section in &self.sections {
+            lines.extend(section.summary.iter().cloned());
+            lines.extend(
+                section
+                    .failure
+                    .iter()
+                    .map(|failure| format!("{}: not finished. {failure}", section.title)),
+            );
+        }
+        lines
+    }
+
+    fn results(&self) -> impl Iterator<Item = &Case> {
+        self.sections.iter().flat_map(|section| &section.cases)
+    }
+
+    /// What draws a figure again.
+    pub(super) fn command_of(&self, section: &Section, figure: &Figure) -> String {
+        if figure.command.is_empty() {
+            command(self.quick, std::iter::once(section.name))
+        } else {
+            figure.command.clone()
+        }
+    }
+}
+
+/// A part of the page.
+#[derive(Clone, Debug, Default)]
+pub struct Section {
+    /// The name that `--section` takes.
+    pub name: &'static str,
+    /// The heading.
+    pub title: String,
+    /// What was found, a sentence each, for the top of the page.
+    pub summary: Vec<String>,
+    /// The largest error of an answer that was given as good, by what a user gets without asking
+    /// for anything special.
+    pub worst_error: Option<f64>,
+    /// Pictures.
+    pub figures: Vec<Figure>,
+    /// Tables without a picture.
+    pub tables: Vec<Table>,
+    /// Stress cases with their assessments.
+    pub cases: Vec<Case>,
+    /// Why it could not be finished.
+    pub failure: Option<String>,
+}
+
+impl Section {
+    /// An empty section.
+    pub fn new(name: &'static str, title: &str) -> Section {
+        Section { name, title: title.to_owned(), ..Section::default() }
+    }
+}
+
+/// A table and its caption.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// Unique on the page, like a figure's.
+    pub id: String,
+    /// What it shows.
+    pub title: String,
+    /// What a reader has to know.
+    pub caption: String,
+    /// Heads.
+    pub columns: Vec<String>,
+    /// Cells, as many in each row as there are heads.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// How an extreme case ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Assessment {
+    /// A good answer.
+    Held,
+    /// A worse answer that says so.
+    Degraded,
+    /// No answer, and a reason.
+    Failed,
+    /// A bad answer that looks like a good one.
+    FailedSilently,
+}
+
+impl Assessment {
+    /// Every assessment, from good to bad.
+    pub const ALL: [Assessment; 4] =
+        [Assessment::Held, Assessment::Degraded, Assessment::Failed, Assessment::FailedSilently];
+
+    /// Its name on the page and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Assessment::Held => "held",
+            Assessment::Degraded => "degraded and said so",
+            Assessment::Failed => "failed and said so",
+            Assessment::FailedSilently => "failed silently",
+        }
+    }
+}
+
+/// An extreme case: one value of a parameter, one method.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// What is driven to its limits, such as `mass ratio`.
+    pub family: String,
+    /// On what.
+    pub robot: String,
+    /// What is swept, with its unit.
+    pub parameter: String,
+    /// Its value.
+    pub value: f64,
+    /// What was asked and by which method.
+    pub method: String,
+    /// By size; none without an answer.
+    pub error: Option<f64>,
+    /// Forward dynamics: the backward error.
+    pub backward: Option<f64>,
+    /// What the answer was compared with.
+    pub reference: String,
+    /// The status, as `sarrus ask` prints it, or why it did not load.
+    pub status: String,
+    /// What is reported beside the status: warnings, fields, messages.
+    pub reported: String,
+    /// By the one rule for all.
+    pub assessment: Assessment,
+}
+
+/// The command that measures these sections again.
+pub(crate) fn command<'a>(quick: bool, sections: impl Iterator<Item = &'a str>) -> String {
+    let quick = if quick { " --quick" } else { "" };
+    sections.fold(format!("sarrus report{quick}"), |command, name| command + " --section " + name)
+}

@@ -1,0 +1,277 @@
+//! Other engines on the same robots and states: programs of `benches/peers/`, which take the robot
+//! as text and time themselves.
+//!
+//! A peer that is not built is no fault: the page says how to build it.
+
+mod text;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use sarrus_dynamics::description::Description;
+
+use crate::Outcome;
+use crate::page::{PINOCCHIO, Point, Series};
+use crate::robots::State;
+
+/// Where its program is below the folder of what is built.
+const PROGRAM: &str = "peers/pinocchio";
+/// What builds it.
+const BUILD: &str = "benches/peers/build.sh";
+
+/// What is asked of a peer; everything starts from y, ẏ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// q from y.
+    State,
+    /// τ_u from y, ẏ, ÿ.
+    InverseDynamics,
+    /// ÿ from y, ẏ, τ_u.
+    ForwardDynamics,
+}
+
+/// A method of a peer with one setting.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// What was asked.
+    pub asked: Asked,
+    /// Its name for a legend, the engine's first.
+    pub name: String,
+    /// Such as its tolerance.
+    pub setting: String,
+    /// Median of a call.
+    pub ns: f64,
+    /// One answer for each state.
+    pub answers: Vec<Vec<f64>>,
+}
+
+/// What a peer says about a robot.
+#[derive(Clone, Debug)]
+pub enum Peer {
+    /// It was not measured, and why.
+    Missing(String),
+    /// It was measured.
+    Measured {
+        /// Its name with its version and its compiler's.
+        engine: String,
+        /// Every method with every setting.
+        runs: Vec<Run>,
+    },
+}
+
+/// Times every method of Pinocchio for about this long; `place` is that of the variant whose
+/// guesses are the warm start.
+///
+/// # Errors
+///
+/// A program that cannot be run, or that writes something else than it should.
+pub fn pinocchio(
+    description: &Description,
+    states: &[State],
+    place: usize,
+    seconds: f64,
+) -> Outcome<Peer> {
+    let Some(program) = program() else {
+        return Ok(Peer::Missing(format!(
+            "{PINOCCHIO}: not measured, {PROGRAM} is not built; {BUILD} builds it."
+        )));
+    };
+    let text = match text::input(description, states, place, seconds) {
+        Ok(text) => text,
+        Err(reason) => {
+            return Ok(Peer::Missing(format!(
+                "{PINOCCHIO}: not measured on {}, {reason}.",
+                description.name
+            )));
+        }
+    };
+    let fault = |error: std::io::Error| format!("{}: {error}", program.display());
+    let mut child = Command::new(&program)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(fault)?;
+    let input = child.stdin.take();
+    // it reads everything before it writes; one that stops early closes its end and says why
+    let written = input.map_or(Ok(()), |mut input| input.write_all(text.as_bytes()));
+    let output = child.wait_with_output().map_err(fault)?;
+    if !output.status.success() {
+        let why = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+        return Ok(Peer::Missing(format!(
+            "{PINOCCHIO}: not measured on {}, it ends with {}: {why}",
+            description.name, output.status
+        )));
+    }
+    written.map_err(fault)?;
+    read(&String::from_utf8_lossy(&output.stdout), states.len())
+        .map_err(|reason| format!("{}: {reason}", program.display()).into())
+}
+
+/// Series for a figure of error over time: one for each method of what was asked, a point for each
+/// setting. `error` is that of an answer to the state of this number; a method without numbers at
+/// some state has no error.
+pub fn series(runs: &[Run], asked: Asked, error: impl Fn(usize, &[f64]) -> f64) -> Vec<Series> {
+    let mut all: Vec<Series> = Vec::new();
+    for run in runs.iter().filter(|run| run.asked == asked) {
+        let errors = run.answers.iter().enumerate().map(|(state, answer)| error(state, answer));
+        let worst = errors.fold(0.0, |worst: f64, error| {
+            if error.is_nan() || worst.is_nan() { f64::NAN } else { worst.max(error) }
+        });
+        let point = Point { x: run.ns, y: worst, label: run.setting.clone() };
+        match all.iter_mut().find(|series| series.name == run.name) {
+            Some(series) => series.points.push(point),
+            None => all.push(Series {
+                name: run.name.clone(),
+                line: false,
+                competes: true,
+                points: vec![point],
+            }),
+        }
+    }
+    all
+}
+
+/// The program in the folder that this one was built into, or in the usual one.
+fn program() -> Option<PathBuf> {
+    let here = std::env::current_exe().ok();
+    // target/PROFILE/sarrus
+    let built = here
+        .iter()
+        .flat_map(|path| path.ancestors().skip(1).take(3))
+        .map(|folder| folder.join(PROGRAM));
+    built.chain([PathBuf::from("target").join(PROGRAM)]).find(|path| path.is_file())
+}
+
+/// What the program wrote.
+fn read(text: &str, n_states: usize) -> Result<Peer, String> {
+    let mut lines = text.lines();
+    let engine = lines
+        .next()
+        .and_then(|line| line.strip_prefix("engine "))
+        .ok_or("no name of the engine")?
+        .to_owned();
+    let mut runs = Vec::new();
+    while let Some(line) = lines.next() {
+        let head = || {
+            let (asked, rest) = line.strip_prefix("run ")?.split_once(' ')?;
+            let (method, ns) = rest.rsplit_once("; ")?;
+            // the setting begins with what is set
+            let at =
+                ["tolerance", "mu"].iter().find_map(|word| method.find(&format!(" {word} ")))?;
+            let asked = match asked {
+                "STATE" => Asked::State,
+                "ID" => Asked::InverseDynamics,
+                "FD" => Asked::ForwardDynamics,
+                _ => return None,
+            };
+            let name = format!("{PINOCCHIO} {}", &method[..at]);
+            Some(Run {
+                asked,
+                name,
+                setting: method[at + 1..].to_owned(),
+                ns: ns.parse().ok()?,
+                answers: Vec::new(),
+            })
+        };
+        let mut run = head().ok_or_else(|| format!("a line that is none of a run: {line}"))?;
+        for _ in 0..n_states {
+            let numbers = lines.next().map(|line| {
+                line.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>()
+            });
+            run.answers.push(
+                numbers
+                    .and_then(Result::ok)
+                    .ok_or_else(|| format!("{}: a state without numbers", run.name))?,
+            );
+        }
+        runs.push(run);
+    }
+    Ok(Peer::Measured { engine, runs })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic, reason = "a test that fails panics")]
+mod tests {
+    use sarrus_dynamics::{Plan, Status, Workspace};
+
+    use super::*;
+    use crate::robots::Robot;
+    use crate::robots::{Question, Subject, packed};
+
+    #[test]
+    fn pinocchio_agrees_where_it_is_built() {
+        let mut compared = 0;
+        for name in ["lambda", "torso", "wrist", "stewart", "rh5v2_upper_body", "rh5v2_full"] {
+            let robot = Robot::load(Subject::Bundled(name), 4).unwrap();
+            let runs = match pinocchio(&robot.description, &robot.states, 0, 0.0).unwrap() {
+                Peer::Missing(why) => return println!("not run: {why}"),
+                Peer::Measured { runs, .. } => runs,
+            };
+            let model = &robot.variants[0].compiled.model;
+            let mut workspace = Workspace::new(model);
+            for run in &runs {
+                let (question, tolerance) = match (run.asked, run.setting.as_str()) {
+                    (Asked::InverseDynamics, "tolerance 1e-12") => {
+                        (Question::InverseDynamics, 1e-9)
+                    }
+                    (Asked::ForwardDynamics, "tolerance 1e-12" | "mu 1e-8, iterations 2")
+                        if !run.name.contains("lcaba") =>
+                    {
+                        (Question::ForwardDynamics, 1e-9)
+                    }
+                    // its error has a floor
+                    (Asked::ForwardDynamics, "mu 1e-4, iterations 2") => {
+                        (Question::ForwardDynamics, 1e-6)
+                    }
+                    _ => continue,
+                };
+                compared += 1;
+                let plan = Plan::new(model, &question.query()).unwrap();
+                let mut ours = vec![0.0; plan.want().len()];
+                for (state, theirs) in robot.states.iter().zip(&run.answers) {
+                    assert_eq!(
+                        plan.run(model, &mut workspace, &packed(&plan, state, 0), &mut ours).status,
+                        Status::Ok
+                    );
+                    let size = ours.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+                    let worst = ours
+                        .iter()
+                        .zip(theirs)
+                        .fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs()));
+                    assert!(
+                        theirs.len() == ours.len() && worst <= tolerance * size,
+                        "{name}, {} {}: {worst:e}",
+                        run.name,
+                        run.setting
+                    );
+                }
+            }
+        }
+        assert_eq!(compared, 5 * 6, "methods of six robots");
+    }
+
+    #[test]
+    fn what_a_peer_writes_is_read_and_what_it_leaves_out_is_told() {
+        let text = "engine Pinocchio 9\nrun FD lcaba mu 1e-8, iterations 2; 123.5\n1 -nan \n2 3 \n";
+        let Peer::Measured { engine, runs } = read(text, 2).unwrap() else { panic!("measured") };
+        assert_eq!((engine.as_str(), runs.len()), ("Pinocchio 9", 1));
+        let run = &runs[0];
+        assert_eq!(
+            (run.asked, run.name.as_str(), run.setting.as_str()),
+            (Asked::ForwardDynamics, "Pinocchio lcaba", "mu 1e-8, iterations 2")
+        );
+        assert_eq!((run.ns, run.answers[1].as_slice()), (123.5, &[2.0, 3.0][..]));
+        assert!(run.answers[0][1].is_nan());
+        let drawn = series(&runs, Asked::ForwardDynamics, |state, answer| answer[0] - state as f64);
+        assert_eq!((drawn.len(), drawn[0].points[0].x, drawn[0].points[0].y), (1, 123.5, 1.0));
+        assert!(
+            series(&runs, Asked::ForwardDynamics, |_, answer| answer[1..].iter().sum())
+                .iter()
+                .all(|series| series.points[0].y.is_nan())
+        );
+        assert!(read(text, 3).unwrap_err().contains("without numbers"));
+        assert!(read("", 1).is_err());
+    }
+}

@@ -1,0 +1,126 @@
+//! A robot and its states as the peers' programs read them: see the head of
+//! `benches/peers/pinocchio.cpp`.
+
+use core::fmt::Write;
+
+use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
+
+use crate::robots::State;
+
+/// The whole input, or what the robot has that the programs do not know.
+pub(super) fn input(
+    description: &Description,
+    states: &[State],
+    place: usize,
+    seconds: f64,
+) -> Result<String, String> {
+    let mut text = Text(format!("seconds {seconds}\n"));
+    text.numbers("gravity", &description.gravity);
+
+    text.count("links", description.links.len());
+    for link in &description.links {
+        let inertial = link
+            .inertial
+            .as_ref()
+            .map_or((0.0, Placement::default(), [0.0; 6]), |i| (i.mass, i.origin, i.inertia));
+        text.numbers("", &[inertial.0]);
+        text.placement(&inertial.1);
+        text.numbers("", &inertial.2);
+    }
+    text.count("joints", description.joints.len());
+    for joint in &description.joints {
+        let kind = match joint.kind {
+            JointKind::Fixed => "F",
+            JointKind::Revolute | JointKind::Continuous => "R",
+            JointKind::Prismatic => "P",
+            _ => return Err(format!("the joint {} has several freedoms", joint.name)),
+        };
+        if joint.coupling.is_some() || joint.terms != Default::default() {
+            return Err(format!(
+                "the joint {} has a coupling, a spring, a damper or a rotor",
+                joint.name
+            ));
+        }
+        text.0 += &format!("{kind} {} {} ", joint.parent, joint.child);
+        text.placement(&joint.origin);
+        text.numbers("", &joint.axis);
+    }
+
+    let parts = &description.submechanisms;
+    for (name, list) in [
+        ("tree", parts.iter().flat_map(|part| part.spanning_tree.clone()).collect::<Vec<_>>()),
+        ("independent", parts.iter().flat_map(|part| part.independent.clone()).collect()),
+        ("active", parts.iter().flat_map(|part| part.active.clone()).collect()),
+    ] {
+        text.list(name, &list);
+    }
+    text.count("groups", parts.len());
+    parts.iter().for_each(|part| text.list("", &part.spanning_tree));
+
+    text.count("loops", parts.iter().map(|part| part.loops.len()).sum());
+    for (group, part) in parts.iter().enumerate() {
+        if part.loops.is_empty() && part.spanning_tree.len() > part.independent.len() {
+            return Err(format!("the loops of {} are given by its type alone", part.name));
+        }
+        for each in &part.loops {
+            text.0 += &format!("{group} {} {} ", each.predecessor, each.successor);
+            match &each.cut {
+                Cut::AtJoint(joint) => text.0 += &format!("joint {joint}\n"),
+                Cut::AtLink(link) => text.0 += &format!("link {link}\n"),
+                Cut::Placed { predecessor, successor } => {
+                    text.0 += "placed ";
+                    text.placement(predecessor);
+                    text.placement(successor);
+                }
+                _ => return Err(format!("the cut {} is of another kind", each.name)),
+            }
+            text.count("", each.rows.len());
+            for row in &each.rows {
+                if row.axis[..3] != [0.0; 3] || row.against.is_some() {
+                    return Err(format!("the loop {} holds an angle", each.name));
+                }
+                text.numbers("", &row.axis[3..]);
+            }
+        }
+    }
+
+    text.count("states", states.len());
+    for state in states {
+        let guess = state.guesses.get(place).ok_or("a state has no guess")?;
+        for numbers in [&state.y, &state.yd, &state.ydd, &state.tau_u, guess] {
+            text.numbers("", numbers);
+        }
+    }
+    Ok(text.0)
+}
+
+/// Words and numbers; each method ends a line. Numbers are written so that they are read back bit
+/// for bit.
+struct Text(String);
+
+impl Text {
+    fn count(&mut self, name: &str, n: usize) {
+        // writing to a string cannot fail
+        let _ = writeln!(self.0, "{name} {n}");
+    }
+
+    fn numbers(&mut self, name: &str, numbers: &[f64]) {
+        self.0 += name;
+        for x in numbers {
+            let _ = write!(self.0, " {x:e}");
+        }
+        self.0 += "\n";
+    }
+
+    fn list(&mut self, name: &str, list: &[usize]) {
+        let _ = write!(self.0, "{name} {}", list.len());
+        for x in list {
+            let _ = write!(self.0, " {x}");
+        }
+        self.0 += "\n";
+    }
+
+    fn placement(&mut self, placement: &Placement) {
+        self.numbers("", &[placement.xyz, placement.rpy].concat());
+    }
+}

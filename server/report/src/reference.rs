@@ -1,0 +1,151 @@
+//! References: the same model, the same inputs, the same code in double-double.
+
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Status, Workspace};
+
+use crate::Outcome;
+use crate::robots::{Question, Robot, Start, Subject, packed};
+
+/// The same question in double-double.
+pub struct Reference {
+    /// Place of the variant among those of its robot.
+    place: usize,
+    plan: Plan,
+    workspace: Workspace<Dd>,
+    /// The answer on each state, once it is known.
+    outputs: Vec<Vec<Dd>>,
+}
+
+/// The exact answer on one state.
+pub struct Exact<'a> {
+    fields: Vec<ExactField<'a>>,
+    m_y: &'a [Dd],
+    c_y: &'a [Dd],
+    tau_y: &'a [Dd],
+}
+
+/// A field of the answer: where it lies in the case's output, its exact numbers, and what counts as
+/// its size at least.
+struct ExactField<'a> {
+    range: std::ops::Range<usize>,
+    numbers: &'a [Dd],
+    least: f64,
+}
+
+impl Reference {
+    /// For a question to a variant of a robot.
+    pub fn new(
+        robot: &Robot,
+        place: usize,
+        question: Question,
+        start: Start,
+    ) -> Outcome<Reference> {
+        let mut query = question.query();
+        // the warm start leads to the pose that a cold one has to find
+        if start != Start::None {
+            query.given = query.given.with(Field::QGuess);
+        }
+        if question.is_forward() {
+            query.want =
+                [Field::MY, Field::CY, Field::TauY].into_iter().fold(query.want, FieldSet::with);
+        }
+        let model = &robot.variants[place].compiled.exact;
+        // M_y of a chain is only read, not factorised: that would take n³
+        let plan = match robot.subject {
+            Subject::Chain(_) => Plan::with_method(model, &query, Method::Recursion)?,
+            _ => Plan::new(model, &query)?,
+        };
+        Ok(Reference {
+            place,
+            workspace: Workspace::for_plans(model, [&plan]),
+            plan,
+            outputs: Vec::new(),
+        })
+    }
+
+    /// Answers on this state, where that was not done before; the states come in their order.
+    pub fn compute(&mut self, robot: &Robot, state: usize) -> Outcome {
+        if state < self.outputs.len() {
+            return Ok(());
+        }
+        let input = packed(&self.plan, &robot.states[state], self.place);
+        let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
+        let mut output = vec![Dd::from(0.0); self.plan.want().len()];
+        let status = self
+            .plan
+            .run(
+                &robot.variants[self.place].compiled.exact,
+                &mut self.workspace,
+                &input,
+                &mut output,
+            )
+            .status;
+        if status != Status::Ok {
+            return Err(format!("{}, state {state}: {status} in double-double", robot.name).into());
+        }
+        self.outputs.push(output);
+        Ok(())
+    }
+
+    /// The exact numbers of these fields at this state.
+    pub fn exact(&self, want: &Layout, state: usize) -> Exact<'_> {
+        let output = &self.outputs[state];
+        let numbers =
+            |field| self.plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
+        let speed = largest(numbers(Field::Qd));
+        let fields = want.slots().iter().map(|slot| {
+            let least = match slot.field {
+                Field::Q | Field::U => 1.0,
+                Field::Qdd | Field::Udd => speed * speed,
+                _ => 0.0,
+            };
+            ExactField { range: slot.range(), numbers: numbers(slot.field), least }
+        });
+        Exact {
+            fields: fields.collect(),
+            m_y: numbers(Field::MY),
+            c_y: numbers(Field::CY),
+            tau_y: numbers(Field::TauY),
+        }
+    }
+}
+
+impl ExactField<'_> {
+    /// ‖a − b‖∞ / max(‖b‖∞, least); NaN where there is no number.
+    fn error(&self, answer: &[f64]) -> f64 {
+        if answer[self.range.clone()].iter().any(|x| x.is_nan()) {
+            return f64::NAN;
+        }
+        let pairs = answer[self.range.clone()].iter().zip(self.numbers);
+        let worst =
+            pairs.fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs()));
+        if worst == 0.0 { 0.0 } else { worst / largest(self.numbers).max(self.least) }
+    }
+}
+
+impl Exact<'_> {
+    /// The largest error of all fields by size.
+    pub fn error(&self, answer: &[f64]) -> f64 {
+        let errors = self.fields.iter().map(|field| field.error(answer));
+        errors.fold(0.0, |worst, error| if error > worst || error.is_nan() { error } else { worst })
+    }
+
+    /// How much the forces would have to change for ÿ to be exact, relative to what enters.
+    pub fn backward_error(&self, ydd: &[f64]) -> f64 {
+        let n = ydd.len();
+        let (mut residual, mut norm_m): (f64, f64) = (0.0, 0.0);
+        for i in 0..n {
+            let row = &self.m_y[i * n..(i + 1) * n];
+            let product = row.iter().zip(ydd).fold(Dd::from(0.0), |sum, (m, x)| sum + *m * *x);
+            residual = residual.max((product + self.c_y[i] - self.tau_y[i]).to_f64().abs());
+            norm_m = norm_m.max(row.iter().map(|m| m.to_f64().abs()).sum());
+        }
+        let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        residual / (norm_m * size + largest(self.c_y) + largest(self.tau_y))
+    }
+}
+
+/// ‖x‖∞.
+fn largest(x: &[Dd]) -> f64 {
+    x.iter().fold(0.0, |size, x| size.max(x.to_f64().abs()))
+}

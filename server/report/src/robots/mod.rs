@@ -1,0 +1,12 @@
+//! The robots of the report, what is asked of them, and in which states.
+
+pub mod catalogue;
+pub(crate) mod chain;
+pub mod question;
+mod random;
+pub mod states;
+mod texts;
+
+pub use self::catalogue::{Subject, Variant};
+pub use self::question::{Question, Start};
+pub use self::states::{Robot, State, packed};

@@ -1,0 +1,75 @@
+//! What is asked of a robot, and where Newton's method starts.
+
+use sarrus_dynamics::{Field, FieldSet, Method, Query, Request};
+
+/// Where Newton's method starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Nothing is iterated.
+    None,
+    /// From the closed pose 1 ms earlier at the state's velocity.
+    Warm,
+    /// Without a guess.
+    Cold,
+}
+
+/// What is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ.
+    State,
+    /// τ_u from y, ẏ, ÿ.
+    InverseDynamics,
+    /// ÿ from y, ẏ, τ_u, by the method that the model chooses.
+    ForwardDynamics,
+    /// The same by this method.
+    Forced(Method),
+}
+
+impl Question {
+    /// With the method that the model chooses.
+    pub const CHOSEN: [Question; 3] =
+        [Question::State, Question::InverseDynamics, Question::ForwardDynamics];
+    /// Forward dynamics by each method.
+    pub const FORCED: [Question; 3] = [
+        Question::Forced(Method::Recursion),
+        Question::Forced(Method::Projection),
+        Question::Forced(Method::Kkt),
+    ];
+
+    /// Its name in tables and in the names of cases.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Question::State => "state",
+            Question::InverseDynamics => "ID",
+            Question::ForwardDynamics => "FD",
+            Question::Forced(Method::Recursion) => "FD-recursion",
+            Question::Forced(Method::Projection) => "FD-projection",
+            Question::Forced(Method::Kkt) => "FD-kkt",
+        }
+    }
+
+    /// True for forward dynamics by any method.
+    pub fn is_forward(self) -> bool {
+        matches!(self, Question::ForwardDynamics | Question::Forced(_))
+    }
+
+    /// What is given and what is wanted.
+    pub fn query(self) -> Query {
+        use Field::*;
+        let motion = FieldSet::of(&[Y, Yd, Ydd]);
+        match self {
+            Question::State => {
+                Query::new(Request::Kinematics, motion, FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd]))
+            }
+            Question::InverseDynamics => {
+                Query::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU]))
+            }
+            Question::ForwardDynamics | Question::Forced(_) => Query::new(
+                Request::ForwardDynamics,
+                FieldSet::of(&[Y, Yd, TauU]),
+                FieldSet::of(&[Ydd]),
+            ),
+        }
+    }
+}

@@ -1,0 +1,287 @@
+//! Random states, the same in every run.
+
+use sarrus_dynamics::description::{Description, JointKind};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
+
+use super::catalogue::{Subject, Variant, variants};
+use super::question::Question;
+use super::random::Random;
+use crate::Outcome;
+
+/// Positions within ± this many radians or metres, velocities (1/s), accelerations (1/s²), actuator
+/// forces (N or N m).
+const ANGLE: f64 = 0.25;
+const LENGTH: f64 = 0.03;
+const VELOCITY: f64 = 1.0;
+const ACCELERATION: f64 = 5.0;
+const FORCE: f64 = 10.0;
+/// How long before a state its guess was closed, in seconds.
+const EARLIER: f64 = 1e-3;
+
+/// Where more than half of the states have no answer, the positions are drawn within a half of the
+/// reach, this often.
+const HALVINGS: u32 = 5;
+
+/// A robot with its variants and the states that all of them can take.
+#[derive(Debug)]
+pub struct Robot {
+    /// Which one.
+    pub subject: Subject,
+    /// Its name in the tables.
+    pub name: &'static str,
+    /// As it was read.
+    pub description: Description,
+    /// Every way to close its loops that is measured.
+    pub variants: Vec<Variant>,
+    /// What all variants can take.
+    pub states: Vec<State>,
+    /// States that were drawn and left out because some variant has no answer there.
+    pub left_out: usize,
+    /// The share of the usual reach that the positions are drawn from.
+    pub reach: f64,
+}
+
+/// One state and, for each variant, the closed pose shortly before it.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Independent positions.
+    pub y: Vec<f64>,
+    /// Independent velocities.
+    pub yd: Vec<f64>,
+    /// Independent accelerations.
+    pub ydd: Vec<f64>,
+    /// Actuator forces.
+    pub tau_u: Vec<f64>,
+    /// For each variant, a closed pose shortly before.
+    pub guesses: Vec<Vec<f64>>,
+}
+
+impl Robot {
+    /// Loads every variant and draws the states.
+    ///
+    /// # Errors
+    ///
+    /// A robot that does not load, or whose loops close at less than half of the states.
+    pub fn load(subject: Subject, n_states: usize) -> Outcome<Robot> {
+        Robot::load_some(subject, n_states, |_| true)
+    }
+
+    /// The same with the variants of some names only.
+    ///
+    /// # Errors
+    ///
+    /// As [`Robot::load`].
+    pub fn load_some(
+        subject: Subject,
+        n_states: usize,
+        query: impl Fn(&str) -> bool,
+    ) -> Outcome<Robot> {
+        let (description, variants) = variants(subject, query)?;
+        Robot::with_variants(subject, description, variants, n_states)
+    }
+
+    /// Draws states that all of these variants can take.
+    pub(crate) fn with_variants(
+        subject: Subject,
+        description: Description,
+        variants: Vec<Variant>,
+        n_states: usize,
+    ) -> Outcome<Robot> {
+        let mut robot = Robot {
+            subject,
+            name: subject.name(),
+            description,
+            variants,
+            states: Vec::new(),
+            left_out: 0,
+            reach: 1.0,
+        };
+        let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
+        let model = &compiled.model;
+        let dofs = dofs(model, &robot.description);
+        let mut checks = robot
+            .variants
+            .iter()
+            .map(|variant| Check::new(&variant.compiled.model))
+            .collect::<Outcome<Vec<_>>>()?;
+
+        let mut random = Random(0);
+        while robot.states.len() < n_states {
+            let mut state = drawn(&dofs, robot.reach, model.sizes().n_u, &mut random);
+            let earlier = earlier(&dofs, &state);
+            let mut fits = true;
+            for (k, check) in checks.iter_mut().enumerate() {
+                fits = fits && check.fits(k, &earlier, &mut state);
+            }
+            if fits {
+                robot.states.push(state);
+            } else {
+                robot.left_out += 1;
+            }
+            if robot.left_out > n_states.max(16) {
+                robot.reach /= 2.0;
+                (robot.states, robot.left_out, random) = (Vec::new(), 0, Random(0));
+            }
+            if robot.reach < 0.5_f64.powi(HALVINGS as i32) {
+                return Err(format!(
+                    "{}: more than half of the random states have no answer",
+                    robot.name
+                )
+                .into());
+            }
+        }
+        Ok(robot)
+    }
+}
+
+/// The numbers of a state in the order of a plan.
+pub fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
+    let mut input = vec![0.0; plan.given().len()];
+    for slot in plan.given().slots() {
+        let numbers = match slot.field {
+            Field::Y => &state.y,
+            Field::Yd => &state.yd,
+            Field::Ydd => &state.ydd,
+            Field::TauU => &state.tau_u,
+            _ => &state.guesses[variant],
+        };
+        input[slot.range()].copy_from_slice(numbers);
+    }
+    input
+}
+
+/// What an independent velocity moves.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Dof {
+    Angle,
+    Length,
+    /// The first of six of a floating joint, whose place comes before its quaternion, or of three
+    /// of a ball.
+    Turn {
+        floating: bool,
+    },
+    /// The others of these.
+    Rest,
+}
+
+/// The dofs of y in the caller's order.
+fn dofs(model: &Model, description: &Description) -> Vec<Dof> {
+    let names = model.independent_names();
+    let slides = |name: &String| {
+        description
+            .joints
+            .iter()
+            .any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic)
+    };
+    let dof = |name: &String| match name.strip_suffix("/rx") {
+        Some(joint) => Dof::Turn { floating: names.contains(&format!("{joint}/tx")) },
+        None if name.contains('/') => Dof::Rest,
+        None if slides(name) => Dof::Length,
+        None => Dof::Angle,
+    };
+    names.iter().map(dof).collect()
+}
+
+/// A random state without guesses.
+fn drawn(dofs: &[Dof], reach: f64, n_u: usize, random: &mut Random) -> State {
+    let mut y = Vec::new();
+    for dof in dofs {
+        match dof {
+            Dof::Angle => y.push(reach * ANGLE * random.next()),
+            Dof::Length => y.push(reach * LENGTH * random.next()),
+            Dof::Turn { floating } => {
+                if *floating {
+                    y.extend([(); 3].map(|()| reach * LENGTH * random.next()));
+                }
+                let [a, b, c] = [(); 3].map(|()| 0.5 * reach * ANGLE * random.next());
+                y.extend(unit([a, b, c, 1.0]));
+            }
+            Dof::Rest => {}
+        }
+    }
+    State {
+        y,
+        yd: dofs.iter().map(|_| VELOCITY * random.next()).collect(),
+        ydd: dofs.iter().map(|_| ACCELERATION * random.next()).collect(),
+        tau_u: (0..n_u).map(|_| FORCE * random.next()).collect(),
+        guesses: Vec::new(),
+    }
+}
+
+/// y shortly before a state.
+fn earlier(dofs: &[Dof], state: &State) -> Vec<f64> {
+    let mut y = state.y.clone();
+    let mut at = 0;
+    for (k, dof) in dofs.iter().enumerate() {
+        let step = |j: usize| -EARLIER * state.yd[k + j];
+        match dof {
+            Dof::Angle | Dof::Length => {
+                y[at] += step(0);
+                at += 1;
+            }
+            Dof::Turn { floating } => {
+                if *floating {
+                    // the body is nearly parallel to its parent
+                    (0..3).for_each(|j| y[at + j] += step(3 + j));
+                    at += 3;
+                }
+                // q + q ω dt / 2
+                let [a, b, c] = [0, 1, 2].map(|j| 0.5 * step(j));
+                let [x, y_, z, w] = [0, 1, 2, 3].map(|j| state.y[at + j]);
+                let turned = unit([
+                    x + w * a + y_ * c - z * b,
+                    y_ + w * b + z * a - x * c,
+                    z + w * c + x * b - y_ * a,
+                    w - x * a - y_ * b - z * c,
+                ]);
+                y[at..at + 4].copy_from_slice(&turned);
+                at += 4;
+            }
+            Dof::Rest => {}
+        }
+    }
+    y
+}
+
+/// A quaternion of unit length.
+fn unit(q: [f64; 4]) -> [f64; 4] {
+    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    q.map(|x| x / length)
+}
+
+/// Whether a variant has answers.
+struct Check<'a> {
+    model: &'a Model,
+    /// Closing, inverse and forward dynamics.
+    plans: [Plan; 3],
+    workspace: Workspace<f64>,
+}
+
+impl<'a> Check<'a> {
+    fn new(model: &'a Model) -> Outcome<Check<'a>> {
+        let close =
+            Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
+        let plans = [
+            Plan::new(model, &close)?,
+            Plan::new(model, &Question::InverseDynamics.query())?,
+            Plan::new(model, &Question::ForwardDynamics.query())?,
+        ];
+        Ok(Check { model, workspace: Workspace::for_plans(model, &plans), plans })
+    }
+
+    /// Finds the guess; false where the variant of this place cannot close its loops or has no
+    /// dynamics.
+    fn fits(&mut self, variant: usize, earlier: &[f64], state: &mut State) -> bool {
+        let Check { model, plans: [close, dynamics @ ..], workspace } = self;
+        let mut q = vec![0.0; model.sizes().n_q];
+        let mut fits = close.run(model, workspace, earlier, &mut q).status == Status::Ok;
+        state.guesses.push(q);
+        for plan in dynamics {
+            let mut output = vec![0.0; plan.want().len()];
+            fits = fits
+                && plan.run(model, workspace, &packed(plan, state, variant), &mut output).status
+                    == Status::Ok;
+        }
+        fits
+    }
+}

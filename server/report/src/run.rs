@@ -1,0 +1,118 @@
+//! Runs sections and writes their files.
+
+use std::fs;
+use std::path::PathBuf;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use crate::measure::Effort;
+use crate::measure::cores::Cores;
+use crate::measure::machine::machine;
+use crate::measure::progress::Progress;
+use crate::page::files::{files, with_names, write};
+use crate::page::{Report, Section, command};
+use crate::{Outcome, accuracy, integration, stress};
+
+/// Every section: its name, what fills it, and its share of the time of a full report. The name is
+/// that of the flag, of the JSON and of the files: `extremes` are the stress cases.
+const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 3] = [
+    ("accuracy", accuracy::run, 0.5),
+    ("integration", integration::run, 0.2),
+    ("extremes", stress::run, 0.3),
+];
+
+/// The names of all sections, in their order on the page.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    SECTIONS.iter().map(|(name, ..)| *name)
+}
+
+/// A file that shows that the folder can be written.
+const PROBE: &str = ".writable";
+
+/// What to report and where it goes.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// How much is measured.
+    pub effort: Effort,
+    /// Names of sections; all of them where there is none.
+    pub sections: Vec<String>,
+    /// The folder.
+    pub out: PathBuf,
+}
+
+/// Runs the wanted sections in their order and writes the page and its data. A section that fails
+/// says so on the page.
+///
+/// # Errors
+///
+/// A folder that cannot be written.
+pub fn run(options: &Options) -> Outcome<Report> {
+    // nobody wants to hear of a folder that cannot be written after an hour; an earlier report
+    // stays until then
+    write(&options.out, PROBE, "")?;
+    fs::remove_file(options.out.join(PROBE))
+        .map_err(|error| format!("{}: {error}", options.out.display()))?;
+
+    let progress = Progress::with_lines();
+    let query = |name: &str| {
+        options.sections.is_empty() || options.sections.iter().any(|section| section == name)
+    };
+    let chosen: Vec<_> = SECTIONS.iter().filter(|(name, ..)| query(name)).collect();
+    let whole: f64 = chosen.iter().map(|(_, _, share)| share).sum();
+    let (mut sections, mut done) = (Vec::new(), 0.0);
+    for (name, fill, share) in chosen {
+        progress.part(done / whole, (done + share) / whole);
+        let failed = |error: Box<dyn std::error::Error>| Section {
+            failure: Some(error.to_string()),
+            ..Section::new(name, name)
+        };
+        sections.push(fill(&options.effort, &progress).unwrap_or_else(failed));
+        done += share;
+    }
+    progress.clear();
+
+    let report = Report {
+        command: command(options.effort.quick, options.sections.iter().map(String::as_str)),
+        machine: machine(&Cores::choose()?),
+        date: date(
+            SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .map_or(0, |since| since.as_secs() / 86_400),
+        ),
+        quick: options.effort.quick,
+        sections: with_names(sections),
+    };
+    files(&report, &options.out)?;
+    Ok(report)
+}
+
+/// Year, month and day of a count of days since 1970.
+fn date(days: u64) -> String {
+    let leap = |year: u64| {
+        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+    };
+    let (mut year, mut left) = (1970, days);
+    while left >= 365 + u64::from(leap(year)) {
+        left -= 365 + u64::from(leap(year));
+        year += 1;
+    }
+    let mut month = 0;
+    let months = [31, 28 + u64::from(leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    while left >= months[month] {
+        left -= months[month];
+        month += 1;
+    }
+    format!("{year}-{:02}-{:02}", month + 1, left + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_have_dates() {
+        assert_eq!(
+            [0, 59, 11_016, 20_513].map(date),
+            ["1970-01-01", "1970-03-01", "2000-02-29", "2026-03-01"]
+        );
+    }
+}

@@ -1,0 +1,75 @@
+//! Files of robots with a fault each.
+
+use sarrus_dynamics::Status;
+use sarrus_models::{Options, Source, bundled_text, load};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::page::Assessment;
+use crate::stress::harness::case::{At, Case, Cases};
+
+/// The same in the numbers of a file, with what is no joint or link at all: refused, with the
+/// place.
+pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
+    cases.family("faulty file", "fault, by its number");
+    let (urdf, yaml) = bundled_text("lambda").ok_or("no lambda")?;
+    let faults: [(&str, &str, &str); 16] = [
+        ("mass NaN", "<mass value=\"1.2\"/>", "<mass value=\"NaN\"/>"),
+        ("mass infinite", "<mass value=\"1.2\"/>", "<mass value=\"inf\"/>"),
+        ("mass negative", "<mass value=\"1.2\"/>", "<mass value=\"-1.2\"/>"),
+        ("mass beyond double", "<mass value=\"1.2\"/>", "<mass value=\"1e999\"/>"),
+        ("inertia NaN", "ixx=\"0.014\"", "ixx=\"nan\""),
+        ("inertia negative", "ixx=\"0.014\"", "ixx=\"-0.014\""),
+        ("inertia of no body", "ixx=\"0.014\"", "ixx=\"14\""),
+        ("inertia without mass", "<mass value=\"1.2\"/>", "<mass value=\"0\"/>"),
+        ("origin NaN", "xyz=\"0.0 0.11402 0.0\"", "xyz=\"0.0 nan 0.0\""),
+        ("origin infinite", "xyz=\"0.0 0.11402 0.0\"", "xyz=\"0.0 1e400 0.0\""),
+        ("axis zero", "<axis xyz=\"0.0 1.0 0.0\"/>", "<axis xyz=\"0 0 0\"/>"),
+        ("axis NaN", "<axis xyz=\"0.0 1.0 0.0\"/>", "<axis xyz=\"0 nan 0\"/>"),
+        ("axis of a loop zero", "axis: [0, 0, 0, 0, 1, 0]", "axis: [0, 0, 0, 0, 0, 0]"),
+        ("axis of a loop NaN", "axis: [0, 0, 0, 0, 1, 0]", "axis: [0, 0, 0, 0, .nan, 0]"),
+        ("axis of a loop along no freedom", "axis: [0, 0, 0, 0, 1, 0]", "axis: [0, 0, 0, 1, 0, 0]"),
+        ("every link without mass", "", ""),
+    ];
+    for (k, (name, from, to)) in faults.into_iter().enumerate() {
+        let replaced = |text: &str| {
+            if from.is_empty() { without_mass(text) } else { text.replacen(from, to, 1) }
+        };
+        let source = Source::Text {
+            urdf: replaced(urdf).into(),
+            submechanisms: Some(replaced(yaml).into()),
+        };
+        let blank = cases.blank("lambda", At { value: k as f64, method: "file" }, name);
+        let case = match load(&source, &Options::default()) {
+            Err(error) => {
+                let reported = error.to_string().lines().next().unwrap_or_default().to_owned();
+                Case {
+                    status: "refused at load".into(),
+                    reported,
+                    assessment: Assessment::Failed,
+                    reference: "-",
+                    ..blank
+                }
+            }
+            Ok(loaded) => Case {
+                status: Status::Ok.name().into(),
+                reported: format!("{} warnings", loaded.report.warnings.len()),
+                ..blank
+            },
+        };
+        cases.all.push(case);
+    }
+    Ok(())
+}
+
+/// A URDF with every mass and inertia zero.
+fn without_mass(urdf: &str) -> String {
+    urdf.split("<inertial>")
+        .enumerate()
+        .map(
+            |(k, part)| {
+                if k == 0 { part } else { part.split_once("</inertial>").map_or(part, |x| x.1) }
+            },
+        )
+        .collect()
+}

@@ -1,0 +1,327 @@
+//! The cases as pictures and tables.
+
+use super::harness::assess::HELD;
+use super::harness::case::Case;
+use crate::page::{self, Assessment, Axis, Figure, Point, Section, Series, Table};
+
+/// Values of a parameter that a picture shows; the others stand in its table.
+const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
+/// Families whose pictures and tables go by robot rather than by method: a robot breaks where its
+/// geometry says.
+const BY_ROBOT: [&str; 4] =
+    ["distance to a singularity", "unreachable y", "many turns", "big jump"];
+/// Families whose parameter is no quantity.
+const NO_PICTURE: [&str; 4] =
+    ["not a number", "faulty file", "unreachable y", "simulation of nothing"];
+
+/// Fills the section.
+pub(crate) fn section(cases: &[Case]) -> Section {
+    let mut section = Section::new("extremes", "Stiff and extreme cases");
+    // families whose robots take turns come together
+    let names: Vec<&str> =
+        cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+            names
+        });
+    let mut cases = cases.to_vec();
+    cases.sort_by_key(|case| names.iter().position(|name| *name == case.family));
+    let cases = cases.as_slice();
+    let families: Vec<&[Case]> = cases.chunk_by(|a, b| a.family == b.family).collect();
+    section.summary = summary(cases, families.len());
+    section.worst_error = cases
+        .iter()
+        .filter(|case| case.assessment == Assessment::Held)
+        .filter_map(|case| case.error)
+        .reduce(f64::max);
+    section.tables.push(overview(&families));
+    for family in &families {
+        section.tables.push(table(family));
+        section.figures.extend(errors(family));
+    }
+    section.figures.extend(times(cases));
+    section.cases = cases.iter().map(reported).collect();
+    section
+}
+
+fn count(cases: &[Case], assessment: Assessment) -> usize {
+    cases.iter().filter(|case| case.assessment == assessment).count()
+}
+
+fn summary(cases: &[Case], families: usize) -> Vec<String> {
+    let of = |assessment| count(cases, assessment);
+    let silent = of(Assessment::FailedSilently);
+    let mut lines = vec![
+        format!(
+            "{} cases in {families} families: {} held, {} degraded and said so, {} failed and said so, {silent} failed silently.",
+            cases.len(),
+            of(Assessment::Held),
+            of(Assessment::Degraded),
+            of(Assessment::Failed)
+        ),
+        format!(
+            "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a larger error, and the answer warns of \
+            ill_conditioned, or the simulation's own estimate or energy tells the size of its error. Failed and said so: any other status with no number beside it, or a refusal at load. Anything else has failed silently."
+        ),
+    ];
+    let worst = cases
+        .iter()
+        .filter(|case| case.assessment == Assessment::Degraded && case.asked != "simulation")
+        .max_by(|a, b| f64::total_cmp(&a.error.unwrap_or(0.0), &b.error.unwrap_or(0.0)));
+    if let Some(case) = worst {
+        let error = case.error.unwrap_or(f64::NAN);
+        lines.push(format!(
+            "The largest error that an answer warns of: {error:.1e}, {} at {} {:.0e}.",
+            case.mechanism, case.family, case.value
+        ));
+    }
+    lines.extend(
+        cases.iter().filter(|case| case.assessment == Assessment::FailedSilently).take(20).map(
+            |case| {
+                let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+                format!(
+                    "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
+                    case.family, case.mechanism, case.asked, case.value, case.method
+                )
+            },
+        ),
+    );
+    lines
+}
+
+/// A name that files can have.
+fn id(family: &str) -> String {
+    let letter = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' };
+    format!("extremes-{}", family.chars().map(letter).collect::<String>())
+}
+
+/// What a line of a picture or a row of a table stands for.
+fn key(case: &Case) -> String {
+    if BY_ROBOT.contains(&case.family) {
+        return format!(
+            "{}, {}",
+            case.mechanism,
+            case.method.split(", ").next().unwrap_or_default()
+        );
+    }
+    match case.method.rsplit_once(", ") {
+        Some((_, method)) => format!("{}, {method}", case.asked),
+        None => case.asked.clone(),
+    }
+}
+
+/// The cases of a family by their keys, in the order in which these come.
+fn groups(family: &[Case]) -> Vec<(String, Vec<&Case>)> {
+    let mut groups: Vec<(String, Vec<&Case>)> = Vec::new();
+    for case in family {
+        let key = key(case);
+        match groups.iter_mut().find(|group| group.0 == key) {
+            Some(group) => group.1.push(case),
+            None => groups.push((key, vec![case])),
+        }
+    }
+    groups
+}
+
+/// How far a value is from the usual one.
+fn extremity(case: &Case) -> f64 {
+    if case.value > 0.0 { case.value.log10().abs() } else { f64::INFINITY }
+}
+
+fn overview(families: &[&[Case]]) -> Table {
+    let row = |family: &&[Case]| {
+        let first = &family[0];
+        let held = family
+            .iter()
+            .filter(|case| case.assessment == Assessment::Held)
+            .filter_map(|case| case.error)
+            .reduce(f64::max);
+        let mut row = vec![
+            first.family.to_owned(),
+            first.parameter.to_owned(),
+            range(family),
+            family.len().to_string(),
+        ];
+        row.push(held.map_or("-".into(), |error| format!("{error:.1e}")));
+        row
+    };
+    let columns = ["family", "parameter", "from … to", "cases", "worst error of those that held"];
+    Table {
+        id: "extremes-families".into(),
+        title: "Every family".into(),
+        caption: "Errors by size against the same robot in double-double, lengths in those of its loops; a closed form or a finer way where the \
+            cases say so. Chains are judged by the backward error of forward dynamics, ‖M_y ÿ + C_y − τ_y‖ relative to its terms, by inverse \
+            dynamics in double-double: the condition of their mass matrix grows with the fourth power of their length."
+            .into(),
+        columns: columns.map(str::to_owned).into(),
+        rows: families.iter().map(row).collect(),
+    }
+}
+
+/// The values of a family.
+fn range(family: &[Case]) -> String {
+    let values = || family.iter().map(|case| case.value).filter(|value| value.is_finite());
+    let (least, most) =
+        (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+    if least <= most { format!("{least:e} … {most:e}") } else { "-".into() }
+}
+
+/// By method or robot: assessments, where it first does not hold, and how that is reported.
+fn table(family: &[Case]) -> Table {
+    let row = |(key, cases): (String, Vec<&Case>)| {
+        let of = |assessment| {
+            cases.iter().filter(|case| case.assessment == assessment).count().to_string()
+        };
+        let mut row = vec![key];
+        row.extend(Assessment::ALL.map(of));
+        let broken = cases
+            .iter()
+            .filter(|case| case.assessment != Assessment::Held)
+            .min_by(|a, b| f64::total_cmp(&extremity(a), &extremity(b)));
+        row.extend(match broken {
+            None => ["-".to_owned(), "-".to_owned(), "-".to_owned()],
+            Some(case) => {
+                let at = if case.value.is_finite() {
+                    format!("{:e}", case.value)
+                } else {
+                    case.method.clone()
+                };
+                [at, case.mechanism.clone(), how(case)]
+            }
+        });
+        row
+    };
+    let mut columns =
+        vec![if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" }.to_owned()];
+    columns.extend(Assessment::ALL.map(|assessment| assessment.name().to_owned()));
+    columns.extend(["first breaks at", "robot", "how the user is told"].map(str::to_owned));
+    Table {
+        id: format!("{}-verdicts", id(family[0].family)),
+        title: format!("{}: what held", capital(family[0].family)),
+        caption: format!("Swept: {}.", family[0].parameter),
+        columns,
+        rows: groups(family).into_iter().map(row).collect(),
+    }
+}
+
+/// Status, warnings and what else is reported.
+fn how(case: &Case) -> String {
+    let mut parts = vec![case.status.clone()];
+    parts.extend(case.warnings.iter().cloned());
+    parts.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
+    parts
+        .extend(case.error.filter(|error| *error > HELD).map(|error| format!("error {error:.1e}")));
+    parts.join("; ")
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters
+        .next()
+        .map_or(String::new(), |first| first.to_uppercase().collect::<String>() + letters.as_str())
+}
+
+/// The largest error over the parameter, a line for each method or robot.
+fn errors(family: &[Case]) -> Option<Figure> {
+    let name = family[0].family;
+    if NO_PICTURE.contains(&name) {
+        return None;
+    }
+    let series = |(key, cases): (String, Vec<&Case>)| {
+        let mut points: Vec<Point> = Vec::new();
+        for case in cases.iter().filter(|case| DRAWN.contains(&case.value)) {
+            let Some(error) = case.error else { continue };
+            let mark = if case.assessment == Assessment::Held {
+                String::new()
+            } else {
+                format!(", {}", case.assessment.name())
+            };
+            let point =
+                Point { x: case.value, y: error, label: format!("{}{mark}", case.mechanism) };
+            match points.iter_mut().find(|at| at.x == case.value) {
+                Some(at) if at.y < error => *at = point,
+                Some(_) => {}
+                None => points.push(point),
+            }
+        }
+        points.sort_by(|a, b| f64::total_cmp(&a.x, &b.x));
+        Series { name: key, line: true, competes: false, points }
+    };
+    let silent = count(family, Assessment::FailedSilently);
+    let (degraded, failed) =
+        (count(family, Assessment::Degraded), count(family, Assessment::Failed));
+    Some(Figure {
+        id: id(name),
+        title: format!("{}: error over {}", capital(name), family[0].parameter),
+        caption: format!(
+            "The largest error over {}; at most {HELD:.0e} holds. Not drawn: {failed} of {} cases that ended by a status or a refusal. Drawn above \
+            {HELD:.0e}: {degraded} that say so and {silent} that do not. An error of zero is drawn at 1e-17.",
+            if BY_ROBOT.contains(&name) { "all that is asked" } else { "all robots" },
+            family.len()
+        ),
+        command: String::new(),
+        x: Axis { label: family[0].parameter.to_owned(), log: true },
+        y: Axis {
+            label: if name == "chain" {
+                "backward error of FD, error of ID"
+            } else {
+                "error by size"
+            }
+            .into(),
+            log: true,
+        },
+        series: groups(family)
+            .into_iter()
+            .map(series)
+            .filter(|series| !series.points.is_empty())
+            .collect(),
+    })
+}
+
+/// Time per body of chains.
+fn times(cases: &[Case]) -> Option<Figure> {
+    let mut series: Vec<Series> = Vec::new();
+    for case in cases.iter().filter(|case| case.error.is_some()) {
+        let Some(nanoseconds) = case.nanoseconds else { continue };
+        let name = format!("{}, {}, {}", case.mechanism, case.asked, case.method);
+        let point = Point {
+            x: case.value,
+            y: nanoseconds / case.value,
+            label: format!("{nanoseconds:.0} ns in all"),
+        };
+        match series.iter_mut().find(|series| series.name == name) {
+            Some(series) => series.points.push(point),
+            None => series.push(Series { name, line: true, competes: false, points: vec![point] }),
+        }
+    }
+    (!series.is_empty()).then(|| Figure {
+        id: "extremes-chain-time".into(),
+        title: "Chain: time per body or loop".into(),
+        caption: "The shortest of five calls over the number of bodies, or of loops of three bodies each; level where the cost is O(n)."
+            .into(),
+        command: String::new(),
+        x: Axis { label: "bodies or loops in a row".into(), log: true },
+        y: Axis { label: "ns per body or loop".into(), log: true },
+        series,
+    })
+}
+
+/// A case as the report keeps it.
+fn reported(case: &Case) -> page::Case {
+    let mut reported = case.warnings.clone();
+    reported.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
+    page::Case {
+        family: case.family.to_owned(),
+        robot: case.mechanism.clone(),
+        parameter: case.parameter.to_owned(),
+        value: case.value,
+        method: format!("{}, {}", case.asked, case.method),
+        error: case.error.filter(|error| error.is_finite()),
+        backward: case.backward,
+        reference: case.reference.to_owned(),
+        status: case.status.clone(),
+        reported: reported.join("; "),
+        assessment: case.assessment,
+    }
+}

@@ -1,0 +1,288 @@
+//! One case and what became of it; a collector that asks, compares and judges.
+
+use std::borrow::Cow;
+
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Field, Method, Request, Status};
+
+use super::assess::{HELD, assess};
+use super::question::{Answered, Question, State, backward_error, error};
+use super::robot::Robot;
+use crate::Outcome;
+use crate::page::Assessment;
+
+/// One case: a robot, a parameter at a value, a question, and what became of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Case {
+    /// The family, such as `mass ratio`.
+    pub(crate) family: &'static str,
+    /// The robot.
+    pub(crate) mechanism: String,
+    /// What is swept.
+    pub(crate) parameter: &'static str,
+    /// Its value.
+    pub(crate) value: f64,
+    /// How it was answered: how loops are closed, and by which method forward dynamics went.
+    pub(crate) method: String,
+    /// What was asked.
+    pub(crate) asked: String,
+    /// The status, or what loading said.
+    pub(crate) status: String,
+    /// Warnings of the answer.
+    pub(crate) warnings: Vec<String>,
+    /// Error by size against the reference, where there is an answer.
+    pub(crate) error: Option<f64>,
+    /// The reference.
+    pub(crate) reference: &'static str,
+    /// Forward dynamics: backward error.
+    pub(crate) backward: Option<f64>,
+    /// Time of a call in nanoseconds, where it was taken.
+    pub(crate) nanoseconds: Option<f64>,
+    /// What is reported beside the status.
+    pub(crate) reported: String,
+    /// The assessment.
+    pub(crate) assessment: Assessment,
+}
+
+/// What an answer is compared with.
+pub(crate) enum Reference<'a> {
+    /// The same question in double-double.
+    Same,
+    /// Another question in double-double, whose answer is the true one.
+    Of(&'a Question),
+    /// Numbers by closed form.
+    Known(Vec<(Field, Vec<Dd>)>),
+    /// There is no answer: any that is ok is wrong.
+    None,
+}
+
+/// The cases of a run.
+#[derive(Default)]
+pub(crate) struct Cases {
+    pub(crate) all: Vec<Case>,
+    family: &'static str,
+    parameter: &'static str,
+}
+
+/// Where a case stands in its family: the parameter's value and the method's name.
+#[derive(Clone, Copy)]
+pub(crate) struct At<'a> {
+    pub(crate) value: f64,
+    pub(crate) method: &'a str,
+}
+
+impl Cases {
+    /// The cases that follow are of this family.
+    pub(crate) fn family(&mut self, family: &'static str, parameter: &'static str) {
+        (self.family, self.parameter) = (family, parameter);
+    }
+
+    /// A case with nothing but its place.
+    pub(crate) fn blank(&self, mechanism: &str, at: At<'_>, asked: &str) -> Case {
+        Case {
+            family: self.family,
+            mechanism: mechanism.to_owned(),
+            parameter: self.parameter,
+            value: at.value,
+            method: at.method.to_owned(),
+            asked: asked.to_owned(),
+            status: String::new(),
+            warnings: vec![],
+            error: None,
+            reference: "double-double",
+            backward: None,
+            nanoseconds: None,
+            reported: String::new(),
+            assessment: Assessment::FailedSilently,
+        }
+    }
+
+    /// Loads a robot at a value of the parameter; one that is refused is a case of its own, whose
+    /// message is what is reported.
+    pub(crate) fn load(&mut self, name: &str, at: At<'_>, robot: Outcome<Robot>) -> Option<Robot> {
+        match robot {
+            Ok(robot) => Some(robot),
+            Err(error) => {
+                let (status, reported, assessment) =
+                    ("refused at load".to_owned(), error.to_string(), Assessment::Failed);
+                let case = Case {
+                    status,
+                    reported,
+                    assessment,
+                    reference: "-",
+                    ..self.blank(name, at, "load")
+                };
+                self.all.push(case);
+                None
+            }
+        }
+    }
+
+    /// Asks, compares, judges.
+    pub(crate) fn ask(
+        &mut self,
+        robot: &Robot,
+        at: At<'_>,
+        asked: &str,
+        ask: &Question,
+        reference: &Reference<'_>,
+    ) -> Outcome<&mut Case> {
+        let answer = ask.run(&robot.compiled.model)?;
+        let ok = answer.status() == Status::Ok;
+        let (numbers, source) = if ok { true_numbers(robot, ask, reference)? } else { (None, "-") };
+        let error =
+            ok.then(|| numbers.map_or(f64::INFINITY, |numbers| error(robot, &answer, &numbers)));
+        let forward = ok
+            && ask.request == Request::ForwardDynamics
+            && ask.given.iter().any(|(field, _)| *field == Field::TauY);
+        let backward = if forward && matches!(reference, Reference::Same) {
+            Some(backward_error(robot, ask, &answer)?)
+        } else {
+            None
+        };
+        let case = Case {
+            status: answer.status().name().to_owned(),
+            warnings: answer.warnings().names().map(str::to_owned).collect(),
+            error,
+            reference: source,
+            backward,
+            reported: if error.is_some_and(|error| error > HELD) {
+                figures(robot, ask)?
+            } else {
+                reported(robot, ask, &answer)?
+            },
+            assessment: assess(
+                answer.status(),
+                answer.warnings(),
+                error.unwrap_or(f64::INFINITY),
+                answer.is_empty(),
+            ),
+            ..self.blank(&robot.name, at, asked)
+        };
+        self.all.push(case);
+        self.all.last_mut().ok_or_else(|| "no case".into())
+    }
+
+    /// Kinematics, inverse dynamics and forward dynamics at a state, against double-double;
+    /// `methods` of forward dynamics.
+    pub(crate) fn questions(
+        &mut self,
+        robot: &Robot,
+        value: f64,
+        state: &State,
+        kinematics: bool,
+        methods: &[Method],
+    ) -> Outcome {
+        let closures = robot.closures();
+        let at = At { value, method: closures };
+        if kinematics {
+            self.ask(robot, at, "kinematics", &Question::kinematics(state), &Reference::Same)?;
+        }
+        self.ask(
+            robot,
+            at,
+            "ID",
+            &Question::inverse(state, &[Field::TauY, Field::TauU]),
+            &Reference::Same,
+        )?;
+        for method in methods {
+            let name = format!("{closures}, {}", method.name());
+            let ask = Question::forward(state, Some(*method));
+            // the oracle in double-double would cost more and say the same
+            let exact = Question { method: Some(Method::Recursion), ..ask.clone() };
+            let case =
+                self.ask(robot, At { value, method: &name }, "FD", &ask, &Reference::Of(&exact))?;
+            if case.status == Status::Ok.name() {
+                let answer = ask.run(&robot.compiled.model)?;
+                case.backward = Some(backward_error(robot, &ask, &answer)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Inverse dynamics and forward dynamics by every method, where the robot loads.
+    pub(crate) fn dynamics(&mut self, name: &str, value: f64, robot: Outcome<Robot>) -> Outcome {
+        if let Some(robot) = self.load(name, At { value, method: "-" }, robot) {
+            self.questions(&robot, value, &State::of(&robot, 0.25)?, false, &Method::ALL)?;
+        }
+        Ok(())
+    }
+}
+
+/// The true numbers of the wanted fields, if there are any, and where they come from.
+fn true_numbers(
+    robot: &Robot,
+    ask: &Question,
+    reference: &Reference<'_>,
+) -> Outcome<(Option<Vec<(Field, Vec<Dd>)>>, &'static str)> {
+    let exact = match reference {
+        Reference::Known(numbers) => return Ok((Some(numbers.clone()), "closed form")),
+        Reference::None => return Ok((None, "there is no answer")),
+        Reference::Same => ask,
+        Reference::Of(other) => other,
+    };
+    let answer = exact.run(&robot.compiled.exact)?;
+    if answer.status() != Status::Ok {
+        return Ok((None, "double-double has no answer"));
+    }
+    Ok((
+        Some(ask.want.iter().map(|field| (*field, answer.get(*field).to_vec())).collect()),
+        "double-double",
+    ))
+}
+
+/// What helps beside status and warnings: what can be asked after a failure.
+fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<String> {
+    use Field::*;
+    if matches!(
+        answer.status(),
+        Status::Ok | Status::NonFiniteInput | Status::BadRequest | Status::MassNotPositive
+    ) {
+        return Ok(String::new());
+    }
+    let given = ask
+        .given
+        .iter()
+        .filter(|(field, _)| matches!(field, Y | Q | U | QGuess))
+        .cloned()
+        .collect();
+    let want = [Residual, SigmaMin, NearestY, Uncontrolled];
+    let helps = Question::new(Request::Kinematics, given, &want).run(&robot.compiled.model)?;
+    let mut reported: Vec<Cow<'_, str>> = Vec::new();
+    for (field, name) in [
+        (Residual, "residual"),
+        (SigmaMin, "σ_min"),
+        (NearestY, "nearest y"),
+        (Uncontrolled, "uncontrolled"),
+    ] {
+        let numbers = helps.get(field);
+        let few: Vec<String> = numbers
+            .iter()
+            .take(6)
+            .map(|x| if field == NearestY { format!("{x:.6}") } else { format!("{x:.1e}") })
+            .collect();
+        let relevant = field != Uncontrolled || answer.status() == Status::SingularActuation;
+        if relevant && !numbers.is_empty() && numbers.iter().all(|x| x.is_finite()) {
+            reported.push(format!("{name} {}", few.join(" ")).into());
+        }
+    }
+    Ok(reported.join(", "))
+}
+
+/// The figures by which a user can judge an answer.
+fn figures(robot: &Robot, ask: &Question) -> Outcome<String> {
+    use Field::{CondGu, CondMy, Q, QGuess, SigmaMin, U, Y};
+    let given: Vec<_> = ask
+        .given
+        .iter()
+        .filter(|(field, _)| matches!(field, Y | Q | U | QGuess))
+        .cloned()
+        .collect();
+    let want = [SigmaMin, CondGu, CondMy];
+    let figures =
+        Question::new(Request::InverseDynamics, given, &want).run(&robot.compiled.model)?;
+    let reported = want.map(|field| {
+        figures.get(field).first().map_or(String::new(), |x| format!("{} {x:.1e}", field.name()))
+    });
+    Ok(reported.join(", "))
+}

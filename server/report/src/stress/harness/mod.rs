@@ -1,0 +1,19 @@
+//! The harness of stress cases: a robot, a question, a reference, an assessment.
+//!
+//! Each file knows those before it: `robot`, `question`, `assess`, `case`, `runs`,
+//! `simulations`.
+
+use crate::measure::Effort;
+
+pub(super) mod assess;
+pub(super) mod case;
+pub(super) mod question;
+pub(super) mod robot;
+pub(super) mod runs;
+pub(super) mod simulations;
+
+/// Powers of ten from 10^from to 10^to: every one, or with little effort this many steps.
+pub(super) fn sweep(effort: &Effort, from: i32, to: i32, steps: i32) -> Vec<f64> {
+    let steps = if effort.quick { steps } else { to - from };
+    (0..=steps).map(|k| 10f64.powi(from + (to - from) * k / steps)).collect()
+}

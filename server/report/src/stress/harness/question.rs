@@ -1,0 +1,271 @@
+//! One question in any scalar, and how far two answers are apart.
+
+use std::collections::HashMap;
+
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{
+    Answer, Field, FieldSet, Method, Model, Plan, Query, Request, Status, Warnings, Workspace,
+};
+
+use super::robot::Robot;
+use crate::Outcome;
+
+use Field::*;
+
+/// What is asked of a robot.
+#[derive(Clone, Debug)]
+pub(crate) struct Question {
+    pub(crate) request: Request,
+    /// How forward dynamics goes; none: as the model chooses.
+    pub(crate) method: Option<Method>,
+    pub(crate) given: Vec<(Field, Vec<f64>)>,
+    pub(crate) want: Vec<Field>,
+    /// Links that wrenches act on.
+    pub(crate) wrenches: Vec<u16>,
+}
+
+/// Where a robot is, how it moves, what pushes it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct State {
+    pub(crate) y: Vec<f64>,
+    pub(crate) yd: Vec<f64>,
+    pub(crate) ydd: Vec<f64>,
+    pub(crate) tau_y: Vec<f64>,
+    pub(crate) guess: Option<Vec<f64>>,
+}
+
+/// The k-th number of a fixed scatter in ±1, none of them near zero.
+fn scatter(k: usize) -> f64 {
+    let x = ((k + 1) as f64 * 0.754_877_666_246_692_7).fract();
+    if x < 0.5 { -1.0 + 1.4 * x } else { 0.3 + 1.4 * (x - 0.5) }
+}
+
+impl State {
+    /// A state within `reach` radians, or that many tenths of the robot's length where a joint
+    /// slides; forces of the size of its own.
+    pub(crate) fn of(robot: &Robot, reach: f64) -> Outcome<State> {
+        let model = &robot.compiled.model;
+        let units = |field| robot.units(field).unwrap_or_default();
+        let (names, of_v) = (model.independent_q_names(), units(Yd));
+        let unit_of: HashMap<&String, f64> = model.tree_q_names().iter().zip(units(Q)).collect();
+        let y = names.iter().enumerate().map(|(k, name)| match name.rsplit_once('/') {
+            Some((_, "qw")) => 0.8,
+            Some((_, "qx" | "qz")) => 0.36,
+            Some((_, "qy")) => (1.0_f64 - 0.8 * 0.8 - 2.0 * 0.36 * 0.36).sqrt(),
+            _ => {
+                let unit = unit_of.get(name).copied().unwrap_or(1.0);
+                scatter(k) * reach / unit * if unit == 1.0 { 1.0 } else { 0.1 }
+            }
+        });
+        let rates = |shift: usize, size: f64| {
+            of_v.iter()
+                .enumerate()
+                .map(|(k, unit)| scatter(k + shift) * size / unit)
+                .collect::<Vec<f64>>()
+        };
+        let mut state =
+            State { y: y.collect(), yd: rates(7, 1.0), ydd: rates(13, 3.0), ..State::default() };
+        state.forces(robot)?;
+        Ok(state)
+    }
+
+    /// Forces that give about its ÿ, none of them quite.
+    pub(crate) fn forces(&mut self, robot: &Robot) -> Outcome {
+        let motion = Question::inverse(self, &[TauY]).run(&robot.compiled.model)?;
+        let one = |(k, tau): (usize, &f64)| {
+            if tau.is_finite() { tau * (1.0 + 0.5 * scatter(k + 3)) } else { 1.0 }
+        };
+        self.tau_y = motion.get(TauY).iter().enumerate().map(one).collect();
+        Ok(())
+    }
+
+    fn positions(&self) -> Vec<(Field, Vec<f64>)> {
+        let guess = self.guess.iter().map(|guess| (QGuess, guess.clone()));
+        std::iter::once((Y, self.y.clone())).chain(guess).collect()
+    }
+
+    fn given(&self, field: Field, numbers: &[f64]) -> Vec<(Field, Vec<f64>)> {
+        let mut given = self.positions();
+        given.extend([(Yd, self.yd.clone()), (field, numbers.to_vec())]);
+        given
+    }
+}
+
+impl Question {
+    pub(crate) fn new(request: Request, given: Vec<(Field, Vec<f64>)>, want: &[Field]) -> Question {
+        Question { request, method: None, given, want: want.to_vec(), wrenches: vec![] }
+    }
+
+    /// q, q̇, q̈, u, u̇, ü.
+    pub(crate) fn kinematics(of: &State) -> Question {
+        Question::new(Request::Kinematics, of.given(Ydd, &of.ydd), &[Q, Qd, Qdd, U, Ud, Udd])
+    }
+
+    /// The pose alone.
+    pub(crate) fn pose(of: &State) -> Question {
+        Question::new(Request::Kinematics, of.positions(), &[Q])
+    }
+
+    pub(crate) fn inverse(of: &State, want: &[Field]) -> Question {
+        Question::new(Request::InverseDynamics, of.given(Ydd, &of.ydd), want)
+    }
+
+    /// ÿ from τ_y.
+    pub(crate) fn forward(of: &State, method: Option<Method>) -> Question {
+        Question {
+            method,
+            ..Question::new(Request::ForwardDynamics, of.given(TauY, &of.tau_y), &[Ydd])
+        }
+    }
+
+    /// The same with wrenches on these links.
+    pub(crate) fn pushed(mut self, links: &[u16], wrenches: Vec<f64>) -> Question {
+        self.wrenches = links.to_vec();
+        self.given.push((Wrenches, wrenches));
+        self
+    }
+
+    /// What it asks, in a word.
+    pub(crate) fn name(&self) -> &'static str {
+        match self.request {
+            Request::Kinematics => "kinematics",
+            Request::InverseDynamics => "ID",
+            Request::ForwardDynamics => "FD",
+            _ => "map",
+        }
+    }
+
+    /// The answer of a model.
+    pub(crate) fn run<T: Scalar>(&self, model: &Model<T>) -> Outcome<Answered<T>> {
+        let given = self.given.iter().fold(FieldSet::EMPTY, |set, (field, _)| set.with(*field));
+        let query = Query::new(self.request, given, FieldSet::of(&self.want));
+        let query =
+            if self.wrenches.is_empty() { query } else { query.with_wrenches(&self.wrenches) };
+        let plan = match self.method {
+            Some(method) => Plan::with_method(model, &query, method)?,
+            None => Plan::new(model, &query)?,
+        };
+        let mut workspace = Workspace::for_plans(model, [&plan]);
+        let mut input = vec![T::ZERO; plan.given().len()];
+        for (field, numbers) in &self.given {
+            let slot = plan.given().slot(*field).ok_or("a field that is not packed")?;
+            let place = &mut input[slot.range()];
+            if place.len() != numbers.len() {
+                return Err(format!(
+                    "{} numbers for {}, which has {}",
+                    numbers.len(),
+                    field.name(),
+                    place.len()
+                )
+                .into());
+            }
+            place.iter_mut().zip(numbers).for_each(|(to, x)| *to = T::from_f64(*x));
+        }
+        let mut numbers = vec![T::ZERO; plan.want().len()];
+        let answer = plan.run(model, &mut workspace, &input, &mut numbers);
+        Ok(Answered { answer, plan, numbers, workspace, input })
+    }
+}
+
+/// An answer, by field.
+pub(crate) struct Answered<T> {
+    answer: Answer,
+    plan: Plan,
+    numbers: Vec<T>,
+    workspace: Workspace<T>,
+    input: Vec<T>,
+}
+
+impl<T: Scalar> Answered<T> {
+    pub(crate) fn status(&self) -> Status {
+        self.answer.status
+    }
+
+    pub(crate) fn warnings(&self) -> Warnings {
+        self.answer.warnings
+    }
+
+    /// The numbers of a field; none where it was not wanted.
+    pub(crate) fn get(&self, field: Field) -> &[T] {
+        self.plan.want().slot(field).map_or(&[], |slot| &self.numbers[slot.range()])
+    }
+
+    /// True where every number that its status forbids is NaN.
+    pub(crate) fn is_empty(&self) -> bool {
+        let nan = |field| self.get(field).iter().all(|x| x.to_f64().is_nan());
+        self.plan.want().slots().iter().all(|slot| slot.field.survives_failure() || nan(slot.field))
+    }
+
+    /// The shortest time of a call in nanoseconds, over a few.
+    pub(crate) fn nanoseconds(&mut self, model: &Model<T>, repeats: u32) -> f64 {
+        let mut shortest = f64::INFINITY;
+        for _ in 0..repeats {
+            let start = std::time::Instant::now();
+            self.plan.run(
+                model,
+                &mut self.workspace,
+                std::hint::black_box(&self.input),
+                &mut self.numbers,
+            );
+            shortest = shortest.min(start.elapsed().as_nanos() as f64);
+        }
+        shortest
+    }
+}
+
+/// The largest error of an answer by size, over the fields that the reference has: max |x − reference| /
+/// max |reference|, lengths in those of the robot.
+pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, reference: &[(Field, Vec<Dd>)]) -> f64 {
+    let of_field = |(field, reference): &(Field, Vec<Dd>)| {
+        let units = robot.units(*field).unwrap_or_else(|| vec![1.0; reference.len()]);
+        let (mut worst, mut size): (f64, f64) = (0.0, f64::MIN_POSITIVE);
+        for ((x, reference), unit) in answer.get(*field).iter().zip(reference).zip(&units) {
+            let off = unit * (Dd::from(*x) - *reference).to_f64().abs();
+            worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
+            size = size.max(unit * reference.to_f64().abs());
+        }
+        if worst == 0.0 { 0.0 } else { worst / size }
+    };
+    reference.iter().map(of_field).fold(0.0, f64::max)
+}
+
+/// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖) of an answer to forward dynamics, by inverse
+/// dynamics in double-double. ‖M_y‖ is taken as the largest row sum, which is never larger than the
+/// norm, so that the error is never reported too small.
+pub(crate) fn backward_error(
+    robot: &Robot,
+    ask: &Question,
+    answer: &Answered<f64>,
+) -> Outcome<f64> {
+    let exact = &robot.compiled.exact;
+    let inverse = |ydd: Vec<f64>| {
+        let given = ask
+            .given
+            .iter()
+            .filter(|(field, _)| *field != TauY)
+            .cloned()
+            .chain([(Ydd, ydd)])
+            .collect();
+        Question {
+            wrenches: ask.wrenches.clone(),
+            ..Question::new(Request::InverseDynamics, given, &[TauY])
+        }
+        .run(exact)
+    };
+    let (ydd, n) = (answer.get(Ydd), answer.get(Ydd).len());
+    let (back, bias, ones) =
+        (inverse(ydd.to_vec())?, inverse(vec![0.0; n])?, inverse(vec![1.0; n])?);
+    let tau = ask.given.iter().find(|(field, _)| *field == TauY).map_or(&[][..], |(_, tau)| tau);
+    let units = robot.units(TauY).unwrap_or_default();
+    let largest = |x: &mut dyn Iterator<Item = f64>| {
+        x.fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) })
+    };
+    let residual =
+        largest(&mut (0..n).map(|i| units[i] * (back.get(TauY)[i] - Dd::from(tau[i])).to_f64()));
+    let sums =
+        largest(&mut (0..n).map(|i| units[i] * (ones.get(TauY)[i] - bias.get(TauY)[i]).to_f64()));
+    let size = sums * largest(&mut ydd.iter().copied())
+        + largest(&mut (0..n).map(|i| units[i] * bias.get(TauY)[i].to_f64()))
+        + largest(&mut (0..n).map(|i| units[i] * tau[i]));
+    Ok(if residual == 0.0 { 0.0 } else { residual / size })
+}

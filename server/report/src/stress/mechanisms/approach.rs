@@ -1,0 +1,176 @@
+//! Straight approaches of robots to singular poses.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
+
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{Field, Model, Request, Status};
+
+use crate::Outcome;
+use crate::stress::harness::question::{Question, State};
+use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::mechanisms::{
+    LOOSE, RHOMBUS, bricard, four_bar, lambda, reach_of_lambda, toggle,
+};
+
+/// A robot, and the way to a singular pose: y = from + (1 − d) × to.
+pub(crate) struct Approach {
+    pub(crate) robot: Robot,
+    pub(crate) from: Vec<f64>,
+    pub(crate) to: Vec<f64>,
+    /// It is too far from zero to be asked without a guess.
+    pub(crate) guessed: bool,
+}
+
+impl Approach {
+    /// The y at a distance from the singular pose, along the way.
+    pub(crate) fn at(&self, distance: f64) -> Vec<f64> {
+        let size = self.to.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // PRECISION: the singular end itself first, then what is taken off
+        self.from
+            .iter()
+            .zip(&self.to)
+            .map(|(from, to)| (from + to) - distance * (to / size))
+            .collect()
+    }
+}
+
+/// Mechanisms of one freedom whose singular pose is known from their lengths.
+pub(crate) fn known() -> Outcome<Vec<Approach>> {
+    let (out, meet) = (toggle(), reach_of_lambda());
+    let list: [(&str, Description, f64); 9] = [
+        ("lambda at its reach", lambda(Kind::Rrpr)?, meet),
+        ("lambda at its reach", lambda(Kind::Numerical)?, meet),
+        ("four-bar at its dead centre", four_bar(LOOSE, Kind::FourBar, "xy")?, out),
+        ("four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xy")?, out),
+        ("welded four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xyzabc")?, out),
+        ("parallelogram going flat", four_bar(RHOMBUS, Kind::ParallelogramChain, "xy")?, FRAC_PI_2),
+        ("parallelogram going flat", four_bar(RHOMBUS, Kind::Numerical, "xy")?, FRAC_PI_2),
+        ("Bricard", bricard(false)?, -FRAC_PI_6),
+        ("Bricard cut at a revolute", bricard(true)?, -FRAC_PI_6),
+    ];
+    list.into_iter()
+        .map(|(name, of, reach)| {
+            Ok(Approach {
+                robot: Robot::new(name, of)?,
+                from: vec![0.0],
+                to: vec![reach],
+                guessed: false,
+            })
+        })
+        .collect()
+}
+
+/// Bundled robots along a straight way to where it ends in double-double, each pose from the one
+/// before; the end is bisected.
+pub(crate) fn searched() -> Outcome<Vec<Approach>> {
+    const STEP: f64 = 0.04;
+    let mut approaches = Vec::new();
+    for (name, direction) in [
+        ("wrist", &[1.0, 0.4][..]),
+        ("five_bar", &[1.0, 0.2]),
+        ("delta", &[1.0, 0.6, 0.2]),
+        ("active_ankle", &[1.0, 0.5, -0.3]),
+    ] {
+        let robot = Robot::new(name, numerical(bundled(name)?))?;
+        let (mut low, mut step) = (0.0, STEP);
+        let mut guess = None;
+        while low + step > low && low < 3.1 {
+            let y = direction.iter().map(|x| (low + step) * x).collect();
+            let answer = Question::pose(&State { y, guess: guess.clone(), ..State::default() })
+                .run(&robot.compiled.exact)?;
+            if answer.status() == Status::Ok {
+                low += step;
+                guess = Some(answer.get(Field::Q).iter().map(|q| q.hi()).collect());
+            } else {
+                step *= 0.5;
+            }
+        }
+        if low < 3.1 {
+            approaches.push(Approach {
+                robot,
+                from: vec![0.0; direction.len()],
+                to: direction.iter().map(|x| low * x).collect(),
+                guessed: true,
+            });
+        }
+    }
+    Ok(approaches)
+}
+
+/// The Stewart platform where some twist moves no leg.
+pub(crate) const TYPE_II: &str = "Stewart at type II";
+
+/// The Stewart platform where its legs cannot hold a twist: det G_u = 0 along a turn.
+pub(crate) fn platform() -> Outcome<Approach> {
+    let robot = Robot::new(TYPE_II, bundled("stewart")?)?;
+    let (start, axis) = ([0.01, -0.02, 0.0, 0.0, 0.0, 0.0], 5);
+    let sign = |turn: f64| -> Outcome<bool> {
+        let mut y = start.to_vec();
+        y[axis] = turn;
+        let answer = Question::new(Request::Kinematics, vec![(Field::Y, y)], &[Field::GU])
+            .run(&robot.compiled.exact)?;
+        Ok(determinant(answer.get(Field::GU).to_vec(), 6) > 0.0)
+    };
+    let first = sign(0.0)?;
+    let mut step = 0;
+    while step < 100 && sign(0.03 * f64::from(step + 1))? == first {
+        step += 1;
+    }
+    let (mut low, mut high) = (0.03 * f64::from(step), 0.03 * f64::from(step + 1));
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if sign(middle)? == first { low = middle } else { high = middle }
+    }
+    let mut to = vec![0.0; 6];
+    to[axis] = low;
+    Ok(Approach { robot, from: start.to_vec(), to, guessed: false })
+}
+
+/// Determinant by elimination with pivots.
+fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
+    let mut det = 1.0;
+    for k in 0..n {
+        let Some(pivot) = (k..n)
+            .max_by(|i, j| f64::total_cmp(&a[i * n + k].hi().abs(), &a[j * n + k].hi().abs()))
+        else {
+            return 0.0;
+        };
+        if pivot != k {
+            (0..n).for_each(|j| a.swap(k * n + j, pivot * n + j));
+            det = -det;
+        }
+        det *= a[k * n + k].hi();
+        for i in k + 1..n {
+            let factor = a[i * n + k] / a[k * n + k];
+            for j in k..n {
+                a[i * n + j] = a[i * n + j] - factor * a[k * n + j];
+            }
+        }
+    }
+    det
+}
+
+/// The pose at the end of the straight way from zero in small steps, each from the one before; none
+/// where the way ends.
+pub(crate) fn followed<T: Scalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
+    const STEPS: u32 = 200;
+    let mut guess: Option<Vec<f64>> = None;
+    for k in 1..=STEPS {
+        let share = f64::from(k) / f64::from(STEPS);
+        let state = State {
+            y: y.iter().map(|y| y * share).collect(),
+            guess: guess.take(),
+            ..State::default()
+        };
+        let answer = Question::pose(&state).run(model)?;
+        if answer.status() != Status::Ok {
+            return Ok(None);
+        }
+        if k == STEPS {
+            return Ok(Some(answer.get(Field::Q).to_vec()));
+        }
+        guess = Some(answer.get(Field::Q).iter().map(|q| q.to_f64()).collect());
+    }
+    Ok(None)
+}

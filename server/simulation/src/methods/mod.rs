@@ -1,0 +1,41 @@
+//! What every method of integration does.
+
+#[cfg(feature = "adaptive")]
+pub(crate) mod dop853;
+pub(crate) mod fixed_step;
+pub(crate) mod radau5;
+
+use sarrus_dynamics::Status;
+
+use crate::motion::engine::Engine;
+
+/// How an attempt at a step ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Attempt {
+    /// t and x are those of a new settled state.
+    Done,
+    /// Nothing has changed; the next attempt is shorter.
+    Rejected,
+    /// The right-hand side has no answer ahead, however short the step.
+    Failed(Status),
+    /// The step has become too short to change t.
+    TooShort,
+}
+
+/// A method under way.
+pub(crate) trait Stepper {
+    /// One attempt at a step from a settled state, not beyond `limit`.
+    fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt;
+
+    /// The state or the right-hand side has been changed from outside: forgets what it knows of the
+    /// past.
+    fn restart(&mut self);
+
+    /// True once the method has found the problem stiff, which it is not made for.
+    fn finds_stiff(&self) -> bool {
+        false
+    }
+}
+
+/// What a component that is not controlled is allowed.
+pub(crate) const FREE: f64 = 1e100;

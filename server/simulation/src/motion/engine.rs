@@ -1,0 +1,341 @@
+//! A robot under way: the right-hand side with the last accepted state, from which closures
+//! continue.
+
+use sarrus_dynamics::description::Description;
+use sarrus_dynamics::scalar::{Dd, Dual, Scalar};
+use sarrus_dynamics::{
+    Answer, Compiled, Field, FieldSet, Model, Query, Request, Status, Warnings, Workspace,
+};
+
+use crate::error::SimulationError;
+use crate::forces::inputs::OnTree;
+use crate::forces::springs::{Effect, Springs};
+use crate::motion::rates::{Mechanism, Rates};
+use crate::planned::Planned;
+
+/// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
+const REACH: f64 = 0.5;
+
+/// Share of the fastest joint's way in a step by which a smooth motion is not off the mean of its
+/// velocities.
+const JUMP: f64 = 0.3;
+
+/// What was done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Accepted steps.
+    pub steps: u64,
+    /// Steps that were taken back because the error was too large or Newton's method did not
+    /// converge.
+    pub rejected: u64,
+    /// Steps that were taken back because the right-hand side had no answer.
+    pub failed: u64,
+    /// Evaluations of the right-hand side.
+    pub evaluations: u64,
+    /// Those among them that were made in double-double, near a singularity.
+    pub precise: u64,
+    /// Jacobians of the right-hand side.
+    pub jacobians: u64,
+    /// Factorisations of the matrices of an implicit method.
+    pub factorisations: u64,
+}
+
+/// The right-hand side of one robot with one set of independents.
+pub(crate) struct Engine {
+    pub(crate) description: Description,
+    pub(crate) compiled: Compiled,
+    pub(crate) mechanism: Mechanism,
+    rates: Rates<f64>,
+    precise: Option<Box<Other<Dd>>>,
+    duals: Option<Box<Other<Dual<f64>>>>,
+    pub(crate) anchor: Anchor,
+    guess: Vec<f64>,
+    /// The guess is not at the independents, which are too far.
+    is_far: bool,
+    /// Way from the anchor, in ẏ and in q̇.
+    way: (Vec<f64>, Vec<f64>),
+    pub(crate) counts: Counts,
+    /// Where double precision would lose digits, double-double is used; and it is known to be here.
+    pub(crate) may_be_precise: bool,
+    pub(crate) is_delicate: bool,
+    /// Why the last evaluation that failed did, until it is taken; and for ever.
+    failure: Option<Status>,
+    pub(crate) last_failure: Option<Status>,
+}
+
+/// The last accepted state.
+#[derive(Clone, Debug)]
+pub(crate) struct Anchor {
+    pub(crate) t: f64,
+    pub(crate) y: Vec<f64>,
+    pub(crate) q: Vec<f64>,
+    pub(crate) qd: Vec<f64>,
+    pub(crate) G: Vec<f64>,
+    /// ẋ there.
+    pub(crate) rate: Vec<f64>,
+    /// What the springs did there.
+    pub(crate) springs: Effect<f64>,
+}
+
+/// The right-hand side over another scalar, with its numbers.
+struct Other<T> {
+    rates: Rates<T>,
+    x: Vec<T>,
+    rate: Vec<T>,
+    q: Vec<T>,
+    qd: Vec<T>,
+}
+
+impl<T: Scalar> Other<T> {
+    fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Other<T>, SimulationError> {
+        let zero = |n: usize| vec![T::ZERO; n];
+        let (x, q, qd) =
+            (zero(mechanism.n()), zero(mechanism.sizes.n_q), zero(mechanism.sizes.n_v));
+        Ok(Other { rates: Rates::new(model, mechanism)?, rate: x.clone(), x, q, qd })
+    }
+
+    fn evaluate(&mut self, mechanism: &Mechanism, t: f64) -> Answer {
+        self.rates.evaluate(mechanism, t, &self.x, (&self.q, &self.qd), &mut self.rate)
+    }
+
+    /// Takes over a state and a guess as constants.
+    fn set(&mut self, x: &[f64], q: &[f64], qd: &[f64]) {
+        for (to, from) in [(&mut self.x, x), (&mut self.q, q), (&mut self.qd, qd)] {
+            to.iter_mut().zip(from).for_each(|(to, x)| *to = T::from_f64(*x));
+        }
+    }
+}
+
+impl Engine {
+    /// A robot whose closures start from a pose at t = 0.
+    pub(crate) fn new(
+        (description, compiled): (Description, Compiled),
+        springs: Springs,
+        inputs: Vec<OnTree>,
+        q: Option<&[f64]>,
+    ) -> Result<Engine, SimulationError> {
+        let model = &compiled.model;
+        let mechanism = Mechanism::new(model, &description, springs, inputs);
+        let rates = Rates::new(model.clone(), &mechanism)?;
+        let zero = |n: usize| vec![0.0; n];
+        let (n_v, n_vy) = (mechanism.sizes.n_v, mechanism.sizes.n_vy);
+        let q = q.map_or_else(|| mechanism.q.zero(), <[f64]>::to_vec);
+        let guess = q.clone();
+        let G = zero(if mechanism.follows_G() { n_v * n_vy } else { 0 });
+        let anchor = Anchor {
+            t: 0.0,
+            y: mechanism.y.zero(),
+            q,
+            qd: zero(n_v),
+            G,
+            rate: zero(mechanism.n()),
+            springs: rates.effect(),
+        };
+        Ok(Engine {
+            description,
+            compiled,
+            mechanism,
+            rates,
+            precise: None,
+            duals: None,
+            anchor,
+            guess,
+            is_far: false,
+            way: (zero(n_vy), zero(n_v)),
+            counts: Counts::default(),
+            may_be_precise: true,
+            is_delicate: false,
+            failure: None,
+            last_failure: None,
+        })
+    }
+
+    /// ẋ at t and x; NaN, and noted, where it has no answer.
+    pub(crate) fn rate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Status {
+        self.evaluate(t, x, rate).0
+    }
+
+    /// The same, with whether it was computed in double-double.
+    fn evaluate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> (Status, bool) {
+        self.counts.evaluations += 1;
+        if !x.iter().all(|x| x.is_finite()) {
+            rate.fill(f64::NAN);
+            return (self.note(Status::NonFiniteInput), false);
+        }
+        self.extrapolate(t, x);
+        if !(self.may_be_precise && self.is_delicate) {
+            let answer =
+                self.rates.evaluate(&self.mechanism, t, x, (&self.guess, &self.anchor.qd), rate);
+            let fine = answer.status == Status::Ok
+                && !(self.may_be_precise && answer.warnings.contains(Warnings::ILL_CONDITIONED));
+            if fine || answer.status == Status::NonFiniteInput {
+                return (self.note(answer.status), false);
+            }
+        }
+        if self.may_be_precise {
+            let status = self.evaluate_precisely(t, x, rate);
+            if status == Status::Ok {
+                return (status, true);
+            }
+        }
+        // a tangent may lead astray; the accepted pose itself does not
+        let answer =
+            self.rates.evaluate(&self.mechanism, t, x, (&self.anchor.q, &self.anchor.qd), rate);
+        (self.note(answer.status), false)
+    }
+
+    fn evaluate_precisely(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Status {
+        self.counts.precise += 1;
+        if self.precise.is_none() {
+            // what could be planned over doubles can be over any scalar
+            let Ok(other) = Other::new(self.compiled.exact.clone(), &self.mechanism) else {
+                return Status::BadRequest;
+            };
+            self.precise = Some(Box::new(other));
+        }
+        let Some(other) = &mut self.precise else { return Status::BadRequest };
+        other.set(x, &self.guess, &self.anchor.qd);
+        let status = other.evaluate(&self.mechanism, t).status;
+        rate.iter_mut().zip(&other.rate).for_each(|(to, x)| *to = x.to_f64());
+        status
+    }
+
+    fn note(&mut self, status: Status) -> Status {
+        if status != Status::Ok {
+            (self.failure, self.last_failure) = (Some(status), Some(status));
+        }
+        status
+    }
+
+    /// Why an evaluation failed since this was last asked.
+    #[cfg_attr(
+        not(feature = "adaptive"),
+        allow(dead_code, reason = "for the method that evaluates by itself")
+    )]
+    pub(crate) fn take_failure(&mut self) -> Option<Status> {
+        self.failure.take()
+    }
+
+    /// The first state of all where no closed pose is known: closures start from their own zero.
+    pub(crate) fn settle_from_zero(&mut self, x: &mut [f64]) -> Result<Status, SimulationError> {
+        let model = &self.compiled.model;
+        let mut asked = Planned::new(
+            model,
+            &Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])),
+        )?;
+        asked.give(Field::Y, &x[..self.mechanism.sizes.n_qy]);
+        let answer = asked.run(model, &mut Workspace::for_plans(model, [asked.plan()]));
+        if answer.status != Status::Ok {
+            return Ok(answer.status);
+        }
+        self.anchor.q.copy_from_slice(asked.get(Field::Q));
+        Ok(self.settle(0.0, x))
+    }
+
+    /// Accepts a state: quaternions to unit length, ẋ, q and q̇ there; nothing changes where it has
+    /// no answer.
+    pub(crate) fn settle(&mut self, t: f64, x: &mut [f64]) -> Status {
+        let n_qy = self.mechanism.sizes.n_qy;
+        let mut settled = x.to_vec();
+        self.mechanism.y.normalise(&mut settled[..n_qy]);
+        let mut rate = vec![0.0; x.len()];
+        let (status, precisely) = self.evaluate(t, &settled, &mut rate);
+        if status != Status::Ok {
+            return status;
+        }
+        x.copy_from_slice(&settled);
+        let anchor = &mut self.anchor;
+        (anchor.t, anchor.rate) = (t, rate);
+        anchor.y.copy_from_slice(&x[..n_qy]);
+        match &self.precise {
+            Some(other) if precisely => anchor.take(&other.rates),
+            _ => anchor.take(&self.rates),
+        }
+        // a closed form knows its angles up to whole turns only
+        if !self.is_far {
+            self.mechanism.unwind(&self.guess, &mut anchor.q);
+        }
+        status
+    }
+
+    /// ∂ẋ/∂x at t and x, row by row, by dual numbers: one evaluation for each column.
+    pub(crate) fn jacobian(&mut self, t: f64, x: &[f64], jacobian: &mut [f64]) -> Status {
+        self.extrapolate(t, x);
+        self.counts.jacobians += 1;
+        let n = x.len();
+        if self.duals.is_none() {
+            let Ok(other) =
+                Other::new(self.compiled.model.convert(Dual::constant), &self.mechanism)
+            else {
+                return Status::BadRequest;
+            };
+            self.duals = Some(Box::new(other));
+        }
+        let Some(other) = &mut self.duals else { return Status::BadRequest };
+        other.set(x, &self.guess, &self.anchor.qd);
+        for j in 0..n {
+            other.x[j].du = 1.0;
+            let status = other.evaluate(&self.mechanism, t).status;
+            other.x[j].du = 0.0;
+            if status != Status::Ok {
+                return self.note(status);
+            }
+            (0..n).for_each(|i| jacobian[i * n + j] = other.rate[i].du);
+        }
+        Status::Ok
+    }
+
+    /// The guess: the accepted pose moved along its tangent to the independents of x, or by the
+    /// time where the robot is too large for that.
+    fn extrapolate(&mut self, t: f64, x: &[f64]) {
+        let Anchor { t: from, y, q, qd, G, .. } = &self.anchor;
+        self.guess.copy_from_slice(q);
+        if self.mechanism.sizes.n_c == 0 {
+            return;
+        }
+        let (dy, dq) = (&mut self.way.0, &mut self.way.1);
+        if self.mechanism.follows_G() {
+            self.mechanism.y.difference(y, &x[..y.len()], dy);
+            dq.iter_mut()
+                .zip(G.chunks_exact(dy.len().max(1)))
+                .for_each(|(to, row)| *to = row.iter().zip(&*dy).map(|(g, y)| g * y).sum());
+        } else {
+            dq.iter_mut().zip(qd).for_each(|(to, v)| *to = (t - from) * v);
+        }
+        let farthest = dq.iter().fold(0.0, |largest: f64, step| largest.max(step.abs()));
+        self.is_far = farthest > REACH;
+        self.mechanism.q.advance(
+            &mut self.guess,
+            dq,
+            if self.is_far { REACH / farthest } else { 1.0 },
+        );
+    }
+}
+
+impl Engine {
+    /// True where the tree did not move as its velocities say: it turned back or took another
+    /// branch at a singularity that a step has met.
+    pub(crate) fn jumped(&self, before: &Anchor) -> bool {
+        let Anchor { t, q, qd, .. } = &self.anchor;
+        let h = t - before.t;
+        let mut moved = vec![0.0; qd.len()];
+        self.mechanism.q.difference(&before.q, q, &mut moved);
+        let fastest = qd.iter().chain(&before.qd).fold(0.0, |largest: f64, v| largest.max(v.abs()));
+        let expected = before.qd.iter().zip(qd).map(|(a, b)| 0.5 * h * (a + b));
+        let off =
+            moved.iter().zip(expected).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+        off > JUMP * h * fastest
+    }
+}
+
+impl Anchor {
+    fn take<T: Scalar>(&mut self, from: &Rates<T>) {
+        for (to, field) in
+            [(&mut self.q, Field::Q), (&mut self.qd, Field::Qd), (&mut self.G, Field::G)]
+        {
+            to.iter_mut().zip(from.get(field)).for_each(|(to, x)| *to = x.to_f64());
+        }
+        let Effect { energy, loss } = from.effect();
+        self.springs = Effect { energy: energy.to_f64(), loss: loss.to_f64() };
+    }
+}

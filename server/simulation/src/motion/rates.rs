@@ -1,0 +1,252 @@
+//! The right-hand side: from t and x = [y; ẏ; work] to ẋ.
+//!
+//! ```text
+//!   ẏ from y's own velocity (a quaternion: ½ q ω of the unit quaternion),
+//!   ÿ = FD(y, ẏ, τ_q(t, q, q̇), springs),   work' = τ_q · q̇ − losses
+//! ```
+//! The work of inputs and dampers is integrated beside the state, so that energy less work stays
+//! what it was.
+
+use std::f64::consts::TAU;
+
+use sarrus_dynamics::description::{Description, JointKind};
+use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::{
+    Answer, Field, FieldSet, Model, Query, Request, Sizes, Status, Warnings, Workspace,
+};
+
+use crate::coordinates::Coordinates;
+use crate::error::SimulationError;
+use crate::forces::inputs::OnTree;
+use crate::forces::springs::{Effect, Springs};
+use crate::planned::Planned;
+
+/// Numbers of G up to which it is asked for to continue closures along.
+const LARGEST: usize = 1 << 16;
+
+/// What acts on a robot, and how its coordinates are made up.
+#[derive(Clone, Debug)]
+pub(crate) struct Mechanism {
+    pub(crate) sizes: Sizes,
+    pub(crate) y: Coordinates,
+    pub(crate) q: Coordinates,
+    pub(crate) springs: Springs,
+    pub(crate) inputs: Vec<OnTree>,
+    /// The dependent coordinates that are angles.
+    angles: Vec<usize>,
+    /// Velocity and damping of each joint that has some.
+    dampers: Vec<(usize, f64)>,
+}
+
+impl Mechanism {
+    pub(crate) fn new<C>(
+        model: &Model<C>,
+        description: &Description,
+        springs: Springs,
+        inputs: Vec<OnTree>,
+    ) -> Mechanism {
+        let place = |name: &String| model.tree_names().iter().position(|of| of == name);
+        let q = Coordinates::of(model.tree_q_names(), model.tree_names());
+        let turns = description
+            .joints
+            .iter()
+            .filter(|joint| matches!(joint.kind, JointKind::Revolute | JointKind::Continuous));
+        let given = |name: &String| model.independent_names().contains(name);
+        let angles = turns
+            .filter(|joint| !given(&joint.name))
+            .filter_map(|joint| q.coordinate(place(&joint.name)?))
+            .collect();
+        let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
+        Mechanism {
+            sizes: model.sizes(),
+            y: Coordinates::of(model.independent_q_names(), model.independent_names()),
+            q,
+            angles,
+            springs,
+            inputs,
+            dampers: damped
+                .filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping)))
+                .collect(),
+        }
+    }
+
+    /// Counts the turns of dependent angles: those of a pose are taken to the whole turn that is
+    /// nearest to where they were expected.
+    pub(crate) fn unwind(&self, expected: &[f64], q: &mut [f64]) {
+        for &i in &self.angles {
+            q[i] += TAU * ((expected[i] - q[i]) / TAU).round();
+        }
+    }
+
+    /// True where work is done that has to be followed.
+    pub(crate) fn works(&self) -> bool {
+        !self.inputs.is_empty() || !self.dampers.is_empty() || self.springs.have_dampers()
+    }
+
+    /// What inputs do and dampers take in unit time: τ_q · q̇ − losses.
+    pub(crate) fn power<T: Scalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
+        let given = qd.iter().zip(tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
+        self.dampers
+            .iter()
+            .fold(given - loss, |sum, (v, damping)| sum - T::from_f64(*damping) * qd[*v] * qd[*v])
+    }
+
+    /// Numbers in x.
+    pub(crate) fn n(&self) -> usize {
+        self.sizes.n_qy + self.sizes.n_vy + usize::from(self.works())
+    }
+
+    /// True where closures continue along G: a robot with loops that is not too large.
+    pub(crate) fn follows_G(&self) -> bool {
+        self.sizes.n_c > 0 && self.sizes.n_v * self.sizes.n_vy <= LARGEST
+    }
+
+    /// True where the forces depend on where the robot is.
+    fn feels(&self) -> bool {
+        !self.springs.is_empty() || self.inputs.iter().any(OnTree::is_feedback)
+    }
+}
+
+/// The right-hand side over one scalar.
+#[derive(Clone, Debug)]
+pub(crate) struct Rates<T> {
+    model: Model<T>,
+    workspace: Workspace<T>,
+    /// Where the robot is, for the forces that depend on it.
+    pose: Option<Planned<T>>,
+    forward: Planned<T>,
+    y: Vec<T>,
+    tau_q: Vec<T>,
+    wrenches: Vec<T>,
+    effect: Effect<T>,
+}
+
+impl<T: Scalar> Rates<T> {
+    pub(crate) fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Rates<T>, SimulationError> {
+        use Field::*;
+        // the guess is a pose of the loops
+        let guess: &[Field] = if mechanism.sizes.n_c > 0 { &[QGuess, QdGuess] } else { &[] };
+        let given = guess.iter().fold(FieldSet::of(&[Y, Yd]), |set, field| set.with(*field));
+        let links = &mechanism.springs.links;
+        let pose = if mechanism.feels() {
+            let want = if links.is_empty() {
+                FieldSet::of(&[Q, Qd])
+            } else {
+                FieldSet::of(&[Q, Qd, FramePose, FrameTwist])
+            };
+            Some(Planned::new(
+                &model,
+                &Query::new(Request::Kinematics, given, want).with_frames(links),
+            )?)
+        } else {
+            None
+        };
+        let want =
+            FieldSet::of(if mechanism.follows_G() { &[Ydd, Q, Qd, G] } else { &[Ydd, Q, Qd] });
+        let mut query = Query::new(Request::ForwardDynamics, given.with(TauQ), want);
+        if !links.is_empty() {
+            query = query.with_wrenches(links);
+        }
+        let forward = Planned::new(&model, &query)?;
+        let workspace =
+            Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Planned::plan));
+        let of = |n: usize| vec![T::ZERO; n];
+        Ok(Rates {
+            workspace,
+            pose,
+            forward,
+            y: of(mechanism.sizes.n_qy),
+            tau_q: of(mechanism.sizes.n_v),
+            wrenches: of(6 * links.len()),
+            effect: Effect { energy: T::ZERO, loss: T::ZERO },
+            model,
+        })
+    }
+
+    /// ẋ at t and x, with a guess of q and q̇; NaN where the status is not ok.
+    pub(crate) fn evaluate(
+        &mut self,
+        mechanism: &Mechanism,
+        t: f64,
+        x: &[T],
+        guess: (&[T], &[T]),
+        rate: &mut [T],
+    ) -> Answer {
+        let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
+        let answer = self.accelerate(mechanism, t, x, guess);
+        if answer.status != Status::Ok {
+            rate.fill(T::from_f64(f64::NAN));
+            return answer;
+        }
+        mechanism.y.rate(&x[..n_qy], &self.y, &x[n_qy..n_qy + n_vy], &mut rate[..n_qy]);
+        rate[n_qy..n_qy + n_vy].copy_from_slice(self.forward.get(Field::Ydd));
+        if mechanism.works() {
+            rate[n_qy + n_vy] =
+                mechanism.power(self.forward.get(Field::Qd), &self.tau_q, self.effect.loss);
+        }
+        // an overflow is no motion either
+        if rate.iter().all(|x| x.is_finite()) { answer } else { failed(Status::NonFiniteInput) }
+    }
+
+    fn accelerate(
+        &mut self,
+        mechanism: &Mechanism,
+        t: f64,
+        x: &[T],
+        (q, qd): (&[T], &[T]),
+    ) -> Answer {
+        let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
+        // a number that is none would not have a unit quaternion
+        if !x.iter().all(|x| x.is_finite()) {
+            return failed(Status::NonFiniteInput);
+        }
+        self.y.copy_from_slice(&x[..n_qy]);
+        mechanism.y.normalise(&mut self.y);
+        for asked in self.pose.iter_mut().chain([&mut self.forward]) {
+            asked.give(Field::Y, &self.y);
+            asked.give(Field::Yd, &x[n_qy..n_qy + n_vy]);
+            asked.give(Field::QGuess, q);
+            asked.give(Field::QdGuess, qd);
+        }
+        if let Some(pose) = &mut self.pose {
+            let answer = pose.run(&self.model, &mut self.workspace);
+            if answer.status != Status::Ok {
+                return answer;
+            }
+            self.forward.give(Field::QGuess, pose.get(Field::Q));
+        }
+        self.tau_q.fill(T::ZERO);
+        let (q, qd) = self
+            .pose
+            .as_ref()
+            .map_or((&[] as &[T], &[] as &[T]), |pose| (pose.get(Field::Q), pose.get(Field::Qd)));
+        mechanism.inputs.iter().for_each(|input| input.add(t, q, qd, &mut self.tau_q));
+        self.pull(mechanism);
+        self.forward.give(Field::TauQ, &self.tau_q);
+        self.forward.give(Field::Wrenches, &self.wrenches);
+        self.forward.run(&self.model, &mut self.workspace)
+    }
+
+    /// The springs' wrenches at the last pose.
+    fn pull(&mut self, mechanism: &Mechanism) {
+        if let (Some(pose), false) = (&self.pose, mechanism.springs.is_empty()) {
+            let (poses, twists) = (pose.get(Field::FramePose), pose.get(Field::FrameTwist));
+            self.effect = mechanism.springs.wrenches(poses, twists, &mut self.wrenches);
+        }
+    }
+
+    /// What the springs did at the last evaluation.
+    pub(crate) fn effect(&self) -> Effect<T> {
+        self.effect
+    }
+
+    /// q, q̇ or G of the last good evaluation.
+    pub(crate) fn get(&self, field: Field) -> &[T] {
+        self.forward.get(field)
+    }
+}
+
+/// No answer, for this reason.
+fn failed(status: Status) -> Answer {
+    Answer { status, warnings: Warnings::NONE }
+}

@@ -1,0 +1,42 @@
+//! A plan with room for its numbers, by field.
+
+use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::{Answer, Field, Model, Plan, Query, Workspace};
+
+use crate::error::SimulationError;
+
+/// A plan with its input and output.
+#[derive(Clone, Debug)]
+pub(crate) struct Planned<T> {
+    plan: Plan,
+    input: Vec<T>,
+    output: Vec<T>,
+}
+
+impl<T: Scalar> Planned<T> {
+    pub(crate) fn new(model: &Model<T>, query: &Query) -> Result<Planned<T>, SimulationError> {
+        let plan = Plan::new(model, query)?;
+        let (n, m) = (plan.given().len(), plan.want().len());
+        Ok(Planned { plan, input: vec![T::ZERO; n], output: vec![T::ZERO; m] })
+    }
+
+    pub(crate) fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Sets a given field; one that the plan does not take is left out.
+    pub(crate) fn give(&mut self, field: Field, numbers: &[T]) {
+        if let Some(slot) = self.plan.given().slot(field) {
+            self.input[slot.range()].copy_from_slice(numbers);
+        }
+    }
+
+    pub(crate) fn run(&mut self, model: &Model<T>, workspace: &mut Workspace<T>) -> Answer {
+        self.plan.run(model, workspace, &self.input, &mut self.output)
+    }
+
+    /// The numbers of a wanted field; none where it was not wanted.
+    pub(crate) fn get(&self, field: Field) -> &[T] {
+        self.plan.want().slot(field).map_or(&[], |slot| &self.output[slot.range()])
+    }
+}

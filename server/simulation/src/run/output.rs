@@ -1,0 +1,173 @@
+//! What a simulation gives.
+
+use sarrus_dynamics::Status;
+
+use crate::motion::energy::Energy;
+use crate::motion::engine::Counts;
+
+/// The robot at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Time `[s]`.
+    pub time: f64,
+    /// Coordinates that were declared independent at the start (n_qy).
+    pub y: Vec<f64>,
+    /// Their velocities (n_vy).
+    pub yd: Vec<f64>,
+    /// Tree coordinates (n_q).
+    pub q: Vec<f64>,
+    /// Tree velocities (n_v).
+    pub qd: Vec<f64>,
+    /// Energies, those of springs between links among them, and the loops' residual.
+    pub energy: Energy,
+    /// Work of inputs less losses of dampers since the start `[J]`.
+    pub work: f64,
+}
+
+impl Sample {
+    /// Energy less work: constant in truth.
+    pub fn balance(&self) -> f64 {
+        self.energy.kinetic + self.energy.potential - self.work
+    }
+}
+
+/// Something remarkable on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// When `[s]`.
+    pub time: f64,
+    /// What.
+    pub kind: EventKind,
+}
+
+/// What happened.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum EventKind {
+    /// The simulation went on with other independents.
+    Switched {
+        /// The independents before.
+        from: Vec<String>,
+        /// The independents after.
+        to: Vec<String>,
+        /// Distance to singularity before.
+        before: f64,
+        /// Distance to singularity after.
+        after: f64,
+    },
+    /// Other independents are better, but the robot cannot be compiled with them or its state not
+    /// taken over.
+    NotSwitched {
+        /// Which.
+        to: Vec<String>,
+        /// Why.
+        why: String,
+    },
+    /// A step was taken back because the right-hand side had no answer on its way; a shorter one
+    /// had.
+    Shortened {
+        /// Why.
+        status: Status,
+    },
+    /// The simulation ended near a singularity.
+    NearSingular {
+        /// Distance to it.
+        distance: f64,
+    },
+    /// The problem is stiff for an explicit method.
+    Stiff,
+}
+
+/// How a simulation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum End {
+    /// At the end of its time.
+    Finished,
+    /// Ahead lies a state without an answer.
+    Failed(Status),
+    /// The error could not be kept within the tolerances by any step.
+    StepTooShort,
+    /// More steps than were allowed.
+    TooManySteps,
+}
+
+impl End {
+    /// True where the whole time was simulated.
+    pub fn is_finished(self) -> bool {
+        self == End::Finished
+    }
+
+    /// The name that scripts see.
+    pub fn name(self) -> &'static str {
+        match self {
+            End::Finished => "finished",
+            End::Failed(status) => status.name(),
+            End::StepTooShort => "step_too_short",
+            End::TooManySteps => "too_many_steps",
+        }
+    }
+}
+
+/// A simulation that has ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// Samples, the first at the start, the last at the last good state.
+    pub samples: Vec<Sample>,
+    /// What happened on the way.
+    pub events: Vec<Event>,
+    /// What it took.
+    pub counts: Counts,
+    /// How it ended.
+    pub end: End,
+    /// When it ended `[s]`.
+    pub time: f64,
+    /// How far the given start had to be moved to close the loops: largest change of a coordinate
+    /// and of a velocity.
+    pub correction: [f64; 2],
+    /// Names of the independents at the end.
+    pub independents: Vec<String>,
+    /// Estimate of the largest error of y and of ẏ at the end, where it was asked for.
+    pub error_estimate: Option<[f64; 2]>,
+}
+
+impl Run {
+    /// A run that has not begun.
+    pub(crate) fn new(correction: [f64; 2]) -> Run {
+        let (samples, events, independents) = (Vec::new(), Vec::new(), Vec::new());
+        let (counts, end) = (Counts::default(), End::Finished);
+        Run {
+            samples,
+            events,
+            counts,
+            end,
+            time: 0.0,
+            correction,
+            independents,
+            error_estimate: None,
+        }
+    }
+
+    /// Largest change of energy less work, as a share of the largest kinetic or change of potential
+    /// energy.
+    pub fn drift(&self) -> f64 {
+        let Some(first) = self.samples.first() else { return 0.0 };
+        let over = |f: &dyn Fn(&Sample) -> f64| {
+            self.samples.iter().map(f).fold(0.0, |a: f64, b| if b.is_nan() { b } else { a.max(b) })
+        };
+        let change = over(&|x| (x.balance() - first.balance()).abs());
+        let size =
+            over(&|x| x.energy.kinetic.max((x.energy.potential - first.energy.potential).abs()));
+        if change == 0.0 { 0.0 } else { change / size }
+    }
+
+    /// Largest residual of the loops.
+    pub fn residual(&self) -> f64 {
+        self.samples.iter().map(|sample| sample.energy.residual).fold(0.0, f64::max)
+    }
+
+    /// The last sample.
+    pub fn last(&self) -> Option<&Sample> {
+        self.samples.last()
+    }
+}

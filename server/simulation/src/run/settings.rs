@@ -1,0 +1,213 @@
+//! By which method, how long, how exactly.
+
+use crate::error::SimulationError;
+use crate::methods::Stepper;
+use crate::methods::fixed_step::{Fixed, Rule};
+use crate::methods::radau5::Radau;
+
+/// Steps of a fixed length that one simulation may have.
+const MOST: f64 = 1e9;
+/// Baumgarte's rates by steps, where nobody gives any.
+const RATE: f64 = 0.1;
+
+/// A method of integration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// Semi-implicit Euler with a fixed step: order 1.
+    Euler,
+    /// The classical method of Runge and Kutta with a fixed step: order 4.
+    RungeKutta,
+    /// Dormand and Prince's explicit method of order 8 with its own step.
+    Dop853,
+    /// Radau's implicit method of order 5 with its own step, for stiff problems.
+    Radau5,
+    /// For comparison: Runge and Kutta's method in all tree coordinates, with Baumgarte's
+    /// stabilisation of the loops.
+    Baumgarte,
+    /// For comparison: the same without stabilisation, projected onto the closed states after each
+    /// step.
+    Projection,
+}
+
+impl Method {
+    /// Every method.
+    pub const ALL: [Method; 6] = [
+        Method::Euler,
+        Method::RungeKutta,
+        Method::Dop853,
+        Method::Radau5,
+        Method::Baumgarte,
+        Method::Projection,
+    ];
+
+    /// The name that scripts see.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Method::Euler => "euler",
+            Method::RungeKutta => "rk4",
+            Method::Dop853 => "dop853",
+            Method::Radau5 => "radau5",
+            Method::Baumgarte => "baumgarte",
+            Method::Projection => "projection",
+        }
+    }
+
+    /// True where all tree coordinates are integrated, and loops are constraints.
+    pub const fn is_implicit_form(self) -> bool {
+        matches!(self, Method::Baumgarte | Method::Projection)
+    }
+
+    /// True where the step is given and not found.
+    pub const fn is_fixed(self) -> bool {
+        !matches!(self, Method::Dop853 | Method::Radau5)
+    }
+}
+
+/// How to simulate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// By which method.
+    pub method: Method,
+    /// How long `[s]`.
+    pub duration: f64,
+    /// The step of a method of fixed step; the first one of the others `[s]`.
+    pub step: Option<f64>,
+    /// Relative tolerance of the methods with their own step.
+    pub rtol: f64,
+    /// Absolute tolerance of these `[m, rad, m/s, rad/s]`.
+    pub atol: f64,
+    /// Baumgarte's rates α = β `[1/s]`; without it a tenth of the inverse step.
+    pub stabilisation: Option<f64>,
+    /// Time between samples, which steps then meet; without it every step is one `[s]`.
+    pub every: Option<f64>,
+    /// Goes on with other independents near a singularity of those in use.
+    pub switching: bool,
+    /// Computes in double-double near singular closures and where the robot is ill-conditioned,
+    /// which costs some thirty times as much there.
+    pub precise: bool,
+    /// Estimates the error by a second simulation with other steps.
+    pub estimate: bool,
+    /// The most steps and rejected steps.
+    pub most_steps: u64,
+}
+
+impl Settings {
+    /// Tolerances of 1e-8, every step a sample, switching, double-double where it is needed, no
+    /// estimate.
+    pub fn new(method: Method, duration: f64) -> Settings {
+        let most_steps = MOST as u64;
+        Settings {
+            method,
+            duration,
+            step: None,
+            rtol: 1e-8,
+            atol: 1e-8,
+            stabilisation: None,
+            every: None,
+            switching: true,
+            precise: true,
+            estimate: false,
+            most_steps,
+        }
+    }
+
+    /// Numbers that can be used.
+    pub(crate) fn check(&self) -> Result<(), SimulationError> {
+        let check = SimulationError::check_setting;
+        check("the duration", self.duration, self.duration > 0.0, "a positive number of seconds")?;
+        if let Some(step) = self.step {
+            check(
+                "the step",
+                step,
+                step > 0.0 && self.duration / step < MOST,
+                "a positive number of seconds, a thousand-millionth of the duration or more",
+            )?;
+        } else if self.method.is_fixed() {
+            return Err(SimulationError::Setting {
+                what: "the step",
+                found: 0.0,
+                expected: "a step; this method does not find its own",
+            });
+        }
+        if let Some(rate) = self.stabilisation {
+            check("the rate of stabilisation", rate, rate >= 0.0, "a number that is not negative")?;
+        }
+        if let Some(every) = self.every {
+            check(
+                "the time between samples",
+                every,
+                every > 0.0 && self.duration / every < MOST,
+                "a positive number of seconds",
+            )?;
+        }
+        if !self.method.is_fixed() {
+            check(
+                "the relative tolerance",
+                self.rtol,
+                self.rtol >= 1e-14 && self.rtol < 1.0,
+                "a number from 1e-14 to 1",
+            )?;
+            check("the absolute tolerance", self.atol, self.atol > 0.0, "a positive number")?;
+        }
+        Ok(())
+    }
+
+    /// The method at its start.
+    pub(crate) fn stepper(&self) -> Result<Box<dyn Stepper>, SimulationError> {
+        let step = self.step.unwrap_or(self.duration);
+        Ok(match self.method {
+            Method::Euler => Box::new(Fixed::new(Rule::Euler, step)),
+            Method::RungeKutta | Method::Baumgarte | Method::Projection => {
+                Box::new(Fixed::new(Rule::RungeKutta, step))
+            }
+            #[cfg(feature = "adaptive")]
+            Method::Dop853 => Box::new(crate::methods::dop853::Dop853::new(
+                self.rtol,
+                self.atol,
+                self.duration,
+                self.step,
+            )),
+            #[cfg(not(feature = "adaptive"))]
+            Method::Dop853 => return Err(SimulationError::NotBuilt(self.method.name())),
+            Method::Radau5 => Box::new(Radau::new(self.rtol, self.atol, self.step)),
+        })
+    }
+
+    /// α = β of Baumgarte's stabilisation; projection needs none.
+    pub(crate) fn rate(&self) -> f64 {
+        match (self.method, self.step) {
+            (Method::Baumgarte, step) => {
+                self.stabilisation.unwrap_or(RATE / step.unwrap_or(f64::INFINITY))
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The same with finer steps, and what the difference of both is to be multiplied by for the
+    /// error of the coarser.
+    pub(crate) fn finer(&self) -> (Settings, f64) {
+        let once = Settings { estimate: false, ..*self };
+        // half of what is really stepped: steps meet samples and the end
+        let longest = self.every.unwrap_or(self.duration).min(self.duration);
+        let half = self.step.map(|step| 0.5 * step.min(longest));
+        match self.method {
+            Method::Euler => (Settings { step: half, ..once }, 2.0),
+            Method::RungeKutta | Method::Baumgarte | Method::Projection => {
+                (Settings { step: half, ..once }, 16.0 / 15.0)
+            }
+            // with a first step that leads to other steps
+            _ => {
+                let step = self.step.unwrap_or(self.duration / 37.0).min(self.duration / 37.0);
+                (
+                    Settings {
+                        rtol: (0.01 * self.rtol).max(1e-14),
+                        atol: 0.01 * self.atol,
+                        step: Some(step),
+                        ..once
+                    },
+                    1.0,
+                )
+            }
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Where a simulation starts.
+
+use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
+
+use crate::coordinates::Coordinates;
+use crate::error::SimulationError;
+use crate::planned::Planned;
+
+/// Change of a coordinate up to which a given pose counts as closed.
+const CLOSED: f64 = 1e-9;
+/// Largest deviation of a quaternion from unit length.
+const UNIT: f64 = 1e-6;
+
+/// Where a simulation starts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Start {
+    /// From the independents.
+    Independent {
+        /// y (n_qy).
+        y: Vec<f64>,
+        /// ẏ (n_vy).
+        yd: Vec<f64>,
+        /// A closed pose near it (n_q); without it the branch of the zero pose.
+        guess: Option<Vec<f64>>,
+    },
+    /// From the whole tree. A state whose loops are open is closed at its independents and their
+    /// velocities.
+    Tree {
+        /// q (n_q).
+        q: Vec<f64>,
+        /// q̇ (n_v).
+        qd: Vec<f64>,
+    },
+}
+
+/// A start that has been checked.
+pub(crate) struct Checked {
+    pub(crate) y: Vec<f64>,
+    pub(crate) yd: Vec<f64>,
+    pub(crate) guess: Option<Vec<f64>>,
+    pub(crate) correction: [f64; 2],
+}
+
+impl Start {
+    /// Checks the numbers, and closes a given tree state.
+    pub(crate) fn check(&self, model: &Model<f64>) -> Result<Checked, SimulationError> {
+        let y_of = Coordinates::of(model.independent_q_names(), model.independent_names());
+        let q_of = Coordinates::of(model.tree_q_names(), model.tree_names());
+        let pose = |what: &str, numbers: &[f64], names: &[String], of: &Coordinates| {
+            SimulationError::check_numbers(what, numbers, names)?;
+            let by = of.off_unit(numbers);
+            if by < UNIT {
+                Ok(())
+            } else {
+                Err(SimulationError::NotUnit { what: what.to_owned(), by })
+            }
+        };
+        match self {
+            Start::Independent { y, yd, guess } => {
+                pose("y", y, model.independent_q_names(), &y_of)?;
+                SimulationError::check_numbers("yd", yd, model.independent_names())?;
+                if let Some(guess) = guess {
+                    pose("the guess of q", guess, model.tree_q_names(), &q_of)?;
+                }
+                Ok(Checked {
+                    y: y.clone(),
+                    yd: yd.clone(),
+                    guess: guess.clone(),
+                    correction: [0.0; 2],
+                })
+            }
+            Start::Tree { q, qd } => {
+                pose("q", q, model.tree_q_names(), &q_of)?;
+                SimulationError::check_numbers("qd", qd, model.tree_names())?;
+                closed(model, q, qd, &q_of)
+            }
+        }
+    }
+}
+
+/// The closed state with the independents of a given one.
+fn closed(
+    model: &Model<f64>,
+    q: &[f64],
+    qd: &[f64],
+    tree: &Coordinates,
+) -> Result<Checked, SimulationError> {
+    use Field::*;
+    let query = Query::new(
+        Request::Kinematics,
+        FieldSet::of(&[Q, Qd]),
+        FieldSet::of(&[Y, Yd, Q, Qd, Residual]),
+    );
+    let mut asked = Planned::new(model, &query)?;
+    let mut workspace = Workspace::for_plans(model, [asked.plan()]);
+    asked.give(Q, q);
+    asked.give(Qd, qd);
+    let status = asked.run(model, &mut workspace).status;
+    if status != Status::Ok {
+        let residual = asked.get(Residual).iter().copied().find(|x| x.is_finite());
+        return Err(SimulationError::Start { status, detail: residual.unwrap_or(0.0) });
+    }
+    let largest = |x: &[f64]| x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+    let mut change = vec![0.0; model.sizes().n_v];
+    tree.difference(q, asked.get(Q), &mut change);
+    let moved = largest(&change);
+    let turned: Vec<f64> = asked.get(Qd).iter().zip(qd).map(|(a, b)| a - b).collect();
+    let correction = [moved, largest(&turned)];
+    // a good state is left alone
+    let guess = if moved < CLOSED { q } else { asked.get(Q) };
+    Ok(Checked {
+        y: asked.get(Y).to_vec(),
+        yd: asked.get(Yd).to_vec(),
+        guess: Some(guess.to_vec()),
+        correction,
+    })
+}
