@@ -3,7 +3,7 @@
 
 use sarrus_proto::Status;
 
-use crate::algorithms;
+use crate::algorithms::{self, TreeMotion};
 use crate::closure::{
     column_unit, constraint_residual, largest_residual, loses_rank, row_unit, scaled,
 };
@@ -226,15 +226,8 @@ impl<T: Scalar> ImplicitForm<T> {
         }
         let wrench = (!self.links.is_empty()).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
-        algorithms::newton_euler(
-            model,
-            &ws.q,
-            &ws.qd,
-            &ws.qdd,
-            wrench,
-            &mut ws.motion,
-            &mut ws.tau_q,
-        );
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         tau_q.iter().zip(&model.order.v).for_each(|(x, v)| ws.loop_q[*v] = *x);
 
         self.drift = Drift { position: T::ZERO, velocity: T::ZERO };

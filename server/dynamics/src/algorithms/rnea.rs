@@ -27,14 +27,20 @@ pub(crate) fn joint_poses<T: Real>(
     }
 }
 
+/// A motion of the tree, in the order of the bodies.
+pub(crate) struct TreeMotion<'a, T> {
+    /// Coordinates (n_q), velocities and accelerations (n_v).
+    pub(crate) q: &'a [T],
+    pub(crate) qd: &'a [T],
+    pub(crate) qdd: &'a [T],
+}
+
 /// τ = M q̈ + C − Σ Jᵀ w for the tree. Needs [`joint_poses`]; `wrench` holds what acts on each
 /// body, `None` where nothing does.
 #[inline]
 pub(crate) fn newton_euler<T: Real>(
     model: &Model<T::Const>,
-    q: &[T],
-    qd: &[T],
-    qdd: &[T],
+    &TreeMotion { q, qd, qdd }: &TreeMotion<'_, T>,
     wrench: Option<&[(Vector3<T>, Vector3<T>)]>,
     motion: &mut [BodyState<T>],
     tau: &mut [T],

@@ -38,18 +38,26 @@ struct Sample {
     pose: Vec<Pose<f64>>,
 }
 
+/// A cluster with what a message about it needs.
+pub(super) struct Subject<'a> {
+    pub(super) cluster: &'a Cluster<f64>,
+    pub(super) bodies: &'a [Body<f64>],
+    /// Of each of its bodies.
+    pub(super) has_child_cluster: &'a [bool],
+    /// Names of its velocities and of its rows.
+    pub(super) names: &'a [String],
+    pub(super) row_names: &'a [String],
+    pub(super) site: Site,
+}
+
 /// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared
-/// independents. `has_child_cluster` is that of its bodies.
+/// independents.
 pub(super) fn analyse(
-    cluster: &Cluster<f64>,
-    bodies: &[Body<f64>],
-    has_child_cluster: &[bool],
-    names: &[String],
-    row_names: &[String],
-    site: Site,
+    subject: &Subject<'_>,
     errors: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Diagnostic>,
 ) -> Option<Analysis> {
+    let &Subject { cluster, bodies, has_child_cluster, names, row_names, site } = subject;
     let (n, rows) = (cluster.n_v, cluster.rows.len());
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
 

@@ -23,7 +23,7 @@ use std::sync::Arc;
 use sarrus_proto::{ClosureInfo, ClosureKind, ModelInfo};
 
 use crate::closure::{Closure, Numerical};
-use crate::compile::analysis::Analysis;
+use crate::compile::analysis::{Analysis, Subject};
 use crate::compile::assemble::Assembly;
 use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
@@ -88,16 +88,15 @@ fn build(
         let has_child_cluster: Vec<bool> = (0..cluster.n)
             .map(|b| rough.clusters.iter().any(|child| child.parent == cluster.body + b))
             .collect();
-        let analysis = analysis::analyse(
+        let subject = Subject {
             cluster,
             bodies,
-            &has_child_cluster,
-            &names,
-            &row_names,
+            has_child_cluster: &has_child_cluster,
+            names: &names,
+            row_names: &row_names,
             site,
-            errors,
-            warnings,
-        );
+        };
+        let analysis = analysis::analyse(&subject, errors, warnings);
         let Some(Analysis { used, blocks, locked }) = analysis else { continue };
         for &r in &used {
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;

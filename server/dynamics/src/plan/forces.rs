@@ -2,7 +2,7 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use crate::algorithms;
+use crate::algorithms::{self, TreeMotion};
 use crate::linalg::{factorise_tree, solve_tree};
 use crate::model::{Model, UNEQUAL};
 use crate::plan::actuation::to_actuators;
@@ -32,15 +32,8 @@ impl Plan {
         }
         if self.steps.newton_euler {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-            algorithms::newton_euler(
-                model,
-                &ws.q,
-                &ws.qd,
-                &ws.qdd,
-                wrench,
-                &mut ws.motion,
-                &mut ws.tau_q,
-            );
+            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+            algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
             to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
@@ -112,15 +105,8 @@ impl Plan {
         if self.wants(Field::Lambda) {
             // τ_q of the motion less the given forces is what the loops supply
             let wrench = self.query.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
-            algorithms::newton_euler(
-                model,
-                &ws.q,
-                &ws.qd,
-                &ws.qdd,
-                wrench,
-                &mut ws.motion,
-                &mut ws.loop_q,
-            );
+            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+            algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.loop_q);
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
@@ -135,15 +121,8 @@ impl Plan {
     ) -> Result<(), Status> {
         let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
-        algorithms::newton_euler(
-            model,
-            &ws.q,
-            &ws.qd,
-            &ws.qdd,
-            wrench,
-            &mut ws.motion,
-            &mut ws.tau_q,
-        );
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.loop_q.fill(T::ZERO);
         self.each_given_force(model, input, |v, tau| ws.loop_q[v] = tau);
         self.kkt(model, ws)
@@ -164,7 +143,8 @@ impl Plan {
                     .fold(ws.g[cluster.v + j], |sum, (g, i)| g.mul_add(ws.qdd[cluster.v + i], sum));
             }
         }
-        algorithms::newton_euler(model, &ws.q, &ws.qd, &qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &qdd };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.start_rate = qdd;
         let size = |tau: &[T]| {
             tau.iter().fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size))
@@ -232,15 +212,8 @@ impl Plan {
         // q̈ = g
         let wrench =
             (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
-        algorithms::newton_euler(
-            model,
-            &ws.q,
-            &ws.qd,
-            &ws.g,
-            wrench,
-            &mut ws.motion,
-            &mut ws.tau_q,
-        );
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.g };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
     }
 
