@@ -27,6 +27,7 @@ mod forward;
 mod hyrodyn;
 mod implicit;
 mod laws;
+mod layers;
 mod published;
 mod regressions;
 mod safeguards;

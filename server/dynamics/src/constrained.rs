@@ -3,14 +3,13 @@
 
 use sarrus_proto::Status;
 
-use crate::algorithms;
+use crate::algorithms::{self, TreeMotion};
 use crate::closure::{
-    column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses,
-    loses_rank, row_unit, scaled,
+    column_unit, constraint_residual, largest_residual, loses_rank, row_unit, scaled,
 };
 use crate::linalg::least_norm;
-use crate::mechanism::Motion;
-use crate::model::{Cluster, Model};
+use crate::mechanism::{Cluster, Motion};
+use crate::model::Model;
 use crate::plan::{Drift, drift_of, supports, tree_under_constraints, wrenches_on_bodies};
 use crate::scalar::Scalar;
 use crate::workspace::{Needs, Workspace};
@@ -39,7 +38,7 @@ const LENGTHS: [f64; 2] = [0.5, 2.0];
 pub struct ImplicitForm<T> {
     fingerprint: u64,
     ws: Workspace<T>,
-    /// Links with wrenches, and the bodies on the way to them.
+    /// Links with wrenches, and the bodies on the paths to them.
     links: Vec<usize>,
     bodies: Vec<usize>,
     /// By the user's order of rows.
@@ -159,7 +158,10 @@ impl<T: Scalar> ImplicitForm<T> {
     pub fn project(&mut self, model: &Model<T>, q: &mut [T], qd: &mut [T]) -> Status {
         let ended = self.take(model, q, qd).and_then(|()| {
             self.drift = Drift { position: T::ZERO, velocity: T::ZERO };
-            model.tied.iter().try_for_each(|c| close(model, &model.clusters[*c], &mut self.ws))
+            model
+                .closed_clusters
+                .iter()
+                .try_for_each(|c| close(model, &model.clusters[*c], &mut self.ws))
         });
         let nan = T::from_f64(f64::NAN);
         let fine = ended.is_ok();
@@ -210,13 +212,13 @@ impl<T: Scalar> ImplicitForm<T> {
     ) -> Result<(), Status> {
         let ws = &mut self.ws;
         // poses of all bodies in their parents
-        for (body, turn) in model.bodies.iter().zip(&mut ws.turn).skip(1) {
+        for (body, cos_sin) in model.bodies.iter().zip(&mut ws.cos_sin).skip(1) {
             if body.motion == Motion::Revolute {
                 let (s, c) = ws.q[body.q].sin_cos();
-                *turn = (c, s);
+                *cos_sin = (c, s);
             }
         }
-        algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+        algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
 
         // C less the wrenches, and the given forces
         if !self.links.is_empty() {
@@ -224,15 +226,8 @@ impl<T: Scalar> ImplicitForm<T> {
         }
         let wrench = (!self.links.is_empty()).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
-        algorithms::newton_euler(
-            model,
-            &ws.q,
-            &ws.qd,
-            &ws.qdd,
-            wrench,
-            &mut ws.motion,
-            &mut ws.tau_q,
-        );
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         tau_q.iter().zip(&model.order.v).for_each(|(x, v)| ws.loop_q[*v] = *x);
 
         self.drift = Drift { position: T::ZERO, velocity: T::ZERO };
@@ -246,7 +241,7 @@ impl<T: Scalar> ImplicitForm<T> {
         }
         self.lambda.fill(T::ZERO);
         let used = model
-            .tied
+            .closed_clusters
             .iter()
             .flat_map(|c| model.clusters[*c].used.iter().map(|r| model.clusters[*c].rows[*r]));
         for (row, x) in used.zip(&ws.kkt_rhs[model.sizes().n_v..]) {
@@ -256,22 +251,9 @@ impl<T: Scalar> ImplicitForm<T> {
     }
 }
 
-/// Poses and K of a cluster at q.
-fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let Cluster { q, n_q, body, n, .. } = *cluster;
-    local_poses(
-        cluster,
-        &model.bodies[body..body + n],
-        &ws.q[q..q + n_q],
-        &mut ws.turn[body..body + n],
-        &mut ws.scratch.pose,
-    );
-    constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
-}
-
 fn rank_is_lost<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> bool {
-    model.tied.iter().map(|c| &model.clusters[*c]).any(|cluster| {
-        jacobian(model, cluster, ws);
+    model.closed_clusters.iter().map(|c| &model.clusters[*c]).any(|cluster| {
+        ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         loses_rank(cluster, &mut ws.scratch)
     })
 }
@@ -288,7 +270,7 @@ fn close<T: Scalar>(
     let (floor, nearly) = (T::from_f64(8.0 * T::EPSILON), T::from_f64(T::EPSILON.sqrt()));
     let (mut small, mut before) = (false, T::from_f64(f64::INFINITY));
     for k in 0..=STEPS {
-        jacobian(model, cluster, ws);
+        ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         let residual = residuals(cluster, ws);
         // what the next step would leave of a small one is rounding, and so is what no step makes
         // less
@@ -307,7 +289,7 @@ fn close<T: Scalar>(
         let part = T::select(T::from_f64(LONGEST).lt(size), T::from_f64(LONGEST) / size, T::ONE);
         for (a, v) in columns().enumerate() {
             let step = -(ws.dense_spare[a] * part * T::from_f64(column_unit(cluster, v)));
-            cluster.freedoms[v].advance(&mut ws.q[cluster.q..], step);
+            cluster.dofs[v].advance(&mut ws.q[cluster.q..], step);
         }
         small = size.lt(last);
     }
@@ -323,7 +305,7 @@ fn close<T: Scalar>(
         let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);
         let unit = row.map_or(T::ONE, |row| T::from_f64(row_unit(cluster, row)));
         let of_row = &ws.scratch.K[r * cluster.n_v..(r + 1) * cluster.n_v];
-        let qd = &ws.qd[cluster.v..cluster.v + cluster.n_v];
+        let qd = &ws.qd[cluster.velocities()];
         ws.dense_rhs[i] =
             of_row.iter().zip(qd).fold(T::ZERO, |sum, (entry, qd)| entry.mul_add(*qd, sum)) * unit;
     }
@@ -338,12 +320,7 @@ fn close<T: Scalar>(
 /// these.
 fn residuals<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
     let scratch = &mut ws.scratch;
-    constraint_residual(
-        cluster,
-        &scratch.pose,
-        &ws.q[cluster.q..cluster.q + cluster.n_q],
-        &mut scratch.phi,
-    );
+    constraint_residual(cluster, &scratch.pose, &ws.q[cluster.coordinates()], &mut scratch.phi);
     let mut largest = T::ZERO;
     for (i, &r) in cluster.used.iter().enumerate() {
         let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);

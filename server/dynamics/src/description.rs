@@ -73,7 +73,7 @@ pub struct Joint {
     pub terms: Terms,
 }
 
-/// What acts in a joint of one freedom besides its actuator; the default is nothing.
+/// What acts in a joint of one degree of freedom besides its actuator; the default is nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terms {
     /// Viscous damping d: the joint exerts −d q̇ `[N s/m, N m s/rad]`.

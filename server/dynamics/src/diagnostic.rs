@@ -40,7 +40,11 @@ impl fmt::Display for Diagnostic {
 
 /// Why a description cannot be compiled: every fault, and the warnings beside them.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{} fault(s) in the description; the first: {}", errors.len(), errors.first().map(ToString::to_string).unwrap_or_default())]
+#[error(
+    "{} fault(s) in the description; the first: {}",
+    errors.len(),
+    errors.first().map(ToString::to_string).unwrap_or_default()
+)]
 pub struct CompileError {
     /// What must be corrected.
     pub errors: Vec<Diagnostic>,

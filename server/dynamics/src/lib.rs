@@ -2,7 +2,7 @@
 //!
 //! A [`description::Description`] holds what a person wrote, in a file or in code by
 //! [`DescriptionBuilder`]; [`Model::compile`] turns it into flat arrays; a [`Plan`] is the list of
-//! steps that a set of wanted outputs needs; [`Plan::run`] answers requests in a [`Workspace`]
+//! steps that a query needs; [`Plan::run`] answers requests in a [`Workspace`]
 //! without allocating. Nothing here knows a clock, a file or a transport. What the symbols mean,
 //! where the equations come from and how each mechanism is closed: [`guide`].
 //!

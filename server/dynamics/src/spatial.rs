@@ -12,6 +12,13 @@ pub(crate) struct Pose<T> {
     pub(crate) p: Vector3<T>,
 }
 
+impl<C: nalgebra::Scalar + Copy> Pose<C> {
+    /// The same pose with every number converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Pose<D> {
+        Pose { R: self.R.map(f), p: self.p.map(f) }
+    }
+}
+
 impl<T: Real> Pose<T> {
     pub(crate) fn identity() -> Pose<T> {
         Pose { R: identity(), p: zero() }

@@ -1,7 +1,7 @@
 //! One cluster as a single joint: its force columns and its block of the mass matrix, from the
-//! inertia that each of its bodies carries.
+//! inertia that each of its bodies supports.
 //!
-//! With S_i the axes of body i, I_i the inertia that it carries, and G_i the rows of G at its
+//! With S_i the axes of body i, I_i the inertia that it supports, and G_i the rows of G at its
 //! joint, a unit acceleration of the independents takes on body i the forces [J12, part II; F08,
 //! 6.2, with columns joined by G]
 //!
@@ -15,73 +15,78 @@
 use nalgebra::Vector3;
 
 use crate::algorithms::rnea::turn_by;
-use crate::mechanism::Motion;
-use crate::model::{Cluster, Model};
+use crate::mechanism::{Cluster, GBlock, Motion};
+use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{cross_add, lift, mul, zero};
-use crate::workspace::{BodyState, Composite};
+use crate::workspace::{BodyState, Composite, Force};
 
-/// A moment and a force, in body axes at the body's origin.
-pub(crate) type Force<T> = (Vector3<T>, Vector3<T>);
+/// One cluster as a single joint, and what its columns are formed from.
+pub(super) struct ClusterJoint<'a, T: Real> {
+    pub(super) model: &'a Model<T::Const>,
+    pub(super) cluster: &'a Cluster<T::Const>,
+    pub(super) G: GBlock<'a, T>,
+    pub(super) motion: &'a [BodyState<T>],
+}
 
-/// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
-/// `column` gives I_i s for freedom k of local body i; `F` is scratch for m columns of each body.
-#[inline(always)]
-pub(super) fn join<T: Real>(
-    model: &Model<T::Const>,
-    cluster: &Cluster<T::Const>,
-    G: &[T],
-    motion: &[BodyState<T>],
-    column: impl Fn(usize, Motion, usize) -> Force<T>,
-    F: &mut [Force<T>],
-    U: &mut [Force<T>],
-    D: &mut [T],
-) {
-    let (n, m) = (cluster.n, cluster.n_vy);
-    D[..m * m].fill(T::ZERO);
-    F[..n * m].fill((zero(), zero()));
-    U[..m].fill((zero(), zero()));
-    for i in (0..n).rev() {
-        let body = &model.bodies[cluster.body + i];
-        let (before, F_i) = F.split_at_mut(i * m);
-        let F_i = &mut F_i[..m];
-        for k in 0..body.motion.n_v() {
-            let G_i = &G[(body.v - cluster.v + k) * m..][..m];
-            let own = column(i, body.motion, k);
-            // its own inertia counts half: the mirror image brings the other half
-            let half = component(body.motion, k, &own) * T::from_f64(0.5);
-            for l in 0..m {
-                let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
-                for j in 0..m {
-                    D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
-                }
-                for a in 0..3 {
-                    F_i[l].0[a] = own.0[a].mul_add(G_i[l], F_i[l].0[a]);
-                    F_i[l].1[a] = own.1[a].mul_add(G_i[l], F_i[l].1[a]);
+impl<T: Real> ClusterJoint<'_, T> {
+    /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
+    /// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
+    #[inline(always)]
+    pub(super) fn columns(
+        &self,
+        column: impl Fn(usize, Motion, usize) -> Force<T>,
+        F: &mut [Force<T>],
+        U: &mut [Force<T>],
+        D: &mut [T],
+    ) {
+        let ClusterJoint { model, cluster, G, motion } = *self;
+        let (n, m) = (cluster.n, cluster.n_vy);
+        D[..m * m].fill(T::ZERO);
+        F[..n * m].fill((zero(), zero()));
+        U[..m].fill((zero(), zero()));
+        for i in (0..n).rev() {
+            let body = &model.bodies[cluster.body + i];
+            let (before, F_i) = F.split_at_mut(i * m);
+            let F_i = &mut F_i[..m];
+            for k in 0..body.motion.n_v() {
+                let G_i = G.row(body.v - cluster.v + k);
+                let own = column(i, body.motion, k);
+                // its own inertia counts half: the mirror image brings the other half
+                let half = component(body.motion, k, &own) * T::from_f64(0.5);
+                for l in 0..m {
+                    let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
+                    for j in 0..m {
+                        D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
+                    }
+                    for a in 0..3 {
+                        F_i[l].0[a] = own.0[a].mul_add(G_i[l], F_i[l].0[a]);
+                        F_i[l].1[a] = own.1[a].mul_add(G_i[l], F_i[l].1[a]);
+                    }
                 }
             }
+            let to = match cluster.local_parent[i] {
+                0 if cluster.parent == 0 => continue,
+                0 => &mut U[..m],
+                parent => &mut before[(parent - 1) * m..][..m],
+            };
+            for (to, force) in to.iter_mut().zip(F_i) {
+                let (n, f) = transform_force(force, &motion[cluster.body + i]);
+                to.0 += n;
+                to.1 += f;
+            }
         }
-        let to = match cluster.local_parent[i] {
-            0 if cluster.parent == 0 => continue,
-            0 => &mut U[..m],
-            parent => &mut before[(parent - 1) * m..][..m],
-        };
-        for (to, force) in to.iter_mut().zip(F_i) {
-            let (n, f) = carry_force(force, &motion[cluster.body + i]);
-            to.0 += n;
-            to.1 += f;
-        }
-    }
-    for k in 0..m {
-        for l in 0..=k {
-            let x = D[k * m + l] + D[l * m + k];
-            D[k * m + l] = x;
-            D[l * m + k] = x;
+        for k in 0..m {
+            for l in 0..=k {
+                let x = D[k * m + l] + D[l * m + k];
+                D[k * m + l] = x;
+                D[l * m + k] = x;
+            }
         }
     }
 }
 
-/// Component of a force along freedom k of a joint.
+/// Component of a force along dof k of a joint.
 #[inline(always)]
 pub(super) fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> T {
     match (motion, k) {
@@ -94,7 +99,7 @@ pub(super) fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> 
 
 /// The same force at the parent's origin in the parent's axes.
 #[inline(always)]
-pub(super) fn carry_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Force<T> {
+pub(super) fn transform_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Force<T> {
     let f = mul(&state.R, &force.1);
     (cross_add(&state.p, &f, &mul(&state.R, &force.0)), f)
 }
@@ -102,7 +107,7 @@ pub(super) fn carry_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Fo
 impl<T: Real> Composite<T> {
     /// The inertia of one body alone.
     #[inline(always)]
-    pub(super) fn of(body: &crate::model::Body<T::Const>) -> Composite<T> {
+    pub(super) fn of(body: &crate::mechanism::Body<T::Const>) -> Composite<T> {
         Composite { mass: T::lift(body.mass), h: lift(&body.h), inertia: body.inertia.map(T::lift) }
     }
 
@@ -116,7 +121,7 @@ impl<T: Real> Composite<T> {
         }
     }
 
-    /// Force that a unit acceleration of freedom k of a joint takes.
+    /// Force that a unit acceleration of dof k of a joint takes.
     #[inline(always)]
     pub(super) fn column(&self, motion: Motion, k: usize) -> Force<T> {
         let Composite { mass, h, inertia } = self;
@@ -143,7 +148,7 @@ impl<T: Real> Composite<T> {
     /// The same inertia about the parent's origin in the parent's axes:
     /// I' = R I Rᵀ + 2 (b·p) 1 − b pᵀ − p bᵀ with b = R h + m p / 2.
     #[inline(always)]
-    pub(super) fn carried(&self, state: &BodyState<T>) -> Composite<T> {
+    pub(super) fn transformed(&self, state: &BodyState<T>) -> Composite<T> {
         let (R, p) = (&state.R, &state.p);
         let [xx, xy, xz, yy, yz, zz] = self.inertia;
         let rows = [Vector3::new(xx, xy, xz), Vector3::new(xy, yy, yz), Vector3::new(xz, yz, zz)];

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::algorithms::rnea::accelerate;
-use crate::mechanism::Motion;
-use crate::model::{Frame, Model};
+use crate::mechanism::{Frame, Motion};
+use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, lift, lift_mat, mul, mul_mat, t_mul, to_quaternion, zero,
@@ -45,9 +45,9 @@ pub(crate) fn velocities<T: Real>(
                 state.w += Vector3::new(qd[body.v], qd[body.v + 1], qd[body.v + 2])
             }
             Motion::Floating => {
-                let of = &qd[body.v..body.v + 6];
-                state.w += Vector3::new(of[0], of[1], of[2]);
-                state.v += Vector3::new(of[3], of[4], of[5]);
+                let rates = &qd[body.v..body.v + 6];
+                state.w += Vector3::new(rates[0], rates[1], rates[2]);
+                state.v += Vector3::new(rates[3], rates[4], rates[5]);
             }
         }
     }

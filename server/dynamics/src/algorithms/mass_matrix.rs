@@ -1,7 +1,7 @@
 //! The mass matrix M of the tree by composite rigid bodies [F08, 6.2, table 6.2]: no loop, no
 //! G.
 
-use crate::algorithms::cluster_columns::{carry_force, component};
+use crate::algorithms::cluster_columns::{component, transform_force};
 use crate::algorithms::crba::composite_inertias;
 use crate::model::Model;
 use crate::scalar::Real;
@@ -27,14 +27,14 @@ pub(crate) fn tree_mass_matrix<T: Real>(
             let mut force = composite[i].column(body.motion, k);
             let mut at = i;
             while at != 0 {
-                let carrier = &model.bodies[at];
-                for d in 0..carrier.motion.n_v() {
-                    let entry = component(carrier.motion, d, &force);
-                    M[v * stride + carrier.v + d] = entry;
-                    M[(carrier.v + d) * stride + v] = entry;
+                let ancestor = &model.bodies[at];
+                for d in 0..ancestor.motion.n_v() {
+                    let entry = component(ancestor.motion, d, &force);
+                    M[v * stride + ancestor.v + d] = entry;
+                    M[(ancestor.v + d) * stride + v] = entry;
                 }
-                force = carry_force(&force, &motion[at]);
-                at = carrier.parent;
+                force = transform_force(&force, &motion[at]);
+                at = ancestor.parent;
             }
         }
     }

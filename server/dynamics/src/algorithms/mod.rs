@@ -8,12 +8,11 @@ mod mass_matrix;
 mod rnea;
 mod terms;
 
-pub(crate) use cluster_aba::{Embedding, embedded_solve, pivots};
-pub(crate) use cluster_columns::Force;
+pub(crate) use cluster_aba::embedded_solve;
 pub(crate) use crba::{own_inertias, reduced_mass_matrix};
 pub(crate) use frames::{
     frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities,
     world_poses,
 };
 pub(crate) use mass_matrix::tree_mass_matrix;
-pub(crate) use rnea::{joint_poses, newton_euler};
+pub(crate) use rnea::{TreeMotion, joint_poses, newton_euler};

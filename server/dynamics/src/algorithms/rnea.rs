@@ -7,24 +7,32 @@
 use nalgebra::Vector3;
 
 use crate::algorithms::terms::joint_forces;
-use crate::mechanism::{Motion, joint_pose};
-use crate::model::{Body, Model};
+use crate::mechanism::{Body, Motion, joint_pose};
+use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
 use crate::workspace::{BodyState, Rates};
 
-/// Pose of every body in its parent, from the coordinates and the turns.
+/// Pose of every body in its parent, from the coordinates and their cosines and sines.
 #[inline]
 pub(crate) fn joint_poses<T: Real>(
     model: &Model<T::Const>,
     q: &[T],
-    turn: &[(T, T)],
+    cos_sin: &[(T, T)],
     motion: &mut [BodyState<T>],
 ) {
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        let pose = joint_pose(body, &q[body.q..], turn[i]);
+        let pose = joint_pose(body, &q[body.q..], cos_sin[i]);
         (motion[i].R, motion[i].p) = (pose.R, pose.p);
     }
+}
+
+/// A motion of the tree, in the order of the bodies.
+pub(crate) struct TreeMotion<'a, T> {
+    /// Coordinates (n_q), velocities and accelerations (n_v).
+    pub(crate) q: &'a [T],
+    pub(crate) qd: &'a [T],
+    pub(crate) qdd: &'a [T],
 }
 
 /// τ = M q̈ + C − Σ Jᵀ w for the tree. Needs [`joint_poses`]; `wrench` holds what acts on each
@@ -32,9 +40,7 @@ pub(crate) fn joint_poses<T: Real>(
 #[inline]
 pub(crate) fn newton_euler<T: Real>(
     model: &Model<T::Const>,
-    q: &[T],
-    qd: &[T],
-    qdd: &[T],
+    &TreeMotion { q, qd, qdd }: &TreeMotion<'_, T>,
     wrench: Option<&[(Vector3<T>, Vector3<T>)]>,
     motion: &mut [BodyState<T>],
     tau: &mut [T],

@@ -1,7 +1,7 @@
 //! Springs, dampers and rotors in the joints: parts of C and of M that touch single coordinates
 //! [F08, 9.6 for rotors whose gyroscopic part is left out].
 
-use crate::mechanism::Rotor;
+use crate::mechanism::{GBlock, Rotor};
 use crate::model::Model;
 use crate::scalar::Real;
 
@@ -32,7 +32,7 @@ pub(super) fn joint_forces<T: Real>(
 pub(super) fn add_rotors<T: Real>(
     rotors: &mut &[Rotor<T::Const>],
     v: usize,
-    G: &[T],
+    G: GBlock<'_, T>,
     D: &mut [T],
     m: usize,
 ) {
@@ -40,7 +40,7 @@ pub(super) fn add_rotors<T: Real>(
         if rotor.v < v {
             break;
         }
-        let g = &G[(rotor.v - v) * m..][..m];
+        let g = G.row(rotor.v - v);
         for k in 0..m {
             let x = T::lift(rotor.inertia) * g[k];
             for l in 0..=k {

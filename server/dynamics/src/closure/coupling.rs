@@ -7,8 +7,7 @@
 //! wheels by the cage or the cage by the wheels does not matter.
 
 use crate::closure::{Level, Local, Numerical};
-use crate::mechanism::Motion;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Motion};
 use crate::scalar::Real;
 
 /// q = M y + b.
@@ -45,7 +44,7 @@ impl<C: nalgebra::Scalar + Copy> Coupling<C> {
         for j in 0..cluster.n {
             if bodies[j].motion == Motion::Revolute {
                 let (s, c) = local.q[j].sin_cos();
-                local.turn[j] = (c, s);
+                local.cos_sin[j] = (c, s);
             }
         }
         if level >= Level::Velocity {

@@ -5,7 +5,8 @@
 //! at
 //!
 //! ```text
-//!   v = R_x(q₁) (r Z + R_y(q₂) w),   w = ℓ a + e        slider direction a, eccentricity e ⟂ a, distance r of the axes
+//!   v = R_x(q₁) (r Z + R_y(q₂) w)        r the distance of the axes
+//!   w = ℓ a + e                          a the slider's direction, e ⟂ a the eccentricity
 //! ```
 //! With r = 0: ℓ² = |v|² − |e|². With a ⟂ Y the part of w along Y is constant, so that first z =
 //! ±√(v_y² + v_z² − e_y²) − r, the part of R_y w along Z, then ℓ² = v_x² + z² + e_y² − |e|². Then
@@ -13,16 +14,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Local, Verdict};
-use crate::mechanism::Freedom;
+use crate::closure::{Local, Validity};
+use crate::mechanism::Dof;
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, dot, lift, lift_mat, scale_add, t_mul};
 
 /// Geometry of a strut.
 #[derive(Clone, Debug)]
 pub(crate) struct Strut<C> {
-    /// First and second turn, slider.
-    pub(crate) joints: [Freedom; 3],
+    /// First and second revolute joint, slider.
+    pub(crate) joints: [Dof; 3],
     /// The strut's frame {cluster's parent body}: X, Y along the axes at zero, origin on the first
     /// where the second is nearest.
     pub(crate) axes: Matrix3<C>,
@@ -33,7 +34,8 @@ pub(crate) struct Strut<C> {
     /// Slider direction and eccentricity at zero {strut}.
     pub(crate) a: Vector3<C>,
     pub(crate) e: Vector3<C>,
-    /// |e|²; at zero |v|² where the axes cross, v_x² + z² where they do not, and the signed slider length.
+    /// |e|²; at zero |v|² where the axes cross, v_x² + z² where they do not; the signed slider
+    /// length at zero.
     pub(crate) e_square: C,
     pub(crate) square0: C,
     pub(crate) length0: C,
@@ -64,7 +66,7 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         &self,
         point: &Vector3<T>,
         local: &mut Local<'_, T>,
-    ) -> (Reach<T>, Verdict<T::Mask>) {
+    ) -> (Reach<T>, Validity<T::Mask>) {
         let [j1, j2, j3] = self.joints;
         let axes: Matrix3<T> = lift_mat(&self.axes);
         let (a, e): (Vector3<T>, Vector3<T>) = (lift(&self.a), lift(&self.e));
@@ -102,12 +104,12 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let inverse_rho = T::ONE / rho;
         let c1 = w[1].mul_add(v[1], root * v[2]) * inverse_rho;
         let s1 = w[1].mul_add(v[2], -(root * v[1])) * inverse_rho;
-        local.turn[j1.body] = (c1, s1);
-        local.turn[j2.body] = (c2, s2);
+        local.cos_sin[j1.body] = (c1, s1);
+        local.cos_sin[j2.body] = (c2, s2);
         local.q[j1.q] = s1.atan2(c1);
         local.q[j2.q] = s2.atan2(c2);
         // each alone: where one is negative the other is no number
-        let verdict = Verdict::of(reach, square0).or(Verdict::of(root_square, square0));
+        let validity = Validity::of(reach, square0).or(Validity::of(root_square, square0));
 
         // columns: X × v, a₂ × (v − r Z), slider direction; the inverse by cross products
         let a2 = Vector3::new(T::ZERO, c1, s1);
@@ -121,7 +123,7 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
             Vector3::new(ry[0], c1.mul_add(ry[1], -(s1 * ry[2])), s1.mul_add(ry[1], c1 * ry[2]));
         let rows = [cross(&J2, &a3), cross(&a3, &J1), cross(&J1, &J2)];
         let inverse_det = T::ONE / dot(&a3, &rows[2]);
-        (Reach { axes, a2, lever, u, a3, rows, inverse_det }, verdict)
+        (Reach { axes, a2, lever, u, a3, rows, inverse_det }, validity)
     }
 
     /// Rates of the three joints for a velocity of the point {cluster's parent body}.

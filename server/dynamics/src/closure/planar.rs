@@ -1,13 +1,14 @@
 //! A plane loop of four joints, at most one of them a slider: four-bar and slider-crank.
 //!
 //! ```text
-//!   J0 ──a── J1 ──b── J2 ──c── J3 ──d── J0        J0 is the independent joint, one of J1 to J3 is cut
+//!   J0 ──a── J1 ──b── J2 ──c── J3 ──d── J0    J0 is independent, one of J1 to J3 is cut
 //! ```
 //! Seen from link d, J0 turns (or slides) link a by y and carries J1 along; the other two links
 //! follow from where J1 is:
 //!
 //! ```text
-//!   two links    b − c = D                b = κ D + η J D,  κ = (|D|² + |b|² − |c|²) / 2|D|²,  W = b × c = η |D|²
+//!   two links    b − c = D                b = κ D + η J D,  κ = (|D|² + |b|² − |c|²) / 2|D|²
+//!                                         W = b × c = η |D|²
 //!   slider       b = L t + ε J t          L = ±√(|b|² − ε²)
 //! ```
 //! with D from J1 to J3, t the direction of the slider J3 in link d, ε what J1 lies beside the line
@@ -17,7 +18,7 @@
 //! dependents lie in (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see
 //! [`super::Rrpr`].
 
-use crate::closure::{Level, Local, Numerical, Verdict};
+use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::Real;
 
 /// Geometry of a plane loop, origin in J0 where it turns {plane of link d}.
@@ -97,7 +98,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         &self,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Verdict<T::Mask> {
+    ) -> Validity<T::Mask> {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (a, t) = (lift(&self.a), lift(&self.t));
         let y = local.q[self.joint];
@@ -107,11 +108,11 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             ((T::ONE, T::ZERO), add(&t, y, &a), t, [T::ZERO, T::ZERO])
         } else {
             let (s, c) = y.sin_cos();
-            local.turn[self.joint] = (c, s);
+            local.cos_sin[self.joint] = (c, s);
             let p = [c.mul_add(a[0], -(s * a[1])), s.mul_add(a[0], c * a[1])];
             ((c, s), p, right(&p), [-p[0], -p[1]])
         };
-        let (links, verdict) = if self.slider {
+        let (links, validity) = if self.slider {
             self.slider(&p, &p1, &p2, level)
         } else {
             self.two_links(&p, &p1, &p2, level)
@@ -131,11 +132,11 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
                 2 => minus(links.turn_c, links.turn_b),
                 _ => (links.turn_c.0, -links.turn_c.1),
             };
-            local.turn[tie.joint] = (c, sense * s);
+            local.cos_sin[tie.joint] = (c, sense * s);
             local.q[tie.joint] = (sense * s).atan2(c);
         }
         if level == Level::Position {
-            return verdict;
+            return validity;
         }
         local.G[self.joint] = T::ONE;
         local.g[self.joint] = T::ZERO;
@@ -155,10 +156,10 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             local.qd[tie.joint] = sense * first * yd;
             local.g[tie.joint] = sense * second * (yd * yd);
         }
-        verdict
+        validity
     }
 
-    /// Links b and c turn: where circles about J1 and J3 meet.
+    /// Links b and c rotate: where circles about J1 and J3 meet.
     #[inline(always)]
     fn two_links<T: Real<Const = C>>(
         &self,
@@ -166,7 +167,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         p1: &Plane<T>,
         p2: &Plane<T>,
         level: Level,
-    ) -> (Links<T>, Verdict<T::Mask>) {
+    ) -> (Links<T>, Validity<T::Mask>) {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (b0, c0, d) = (lift(&self.b), lift(&self.c), lift(&self.d));
         let (b_square, c_square) = (T::lift(self.b_square), T::lift(self.c_square));
@@ -182,8 +183,8 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let b = add(&right(&D), W * inverse, &[along * inverse * D[0], along * inverse * D[1]]);
         let c = [b[0] - D[0], b[1] - D[1]];
         let (inverse_b, inverse_c) = (T::ONE / b_square, T::ONE / c_square);
-        let verdict =
-            Verdict::of(W_square, b_square * c_square).or(Verdict::of(square, b_square + c_square));
+        let validity = Validity::of(W_square, b_square * c_square)
+            .or(Validity::of(square, b_square + c_square));
         let mut links = Links {
             turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
             turn_c: (dot(&c0, &c) * inverse_c, cross(&c0, &c) * inverse_c),
@@ -192,7 +193,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             second: [T::ZERO; 3],
         };
         if level == Level::Position {
-            return (links, verdict);
+            return (links, validity);
         }
 
         // b′ J b − c′ J c = D′, then the same with what the turning adds
@@ -202,7 +203,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let x = add(&b, b1 * b1, &add(&c, -(c1 * c1), &[-p2[0], -p2[1]]));
         let (b2, c2) = solve(&x);
         (links.first, links.second) = ([b1, c1, T::ZERO], [b2, c2, T::ZERO]);
-        (links, verdict)
+        (links, validity)
     }
 
     /// Link c slides on link d along t and does not turn.
@@ -213,7 +214,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         p1: &Plane<T>,
         p2: &Plane<T>,
         level: Level,
-    ) -> (Links<T>, Verdict<T::Mask>) {
+    ) -> (Links<T>, Validity<T::Mask>) {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (a, b0, t) = (lift(&self.a), lift(&self.b), lift(&self.t));
         let b_square = T::lift(self.b_square);
@@ -229,7 +230,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let stretch = -(change * (beside + beside0)) / (L + length0);
         let b = [L.mul_add(t[0], beside * n[0]), L.mul_add(t[1], beside * n[1])];
         let inverse_b = T::ONE / b_square;
-        let verdict = Verdict::of(L_square, b_square);
+        let validity = Validity::of(L_square, b_square);
         let mut links = Links {
             turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
             turn_c: (T::ONE, T::ZERO),
@@ -238,7 +239,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             second: [T::ZERO; 3],
         };
         if level == Level::Position {
-            return (links, verdict);
+            return (links, validity);
         }
 
         // b′ J b − s′ t = −p′, then the same with what the turning adds
@@ -247,7 +248,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let (b1, s1) = solve(&[-p1[0], -p1[1]]);
         let (b2, s2) = solve(&add(&b, b1 * b1, &[-p2[0], -p2[1]]));
         (links.first, links.second) = ([b1, T::ZERO, s1], [b2, T::ZERO, s2]);
-        (links, verdict)
+        (links, validity)
     }
 
     /// The same geometry with every constant converted.

@@ -6,17 +6,17 @@
 //! C stays in a plane of the arm whose normal m ⟂ n turns with it:
 //!
 //! ```text
-//!   D = C − P in platform axes,   m₀ · R_n(−θ) D = h        P on the arm's axis, h = m · (C − P) at zero
-//!   k · R_n(−θ) D = ±√(D_k² + D_m² − h²)                     k, m, n right-handed
+//!   D = C − P in platform axes        P on the arm's axis
+//!   m₀ · R_n(−θ) D = h                h = m · (C − P) at zero
+//!   k · R_n(−θ) D = ±√(D_k² + D_m² − h²)        k, m, n right-handed
 //! ```
 //! Then the arm's tip is known and the strut reaches for it. With ω, α and E for the arm's body and
 //! r = C − P: θ̇ k · r = −m · v_platform(C), and θ̈ from m · (a_E(C) − 2 ω × v_E(C)) = 0.
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Level, Local, Numerical, Rate, Strut, Verdict};
-use crate::mechanism::{Freedom, Motion, joint_pose};
-use crate::model::{Body, Cluster};
+use crate::closure::{Level, Local, Numerical, Rate, Strut, Validity};
+use crate::mechanism::{Body, Cluster, Dof, Motion, joint_pose};
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z,
@@ -25,10 +25,10 @@ use crate::spatial::{
 
 /// A platform and its legs.
 #[derive(Clone, Debug)]
-pub(crate) struct Legs<C> {
-    /// Freedoms of the joints that carry the platform, from the base, each with its place in y; all
-    /// are independent.
-    pub(crate) chain: Vec<(Freedom, usize)>,
+pub(crate) struct Platform<C> {
+    /// Degrees of freedom of the joints that carry the platform, from the base, each with its place
+    /// in y; all are independent.
+    pub(crate) chain: Vec<(Dof, usize)>,
     pub(crate) legs: Vec<Leg<C>>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
     pub(crate) polish: Option<Numerical<C>>,
@@ -46,21 +46,23 @@ pub(crate) struct Leg<C> {
 /// A turning arm on the platform that stays turned towards a point of the base.
 #[derive(Clone, Debug)]
 pub(crate) struct Arm<C> {
-    pub(crate) joint: Freedom,
-    /// Its frame at zero {platform body}: k, m, n, and a point of its axis n.
+    pub(crate) joint: Dof,
+    /// Its axes k, m, n at zero {platform body}.
     pub(crate) axes: Matrix3<C>,
+    /// P, a point of its axis n {platform body}.
     pub(crate) pivot: Vector3<C>,
     /// The point C {cluster's parent body}.
     pub(crate) center: Vector3<C>,
-    /// m · (C − P), its square, and the sign of k · (C − P).
+    /// m · (C − P).
     pub(crate) beside: C,
+    /// ±1, the sign of k · (C − P).
     pub(crate) side: C,
 }
 
 /// The pin and how it moves {cluster's parent body}.
 struct Pin<T> {
     point: Vector3<T>,
-    /// Of an arm: tip from its pivot, m and k · r.
+    /// Of an arm: its tip from its pivot, m, n, 1 / (k · r) and its pivot.
     tip: Vector3<T>,
     m: Vector3<T>,
     n: Vector3<T>,
@@ -68,7 +70,7 @@ struct Pin<T> {
     pivot: Vector3<T>,
 }
 
-impl<C: nalgebra::Scalar + Copy> Legs<C> {
+impl<C: nalgebra::Scalar + Copy> Platform<C> {
     /// The position, velocity and acceleration level in closed form.
     pub(crate) fn close<T: Real<Const = C>>(
         &self,
@@ -76,16 +78,17 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Verdict<T::Mask> {
+    ) -> Validity<T::Mask> {
         // pose of the platform along the chain; its joints' axes and points are kept for the
         // Jacobian
         let mut pose = Pose::identity();
         for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
             if at.motion == Motion::Revolute {
                 let (s, c) = local.q[at.q].sin_cos();
-                local.turn[at.body] = (c, s);
+                local.cos_sin[at.body] = (c, s);
             }
-            pose = pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.turn[at.body]));
+            pose =
+                pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.cos_sin[at.body]));
             local.scratch.pose[at.body + 1] = pose;
         }
         if level >= Level::Velocity {
@@ -96,15 +99,15 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
                 local.g[at.v] = T::ZERO;
             }
         }
-        let mut verdict = Verdict::fine();
+        let mut validity = Validity::fine();
         for leg in &self.legs {
             let of_leg = match leg.arm {
                 None => leg.close::<T, false>(self, cluster.n_vy, &pose, local, level),
                 Some(_) => leg.close::<T, true>(self, cluster.n_vy, &pose, local, level),
             };
-            verdict = verdict.or(of_leg);
+            validity = validity.or(of_leg);
         }
-        verdict
+        validity
     }
 
     /// Rates of the chain's bodies at q̈ = 0.
@@ -119,7 +122,7 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
     }
 
     /// The same geometry with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Legs<D> {
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Platform<D> {
         let arm = |arm: &Arm<C>| Arm {
             joint: arm.joint,
             axes: arm.axes.map(f),
@@ -133,7 +136,7 @@ impl<C: nalgebra::Scalar + Copy> Legs<C> {
             pin: leg.pin.map(f),
             arm: leg.arm.as_ref().map(arm),
         };
-        Legs {
+        Platform {
             chain: self.chain.clone(),
             legs: self.legs.iter().map(leg).collect(),
             polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
@@ -146,19 +149,19 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
     #[inline]
     fn close<T: Real<Const = C>, const ARM: bool>(
         &self,
-        of: &Legs<C>,
+        of: &Platform<C>,
         n_vy: usize,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Verdict<T::Mask> {
+    ) -> Validity<T::Mask> {
         // where the pin is, then how the strut reaches it
         let arm = if ARM { self.arm.as_ref() } else { None };
         let (pin, of_arm) = self.pin(arm, platform, local);
-        let (reach, verdict) = self.strut.reach(&pin.point, local);
-        let verdict = if ARM { verdict.or(of_arm) } else { verdict };
+        let (reach, validity) = self.strut.reach(&pin.point, local);
+        let validity = if ARM { validity.or(of_arm) } else { validity };
         if level == Level::Position {
-            return verdict;
+            return validity;
         }
 
         // one column of G for each independent coordinate
@@ -180,7 +183,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
                 .zip(rates)
                 .for_each(|(i, rate)| local.G[i.v * n_vy + k] = rate);
         }
-        let rate = |j: Freedom, local: &mut Local<'_, T>| {
+        let rate = |j: Dof, local: &mut Local<'_, T>| {
             let mut qd = T::ZERO;
             for (at, k) in &of.chain {
                 qd = local.G[j.v * n_vy + k].mul_add(local.qd[at.v], qd);
@@ -191,7 +194,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let rates = self.strut.joints.map(|j| rate(j, local));
         let turn_rate = arm.map_or(T::ZERO, |arm| rate(arm.joint, local));
         if level == Level::Velocity {
-            return verdict;
+            return validity;
         }
 
         // acceleration of the pin at ÿ = 0
@@ -218,7 +221,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         }
         let bias = self.strut.accelerations(&reach, rates, &acceleration);
         self.strut.joints.iter().zip(bias).for_each(|(j, bias)| local.g[j.v] = bias);
-        verdict
+        validity
     }
 
     /// The pin on the platform or on its arm; the arm's coordinate.
@@ -228,7 +231,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         arm: Option<&Arm<C>>,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
-    ) -> (Pin<T>, Verdict<T::Mask>) {
+    ) -> (Pin<T>, Validity<T::Mask>) {
         let pin: Vector3<T> = lift(&self.pin);
         let Some(arm) = arm else {
             let point = platform.point(&pin);
@@ -240,7 +243,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
                 inverse_length: T::ZERO,
                 pivot: zero(),
             };
-            return (pin, Verdict::fine());
+            return (pin, Validity::fine());
         };
 
         // D on the arm's axes at zero, its part along n apart
@@ -255,11 +258,11 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let inverse = T::ONE / square;
         let c = length.mul_add(D[0], beside * D[1]) * inverse;
         let s = length.mul_add(D[1], -(beside * D[0])) * inverse;
-        local.turn[arm.joint.body] = (c, s);
+        local.cos_sin[arm.joint.body] = (c, s);
         local.q[arm.joint.q] = s.atan2(c);
         let turned = turn_z(&axes, c, s);
         let tip = mul(&turned, &pin);
-        let verdict = Verdict::of(reach, dot(&D, &D));
+        let validity = Validity::of(reach, dot(&D, &D));
         let pin = Pin {
             point: pivot + tip,
             tip,
@@ -268,7 +271,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
             inverse_length: T::ONE / length,
             pivot,
         };
-        (pin, verdict)
+        (pin, validity)
     }
 }
 

@@ -14,7 +14,7 @@
 //! a gap, the target beyond it is answered on the same side of the slider's root. Newton's method,
 //! which follows the path, calls that target unreachable. The stator's coordinate lies in (−π, π].
 
-use crate::closure::{Level, Local, Numerical, Verdict};
+use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::Real;
 
 /// Geometry of a lambda in its plane.
@@ -45,7 +45,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         &self,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Verdict<T::Mask> {
+    ) -> Validity<T::Mask> {
         let [j1, j2, j3] = self.joints;
         let two = |v: &[C; 2]| [T::lift(v[0]), T::lift(v[1])];
         let (d3, d1, t0, e) =
@@ -70,13 +70,13 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let cosine = w[0].mul_add(d[0], w[1] * d[1]) * inverse_square;
         let sine = w[0].mul_add(d[1], -(w[1] * d[0])) * inverse_square;
         let sense = T::lift(self.sense);
-        local.turn[j1] = (c1, s1);
-        local.turn[j2] = (cosine, sense * sine);
+        local.cos_sin[j1] = (c1, s1);
+        local.cos_sin[j2] = (cosine, sense * sine);
         local.q[j2] = (sense * sine).atan2(cosine);
         local.q[j3] = q3;
-        let verdict = Verdict::of(reach, T::lift(self.square0));
+        let validity = Validity::of(reach, T::lift(self.square0));
         if level == Level::Position {
-            return verdict;
+            return validity;
         }
 
         // t, b: slider direction and its normal; p: velocity of the pin for ẏ = 1
@@ -95,7 +95,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         local.qd[j3] = v3;
         local.g[j1] = T::ZERO;
         if level == Level::Velocity {
-            return verdict;
+            return validity;
         }
 
         // d̈ at ÿ = 0, less the centripetal and Coriolis part of the stator
@@ -106,7 +106,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let turn_bias = b[0].mul_add(x0, b[1] * x1) * inverse_length;
         local.g[j2] = sense * turn_bias;
         local.g[j3] = t[0].mul_add(x0, t[1].mul_add(x1, e * turn_bias));
-        verdict
+        validity
     }
 
     /// The same geometry with every constant converted.

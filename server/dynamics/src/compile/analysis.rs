@@ -4,19 +4,18 @@
 use faer::Mat;
 
 use crate::closure::{
-    Blocks, Closure, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian,
+    Blocks, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian,
     constraint_residual, local_poses, scaled,
 };
 use crate::compile::blocks::blocks;
 use crate::compile::idle::Drift;
+use crate::compile::rank::{RANK_GAP, independent_rows, locks, matrix, null_space, rank};
 use crate::diagnostic::{Diagnostic, Site};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Scalar};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
 
-/// Ratio of singular values below which a row says nothing new: files are rounded.
-const RANK_GAP: f64 = 1e-4;
 /// Poses at which rank is judged, and how far from zero they lie, in radians or cluster lengths.
 pub(super) const POSES: usize = 3;
 const REACH: f64 = 0.2;
@@ -39,18 +38,26 @@ struct Sample {
     pose: Vec<Pose<f64>>,
 }
 
+/// A cluster with what a message about it needs.
+pub(super) struct Subject<'a> {
+    pub(super) cluster: &'a Cluster<f64>,
+    pub(super) bodies: &'a [Body<f64>],
+    /// Of each of its bodies.
+    pub(super) has_child_cluster: &'a [bool],
+    /// Names of its velocities and of its rows.
+    pub(super) names: &'a [String],
+    pub(super) row_names: &'a [String],
+    pub(super) site: Site,
+}
+
 /// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared
-/// independents. `carries` tells which of its bodies carry other clusters.
+/// independents.
 pub(super) fn analyse(
-    cluster: &Cluster<f64>,
-    bodies: &[Body<f64>],
-    carries: &[bool],
-    names: &[String],
-    row_names: &[String],
-    site: Site,
+    subject: &Subject<'_>,
     errors: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Diagnostic>,
 ) -> Option<Analysis> {
+    let &Subject { cluster, bodies, has_child_cluster, names, row_names, site } = subject;
     let (n, rows) = (cluster.n_v, cluster.rows.len());
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
 
@@ -63,7 +70,7 @@ pub(super) fn analyse(
     let drift = null_space(&K_d);
     let excess = (n - rank).checked_sub(cluster.n_vy);
     if excess != Some(drift.len())
-        || drift.iter().any(|of| !is_idle(cluster, bodies, carries, generic, of))
+        || drift.iter().any(|motion| !is_idle(cluster, bodies, has_child_cluster, generic, motion))
     {
         errors.push(wrong_mobility(cluster, &K_d, rank, names, row_names, site));
         return None;
@@ -104,30 +111,20 @@ pub(super) fn analyse(
             site,
             found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
             expected: format!("{n_dependent} independent axes for {n_dependent} dependent joints"),
-            help: "they are left out of the solution; what the loop-closure forces share is the least norm".into(),
+            help: "they are left out of the solution; what the loop-closure forces share is the \
+                least norm"
+                .into(),
         });
     }
     let blocks = blocks(&cluster, &used, &generic.K);
     Some(Analysis { used, blocks, locked })
 }
 
-/// Directions of the dependents that K_d does not see, of unit length in the scaling.
-fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
-    let m = K_d.ncols();
-    if m == 0 {
-        return Vec::new();
-    }
-    let Ok(svd) = K_d.svd() else { return Vec::new() };
-    let (S, V) = (svd.S().column_vector(), svd.V());
-    let lost = |a: usize| a >= S.nrows() || S[a] <= RANK_GAP * S[0];
-    (0..m).filter(|a| lost(*a)).map(|a| (0..m).map(|i| V[(i, a)]).collect()).collect()
-}
-
 /// True where a direction of the dependents is idle at a sample.
 fn is_idle(
     cluster: &Cluster<f64>,
     bodies: &[Body<f64>],
-    carries: &[bool],
+    has_child_cluster: &[bool],
     at: &Sample,
     direction: &[f64],
 ) -> bool {
@@ -137,16 +134,7 @@ fn is_idle(
         .iter()
         .zip(direction)
         .for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
-    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(carries)
-}
-
-/// As many places as there are directions, by pivoted QR: the largest component first.
-fn locks(directions: &[Vec<f64>]) -> Vec<usize> {
-    let Some(m) = directions.first().map(Vec::len) else { return Vec::new() };
-    let qr = Mat::from_fn(directions.len(), m, |a, i| directions[a][i]).col_piv_qr();
-    let mut locked = qr.P().arrays().0[..directions.len()].to_vec();
-    locked.sort_unstable();
-    locked
+    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
 }
 
 fn list<'a>(of: &[usize], name: impl Fn(&usize) -> &'a str) -> String {
@@ -161,12 +149,9 @@ pub(super) fn close_zero(
     numerical: &mut Numerical<Dd>,
     site: Site,
 ) -> Option<Diagnostic> {
-    if matches!(cluster.closure, Closure::Coupling(_)) {
-        return None;
-    }
     let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
     let mut state = State::new(cluster, &numerical.zero);
-    local_poses(cluster, bodies, &state.q, &mut state.turn, &mut scratch.pose);
+    local_poses(cluster, bodies, &state.q, &mut state.cos_sin, &mut scratch.pose);
     constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     let gap = |of_coupling: bool| {
@@ -206,7 +191,10 @@ pub(super) fn close_zero(
             return Some(Diagnostic {
                 site,
                 found: format!("loops that do not close at y = 0 ({})", outcome.status),
-                expected: "a closed pose where the independents are zero and the couplings have their offsets".into(),
+                expected:
+                    "a closed pose where the independents are zero and the couplings have their \
+                    offsets"
+                        .into(),
                 help: "correct the offsets of the couplings".into(),
             });
         }
@@ -220,7 +208,7 @@ pub(super) fn close_zero(
 struct State<T> {
     start: Vec<T>,
     q: Vec<T>,
-    turn: Vec<(T, T)>,
+    cos_sin: Vec<(T, T)>,
     qd: Vec<T>,
     G: Vec<T>,
     g: Vec<T>,
@@ -231,7 +219,7 @@ impl<T: Scalar> State<T> {
         State {
             start: zero.to_vec(),
             q: zero.to_vec(),
-            turn: vec![(T::ONE, T::ZERO); cluster.n],
+            cos_sin: vec![(T::ONE, T::ZERO); cluster.n],
             qd: vec![T::ZERO; cluster.n_v],
             G: vec![T::ZERO; cluster.n_v * cluster.n_vy],
             g: vec![T::ZERO; cluster.n_v],
@@ -243,7 +231,7 @@ impl<T: Scalar> State<T> {
             start: &self.start,
             tangent: None,
             q: &mut self.q,
-            turn: &mut self.turn,
+            cos_sin: &mut self.cos_sin,
             qd: &mut self.qd,
             G: &mut self.G,
             g: &mut self.g,
@@ -252,30 +240,28 @@ impl<T: Scalar> State<T> {
     }
 }
 
-/// A closed pose some way from zero, found by damped steps of least norm, which need no rank; and
-/// the scaled K there.
+/// A closed pose at some distance from zero, found by damped steps of least norm, which need no
+/// rank; and the scaled K there.
 fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     let (n, rows) = (cluster.n_v, cluster.rows.len());
-    let mut turn = vec![(1.0, 0.0); cluster.n];
+    let mut cos_sin = vec![(1.0, 0.0); cluster.n];
     let mut pose = vec![Pose::identity(); cluster.n + 1];
     let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
     let mut q = vec![0.0; cluster.n_q];
-    for at in cluster.freedoms.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
+    for at in cluster.dofs.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
         q[at.q + at.motion.n_q() - 1] = 1.0;
     }
     let mut closed = q.clone();
     const SUBSTEPS: usize = 8;
     for _ in 0..SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
-            let (at, unit) = (
-                &cluster.freedoms[j],
-                if cluster.freedoms[j].slides() { cluster.length } else { 1.0 },
-            );
+            let (at, unit) =
+                (&cluster.dofs[j], if cluster.dofs[j].slides() { cluster.length } else { 1.0 });
             at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
         }
         let mut done = false;
         for _ in 0..30 {
-            local_poses(cluster, bodies, &q, &mut turn, &mut pose);
+            local_poses(cluster, bodies, &q, &mut cos_sin, &mut pose);
             constraint_residual(cluster, &pose, &q, &mut phi);
             constraint_jacobian(cluster, &pose, &mut K);
             if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
@@ -289,7 +275,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
                 if S[a] > 1e-6 * S[0] {
                     let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
                     for (i, &j) in cluster.dependent.iter().enumerate() {
-                        cluster.freedoms[j].advance(&mut q, -V[(i, a)] * along);
+                        cluster.dofs[j].advance(&mut q, -V[(i, a)] * along);
                     }
                 }
             }
@@ -299,7 +285,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
         }
         closed.copy_from_slice(&q);
     }
-    local_poses(cluster, bodies, &closed, &mut turn, &mut pose);
+    local_poses(cluster, bodies, &closed, &mut cos_sin, &mut pose);
     constraint_jacobian(cluster, &pose, &mut K);
     let mut scaled_K = vec![0.0; rows * n];
     scaled(cluster, &K, 0..rows, &(0..n).collect::<Vec<_>>(), |r, v, x| scaled_K[r * n + v] = x);
@@ -311,33 +297,6 @@ pub(super) fn noise(k: usize) -> f64 {
     let x = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ x >> 31).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
-/// Columns of a row-major matrix.
-fn matrix(K: &[f64], rows: usize, n: usize, columns: &[usize]) -> Mat<f64> {
-    Mat::from_fn(rows, columns.len(), |r, a| K[r * n + columns[a]])
-}
-
-fn rank(A: &Mat<f64>) -> usize {
-    if A.nrows() == 0 || A.ncols() == 0 {
-        return 0;
-    }
-    A.thin_svd().map_or(0, |svd| {
-        let S = svd.S().column_vector();
-        (0..S.nrows()).filter(|i| S[*i] > RANK_GAP * S[0]).count()
-    })
-}
-
-/// As many rows of K_d as it has columns, by pivoted QR of its transpose, in their own order.
-fn independent_rows(K_d: &Mat<f64>, count: usize) -> Vec<usize> {
-    if K_d.nrows() == count {
-        return (0..count).collect();
-    }
-    let qr = K_d.transpose().col_piv_qr();
-    let (forward, _) = qr.P().arrays();
-    let mut used = forward[..count].to_vec();
-    used.sort_unstable();
-    used
 }
 
 /// How much a dropped row would move along the true motion, relative to its size.
@@ -376,7 +335,7 @@ fn wrong_mobility(
         cluster.rows.len()
     );
     if rank < cluster.rows.len() {
-        let kept = independent_rows(K_d, self::rank(K_d).min(K_d.nrows()));
+        let kept = independent_rows(K_d, crate::compile::rank::rank(K_d).min(K_d.nrows()));
         let redundant = (0..cluster.rows.len())
             .filter(|r| !kept.contains(r))
             .map(|r| row_names[r].as_str())
@@ -389,7 +348,7 @@ fn wrong_mobility(
         .dependent
         .iter()
         .enumerate()
-        .filter(|(i, _)| drift.iter().any(|of| of[*i].abs() > 1e-3));
+        .filter(|(i, _)| drift.iter().any(|motion| motion[*i].abs() > 1e-3));
     let moving = moving.map(|(_, v)| names[*v].as_str()).collect::<Vec<_>>();
     if !moving.is_empty() {
         found += &format!("; joints that the independents do not determine: {}", moving.join(", "));

@@ -1,13 +1,13 @@
 //! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many
 //! joints, in the order of solution.
 
-use crate::closure::{Block, BlockCut, Blocks, Cut, CutRow, RowKind};
-use crate::model::Cluster;
+use crate::closure::{Block, BlockCut, Blocks, RowKind};
+use crate::mechanism::{Cluster, Cut, CutRow};
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
 pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Blocks {
     let (n, m) = (cluster.n_v, cluster.dependent.len());
-    let of = |v: usize| cluster.freedoms[v];
+    let of = |v: usize| cluster.dofs[v];
     // which dependent each row can see
     let mut sees = vec![vec![false; m]; m];
     let mut home = Vec::new();
@@ -84,15 +84,15 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
         }
         let mut on_way = vec![false; cluster.n];
         cuts.iter().for_each(|cut| mark_way(cluster, &cluster.cuts[cut.cut], &mut on_way));
-        // bodies that the unknowns carry or move; what is on the way and not one of them is placed
-        // before, where it is not yet
-        let carried = |body: usize| unknowns.iter().any(|v| cluster.freedoms[*v].body == body);
+        // bodies that the unknowns carry or move; what is on the paths and not one of them is
+        // placed before, where it is not yet
+        let carried = |body: usize| unknowns.iter().any(|v| cluster.dofs[*v].body == body);
         let mut moves = vec![false; cluster.n];
         for j in 0..cluster.n {
             let parent = cluster.local_parent[j];
             moves[j] = carried(j) || parent != 0 && moves[parent - 1];
         }
-        let single = |body: usize| cluster.freedoms.iter().all(|at| at.body != body || at.single);
+        let single = |body: usize| cluster.dofs.iter().all(|at| at.body != body || at.single);
         let held = |body: usize| {
             single(body)
                 && !(cluster.local_parent[body] != 0 && moves[cluster.local_parent[body] - 1])
@@ -112,7 +112,7 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
         blocks.push(Block { unknowns, cuts, bodies, before, offset, remember });
         offset += size * size;
     }
-    // bodies on the way to any cut, and those that the blocks leave without a fresh pose
+    // bodies on the paths to any cut, and those that the blocks leave without a fresh pose
     let mut on_way = vec![false; cluster.n];
     cluster.cuts.iter().for_each(|cut| mark_way(cluster, cut, &mut on_way));
     let on_way: Vec<usize> = (0..cluster.n).filter(|j| on_way[*j]).collect();
@@ -133,7 +133,7 @@ fn mark_way(cluster: &Cluster<f64>, cut: &Cut<f64>, on_way: &mut [bool]) {
 /// True when the value of a row is a length; else it is an angle.
 fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
     match row.terms.first() {
-        Some((own, _)) => cluster.freedoms[*own].slides(),
+        Some((own, _)) => cluster.dofs[*own].slides(),
         None => row.against.is_none() && row.linear.norm() > 0.0,
     }
 }

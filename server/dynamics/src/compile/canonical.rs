@@ -1,5 +1,5 @@
 //! The loops that a type defines when a file gives none: where each leg is cut and in which
-//! directions it is tied.
+//! directions it is closed_clusters.
 
 use nalgebra::Vector3;
 
@@ -192,7 +192,7 @@ fn spherical(description: &Description, slider: usize, successor: usize) -> Loop
     }
 }
 
-/// True when a joint lies on the way from the root to another.
+/// True when a joint lies on the path from the root to another.
 fn is_above(description: &Description, j: usize, other: usize) -> bool {
     let mut link = description.joints[other].parent;
     for _ in 0..=description.joints.len() {

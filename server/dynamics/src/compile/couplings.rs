@@ -4,17 +4,18 @@
 use nalgebra::Vector3;
 
 use crate::closure::Coupling;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::Pose;
 
-/// Mean distance of a cluster's joint origins and cuts from its parent body's nearest point: the
-/// size of the mechanism.
+/// Half the largest distance between two joint origins or cut points of a cluster at zero: the size
+/// of the mechanism; 1 m where there is none.
 pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> f64 {
     let mut pose = vec![Pose::identity()];
     for j in 0..cluster.n {
         let body = &bodies[cluster.body + j];
-        let next = pose[cluster.local_parent[j]].then(&Pose { R: body.E, p: body.r });
+        let next = pose[cluster.local_parent[j]]
+            .then(&Pose { R: body.R_parent_body, p: body.p_parent_body });
         pose.push(next);
     }
     let mut points: Vec<Vector3<Dd>> = pose[1..].iter().map(|x| x.p).collect();

@@ -1,4 +1,4 @@
-//! Idle freedoms: rods that may spin between their ball joints while everything else stands still.
+//! Idle dofs: rods that may spin between their ball joints while everything else stands still.
 //!
 //! A motion of the dependents at y = const is idle where nothing of it passes a cut or leaves the
 //! cluster: both points of every cut stand still, each side of a cut satisfies its rows alone, no
@@ -8,8 +8,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::column_unit;
-use crate::mechanism::Motion;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Motion};
 use crate::spatial::Pose;
 
 /// What counts as standing still, and as meeting, in lengths of the cluster.
@@ -30,8 +29,8 @@ pub(super) struct Drift<'a> {
 }
 
 impl Drift<'_> {
-    /// True where the motion is idle; `carries` tells which local bodies carry other clusters.
-    pub(super) fn is_idle(&self, carries: &[bool]) -> bool {
+    /// True where the motion is idle; `has_child_cluster` is that of the local bodies.
+    pub(super) fn is_idle(&self, has_child_cluster: &[bool]) -> bool {
         let cluster = self.cluster;
         let still = |v: usize| self.rate[v].abs() < STILL * column_unit(cluster, v);
         let coupled = cluster.cuts.iter().flat_map(|cut| &cut.rows).flat_map(|row| &row.terms);
@@ -41,7 +40,8 @@ impl Drift<'_> {
             return false;
         }
         self.passes_no_cut()
-            && (0..cluster.n).all(|b| !self.moves(b) || !carries[b] && self.turns_about_a_centre(b))
+            && (0..cluster.n)
+                .all(|b| !self.moves(b) || !has_child_cluster[b] && self.turns_about_a_centre(b))
     }
 
     /// Both points of every cut stand still, and each side satisfies the rows alone.
@@ -57,7 +57,7 @@ impl Drift<'_> {
             }
             for _ in &cut.rows {
                 for side in [false, true] {
-                    let on_side = cut.path.iter().filter(|(_, of)| *of == side);
+                    let on_side = cut.path.iter().filter(|(_, end)| *end == side);
                     // rates are those of the scaling's columns
                     let sum: f64 = on_side
                         .map(|(v, _)| {
@@ -140,26 +140,22 @@ impl Drift<'_> {
     fn sum(
         &self,
         body: usize,
-        of: impl Fn(Vector3<f64>, Vector3<f64>, Vector3<f64>) -> Vector3<f64>,
+        part: impl Fn(Vector3<f64>, Vector3<f64>, Vector3<f64>) -> Vector3<f64>,
     ) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         let mut at = body;
         while at != 0 {
             let pose = &self.pose[at];
-            for (v, freedom) in self
-                .cluster
-                .freedoms
-                .iter()
-                .enumerate()
-                .filter(|(_, freedom)| freedom.body == at - 1)
+            for (v, freedom) in
+                self.cluster.dofs.iter().enumerate().filter(|(_, freedom)| freedom.body == at - 1)
             {
                 let (zero, rate) = (Vector3::zeros(), self.rate[v]);
                 let axis = |k: usize| pose.R.column(k).into_owned() * rate;
                 sum += match self.bodies[at - 1].motion {
-                    Motion::Revolute => of(axis(2), zero, pose.p),
-                    Motion::Prismatic => of(zero, axis(2), pose.p),
-                    Motion::Floating if freedom.k >= 3 => of(zero, axis(freedom.k - 3), pose.p),
-                    Motion::Spherical | Motion::Floating => of(axis(freedom.k), zero, pose.p),
+                    Motion::Revolute => part(axis(2), zero, pose.p),
+                    Motion::Prismatic => part(zero, axis(2), pose.p),
+                    Motion::Floating if freedom.k >= 3 => part(zero, axis(freedom.k - 3), pose.p),
+                    Motion::Spherical | Motion::Floating => part(axis(freedom.k), zero, pose.p),
                 };
             }
             at = self.cluster.local_parent[at - 1];

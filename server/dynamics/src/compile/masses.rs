@@ -7,20 +7,18 @@
 
 use sarrus_proto::Status;
 
+use crate::algorithms;
 use crate::closure::Level;
 use crate::compile::analysis::{POSES, noise};
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
-use crate::model::Model;
-use crate::workspace::Workspace;
-use crate::{algorithms, plan};
+use crate::model::{Model, UNEQUAL};
+use crate::workspace::{Needs, Workspace};
 
 /// Least Δ against the joint's own inertia, and against the largest of the robot, that is told from
 /// rounding.
 const NOTHING: f64 = 1e-15;
 const LEAST: f64 = 1e-18;
-/// From this ratio on a user is told.
-pub(crate) const UNEQUAL: f64 = 1e6;
 
 /// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it
 /// nearly is not. Returns the largest inertia of each independent among these poses, in internal
@@ -31,22 +29,15 @@ pub(super) fn check(
     errors: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Diagnostic>,
 ) -> Vec<f64> {
-    let mut ws = Workspace::for_plans(model, []);
+    let mut ws = Workspace::sized(model, Needs::default());
     let n = model.meta.sizes.n_vy;
     let (mut typical, mut worst) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..POSES {
         if !set_pose(model, &mut ws, k) {
             break;
         }
-        let inertia = algorithms::own_inertias(
-            model,
-            &ws.motion,
-            &ws.G,
-            &mut ws.composite,
-            &mut ws.inside,
-            &mut ws.columns,
-        );
-        let pivots = algorithms::pivots(model, &mut ws);
+        let inertia = algorithms::own_inertias(model, &mut ws);
+        let pivots = self::pivots(model, &mut ws);
         let largest = inertia.iter().copied().fold(0.0, f64::max);
         let least = |i: usize| f64::max(inertia[i] * NOTHING, largest * LEAST);
         let enough = |i: &usize| pivots[*i] > least(*i);
@@ -72,9 +63,17 @@ pub(super) fn check(
         let ratio = worst.iter().copied().fold(0.0, f64::max);
         warnings.push(Diagnostic {
             site,
-            found: format!("masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}", ratio.log10()),
-            expected: format!("a joint's inertia at most {UNEQUAL:.0e} times what is left of it where the joints behind it are free"),
-            help: "give the light links their true mass, or read the accelerations with that many digits".into(),
+            found: format!(
+                "masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}",
+                ratio.log10()
+            ),
+            expected: format!(
+                "a joint's inertia at most {UNEQUAL:.0e} times what is left of it where the joints \
+                behind it are free"
+            ),
+            help: "give the light links their true mass, or read the accelerations with that many \
+                digits"
+                .into(),
         });
     }
     typical
@@ -92,7 +91,8 @@ fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Si
     (site, which.iter().map(name).collect::<Vec<_>>().join(", "))
 }
 
-/// Poses and G at the zero pose or some way from it; false where a loop does not close there.
+/// Poses and G at the zero pose or at some distance from it; false where a loop does not close
+/// there.
 fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
     for (i, &q) in model.order.qy_q.iter().enumerate() {
         ws.q[q] = model.zero[q];
@@ -101,20 +101,23 @@ fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
         }
     }
     ws.start.copy_from_slice(&model.zero);
-    for &c in &model.tied {
-        let cluster = &model.clusters[c];
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-        if crate::closure::close(cluster, bodies, &mut plan::local(cluster, ws), Level::Velocity)
-            .status
-            != Status::Ok
-        {
+    for &c in &model.closed_clusters {
+        if ws.close(model, c, Level::Velocity).status != Status::Ok {
             return false;
         }
     }
     for &(i, q) in &model.free {
         let (s, c) = ws.q[q].sin_cos();
-        ws.turn[i] = (c, s);
+        ws.cos_sin[i] = (c, s);
     }
-    algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+    algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
     true
+}
+
+/// What the recursion divides by at each independent, in internal order: the inertia that is left
+/// of it where everything behind it is free. Needs the joint poses and G. Allocates.
+fn pivots(model: &Model<f64>, ws: &mut Workspace<f64>) -> Vec<f64> {
+    ws.ydd.fill(0.0);
+    algorithms::embedded_solve(model, ws);
+    ws.embedding.inverses(model).map(|inverse| 1.0 / inverse).collect()
 }

@@ -3,14 +3,18 @@
 mod analysis;
 mod assemble;
 mod blocks;
+mod bodies;
 mod canonical;
 mod closed_forms;
 mod couplings;
+mod cuts;
 mod geometry;
 mod idle;
 mod masses;
 mod open;
 mod orders;
+mod owners;
+mod rank;
 mod spanning_tree;
 mod terms;
 
@@ -19,14 +23,13 @@ use std::sync::Arc;
 use sarrus_proto::{ClosureInfo, ClosureKind, ModelInfo};
 
 use crate::closure::{Closure, Numerical};
-use crate::compile::analysis::Analysis;
+use crate::compile::analysis::{Analysis, Subject};
 use crate::compile::assemble::Assembly;
 use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::model::{Compiled, Model};
 use crate::scalar::{Dd, Scalar};
 pub(crate) use geometry::{pose as pose_of, unit_of};
-pub(crate) use masses::UNEQUAL;
 
 /// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.
 const ROUNDING: f64 = 1e-13;
@@ -73,28 +76,33 @@ fn build(
         });
     }
 
-    // each tied cluster: rank and blocks, then its closed form if its type has one
+    // each closed cluster: rank and blocks, then its closed form if its type has one
     let rough = exact.map(Dd::to_f64);
-    for c in exact.tied.clone() {
+    for c in exact.closed_clusters.clone() {
         let cluster = &rough.clusters[c];
-        let bodies = &rough.bodies[cluster.body..cluster.body + cluster.n];
+        let bodies = rough.bodies_of(cluster);
         let names = assembly.names(c);
         let site = Site::Submechanism(assembly.owner[c]);
         let row_names =
             cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
-        let carries: Vec<bool> = (0..cluster.n)
-            .map(|b| rough.clusters.iter().any(|of| of.parent == cluster.body + b))
+        let has_child_cluster: Vec<bool> = (0..cluster.n)
+            .map(|b| rough.clusters.iter().any(|child| child.parent == cluster.body + b))
             .collect();
-        let analysis = analysis::analyse(
-            cluster, bodies, &carries, &names, &row_names, site, errors, warnings,
-        );
+        let subject = Subject {
+            cluster,
+            bodies,
+            has_child_cluster: &has_child_cluster,
+            names: &names,
+            row_names: &row_names,
+            site,
+        };
+        let analysis = analysis::analyse(&subject, errors, warnings);
         let Some(Analysis { used, blocks, locked }) = analysis else { continue };
         for &r in &used {
             info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
         }
-        let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
-        let mut numerical =
-            Numerical::new(blocks, exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec());
+        let exact_bodies = exact.bodies[cluster.bodies()].to_vec();
+        let mut numerical = Numerical::new(blocks, exact.zero[cluster.coordinates()].to_vec());
         exact.clusters[c].used = used;
         for (s, _) in assembly.owners(c) {
             info[s].length = f64::max(info[s].length, cluster.length);
@@ -102,8 +110,10 @@ fn build(
         info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[*v].clone()));
         exact.clusters[c].dependent.retain(|v| !locked.contains(v));
         exact.clusters[c].locked = locked;
-        if let Some(fault) =
-            analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site)
+        let coupled = matches!(exact.closures[c], Closure::Coupling(_));
+        if !coupled
+            && let Some(fault) =
+                analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site)
         {
             errors.push(fault);
             continue;
@@ -113,7 +123,7 @@ fn build(
 
         // couplings are closed as they are; another closed form stands, starts Newton's method, or
         // does not fit
-        if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
+        if coupled {
             continue;
         }
         if exact.clusters[c].cuts.iter().flat_map(|cut| &cut.rows).all(|row| !row.terms.is_empty())
@@ -160,7 +170,7 @@ fn build(
                         expected: "opposite sides equal and axes parallel, or type FOURBAR".into(),
                         help: "it is closed numerically".into(),
                     });
-                    exact.clusters[c].closure = Closure::Numerical(numerical);
+                    exact.closures[c] = Closure::Numerical(numerical);
                     set_numerical(&mut info, &assembly, c);
                     continue;
                 }
@@ -185,7 +195,7 @@ fn build(
         if matches!(closure, Closure::Numerical(_)) {
             set_numerical(&mut info, &assembly, c);
         }
-        exact.clusters[c].closure = closure;
+        exact.closures[c] = closure;
     }
     if !errors.is_empty() {
         return None;
@@ -194,12 +204,15 @@ fn build(
     let mut model = exact.map(Dd::to_f64);
     model.inertia = masses::check(&model, description, errors, warnings);
     exact.inertia.clone_from(&model.inertia);
-    for (s, of) in
-        model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR)
+    for (s, loops) in
+        model.closures_at_zero().iter().enumerate().filter(|(_, loops)| loops.sigma_min < SINGULAR)
     {
         warnings.push(Diagnostic {
             site: Site::Submechanism(s),
-            found: format!("loops that are singular at the zero pose (sigma {:.1e})", of.sigma_min),
+            found: format!(
+                "loops that are singular at the zero pose (sigma {:.1e})",
+                loops.sigma_min
+            ),
             expected: "a zero pose from which requests without a guess can go on".into(),
             help:
                 "move the joints' origins away from the toggle, or give q_guess with every request"
@@ -251,7 +264,8 @@ fn not_closed_form(
             ("couplings (<mimic>, <transmission>) and no loops", "write NUMERICAL to say so")
         }
         _ => (
-            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 6UPS, FOURBAR, SLIDERCRANK, PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
+            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 6UPS, FOURBAR, SLIDERCRANK, \
+            PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
             "nothing to do: it is closed numerically from its loops",
         ),
     };

@@ -1,4 +1,4 @@
-//! A model before its closures are judged.
+//! A model before its closures are checked.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! The orders that users see: names, limits and the way from each external index to the internal
+//! The orders that users see: names, limits and the map from each external index to the internal
 //! one.
 
 use crate::closure::Closure;
@@ -27,16 +27,16 @@ impl Builder<'_> {
             for &j in &submechanism.spanning_tree {
                 let joint = &self.description.joints[j];
                 let body = &self.model.bodies[self.body_of[moving_of[j]]];
-                if let Some((freedoms, parts)) = parts(body.motion) {
+                if let Some((dofs, parts)) = parts(body.motion) {
                     order.q.extend(body.q..body.q + parts.len());
-                    order.v.extend(body.v..body.v + freedoms.len());
+                    order.v.extend(body.v..body.v + dofs.len());
                     self.names
                         .tree
-                        .extend(freedoms.iter().map(|part| format!("{}/{part}", joint.name)));
+                        .extend(dofs.iter().map(|part| format!("{}/{part}", joint.name)));
                     self.names
                         .tree_q
                         .extend(parts.iter().map(|part| format!("{}/{part}", joint.name)));
-                    self.names.limits.extend(freedoms.iter().map(|_| None));
+                    self.names.limits.extend(dofs.iter().map(|_| None));
                     continue;
                 }
                 order.q.push(body.q);
@@ -67,13 +67,11 @@ impl Builder<'_> {
                     .iter()
                     .position(|local| *local == body.v - cluster.v)
                     .unwrap_or(0);
-                if let Some((freedoms, parts)) = parts(body.motion) {
+                if let Some((dofs, parts)) = parts(body.motion) {
                     order.qy_q.extend(body.q..body.q + parts.len());
-                    order.vy_v.extend(body.v..body.v + freedoms.len());
-                    order.vy.extend(cluster.vy + k..cluster.vy + k + freedoms.len());
-                    self.names
-                        .independent
-                        .extend(freedoms.iter().map(|part| format!("{name}/{part}")));
+                    order.vy_v.extend(body.v..body.v + dofs.len());
+                    order.vy.extend(cluster.vy + k..cluster.vy + k + dofs.len());
+                    self.names.independent.extend(dofs.iter().map(|part| format!("{name}/{part}")));
                     self.names
                         .independent_q
                         .extend(parts.iter().map(|part| format!("{name}/{part}")));
@@ -101,14 +99,14 @@ impl Builder<'_> {
         order.vy_internal = (0..order.vy.len()).collect();
     }
 
-    /// Names of the tied clusters that are not pure couplings, in the order of their submechanisms;
-    /// the second of one submechanism is `name/2`.
+    /// Names of the closed clusters that are not pure couplings, in the order of their
+    /// submechanisms; the second of one submechanism is `name/2`.
     pub(super) fn branches(&mut self) -> Vec<String> {
         let mut owned: Vec<(usize, usize)> = self
             .model
-            .tied
+            .closed_clusters
             .iter()
-            .filter(|c| !matches!(self.model.clusters[**c].closure, Closure::Coupling(_)))
+            .filter(|c| !matches!(self.model.closures[**c], Closure::Coupling(_)))
             .map(|c| {
                 (self.submechanism_of[self.skeleton.moving[self.partition.members[*c][0]]], *c)
             })
@@ -116,7 +114,7 @@ impl Builder<'_> {
         owned.sort_unstable();
         self.model.order.branches = owned.iter().map(|(_, c)| *c).collect();
         let name = |(k, (s, _)): (usize, &(usize, usize))| {
-            let before = owned[..k].iter().filter(|of| of.0 == *s).count();
+            let before = owned[..k].iter().filter(|other| other.0 == *s).count();
             let name = &self.description.submechanisms[*s].name;
             if before == 0 { name.clone() } else { format!("{name}/{}", before + 1) }
         };
@@ -124,7 +122,7 @@ impl Builder<'_> {
     }
 }
 
-/// Names of the velocities and coordinates of a joint of several freedoms.
+/// Names of the velocities and coordinates of a joint of several degrees of freedom.
 fn parts(motion: Motion) -> Option<(&'static [&'static str], &'static [&'static str])> {
     const FREEDOMS: [&str; 6] = ["rx", "ry", "rz", "tx", "ty", "tz"];
     const PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];

@@ -15,7 +15,7 @@ pub(super) struct Skeleton {
     /// child link.
     pub(super) carrier: Vec<Option<usize>>,
     pub(super) x_carrier_link: Vec<Pose<Dd>>,
-    /// For each moving joint the moving joint below it on the way to the root, and its frame there.
+    /// For each moving joint the moving joint below it towards the root, and its frame there.
     pub(super) parent: Vec<Option<usize>>,
     pub(super) x_parent_joint: Vec<Pose<Dd>>,
 }
@@ -105,7 +105,7 @@ impl Skeleton {
 
     /// The moving joints between two links, below the joint that carries both: (on the first's
     /// side, on the second's side).
-    pub(super) fn between(&self, a: usize, b: usize) -> (Vec<usize>, Vec<usize>) {
+    pub(super) fn path_between(&self, a: usize, b: usize) -> (Vec<usize>, Vec<usize>) {
         let (mut a, mut b) = (self.chain(self.carrier[a]), self.chain(self.carrier[b]));
         while let (Some(x), Some(y)) = (a.last(), b.last()) {
             if x != y {
@@ -132,13 +132,13 @@ fn fault(site: Site, found: &str, expected: &str) -> Diagnostic {
 pub(super) struct Partition {
     /// Joints of each cluster, parents first.
     pub(super) members: Vec<Vec<usize>>,
-    /// Moving joint that each cluster hangs from.
-    pub(super) hangs_from: Vec<Option<usize>>,
+    /// Moving joint that is the parent of each cluster.
+    pub(super) parent: Vec<Option<usize>>,
 }
 
 impl Partition {
     /// Ties the joints of each group together, and whatever lies between them, so that each cluster
-    /// hangs from one body.
+    /// has one parent body.
     pub(super) fn new(skeleton: &Skeleton, ties: &[Vec<usize>]) -> Partition {
         let n = skeleton.moving.len();
         let mut leader = (0..n).collect::<Vec<_>>();
@@ -150,12 +150,12 @@ impl Partition {
             let mut changed = false;
             for c in 0..n {
                 let members = (0..n).filter(|m| find(&leader, *m) == c).collect::<Vec<_>>();
-                let hang = common_parent(skeleton, &members);
+                let parent_joint = common_parent(skeleton, &members);
                 for &m in &members {
                     for between in skeleton
                         .chain(skeleton.parent[m])
                         .into_iter()
-                        .take_while(|x| Some(*x) != hang)
+                        .take_while(|x| Some(*x) != parent_joint)
                     {
                         if find(&leader, between) != find(&leader, m) {
                             join(&mut leader, between, m);
@@ -173,23 +173,29 @@ impl Partition {
             .iter()
             .map(|c| (0..n).filter(|m| find(&leader, *m) == *c).collect::<Vec<_>>())
             .collect::<Vec<_>>();
-        let hang =
+        let parent_joint =
             groups.iter().map(|members| common_parent(skeleton, members)).collect::<Vec<_>>();
 
         // depth-first over clusters
-        let mut partition = Partition { members: Vec::new(), hangs_from: Vec::new() };
+        let mut partition = Partition { members: Vec::new(), parent: Vec::new() };
         let children = |of: Option<usize>, group: Option<usize>| {
-            let inside = move |hang: Option<usize>, groups: &[Vec<usize>]| match (hang, group) {
+            let inside = move |parent_joint: Option<usize>, groups: &[Vec<usize>]| match (
+                parent_joint,
+                group,
+            ) {
                 (Some(m), Some(g)) => groups[g].contains(&m),
-                (hang, None) => hang == of,
+                (parent_joint, None) => parent_joint == of,
                 (None, Some(_)) => false,
             };
-            (0..groups.len()).filter(|g| inside(hang[*g], &groups)).rev().collect::<Vec<_>>()
+            (0..groups.len())
+                .filter(|g| inside(parent_joint[*g], &groups))
+                .rev()
+                .collect::<Vec<_>>()
         };
         let mut stack = children(None, None);
         while let Some(g) = stack.pop() {
             partition.members.push(parents_first(skeleton, &groups[g]));
-            partition.hangs_from.push(hang[g]);
+            partition.parent.push(parent_joint[g]);
             stack.extend(children(None, Some(g)));
         }
         partition

@@ -7,7 +7,7 @@ use crate::mechanism::{Damper, Rotor, Spring};
 use crate::scalar::{Dd, Real};
 
 impl Builder<'_> {
-    /// Reads the terms off the joints; those of a joint of several freedoms are a fault.
+    /// Reads the terms off the joints; those of a joint of several degrees of freedom are a fault.
     pub(super) fn terms(&mut self, moving_of: &[usize], errors: &mut Vec<Diagnostic>) {
         let joints = self
             .description
@@ -53,14 +53,14 @@ impl Builder<'_> {
         self.model.terms.rotors.sort_by_key(|x| x.v);
     }
 
-    /// Which bodies have another cluster hanging from them or from what they carry in their own.
-    pub(super) fn carriers(&mut self) {
+    /// Bodies that have a child cluster, or support a body of their own cluster that has.
+    pub(super) fn child_clusters(&mut self) {
         let model = &mut self.model;
-        model.carries = vec![false; model.bodies.len()];
+        model.has_child_cluster = vec![false; model.bodies.len()];
         for cluster in &model.clusters {
             let mut i = cluster.parent;
-            while i != 0 && !model.carries[i] {
-                model.carries[i] = true;
+            while i != 0 && !model.has_child_cluster[i] {
+                model.has_child_cluster[i] = true;
                 i = model.bodies[i].parent;
             }
         }

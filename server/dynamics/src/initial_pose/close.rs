@@ -1,6 +1,6 @@
 //! Closing the rows: Levenberg and Marquardt's steps, which need no rank.
 
-use crate::initial_pose::problem::{Place, Problem};
+use crate::initial_pose::problem::{Candidate, Problem};
 
 /// Steps from one start, and starts around the given pose where it leads nowhere.
 const STEPS: u32 = 300;
@@ -15,49 +15,52 @@ const STUCK: f64 = 1e8;
 pub(super) const CLAMP: f64 = 0.5;
 
 impl Problem<'_> {
-    /// Closes the rows from a place, or from places around it; the place of least residual where
-    /// none is closed. Tells whether it is closed.
-    pub(super) fn close_somewhere(&self, place: &mut Place, count: &mut u32) -> bool {
-        let start = place.q.clone();
-        let mut best: Option<(f64, Place)> = None;
+    /// Closes the rows from a candidate, or from places around it; the candidate of least residual
+    /// where none is closed. Tells whether it is closed.
+    pub(super) fn close_somewhere(&self, candidate: &mut Candidate, count: &mut u32) -> bool {
+        let start = candidate.q.clone();
+        let mut best: Option<(f64, Candidate)> = None;
         for k in 0..=STARTS {
             // the given pose first, then farther and farther from it
             let reach = 1.5 * k as f64 / STARTS as f64;
-            let mut trial = Place::new(self, self.moved(&start, |a| reach * noise(97 * k + a)));
+            let mut trial = Candidate::new(self, self.moved(&start, |a| reach * noise(97 * k + a)));
             if self.close(&mut trial, count) {
                 let cost = self.cost(&trial.q).0;
                 if k == 0 {
-                    *place = trial;
+                    *candidate = trial;
                     return true;
                 }
                 if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                     best = Some((cost, trial));
                 }
-            } else if trial.square() < place.square() && best.is_none() {
-                *place = trial;
+            } else if trial.square() < candidate.square() && best.is_none() {
+                *candidate = trial;
             }
         }
         match best {
             Some((_, closed)) => {
-                *place = closed;
+                *candidate = closed;
                 true
             }
             None => false,
         }
     }
 
-    /// Closes the rows downhill from a place; tells whether they are closed.
-    pub(super) fn close(&self, place: &mut Place, count: &mut u32) -> bool {
+    /// Closes the rows downhill from a candidate; tells whether they are closed.
+    pub(super) fn close(&self, candidate: &mut Candidate, count: &mut u32) -> bool {
         let floor = if self.all { DAMPING_OF_ALL } else { DAMPING_OF_USED };
         let mut damping = 1e-2;
         let n = self.free.len();
         let mut last = f64::INFINITY;
         'steps: for _ in 0..STEPS {
-            if n == 0 || place.largest() <= 2.0 * f64::EPSILON || !place.square().is_finite() {
+            if n == 0
+                || candidate.largest() <= 2.0 * f64::EPSILON
+                || !candidate.square().is_finite()
+            {
                 break;
             }
             // J in the metric of the weights, so that a heavy joint moves little
-            let J = self.scaled_jacobian(&place.q);
+            let J = self.scaled_jacobian(&candidate.q);
             let root: Vec<f64> = self.metric.iter().map(|w| w.sqrt()).collect();
             let weighted = faer::Mat::from_fn(J.nrows(), n, |r, a| J[(r, a)] / root[a]);
             let Ok(svd) = weighted.thin_svd() else { break };
@@ -66,7 +69,7 @@ impl Problem<'_> {
                 break;
             }
             let along: Vec<f64> = (0..S.nrows())
-                .map(|i| (0..J.nrows()).map(|r| U[(r, i)] * place.phi[r]).sum())
+                .map(|i| (0..J.nrows()).map(|r| U[(r, i)] * candidate.phi[r]).sum())
                 .collect();
             loop {
                 *count += 1;
@@ -83,9 +86,9 @@ impl Problem<'_> {
                 if largest > CLAMP {
                     x.iter_mut().for_each(|x| *x *= CLAMP / largest);
                 }
-                let next = Place::new(self, self.moved(&place.q, |a| x[a]));
-                if next.square() < place.square() {
-                    *place = next;
+                let next = Candidate::new(self, self.moved(&candidate.q, |a| x[a]));
+                if next.square() < candidate.square() {
+                    *candidate = next;
                     damping = f64::max(floor, damping * if largest > CLAMP { 0.5 } else { 0.1 });
                     // what rounding leaves
                     if largest < 4.0 * f64::EPSILON || self.all && largest < 1e-13 && last < 1e-13 {
@@ -100,7 +103,7 @@ impl Problem<'_> {
                 }
             }
         }
-        place.largest() <= self.closed
+        candidate.largest() <= self.closed
     }
 }
 

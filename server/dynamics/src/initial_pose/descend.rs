@@ -3,13 +3,13 @@
 //! ```text
 //!   J Z = 0        Jᵀ λ = −∇f        H = ∇²f + Σ λ ∇²φ        (Zᵀ H Z) s = −Zᵀ ∇f
 //! ```
-//! Each step is closed again before it is judged, so that every pose on the way is closed and
+//! Each step is closed again before it is judged, so that every pose on the path is closed and
 //! nearer than the one before.
 
 use faer::{Mat, Side};
 
 use crate::initial_pose::close::CLAMP;
-use crate::initial_pose::problem::{Place, Problem};
+use crate::initial_pose::problem::{Candidate, Problem};
 
 /// Steps, and halvings of one step.
 const STEPS: u32 = 100;
@@ -38,14 +38,15 @@ impl Slope {
 }
 
 impl Problem<'_> {
-    /// Goes down from a closed place to a minimum of the distance; returns the slope that is left.
-    pub(super) fn descend(&self, place: &mut Place, count: &mut u32) -> f64 {
-        let Some(mut here) = self.slope(&place.q) else { return f64::INFINITY };
+    /// Goes down from a closed candidate to a minimum of the distance; returns the slope that is
+    /// left.
+    pub(super) fn descend(&self, candidate: &mut Candidate, count: &mut u32) -> f64 {
+        let Some(mut here) = self.slope(&candidate.q) else { return f64::INFINITY };
         for _ in 0..STEPS {
             if here.size() <= ROUNDING {
                 break;
             }
-            let Some(step) = self.newton_step(place, &here) else { break };
+            let Some(step) = self.newton_step(candidate, &here) else { break };
             let promised: f64 = here.along.iter().zip(&step).map(|(g, s)| g * s).sum();
             // where the promise drowns in rounding only the slope can judge
             let last = promised.abs() <= 1e-9 * here.cost;
@@ -56,7 +57,7 @@ impl Problem<'_> {
                 let x = |a: usize| {
                     share * (0..step.len()).map(|k| here.Z[(a, k)] * step[k]).sum::<f64>()
                 };
-                let mut next = Place::new(self, self.moved(&place.q, x));
+                let mut next = Candidate::new(self, self.moved(&candidate.q, x));
                 if self.close(&mut next, count) {
                     let cost = self.cost(&next.q).0;
                     let falls = cost <= here.cost + 1e-4 * share * promised;
@@ -74,7 +75,7 @@ impl Problem<'_> {
                 share *= 0.5;
             }
             let Some((next, there)) = better else { break };
-            (*place, here) = (next, there);
+            (*candidate, here) = (next, there);
         }
         here.size()
     }
@@ -111,12 +112,12 @@ impl Problem<'_> {
     }
 
     /// A step that goes down: Newton's where H is positive, as long as it reaches.
-    fn newton_step(&self, place: &Place, here: &Slope) -> Option<Vec<f64>> {
+    fn newton_step(&self, candidate: &Candidate, here: &Slope) -> Option<Vec<f64>> {
         let (n, m) = (self.free.len(), here.along.len());
         let mut H = Mat::<f64>::zeros(m, m);
         for k in 0..m {
             let ends = [DIFFERENCE, -DIFFERENCE].map(|h| {
-                self.gradient(&self.moved(&place.q, |a| h * here.Z[(a, k)]), &here.lambda)
+                self.gradient(&self.moved(&candidate.q, |a| h * here.Z[(a, k)]), &here.lambda)
             });
             for i in 0..m {
                 H[(i, k)] = (0..n).map(|a| here.Z[(a, i)] * (ends[0][a] - ends[1][a])).sum::<f64>()

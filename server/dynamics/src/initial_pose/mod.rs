@@ -3,7 +3,7 @@
 //! ```text
 //!   minimise  Σ w_j (d_j / l_j)²   subject to   φ(q) = 0        d = q − near
 //! ```
-//! cluster by cluster, since φ is. d_j is the way of a tree velocity from the given pose: a
+//! cluster by cluster, since φ is. d_j is the distance along a tree velocity from the given pose: a
 //! difference of coordinates, of a quaternion the rotation vector from the given turn and the
 //! difference of the positions. l_j is 1 rad for a turn and the cluster's length for a slide. First
 //! the rows are closed ([`close`]), then the pose goes down along the closed poses until the
@@ -15,11 +15,10 @@ mod open;
 mod problem;
 mod rezero;
 
-use problem::Place;
+use problem::Candidate;
 
 use crate::mechanism::Motion;
-use crate::model::Model;
-use crate::model::judge;
+use crate::model::{Model, assess};
 
 pub use open::OpenModel;
 use problem::Problem;
@@ -39,8 +38,8 @@ pub struct Assembled {
     pub distance: f64,
     /// Steps taken, over all clusters.
     pub iterations: u32,
-    /// Branch of each tied cluster that is not a pure coupling: the sign of det K_d, 1 or −1; empty
-    /// for an open model.
+    /// Branch of each closed cluster that is not a pure coupling: the sign of det K_d, 1 or −1;
+    /// empty for an open model.
     pub branch: Vec<f64>,
 }
 
@@ -81,7 +80,8 @@ pub enum AssembleError {
     },
     /// The loops cannot be closed by going downhill, from the given pose and from others around it.
     #[error(
-        "no closed pose was found near the given one; the nearest still has a residual of {residual:.3e}"
+        "no closed pose was found near the given one; the nearest still has a residual of \
+        {residual:.3e}"
     )]
     Unreachable {
         /// Largest scaled loop residual of the nearest pose.
@@ -108,10 +108,10 @@ impl Model<f64> {
     ///
     /// `near` `[m, rad]` (n_q) need not be closed. `weights` (n_v): what a turn by 1 rad, or a
     /// slide by the length of the joint's mechanism, costs; 0 makes a joint free to go anywhere,
-    /// infinite keeps it fixed at the given pose (of a joint of several freedoms all or none).
-    /// Limits of joints are not looked at. What the loops do not tie stays as it is.
+    /// infinite keeps it fixed at the given pose (of a joint of several degrees of freedom all or
+    /// none). Limits of joints are not looked at. What the loops do not tie stays as it is.
     ///
-    /// Cost: singular value decompositions of each tied cluster's rows, some milliseconds.
+    /// Cost: singular value decompositions of each closed cluster's rows, some milliseconds.
     /// Allocates.
     ///
     /// # Errors
@@ -136,8 +136,8 @@ impl Model<f64> {
         zero(self)
     }
 
-    /// What the way of each tree velocity is measured in by [`Model::assemble`]: 1 rad, or the
-    /// length of the joint's cluster `[m]` (n_v).
+    /// What the distance along each tree velocity is measured in by [`Model::assemble`]: 1 rad, or
+    /// the length of the joint's cluster `[m]` (n_v).
     pub fn tree_units(&self) -> Vec<f64> {
         units(self)
     }
@@ -161,7 +161,7 @@ fn units(model: &Model<f64>) -> Vec<f64> {
     model.order.v.iter().map(|at| units[*at]).collect()
 }
 
-/// Closes every tied cluster near a pose.
+/// Closes every closed cluster near a pose.
 fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
     let order = &model.order;
     let (near, weights) = checked(model, near, weights)?;
@@ -181,30 +181,26 @@ fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembl
     found.branch = vec![0.0; branches.len()];
 
     // one cluster does not know of another
-    for &c in &model.tied {
+    for &c in &model.closed_clusters {
         let cluster = &model.clusters[c];
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-        let range = cluster.q..cluster.q + cluster.n_q;
-        let problem = Problem::new(
-            cluster,
-            bodies,
-            &near[range.clone()],
-            &weights[cluster.v..cluster.v + cluster.n_v],
-        );
-        let mut place = Place::new(&problem, near[range.clone()].to_vec());
-        found.residual_before = found.residual_before.max(place.residual);
-        let closed = problem.close_somewhere(&mut place, &mut found.iterations);
+        let bodies = model.bodies_of(cluster);
+        let range = cluster.coordinates();
+        let problem =
+            Problem::new(cluster, bodies, &near[range.clone()], &weights[cluster.velocities()]);
+        let mut candidate = Candidate::new(&problem, near[range.clone()].to_vec());
+        found.residual_before = found.residual_before.max(candidate.residual);
+        let closed = problem.close_somewhere(&mut candidate, &mut found.iterations);
         if closed {
-            slope = f64::max(slope, problem.descend(&mut place, &mut found.iterations));
+            slope = f64::max(slope, problem.descend(&mut candidate, &mut found.iterations));
         }
         open |= !closed;
-        found.residual = found.residual.max(place.residual);
-        q[range].copy_from_slice(&place.q);
-        if let Some(at) = branches.iter().position(|of| *of == c) {
-            found.branch[at] = judge(cluster, bodies, &place.q).1;
+        found.residual = found.residual.max(candidate.residual);
+        q[range].copy_from_slice(&candidate.q);
+        if let Some(at) = branches.iter().position(|branch| *branch == c) {
+            found.branch[at] = assess(cluster, bodies, &candidate.q).1;
         }
         // the square of what the joints that may move have gone
-        let gone = problem.away(&place.q);
+        let gone = problem.away(&candidate.q);
         let square: f64 =
             problem.free.iter().map(|v| weights[cluster.v + v] * gone[*v] * gone[*v]).sum();
         found.distance = found.distance.hypot(square.sqrt());
@@ -280,9 +276,9 @@ fn checked(
         }
         four.iter_mut().for_each(|x| *x /= length);
         // a part of a turn cannot be held while the rest goes on
-        let of = body.v..body.v + body.motion.n_v();
-        let fixed = w[of.clone()].iter().filter(|x| x.is_infinite()).count();
-        if fixed != 0 && fixed != of.len() {
+        let velocities = body.v..body.v + body.motion.n_v();
+        let fixed = w[velocities.clone()].iter().filter(|x| x.is_infinite()).count();
+        if fixed != 0 && fixed != velocities.len() {
             let name = names[model.order.v_external[body.v]].clone();
             return Err(AssembleError::BadWeights {
                 name,

@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 use crate::closure::{
     Scratch, column_unit, constraint_residual, largest_residual, local_poses, row_unit,
 };
-use crate::mechanism::Motion;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Motion};
 use crate::spatial::{Pose, cross, from_quaternion, mul, t_mul};
 
 /// Relative singular value below which a direction of the rows that count says nothing.
@@ -44,22 +43,22 @@ pub(crate) struct Problem<'a> {
 
 /// A pose of the cluster with its scaled residuals.
 #[derive(Clone, Debug)]
-pub(super) struct Place {
+pub(super) struct Candidate {
     pub(super) q: Vec<f64>,
     pub(super) phi: Vec<f64>,
     /// Largest residual of all rows, in lengths of the cluster.
     pub(super) residual: f64,
 }
 
-impl Place {
-    pub(super) fn new(problem: &Problem<'_>, q: Vec<f64>) -> Place {
+impl Candidate {
+    pub(super) fn new(problem: &Problem<'_>, q: Vec<f64>) -> Candidate {
         let cluster = problem.cluster;
         let mut phi = vec![0.0; cluster.rows.len()];
         constraint_residual(cluster, &problem.poses(&q), &q, &mut phi);
         let residual = largest_residual(cluster, &phi);
         let phi =
             problem.rows.iter().zip(&problem.scale).map(|(r, scale)| phi[*r] * scale).collect();
-        Place { q, phi, residual }
+        Candidate { q, phi, residual }
     }
 
     /// |φ|², infinite where it is not a number.
@@ -125,7 +124,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The way from the given pose, scaled (n_v).
+    /// The displacement from the given pose, scaled (n_v).
     pub(super) fn away(&self, q: &[f64]) -> Vec<f64> {
         let mut d = vec![0.0; self.cluster.n_v];
         for body in self.bodies {
@@ -161,8 +160,8 @@ impl<'a> Problem<'a> {
             let (at, v) = (body.q - self.cluster.q, body.v - self.cluster.v);
             let first = at + body.motion.n_q().saturating_sub(4);
             if body.motion.n_v() > 1 {
-                let turn = from_rates(&d[v..v + 3], &pull[v..v + 3]);
-                pull[v..v + 3].copy_from_slice(turn.as_slice());
+                let moment = from_rates(&d[v..v + 3], &pull[v..v + 3]);
+                pull[v..v + 3].copy_from_slice(moment.as_slice());
             }
             if body.motion == Motion::Floating {
                 let R = from_quaternion(q[first], q[first + 1], q[first + 2], q[first + 3]);
@@ -183,12 +182,12 @@ impl<'a> Problem<'a> {
             let first = at + body.motion.n_q().saturating_sub(4);
             match body.motion {
                 Motion::Revolute | Motion::Prismatic => next[at] += x[v],
-                Motion::Spherical => turn(&mut next[first..first + 4], &x[v..v + 3]),
+                Motion::Spherical => rotate(&mut next[first..first + 4], &x[v..v + 3]),
                 Motion::Floating => {
                     let R = from_quaternion(q[first], q[first + 1], q[first + 2], q[first + 3]);
                     let along = mul(&R, &Vector3::new(x[v + 3], x[v + 4], x[v + 5]));
                     (0..3).for_each(|i| next[at + i] += along[i]);
-                    turn(&mut next[first..first + 4], &x[v..v + 3]);
+                    rotate(&mut next[first..first + 4], &x[v..v + 3]);
                 }
             }
         }
@@ -217,7 +216,7 @@ fn turned(from: &[f64], to: &[f64]) -> [f64; 3] {
 }
 
 /// Turns a quaternion by a rotation vector in the body.
-fn turn(q: &mut [f64], by: &[f64]) {
+fn rotate(q: &mut [f64], by: &[f64]) {
     let by = Vector3::new(by[0], by[1], by[2]);
     let angle = by.norm();
     let v = by * if angle > 0.0 { (0.5 * angle).sin() / angle } else { 0.5 };

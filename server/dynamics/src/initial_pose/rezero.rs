@@ -49,15 +49,18 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
             .spanning_tree
             .iter()
             .all(|j| next.joints[*j].origin == description.joints[*j].origin);
-        for of in submechanism.loops.iter_mut().filter(|_| !at_rest) {
-            let frame = match of.cut {
+        for cycle in submechanism.loops.iter_mut().filter(|_| !at_rest) {
+            let frame = match cycle.cut {
                 Cut::AtJoint(j) => in_root(description, description.joints.get(j)?.child)?,
                 Cut::AtLink(link) => in_root(description, link)?,
                 Cut::Placed { .. } => continue,
             };
             let on =
                 |link: usize| Some(placement(&in_root(description, link)?.inverse().then(&frame)));
-            of.cut = Cut::Placed { predecessor: on(of.predecessor)?, successor: on(of.successor)? };
+            cycle.cut = Cut::Placed {
+                predecessor: on(cycle.predecessor)?,
+                successor: on(cycle.successor)?,
+            };
         }
     }
     Some(next)
@@ -68,10 +71,10 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
 pub fn closing_placements(description: &Description) -> Vec<(usize, usize, Placement)> {
     let mut found = Vec::new();
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
-        for (l, of) in submechanism.loops.iter().enumerate() {
-            let Cut::Placed { predecessor, .. } = &of.cut else { continue };
+        for (l, cycle) in submechanism.loops.iter().enumerate() {
+            let Cut::Placed { predecessor, .. } = &cycle.cut else { continue };
             let frames =
-                in_root(description, of.predecessor).zip(in_root(description, of.successor));
+                in_root(description, cycle.predecessor).zip(in_root(description, cycle.successor));
             if let Some((P, S)) = frames {
                 found.push((s, l, placement(&S.inverse().then(&P).then(&pose_of(predecessor)))));
             }

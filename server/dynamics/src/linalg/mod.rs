@@ -8,4 +8,4 @@ pub(crate) use dense::{
     column_square, decompose, determinant_sign, least_norm, singular_range, solve_pivoted,
     solve_sound, solve_unpivoted,
 };
-pub(crate) use tree_sparse::{Branches, factorise_branches, factorise_full, solve_branches};
+pub(crate) use tree_sparse::{TreeSparsity, factorise_full, factorise_tree, solve_tree};

@@ -7,9 +7,9 @@
 
 use crate::scalar::{Mask, Real};
 
-/// Who carries whom, and where the rows lie.
+/// Which index supports which, and where the rows lie.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Branches {
+pub(crate) struct TreeSparsity {
     /// Nearest ancestor of each, or `usize::MAX`.
     pub(crate) parent: Vec<usize>,
     /// How many ancestors each has.
@@ -20,7 +20,7 @@ pub(crate) struct Branches {
     pub(crate) len: usize,
 }
 
-impl Branches {
+impl TreeSparsity {
     /// Appends one more, carried by an earlier one or by nothing.
     pub(crate) fn push(&mut self, parent: usize) {
         let depth = self.depth.get(parent).map_or(0, |depth| depth + 1);
@@ -49,8 +49,8 @@ impl Branches {
 /// Factorises H = Lᵀ D L in place: the rows then hold L and 1/D. The mask tells where every D is
 /// positive.
 #[inline]
-pub(crate) fn factorise_branches<T: Real>(branches: &Branches, H: &mut [T]) -> T::Mask {
-    let Branches { parent, depth, start, .. } = branches;
+pub(crate) fn factorise_tree<T: Real>(sparsity: &TreeSparsity, H: &mut [T]) -> T::Mask {
+    let TreeSparsity { parent, depth, start, .. } = sparsity;
     let mut positive = T::Mask::splat(true);
     for k in (0..parent.len()).rev() {
         let (before, row) = H.split_at_mut(start[k]);
@@ -72,10 +72,10 @@ pub(crate) fn factorise_branches<T: Real>(branches: &Branches, H: &mut [T]) -> T
     positive
 }
 
-/// Solves Lᵀ D L x = b in place after [`factorise_branches`].
+/// Solves Lᵀ D L x = b in place after [`factorise_tree`].
 #[inline]
-pub(crate) fn solve_branches<T: Real>(branches: &Branches, L: &[T], x: &mut [T]) {
-    let Branches { parent, depth, start, .. } = branches;
+pub(crate) fn solve_tree<T: Real>(sparsity: &TreeSparsity, L: &[T], x: &mut [T]) {
+    let TreeSparsity { parent, depth, start, .. } = sparsity;
     for k in (0..parent.len()).rev() {
         let (xk, mut i) = (x[k], parent[k]);
         for l in L[start[k]..start[k] + depth[k]].iter().rev() {
@@ -122,20 +122,20 @@ mod tests {
 
     #[test]
     fn entries_lie_where_one_carries_the_other() {
-        let mut branches = Branches::default();
+        let mut sparsity = TreeSparsity::default();
         // 0 carries 1 and 3, 1 carries 2, 4 stands alone
-        [usize::MAX, 0, 1, 0, usize::MAX].into_iter().for_each(|parent| branches.push(parent));
-        assert_eq!(branches.len, 1 + 2 + 3 + 2 + 1);
+        [usize::MAX, 0, 1, 0, usize::MAX].into_iter().for_each(|parent| sparsity.push(parent));
+        assert_eq!(sparsity.len, 1 + 2 + 3 + 2 + 1);
         assert_eq!(
-            (branches.entry(2, 0), branches.entry(0, 2), branches.entry(2, 2)),
+            (sparsity.entry(2, 0), sparsity.entry(0, 2), sparsity.entry(2, 2)),
             (Some(3), Some(3), Some(5))
         );
         assert_eq!(
             (
-                branches.entry(3, 0),
-                branches.entry(3, 1),
-                branches.entry(4, 0),
-                branches.entry(2, 3)
+                sparsity.entry(3, 0),
+                sparsity.entry(3, 1),
+                sparsity.entry(4, 0),
+                sparsity.entry(2, 3)
             ),
             (Some(6), None, None, None)
         );
@@ -143,21 +143,21 @@ mod tests {
 
     #[test]
     fn a_branching_matrix_is_solved() {
-        let mut branches = Branches::default();
-        [usize::MAX, 0, 1, 0].into_iter().for_each(|parent| branches.push(parent));
+        let mut sparsity = TreeSparsity::default();
+        [usize::MAX, 0, 1, 0].into_iter().for_each(|parent| sparsity.push(parent));
         let packed = [5.0_f64, 1.0, 4.0, 0.5, -1.0, 3.0, 0.25, 2.0];
         let x = [1.0, -2.0, 3.0, 0.5];
         let mut b = [0.0; 4];
         for (i, row) in b.iter_mut().enumerate() {
-            *row = (0..4).map(|j| branches.entry(i, j).map_or(0.0, |at| packed[at]) * x[j]).sum();
+            *row = (0..4).map(|j| sparsity.entry(i, j).map_or(0.0, |at| packed[at]) * x[j]).sum();
         }
         let mut factor = packed;
-        assert!(factorise_branches(&branches, &mut factor));
-        solve_branches(&branches, &factor, &mut b);
+        assert!(factorise_tree(&sparsity, &mut factor));
+        solve_tree(&sparsity, &factor, &mut b);
         (0..4).for_each(|i| assert!((b[i] - x[i]).abs() < 1e-14, "{b:?}"));
         let mut indefinite = packed;
         indefinite[2] = 0.1;
-        assert!(!factorise_branches(&branches, &mut indefinite));
+        assert!(!factorise_tree(&sparsity, &mut indefinite));
     }
 
     #[test]

@@ -1,9 +1,9 @@
-//! The freedoms of joints: what moves, along which axis, the pose that coordinates give, and how a
-//! step changes them.
+//! The degrees of freedom of joints: what moves, along which axis, the pose that coordinates give,
+//! and how a step changes them.
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::model::Body;
+use crate::mechanism::Body;
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z,
@@ -38,19 +38,19 @@ impl Motion {
 
 /// One velocity of a cluster, with what kernels need of it at once.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Freedom {
+pub(crate) struct Dof {
     /// Local velocity, first local coordinate of its joint, local body.
     pub(crate) v: usize,
     pub(crate) q: usize,
     pub(crate) body: usize,
-    /// Which freedom of the joint it is.
+    /// Which degree of freedom of the joint it is.
     pub(crate) k: usize,
     pub(crate) motion: Motion,
     /// It is the only one of its joint, along or about z.
     pub(crate) single: bool,
 }
 
-impl Freedom {
+impl Dof {
     /// True where the velocity is that of a length.
     #[inline(always)]
     pub(crate) fn slides(&self) -> bool {
@@ -63,7 +63,7 @@ impl Freedom {
         if self.single { column(R, 2) } else { column(R, self.k % 3) }
     }
 
-    /// Moves the freedom by a step in the cluster's coordinates.
+    /// Moves the degree of freedom by a step in the cluster's coordinates.
     #[inline(always)]
     pub(crate) fn advance<T: Real>(&self, q: &mut [T], step: T) {
         if self.single {
@@ -74,46 +74,52 @@ impl Freedom {
     }
 }
 
-/// Pose of a body in its parent from the turn and the coordinates of its joint, which come first in
-/// `q`.
+/// Pose of a body in its parent from the cosine and sine and the coordinates of its joint, which
+/// come first in `q`.
 #[inline(always)]
-pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], turn: (T, T)) -> Pose<T> {
+pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], cos_sin: (T, T)) -> Pose<T> {
     match body.motion {
-        Motion::Revolute | Motion::Prismatic => {
-            single_pose(body, &Pose { R: lift_mat(&body.E), p: lift(&body.r) }, q[0], turn)
-        }
+        Motion::Revolute | Motion::Prismatic => single_pose(
+            body,
+            &Pose { R: lift_mat(&body.R_parent_body), p: lift(&body.p_parent_body) },
+            q[0],
+            cos_sin,
+        ),
         Motion::Spherical | Motion::Floating => free_pose(body, q),
     }
 }
 
-/// The same of a joint of several freedoms.
+/// The same of a joint of several degrees of freedom.
 #[inline(never)]
 fn free_pose<T: Real>(body: &Body<T::Const>, q: &[T]) -> Pose<T> {
-    let E: Matrix3<T> = lift_mat(&body.E);
+    let R: Matrix3<T> = lift_mat(&body.R_parent_body);
     if body.motion == Motion::Spherical {
-        return Pose { R: mul_mat(&E, &from_quaternion(q[0], q[1], q[2], q[3])), p: lift(&body.r) };
+        return Pose {
+            R: mul_mat(&R, &from_quaternion(q[0], q[1], q[2], q[3])),
+            p: lift(&body.p_parent_body),
+        };
     }
-    let p = mul_add(&E, &Vector3::new(q[0], q[1], q[2]), &lift(&body.r));
-    Pose { R: mul_mat(&E, &from_quaternion(q[3], q[4], q[5], q[6])), p }
+    let p = mul_add(&R, &Vector3::new(q[0], q[1], q[2]), &lift(&body.p_parent_body));
+    Pose { R: mul_mat(&R, &from_quaternion(q[3], q[4], q[5], q[6])), p }
 }
 
-/// Pose of a body with one freedom from that at zero of its joint.
+/// Pose of a body with one degree of freedom from that at zero of its joint.
 #[inline(always)]
 pub(crate) fn single_pose<T: Real>(
     body: &Body<T::Const>,
     base: &Pose<T>,
     q: T,
-    turn: (T, T),
+    cos_sin: (T, T),
 ) -> Pose<T> {
     if body.motion == Motion::Revolute {
-        Pose { R: turn_z(&base.R, turn.0, turn.1), p: base.p }
+        Pose { R: turn_z(&base.R, cos_sin.0, cos_sin.1), p: base.p }
     } else {
         Pose { R: base.R, p: scale_add(&column(&base.R, 2), q, &base.p) }
     }
 }
 
-/// Moves one freedom of a joint by a step; `q` starts with the joint's coordinates. Quaternions
-/// stay of unit length.
+/// Moves one degree of freedom of a joint by a step; `q` starts with the joint's coordinates.
+/// Quaternions stay of unit length.
 #[inline(never)]
 fn advance<T: Real>(motion: Motion, k: usize, q: &mut [T], step: T) {
     match (motion, k) {

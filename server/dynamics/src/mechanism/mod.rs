@@ -1,7 +1,14 @@
-//! The parts of a mechanism as plain data.
+//! The parts of a mechanism as plain data: bodies and their joints, clusters of joints and the cuts
+//! that close them. Knows nothing of how a cluster is closed or of what is computed from it.
 
+mod body;
+mod cluster;
+mod cut;
 mod joint;
 mod terms;
 
-pub(crate) use joint::{Freedom, Motion, joint_pose, single_pose};
+pub(crate) use body::{Body, Frame};
+pub(crate) use cluster::{Cluster, GBlock};
+pub(crate) use cut::{Cut, CutRow};
+pub(crate) use joint::{Dof, Motion, joint_pose, single_pose};
 pub(crate) use terms::{Damper, JointTerms, Rotor, Spring};

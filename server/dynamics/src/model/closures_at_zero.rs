@@ -1,7 +1,8 @@
 //! What a person wants to know about the loops of each submechanism at the zero pose.
 
-use crate::closure::{Scratch, branch, dependents_range};
-use crate::model::{Body, Cluster, Model};
+use crate::closure::{Scratch, assembly_branch, dependents_range};
+use crate::mechanism::{Body, Cluster};
+use crate::model::Model;
 
 /// The loops of one submechanism at the zero pose; where its loops are tied to those of another,
 /// those of both.
@@ -35,12 +36,14 @@ impl Model<f64> {
     /// The clusters that hold any of these rows.
     fn closure_of(&self, own: std::ops::Range<usize>) -> ClosureAtZero {
         let mut found = ClosureAtZero { sigma_min: 1.0, cond_Kd: 1.0, ..ClosureAtZero::default() };
-        for &c in
-            self.tied.iter().filter(|c| self.clusters[**c].rows.iter().any(|row| own.contains(row)))
+        for &c in self
+            .closed_clusters
+            .iter()
+            .filter(|c| self.clusters[**c].rows.iter().any(|row| own.contains(row)))
         {
             let cluster = &self.clusters[c];
-            let bodies = &self.bodies[cluster.body..cluster.body + cluster.n];
-            let zero = &self.zero[cluster.q..cluster.q + cluster.n_q];
+            let bodies = self.bodies_of(cluster);
+            let zero = &self.zero[cluster.coordinates()];
             let unused = (0..cluster.rows.len())
                 .filter(|r| !cluster.used.contains(r))
                 .map(|r| cluster.rows[r]);
@@ -48,7 +51,7 @@ impl Model<f64> {
                 unused.filter(|row| own.contains(row)).map(|row| self.meta.loops[row].clone()),
             );
 
-            let ((largest, least), branch) = judge(cluster, bodies, zero);
+            let ((largest, least), branch) = assess(cluster, bodies, zero);
             found.sigma_min = found.sigma_min.min(least);
             found.cond_Kd =
                 found.cond_Kd.max(if branch == 0.0 { f64::INFINITY } else { largest / least });
@@ -62,9 +65,10 @@ impl Model<f64> {
 
 /// Largest and least singular value of the scaled K_d of one cluster at a pose, and its branch, 0
 /// where the pose is singular. Allocates.
-pub(crate) fn judge(cluster: &Cluster<f64>, bodies: &[Body<f64>], q: &[f64]) -> ((f64, f64), f64) {
+pub(crate) fn assess(cluster: &Cluster<f64>, bodies: &[Body<f64>], q: &[f64]) -> ((f64, f64), f64) {
     let mut scratch = Scratch::at(cluster, bodies, q);
     let (largest, least) = dependents_range(cluster, &mut scratch);
-    let branch = if least <= f64::EPSILON * largest { 0.0 } else { branch(cluster, &mut scratch) };
+    let branch =
+        if least <= f64::EPSILON * largest { 0.0 } else { assembly_branch(cluster, &mut scratch) };
     ((largest, least), branch)
 }

@@ -5,22 +5,28 @@
 //! it does, and a link's own frame survives as a [`Frame`].
 
 mod closures_at_zero;
+mod compiled;
+mod order;
 mod tolerance;
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use sarrus_proto::{ClosureInfo, ModelInfo, Sizes};
 
 pub use closures_at_zero::ClosureAtZero;
-pub(crate) use closures_at_zero::judge;
+pub(crate) use closures_at_zero::assess;
+pub use compiled::Compiled;
+pub(crate) use order::{Limit, Order};
 
-use crate::closure::{Closure, Cut};
-use crate::diagnostic::Diagnostic;
-use crate::linalg::Branches;
-use crate::mechanism::{Freedom, JointTerms, Motion};
-use crate::scalar::{Dd, Real};
-use crate::spatial::Pose;
+use crate::closure::Closure;
+use crate::linalg::TreeSparsity;
+use crate::mechanism::{Body, Cluster, Frame, JointTerms};
+use crate::scalar::Real;
+
+/// From this ratio of a joint's own inertia to what is left of it on, forward dynamics loses more
+/// than six digits and a user is warned.
+pub(crate) const UNEQUAL: f64 = 1e6;
 
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
@@ -33,9 +39,11 @@ pub struct Model<C = f64> {
     pub(crate) bodies: Vec<Body<C>>,
     /// Clusters in the order of their bodies.
     pub(crate) clusters: Vec<Cluster<C>>,
+    /// How each of them is closed.
+    pub(crate) closures: Vec<Closure<C>>,
     /// The clusters that have something to close, and the free revolute joints as (body, tree
     /// coordinate).
-    pub(crate) tied: Vec<usize>,
+    pub(crate) closed_clusters: Vec<usize>,
     pub(crate) free: Vec<(usize, usize)>,
     /// The cluster of each body; 0 (the world) has none.
     pub(crate) cluster_of: Vec<usize>,
@@ -45,10 +53,10 @@ pub struct Model<C = f64> {
     pub(crate) frames: Vec<Frame<C>>,
     /// Numbers in all G blocks together.
     pub(crate) n_g: usize,
-    /// Which independent velocity carries which.
-    pub(crate) branches: Branches,
-    /// Bodies that carry another cluster, or a body of their own that does.
-    pub(crate) carries: Vec<bool>,
+    /// Which independent velocity supports which.
+    pub(crate) sparsity: TreeSparsity,
+    /// Bodies that have a child cluster, or support a body of their own cluster that has one.
+    pub(crate) has_child_cluster: Vec<bool>,
     /// Largest inertia of each independent at the poses that were tried at load, in internal order
     /// (n_vy).
     pub(crate) inertia: Vec<f64>,
@@ -60,116 +68,6 @@ pub struct Model<C = f64> {
     /// Limits that exist, and the effort limit of each actuator.
     pub(crate) limits: Vec<Limit>,
     pub(crate) effort: Vec<f64>,
-}
-
-/// Limits of one joint, by internal coordinate.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Limit {
-    pub(crate) q: usize,
-    pub(crate) v: usize,
-    pub(crate) lower: f64,
-    pub(crate) upper: f64,
-    pub(crate) velocity: f64,
-}
-
-/// From the order that users see to the order of the bodies.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Order {
-    /// Internal index of each tree coordinate and tree velocity.
-    pub(crate) q: Vec<usize>,
-    pub(crate) v: Vec<usize>,
-    /// For each independent coordinate its tree coordinate; for each independent velocity its tree
-    /// velocity and its internal number.
-    pub(crate) qy_q: Vec<usize>,
-    pub(crate) vy_v: Vec<usize>,
-    pub(crate) vy: Vec<usize>,
-    /// For each actuator its tree coordinate and velocity.
-    pub(crate) u_q: Vec<usize>,
-    pub(crate) u_v: Vec<usize>,
-    /// Back again: place of each internal tree and independent velocity in the external order; and
-    /// the identity.
-    pub(crate) v_external: Vec<usize>,
-    pub(crate) vy_external: Vec<usize>,
-    pub(crate) vy_internal: Vec<usize>,
-    /// The tied clusters that have a branch, in the order of their submechanisms.
-    pub(crate) branches: Vec<usize>,
-}
-
-/// A moving body and the joint that carries it.
-#[derive(Clone, Debug)]
-pub(crate) struct Body<C> {
-    pub(crate) parent: usize,
-    pub(crate) motion: Motion,
-    /// First internal tree coordinate and velocity.
-    pub(crate) q: usize,
-    pub(crate) v: usize,
-    /// Pose of the body at zero {parent body}.
-    pub(crate) E: Matrix3<C>,
-    pub(crate) r: Vector3<C>,
-    /// Mass, first moment m c, rotational inertia xx xy xz yy yz zz about the body's origin {body}.
-    pub(crate) mass: C,
-    pub(crate) h: Vector3<C>,
-    pub(crate) inertia: [C; 6],
-}
-
-/// A link's frame on the body that carries it.
-#[derive(Clone, Debug)]
-pub(crate) struct Frame<C> {
-    pub(crate) body: usize,
-    pub(crate) x_body_frame: Pose<C>,
-}
-
-/// Tree joints tied by loops or couplings; they hang from one parent body.
-#[derive(Clone, Debug)]
-pub(crate) struct Cluster<C> {
-    /// The body that the cluster hangs from.
-    pub(crate) parent: usize,
-    /// First body and number of bodies.
-    pub(crate) body: usize,
-    pub(crate) n: usize,
-    /// First internal tree velocity and coordinate; n_v of them.
-    pub(crate) v: usize,
-    pub(crate) q: usize,
-    pub(crate) n_v: usize,
-    pub(crate) n_q: usize,
-    /// What each local velocity belongs to (n_v).
-    pub(crate) freedoms: Vec<Freedom>,
-    /// First internal independent velocity; n_vy of them.
-    pub(crate) vy: usize,
-    pub(crate) n_vy: usize,
-    /// First number of the cluster's G block (n_v × n_vy, row-major).
-    pub(crate) g: usize,
-    /// Local velocities that are independent, in the order of y, and the others; and the same of
-    /// the local coordinates.
-    pub(crate) independent: Vec<usize>,
-    pub(crate) dependent: Vec<usize>,
-    pub(crate) independent_q: Vec<usize>,
-    pub(crate) dependent_q: Vec<usize>,
-    /// Idle velocities, which stand still; they are in neither list.
-    pub(crate) locked: Vec<usize>,
-    /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
-    pub(crate) local_parent: Vec<usize>,
-    /// Actuators: (index in u, local velocity).
-    pub(crate) active: Vec<(usize, usize)>,
-    pub(crate) cuts: Vec<Cut<C>>,
-    /// External index of each local constraint row; the rows that, with the dependents, make the
-    /// square system.
-    pub(crate) rows: Vec<usize>,
-    pub(crate) used: Vec<usize>,
-    pub(crate) closure: Closure<C>,
-    /// Characteristic length `[m]`.
-    pub(crate) length: f64,
-}
-
-/// The result of [`Model::compile`]: the robot in both precisions.
-#[derive(Clone, Debug)]
-pub struct Compiled {
-    /// The model for work.
-    pub model: Model<f64>,
-    /// The same model with constants to 32 digits, for truth.
-    pub exact: Model<Dd>,
-    /// What is remarkable but no error.
-    pub warnings: Vec<Diagnostic>,
 }
 
 impl<C> Model<C> {
@@ -213,7 +111,7 @@ impl<C> Model<C> {
     pub fn loop_names(&self) -> &[String] {
         &self.meta.loops
     }
-    /// Names of what has a branch: the submechanism of each tied cluster that is not a pure
+    /// Names of what has a branch: the submechanism of each closed cluster that is not a pure
     /// coupling (n_branches).
     pub fn branch_names(&self) -> &[String] {
         &self.meta.branches
@@ -246,6 +144,12 @@ impl<C: Real> Model<C> {
 }
 
 impl<C> Model<C> {
+    /// The bodies of a cluster.
+    #[inline(always)]
+    pub(crate) fn bodies_of(&self, cluster: &Cluster<C>) -> &[Body<C>] {
+        &self.bodies[cluster.bodies()]
+    }
+
     /// True where the joint of a body is independent.
     pub(crate) fn is_independent(&self, i: usize) -> bool {
         let cluster = &self.clusters[self.cluster_of[i]];
@@ -265,21 +169,19 @@ impl<C: Copy> Model<C> {
             gravity: self.gravity.map(f),
             bodies: self.bodies.iter().map(|body| body.map(f)).collect(),
             clusters: self.clusters.iter().map(|cluster| cluster.map(f)).collect(),
-            tied: self.tied.clone(),
+            closures: self.closures.iter().map(|closure| closure.map(f)).collect(),
+            closed_clusters: self.closed_clusters.clone(),
             free: self.free.clone(),
             cluster_of: self.cluster_of.clone(),
             cluster_of_v: self.cluster_of_v.clone(),
             frames: self
                 .frames
                 .iter()
-                .map(|frame| Frame {
-                    body: frame.body,
-                    x_body_frame: map_pose(&frame.x_body_frame, f),
-                })
+                .map(|frame| Frame { body: frame.body, x_body_frame: frame.x_body_frame.map(f) })
                 .collect(),
             n_g: self.n_g,
-            branches: self.branches.clone(),
-            carries: self.carries.clone(),
+            sparsity: self.sparsity.clone(),
+            has_child_cluster: self.has_child_cluster.clone(),
             inertia: self.inertia.clone(),
             terms: self.terms.map(f),
             order: self.order.clone(),
@@ -287,66 +189,5 @@ impl<C: Copy> Model<C> {
             limits: self.limits.clone(),
             effort: self.effort.clone(),
         }
-    }
-}
-
-/// A pose with every number converted.
-pub(crate) fn map_pose<C: nalgebra::Scalar + Copy, D: nalgebra::Scalar>(
-    pose: &Pose<C>,
-    f: impl Fn(C) -> D + Copy,
-) -> Pose<D> {
-    Pose { R: pose.R.map(f), p: pose.p.map(f) }
-}
-
-impl<C: nalgebra::Scalar + Copy> Body<C> {
-    fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Body<D> {
-        Body {
-            parent: self.parent,
-            motion: self.motion,
-            q: self.q,
-            v: self.v,
-            E: self.E.map(f),
-            r: self.r.map(f),
-            mass: f(self.mass),
-            h: self.h.map(f),
-            inertia: self.inertia.map(f),
-        }
-    }
-}
-
-impl<C: nalgebra::Scalar + Copy> Cluster<C> {
-    fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Cluster<D> {
-        Cluster {
-            parent: self.parent,
-            body: self.body,
-            n: self.n,
-            v: self.v,
-            q: self.q,
-            n_v: self.n_v,
-            n_q: self.n_q,
-            freedoms: self.freedoms.clone(),
-            vy: self.vy,
-            n_vy: self.n_vy,
-            g: self.g,
-            independent: self.independent.clone(),
-            dependent: self.dependent.clone(),
-            locked: self.locked.clone(),
-            independent_q: self.independent_q.clone(),
-            dependent_q: self.dependent_q.clone(),
-            local_parent: self.local_parent.clone(),
-            active: self.active.clone(),
-            cuts: self.cuts.iter().map(|cut| cut.map(f)).collect(),
-            rows: self.rows.clone(),
-            used: self.used.clone(),
-            closure: self.closure.map(f),
-            length: self.length,
-        }
-    }
-}
-
-impl<C> Cluster<C> {
-    /// True when the cluster is one joint that nothing ties.
-    pub(crate) fn is_serial(&self) -> bool {
-        matches!(self.closure, Closure::Serial)
     }
 }

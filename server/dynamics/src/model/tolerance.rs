@@ -1,6 +1,6 @@
 //! A model whose numerical closures end early.
 
-use crate::closure::End;
+use crate::closure::{Closure, End};
 use crate::model::Model;
 use crate::scalar::Real;
 
@@ -15,8 +15,7 @@ impl<C: Real> Model<C> {
     /// not reach is looked for along the path. Closed forms have no such end. Allocates.
     pub fn with_tolerance(&self, tolerance: f64, steps: u32) -> Model<C> {
         let mut model = self.clone();
-        for numerical in model.clusters.iter_mut().filter_map(|cluster| cluster.closure.numerical())
-        {
+        for numerical in model.closures.iter_mut().filter_map(Closure::numerical) {
             numerical.end = End { tolerance: Some(tolerance), steps: steps.max(1) };
         }
         model

@@ -2,13 +2,12 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use crate::algorithms;
-use crate::closure::column_unit;
-use crate::compile::UNEQUAL;
-use crate::linalg::{factorise_branches, least_norm, solve_branches, solve_sound};
-use crate::model::{Cluster, Model};
-use crate::plan::run::Findings;
-use crate::plan::state::{WEAK, tree_accelerations};
+use crate::algorithms::{self, TreeMotion};
+use crate::linalg::{factorise_tree, solve_tree};
+use crate::model::{Model, UNEQUAL};
+use crate::plan::actuation::to_actuators;
+use crate::plan::run::RunReport;
+use crate::plan::state::tree_accelerations;
 use crate::plan::{Method, Plan};
 use crate::scalar::{Mask, Scalar};
 use crate::spatial::zero;
@@ -26,26 +25,19 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if self.wants_any(&[Field::CY]) {
             self.bias_force(model, ws, input, false);
         }
         if self.steps.newton_euler {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-            algorithms::newton_euler(
-                model,
-                &ws.q,
-                &ws.qd,
-                &ws.qdd,
-                wrench,
-                &mut ws.motion,
-                &mut ws.tau_q,
-            );
+            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+            algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
             to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
-            found.warn_if(to_actuators(model, ws)?);
+            report.warn_if(to_actuators(model, ws)?);
         }
         if self.wants(Field::Lambda) {
             // what the tree needs beyond the actuators comes from the loops
@@ -54,7 +46,7 @@ impl Plan {
             independents_subtract(model, &ws.tau_rest, &mut ws.loop_q);
         }
         if self.steps.mass_matrix {
-            self.mass_matrix(model, ws);
+            algorithms::reduced_mass_matrix(model, ws);
         }
         Ok(())
     }
@@ -66,7 +58,7 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
@@ -78,7 +70,7 @@ impl Plan {
             self.bias_force(model, ws, input, false);
         }
         if self.steps.mass_matrix {
-            self.mass_matrix(model, ws);
+            algorithms::reduced_mass_matrix(model, ws);
         }
         // the whole system has no pivots to judge: the recursion's tell of its masses too
         if self.method == Method::Kkt {
@@ -86,19 +78,17 @@ impl Plan {
         }
         let (positive, unequal) = if self.method == Method::Projection {
             ws.factor.copy_from_slice(&ws.M_y);
-            let positive = factorise_branches(&model.branches, &mut ws.factor);
-            solve_branches(&model.branches, &ws.factor, &mut ws.ydd);
-            (positive, unequal(model, model.branches.diagonal().map(|at| ws.factor[at])))
+            let positive = factorise_tree(&model.sparsity, &mut ws.factor);
+            solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
+            (positive, unequal(model, model.sparsity.diagonal().map(|at| ws.factor[at])))
         } else {
-            let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
-            let positive =
-                algorithms::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
-            (positive, unequal(model, embedding.inverses(model)))
+            let positive = algorithms::embedded_solve(model, ws);
+            (positive, unequal(model, ws.embedding.inverses(model)))
         };
-        found.warn_if(unequal);
+        report.warn_if(unequal);
         if self.method == Method::Kkt {
             self.tree_forward_dynamics(model, ws, input)?;
-            found.warn_if(!self.balanced(model, ws, input));
+            report.warn_if(!self.balanced(model, ws, input));
             return Ok(());
         }
         if !positive.all() {
@@ -115,15 +105,8 @@ impl Plan {
         if self.wants(Field::Lambda) {
             // τ_q of the motion less the given forces is what the loops supply
             let wrench = self.query.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
-            algorithms::newton_euler(
-                model,
-                &ws.q,
-                &ws.qd,
-                &ws.qdd,
-                wrench,
-                &mut ws.motion,
-                &mut ws.loop_q,
-            );
+            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+            algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.loop_q);
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
@@ -138,15 +121,8 @@ impl Plan {
     ) -> Result<(), Status> {
         let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
-        algorithms::newton_euler(
-            model,
-            &ws.q,
-            &ws.qd,
-            &ws.qdd,
-            wrench,
-            &mut ws.motion,
-            &mut ws.tau_q,
-        );
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.loop_q.fill(T::ZERO);
         self.each_given_force(model, input, |v, tau| ws.loop_q[v] = tau);
         self.kkt(model, ws)
@@ -159,15 +135,16 @@ impl Plan {
         // q̈ = G ÿ + g: that of the system need not keep the loops closed
         let mut qdd = core::mem::take(&mut ws.start_rate);
         qdd.copy_from_slice(&ws.qdd);
-        for &c in &model.tied {
+        for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
             for &j in &cluster.dependent {
-                let row = ws.G[cluster.g + j * cluster.n_vy..].iter().zip(&cluster.independent);
+                let row = cluster.G(&ws.G).row(j).iter().zip(&cluster.independent);
                 qdd[cluster.v + j] = row
                     .fold(ws.g[cluster.v + j], |sum, (g, i)| g.mul_add(ws.qdd[cluster.v + i], sum));
             }
         }
-        algorithms::newton_euler(model, &ws.q, &ws.qd, &qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &qdd };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.start_rate = qdd;
         let size = |tau: &[T]| {
             tau.iter().fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size))
@@ -181,9 +158,7 @@ impl Plan {
         if size(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO {
             return true;
         }
-        let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
-        let positive =
-            algorithms::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
+        let positive = algorithms::embedded_solve(model, ws);
         let given =
             model.order.vy_v.iter().fold(T::ZERO, |size, v| {
                 T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size)
@@ -215,12 +190,12 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
             self.given_forces(model, ws, input);
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
-                found.warn_if(to_actuators(model, ws)?);
+                report.warn_if(to_actuators(model, ws)?);
             }
         }
         Ok(())
@@ -237,22 +212,9 @@ impl Plan {
         // q̈ = g
         let wrench =
             (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
-        algorithms::newton_euler(
-            model,
-            &ws.q,
-            &ws.qd,
-            &ws.g,
-            wrench,
-            &mut ws.motion,
-            &mut ws.tau_q,
-        );
+        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.g };
+        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
-    }
-
-    /// M_y, packed.
-    fn mass_matrix<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
-        let Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
-        algorithms::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
     }
 
     /// The given forces as τ_y.
@@ -309,86 +271,17 @@ fn to_independent<T: Scalar>(model: &Model<T>, G: &[T], tau_q: &[T], tau_y: &mut
     for cluster in &model.clusters {
         let m = cluster.n_vy;
         if cluster.is_serial() {
-            tau_y[cluster.vy..cluster.vy + m].copy_from_slice(&tau_q[cluster.v..cluster.v + m]);
+            tau_y[cluster.independents()].copy_from_slice(&tau_q[cluster.v..cluster.v + m]);
             continue;
         }
+        let G = cluster.G(G);
         for k in 0..m {
             let mut tau = T::ZERO;
             for j in 0..cluster.n_v {
-                tau = G[cluster.g + j * m + k].mul_add(tau_q[cluster.v + j], tau);
+                tau = G[(j, k)].mul_add(tau_q[cluster.v + j], tau);
             }
             tau_y[cluster.vy + k] = tau;
         }
-    }
-}
-
-/// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as
-/// independents, of least norm where there are more, and where there are fewer the best, with the
-/// remainder in `tau_rest`.
-fn to_actuators<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Result<bool, Status> {
-    let mut weak = false;
-    ws.tau_rest.fill(T::ZERO);
-    if !ws.tau_y.iter().all(|tau| tau.is_finite()) {
-        return Err(Status::NonFiniteInput);
-    }
-    for cluster in &model.clusters {
-        let (m, n_u) = (cluster.n_vy, cluster.active.len());
-        if cluster.is_serial() {
-            for k in 0..m {
-                let tau = ws.tau_y[cluster.vy + k];
-                match cluster.active.iter().find(|(_, j)| *j == k) {
-                    Some((u, _)) => ws.tau_u[*u] = tau,
-                    None => ws.tau_rest[cluster.vy + k] = tau,
-                }
-            }
-        } else if (m, n_u) == (1, 1) {
-            let (u, j) = cluster.active[0];
-            let (G, i) = (ws.G[cluster.g + j], cluster.independent[0]);
-            weak |= (G.abs() * T::from_f64(column_unit(cluster, i)))
-                .lt(T::from_f64(WEAK * column_unit(cluster, j)));
-            let tau = ws.tau_y[cluster.vy] / G;
-            if !tau.is_finite() {
-                return Err(Status::SingularActuation);
-            }
-            ws.tau_u[u] = tau;
-        } else if n_u == m {
-            actuator_matrix(cluster, ws);
-            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
-                .ok_or(Status::SingularActuation)?;
-            weak |= solved.least.lt(T::from_f64(WEAK));
-            for (r, (u, _)) in cluster.active.iter().enumerate() {
-                if !(ws.dense_rhs[r].is_finite()) {
-                    return Err(Status::SingularActuation);
-                }
-                ws.tau_u[*u] = ws.dense_rhs[r];
-            }
-        } else {
-            actuator_matrix(cluster, ws);
-            least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u)
-                .ok_or(Status::SingularActuation)?;
-            for (r, (u, _)) in cluster.active.iter().enumerate() {
-                ws.tau_u[*u] = ws.dense_spare[r];
-            }
-            for k in 0..m {
-                let mut rest = ws.tau_y[cluster.vy + k];
-                for (u, j) in &cluster.active {
-                    rest = (-ws.G[cluster.g + j * m + k]).mul_add(ws.tau_u[*u], rest);
-                }
-                ws.tau_rest[cluster.vy + k] = if n_u > m { T::ZERO } else { rest };
-            }
-        }
-    }
-    Ok(weak)
-}
-
-/// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.
-fn actuator_matrix<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let (m, n_u) = (cluster.n_vy, cluster.active.len());
-    for k in 0..m {
-        for (r, &(_, j)) in cluster.active.iter().enumerate() {
-            ws.dense[k * n_u + r] = ws.G[cluster.g + j * m + k];
-        }
-        ws.dense_rhs[k] = ws.tau_y[cluster.vy + k];
     }
 }
 

@@ -12,11 +12,10 @@
 use sarrus_proto::Status;
 
 use crate::algorithms;
-use crate::closure::{
-    constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates, row_unit,
-};
+use crate::closure::{constraint_bias, constraint_residual, local_rates, row_unit};
 use crate::linalg::solve_pivoted;
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 use crate::plan::Plan;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -42,9 +41,9 @@ impl Plan {
         let x = core::mem::take(&mut ws.kkt_rhs);
         ws.loop_q.fill(T::ZERO);
         let mut row = model.meta.sizes.n_v;
-        for &c in &model.tied {
+        for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
-            jacobian(model, cluster, ws);
+            ws.constraint_jacobian(cluster, model.bodies_of(cluster));
             for &r in &cluster.used {
                 for j in 0..cluster.n_v {
                     let force = &mut ws.loop_q[cluster.v + j];
@@ -58,7 +57,8 @@ impl Plan {
     }
 }
 
-/// q̈ into `qdd`, and −λ of the kept rows in the order of the tied clusters behind it in `kkt_rhs`.
+/// q̈ into `qdd`, and −λ of the kept rows in the order of the closed clusters behind it in
+/// `kkt_rhs`.
 ///
 /// Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a
 /// stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ \[B72\];
@@ -69,7 +69,7 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
     mut stabilised: Option<([T; 2], &mut Drift<T>)>,
 ) -> Result<(), Status> {
     let n_v = model.meta.sizes.n_v;
-    let n_rows: usize = model.tied.iter().map(|c| model.clusters[*c].used.len()).sum();
+    let n_rows: usize = model.closed_clusters.iter().map(|c| model.clusters[*c].used.len()).sum();
     let n = n_v + n_rows;
     let mut A = core::mem::take(&mut ws.kkt);
     let (mut x, mut scale) = (core::mem::take(&mut ws.kkt_rhs), core::mem::take(&mut ws.kkt_scale));
@@ -82,9 +82,9 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
         scale[v] = T::select(T::ZERO.lt(A[v * n + v]), T::ONE / A[v * n + v].sqrt(), T::ONE);
     }
     let mut row = n_v;
-    for &c in &model.tied {
+    for &c in &model.closed_clusters {
         let cluster = &model.clusters[c];
-        jacobian(model, cluster, ws);
+        ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         bias(model, cluster, ws);
         if let Some(([alpha, beta], drift)) = &mut stabilised {
             stabilise(cluster, ws, *alpha, *beta, drift);
@@ -126,24 +126,10 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
     if positive { Ok(()) } else { Err(Status::MassNotPositive) }
 }
 
-/// Poses and K of one cluster at q, into the scratch of closures.
-fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-    let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-    local_poses(
-        cluster,
-        bodies,
-        q,
-        &mut ws.turn[cluster.body..cluster.body + cluster.n],
-        &mut ws.scratch.pose,
-    );
-    constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
-}
-
 /// k of the same cluster into `phi`.
 fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
-    let (qd, scratch) = (&ws.qd[cluster.v..cluster.v + cluster.n_v], &mut ws.scratch);
+    let bodies = model.bodies_of(cluster);
+    let (qd, scratch) = (&ws.qd[cluster.velocities()], &mut ws.scratch);
     local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
     constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
 }
@@ -151,8 +137,8 @@ fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>
 /// How far the state in q and q̇ is from closed.
 pub(crate) fn drift_of<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Drift<T> {
     let mut drift = Drift { position: T::ZERO, velocity: T::ZERO };
-    for &c in &model.tied {
-        jacobian(model, &model.clusters[c], ws);
+    for &c in &model.closed_clusters {
+        ws.constraint_jacobian(&model.clusters[c], model.bodies_of(&model.clusters[c]));
         stabilise(&model.clusters[c], ws, T::ZERO, T::ZERO, &mut drift);
     }
     drift
@@ -166,8 +152,7 @@ fn stabilise<T: Scalar>(
     beta: T,
     drift: &mut Drift<T>,
 ) {
-    let (q, qd) =
-        (&ws.q[cluster.q..cluster.q + cluster.n_q], &ws.qd[cluster.v..cluster.v + cluster.n_v]);
+    let (q, qd) = (&ws.q[cluster.coordinates()], &ws.qd[cluster.velocities()]);
     let scratch = &mut ws.scratch;
     let phi = &mut scratch.B[..cluster.rows.len()];
     constraint_residual(cluster, &scratch.pose, q, phi);

@@ -1,12 +1,13 @@
-//! How forward dynamics is done, and which way is the fastest on a robot.
+//! How forward dynamics is done, and which method is the fastest on a robot.
 //!
 //! Both fast methods are made of the same few operations; how often each one runs follows from the
 //! robot's structure, and what it takes was measured once for all robots. `sarrus-benches
 //! --forward` prints the prediction beside the measurement.
 
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 
-/// A way from forces to accelerations.
+/// A method from forces to accelerations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Method {
     /// Articulated bodies over clusters by constraint embedding: O(n).
@@ -91,8 +92,8 @@ impl<C> Model<C> {
                 continue;
             }
             self.join(cluster, &mut count);
-            for i in cluster.body..cluster.body + cluster.n {
-                match (self.bodies[i].parent, self.carries[i]) {
+            for i in cluster.bodies() {
+                match (self.bodies[i].parent, self.has_child_cluster[i]) {
                     (0, _) => {}
                     (_, false) => count.rigid += 1.0,
                     (_, true) => count.articulated += 1.0,
@@ -123,7 +124,7 @@ impl<C> Model<C> {
                 at = body.parent;
             }
         }
-        for depth in self.branches.depth.iter().map(|depth| *depth as f64) {
+        for depth in self.sparsity.depth.iter().map(|depth| *depth as f64) {
             count.entry += depth * (depth + 1.0) / 2.0 + 2.0 * depth;
         }
         count

@@ -1,17 +1,18 @@
-//! A plan: the steps that a set of wanted outputs needs on a model, and no others.
+//! A plan: the steps that a query needs on a model, and no others.
 
+mod actuation;
 mod diagnostics;
 mod forces;
 mod kkt;
 mod method;
 mod output;
 mod run;
+mod scratch;
 mod state;
 
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use method::Method;
-pub(crate) use state::local;
 
 pub(crate) use sarrus_proto::Answer;
 use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request};
@@ -32,8 +33,9 @@ use crate::workspace::Needs;
 /// let bob = Inertial::point(1.0, [0.0, 0.0, -1.0]);
 /// robot.revolute("pivot", LinkId::BASE, [0.0, 1.0, 0.0]).inertial(bob);
 /// let model = robot.compile()?.model;
-/// let wanted = Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
-/// let plan = Plan::new(&model, &wanted)?;
+/// let (given, want) = (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
+/// let query = Query::new(Request::InverseDynamics, given, want);
+/// let plan = Plan::new(&model, &query)?;
 /// let mut workspace = Workspace::new(&model);
 /// let mut tau = [0.0];
 /// plan.run(&model, &mut workspace, &[std::f64::consts::FRAC_PI_2], &mut tau).ok()?;
@@ -50,7 +52,7 @@ pub struct Plan {
     steps: Steps,
     /// How forward dynamics is done.
     method: Method,
-    /// Links whose frames are asked, bodies on the way to them and to the links with wrenches;
+    /// Links whose frames are asked, bodies on the paths to them and to the links with wrenches;
     /// parents first.
     frames: Vec<usize>,
     wrench_links: Vec<usize>,
@@ -87,7 +89,7 @@ struct Steps {
 }
 
 impl Plan {
-    /// The plan for `wanted` on `model`. Forward dynamics goes by the model's choice
+    /// The plan for `query` on `model`. Forward dynamics goes by the model's choice
     /// ([`Model::forward_method`]), or by projection where M_y is wanted too. Allocates; errors
     /// name the field that does not fit.
     pub fn new<C>(model: &Model<C>, query: &Query) -> Result<Plan, QueryError> {
@@ -99,7 +101,7 @@ impl Plan {
         )
     }
 
-    /// The plan for `wanted` on `model` with forward dynamics by this method; [`Method::Kkt`] needs
+    /// The plan for `query` on `model` with forward dynamics by this method; [`Method::Kkt`] needs
     /// [`crate::Workspace::for_plans`].
     pub fn with_method<C>(
         model: &Model<C>,
@@ -225,13 +227,13 @@ impl Plan {
 
 /// The bodies that carry the given links, parents first.
 pub(crate) fn supports<C>(model: &Model<C>, links: &[usize]) -> Vec<usize> {
-    let mut carries = vec![false; model.bodies.len()];
+    let mut supports = vec![false; model.bodies.len()];
     for link in links {
         let mut i = model.frames[*link].body;
         while i != 0 {
-            carries[i] = true;
+            supports[i] = true;
             i = model.bodies[i].parent;
         }
     }
-    (1..model.bodies.len()).filter(|i| carries[*i]).collect()
+    (1..model.bodies.len()).filter(|i| supports[*i]).collect()
 }

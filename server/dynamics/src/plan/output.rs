@@ -4,10 +4,11 @@ use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms;
 use crate::linalg::solve_sound;
-use crate::model::{Frame, Model};
+use crate::mechanism::Frame;
+use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
-use crate::plan::run::Findings;
+use crate::plan::run::RunReport;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -17,7 +18,7 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        found: &Findings<T>,
+        report: &RunReport<T>,
         output: &mut [T],
     ) -> Status {
         if self.steps.frames {
@@ -53,7 +54,7 @@ impl Plan {
                 self.write_figure(field, value, output);
             }
         }
-        self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
+        self.write_figure(Field::Iterations, T::from_f64(f64::from(report.iterations)), output);
         self.check_overflow(output)
     }
 
@@ -74,24 +75,24 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        found: &Findings<T>,
+        report: &RunReport<T>,
         output: &mut [T],
     ) {
         output.fill(T::from_f64(f64::NAN));
         let slot = |field| self.want().slot(field).map(Slot::range);
-        if let (Some(range), true) = (slot(Field::NearestY), found.nearest) {
+        if let (Some(range), true) = (slot(Field::NearestY), report.nearest) {
             output[range].iter_mut().zip(&model.order.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
         }
-        self.write_figure(Field::Residual, found.residual, output);
-        self.write_figure(Field::SigmaMin, self.distance_after(model, ws, found), output);
-        self.write_figure(Field::Iterations, T::from_f64(f64::from(found.iterations)), output);
-        if let (Some(range), true) = (slot(Field::GoodIndependents), found.failed) {
+        self.write_figure(Field::Residual, report.residual, output);
+        self.write_figure(Field::SigmaMin, self.distance_after(model, ws, report), output);
+        self.write_figure(Field::Iterations, T::from_f64(f64::from(report.iterations)), output);
+        if let (Some(range), true) = (slot(Field::GoodIndependents), report.failed) {
             output[range].copy_from_slice(&ws.loop_q);
         }
-        if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), found.status)
+        if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), report.status)
         {
             // the one that failed was closed as far as it matters here
-            singular::uncontrolled(model, ws, found.closed + 1, &mut output[range]);
+            singular::uncontrolled(model, ws, report.closed + 1, &mut output[range]);
         }
     }
 
@@ -138,7 +139,7 @@ impl Plan {
                 for (i, &a) in order.vy.iter().enumerate() {
                     for (j, &b) in order.vy.iter().enumerate() {
                         out[i * n + j] =
-                            model.branches.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
+                            model.sparsity.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
                     }
                 }
             }
@@ -196,11 +197,11 @@ impl Plan {
         let n_vy = model.sizes().n_vy;
         out.fill(T::ZERO);
         for cluster in &model.clusters {
+            let G = cluster.G(&ws.G);
             for j in 0..cluster.n_v {
                 let Some(row) = row_of(cluster.v + j) else { continue };
                 for k in 0..cluster.n_vy {
-                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] =
-                        ws.G[cluster.g + j * cluster.n_vy + k];
+                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] = G[(j, k)];
                 }
             }
         }
@@ -230,9 +231,10 @@ impl Plan {
                     break;
                 }
                 // G_uᵀ Xᵀ = Jᵀ
+                let G = cluster.G(&ws.G);
                 for k in 0..m {
                     for (r, &(_, j)) in cluster.active.iter().enumerate() {
-                        ws.dense[k * m + r] = ws.G[cluster.g + j * m + k];
+                        ws.dense[k * m + r] = G[(j, k)];
                     }
                     for row in 0..6 {
                         ws.dense_rhs[k * 6 + row] = spare[row * n_vy + cluster.vy + k];
@@ -280,11 +282,10 @@ fn independent_jacobian<T: Scalar>(
     out.fill(T::ZERO);
     algorithms::frame_jacobian(model, frame, &ws.world, |v, column| {
         let cluster = &model.clusters[model.cluster_of_v[v]];
-        for k in 0..cluster.n_vy {
-            let g = ws.G[cluster.g + (v - cluster.v) * cluster.n_vy + k];
+        for (k, g) in cluster.G(&ws.G).row(v - cluster.v).iter().enumerate() {
             for row in 0..6 {
                 let entry = &mut out[row * n_vy + order[cluster.vy + k]];
-                *entry = column[row].mul_add(g, *entry);
+                *entry = column[row].mul_add(*g, *entry);
             }
         }
     });

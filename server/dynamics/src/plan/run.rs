@@ -10,7 +10,7 @@ use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
 /// What a run found besides the numbers in the workspace.
-pub(super) struct Findings<T> {
+pub(super) struct RunReport<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
     pub(super) warnings: Warnings,
@@ -19,17 +19,17 @@ pub(super) struct Findings<T> {
     /// independents are in the workspace.
     pub(super) sigma_min: T,
     pub(super) failed: bool,
-    /// How many of the tied clusters were closed.
+    /// How many of the closed clusters were closed.
     pub(super) closed: usize,
     /// The independents in q are the nearest ones to an unreachable target.
     pub(super) nearest: bool,
 }
 
-impl<T: Scalar> Findings<T> {
+impl<T: Scalar> RunReport<T> {
     /// Before anything is known.
-    fn none() -> Findings<T> {
+    fn none() -> RunReport<T> {
         let nan = T::from_f64(f64::NAN);
-        Findings {
+        RunReport {
             status: Status::Ok,
             iterations: 0,
             warnings: Warnings::NONE,
@@ -77,22 +77,22 @@ impl Plan {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
-        let mut found = Findings::none();
-        found.status = match self.compute(model, workspace, input, &mut found) {
-            Ok(()) => self.write(model, workspace, &found, output),
+        let mut report = RunReport::none();
+        report.status = match self.compute(model, workspace, input, &mut report) {
+            Ok(()) => self.write(model, workspace, &report, output),
             // an angle without sine breaks whatever uses it first
             Err(_) if beyond_angles(model, workspace) => {
-                found = Findings::none();
+                report = RunReport::none();
                 Status::NonFiniteInput
             }
             Err(status) => status,
         };
-        if found.status != Status::Ok {
-            self.write_failure(model, workspace, &found, output);
-            return Answer { status: found.status, warnings: Warnings::NONE };
+        if report.status != Status::Ok {
+            self.write_failure(model, workspace, &report, output);
+            return Answer { status: report.status, warnings: Warnings::NONE };
         }
-        found.warnings |= self.limits(model, workspace);
-        Answer { status: Status::Ok, warnings: found.warnings }
+        report.warnings |= self.limits(model, workspace);
+        Answer { status: Status::Ok, warnings: report.warnings }
     }
 
     fn compute<T: Scalar>(
@@ -100,23 +100,23 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if !input.iter().all(|x| x.is_finite()) {
             return Err(Status::NonFiniteInput);
         }
-        self.close_state(model, ws, input, found)?;
+        self.close_state(model, ws, input, report)?;
         if self.steps.poses {
             for &(i, q) in &model.free {
                 let (s, c) = ws.q[q].sin_cos();
-                ws.turn[i] = (c, s);
+                ws.cos_sin[i] = (c, s);
             }
-            algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+            algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
         }
         match self.request {
-            Request::InverseDynamics => self.inverse_dynamics(model, ws, input, found),
-            Request::ForwardDynamics => self.forward_dynamics(model, ws, input, found),
-            Request::Map => self.map_forces(model, ws, input, found),
+            Request::InverseDynamics => self.inverse_dynamics(model, ws, input, report),
+            Request::ForwardDynamics => self.forward_dynamics(model, ws, input, report),
+            Request::Map => self.map_forces(model, ws, input, report),
             _ => Ok(()),
         }
     }

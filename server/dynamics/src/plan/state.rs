@@ -2,10 +2,11 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use crate::closure::{Level, Local, Outcome, close};
+use crate::closure::{Level, Outcome};
 use crate::linalg::solve_sound;
-use crate::model::{Cluster, Model};
-use crate::plan::run::Findings;
+use crate::mechanism::Cluster;
+use crate::model::Model;
+use crate::plan::run::RunReport;
 use crate::plan::{Plan, Space};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -20,13 +21,13 @@ pub(super) const WEAK: f64 = 1e-5;
 const UNIT: f64 = 1e-6;
 
 impl Plan {
-    /// Fills q, q̇, q̈, the turns of tied joints, G and g from the input.
+    /// Fills q, q̇, q̈, the cosines and sines of closed clusters, G and g from the input.
     pub(super) fn close_state<T: Scalar>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         let order = &model.order;
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
@@ -44,7 +45,7 @@ impl Plan {
             None => ws.start.copy_from_slice(&model.zero),
         }
 
-        // from actuators the guess moves on the way, and its velocity means nothing any more
+        // from actuators the guess moves on the path, and its velocity means nothing any more
         ws.tangent = false;
         if let (Some(rate), true) = (slot(Field::QdGuess), self.steps.position != Space::Actuation)
         {
@@ -94,12 +95,11 @@ impl Plan {
             None => {}
         }
 
-        for &c in &model.tied {
-            let cluster = &model.clusters[c];
-            self.close_cluster(model, cluster, ws, input, found)?;
-            found.closed += 1;
+        for &c in &model.closed_clusters {
+            self.close_cluster(model, c, ws, input, report)?;
+            report.closed += 1;
             if self.steps.tree_acceleration && self.steps.level >= Level::Velocity {
-                tree_accelerations(cluster, ws);
+                tree_accelerations(&model.clusters[c], ws);
             }
         }
         if self.steps.position == Space::Actuation || self.actuated_rates() {
@@ -129,58 +129,54 @@ impl Plan {
     fn close_cluster<T: Scalar>(
         &self,
         model: &Model<T>,
-        cluster: &Cluster<T>,
+        c: usize,
         ws: &mut Workspace<T>,
         input: &[T],
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         let given =
             |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        let cluster = &model.clusters[c];
         let actuated = self.steps.position == Space::Actuation;
         hold_idle(cluster, ws);
         let mut outcome = if actuated {
-            from_actuators(cluster, bodies, ws, found)?
+            from_actuators(model, c, ws, report)?
         } else {
             let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
-            close(cluster, bodies, &mut local(cluster, ws), level)
+            ws.close(model, c, level)
         };
-        found.iterations += outcome.iterations;
+        report.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
-            self.remember_failure(model, cluster, ws, actuated, found);
+            self.remember_failure(model, c, ws, actuated, report);
             return Err(outcome.status);
         }
         if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
-            let mut near = false;
+            let mut ill_conditioned = false;
             if self.steps.velocity == Some(Space::Actuation) {
-                near |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
+                ill_conditioned |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
             }
             if self.steps.level > Level::Position {
-                outcome = self.close_again(cluster, bodies, ws);
+                outcome = self.close_again(model, c, ws);
                 if outcome.status != Status::Ok {
                     return Err(outcome.status);
                 }
             }
             if self.steps.acceleration == Some(Space::Actuation) {
-                near |= self.independent_rates(cluster, ws, given(Field::Udd), true)?;
+                ill_conditioned |= self.independent_rates(cluster, ws, given(Field::Udd), true)?;
             }
-            outcome.near |= near;
+            outcome.ill_conditioned |= ill_conditioned;
         }
-        found.warn_if(self.steps.level > Level::Position && outcome.near);
+        report.warn_if(self.steps.level > Level::Position && outcome.ill_conditioned);
         Ok(())
     }
 
-    /// All levels at the closed pose that was just found.
-    fn close_again<T: Scalar>(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[crate::model::Body<T>],
-        ws: &mut Workspace<T>,
-    ) -> Outcome {
-        let at = cluster.q..cluster.q + cluster.n_q;
+    /// All levels at the closed pose that was just report.
+    fn close_again<T: Scalar>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> Outcome {
+        let cluster = &model.clusters[c];
+        let at = cluster.coordinates();
         ws.start[at.clone()].copy_from_slice(&ws.q[at]);
-        close(cluster, bodies, &mut local(cluster, ws), self.steps.level)
+        ws.close(model, c, self.steps.level)
     }
 
     /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; true
@@ -197,9 +193,10 @@ impl Plan {
             return Err(Status::SingularActuation);
         }
         let bias = accelerations && self.steps.level >= Level::Acceleration;
+        let G = cluster.G(&ws.G);
         for (r, &(u, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
-                ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
+                ws.dense[r * m + k] = G[(j, k)];
             }
             // the closure has overwritten what stood at dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
@@ -222,28 +219,13 @@ fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     }
 }
 
-/// The workspace's numbers of one cluster.
-pub(crate) fn local<'a, T: Scalar>(cluster: &Cluster<T>, ws: &'a mut Workspace<T>) -> Local<'a, T> {
-    let (q, v) = (cluster.q..cluster.q + cluster.n_q, cluster.v..cluster.v + cluster.n_v);
-    Local {
-        start: &ws.start[q.clone()],
-        tangent: ws.tangent.then_some(&ws.start_rate[v.clone()]),
-        q: &mut ws.q[q],
-        turn: &mut ws.turn[cluster.body..cluster.body + cluster.n],
-        qd: &mut ws.qd[v.clone()],
-        G: &mut ws.G[cluster.g..cluster.g + cluster.n_v * cluster.n_vy],
-        g: &mut ws.g[v],
-        scratch: &mut ws.scratch,
-    }
-}
-
 /// q̈ = G ÿ + g of the dependents of one cluster.
 pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let m = cluster.n_vy;
+    let G = cluster.G(&ws.G);
     for &j in &cluster.dependent {
         let mut qdd = ws.g[cluster.v + j];
         for (k, &i) in cluster.independent.iter().enumerate() {
-            qdd = ws.G[cluster.g + j * m + k].mul_add(ws.qdd[cluster.v + i], qdd);
+            qdd = G[(j, k)].mul_add(ws.qdd[cluster.v + i], qdd);
         }
         ws.qdd[cluster.v + j] = qdd;
     }
@@ -252,23 +234,24 @@ pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Works
 /// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's
 /// method from the start.
 fn from_actuators<T: Scalar>(
-    cluster: &Cluster<T>,
-    bodies: &[crate::model::Body<T>],
+    model: &Model<T>,
+    c: usize,
     ws: &mut Workspace<T>,
-    found: &mut Findings<T>,
+    report: &mut RunReport<T>,
 ) -> Result<Outcome, Status> {
+    let cluster = &model.clusters[c];
     let m = cluster.n_vy;
     if cluster.active.len() != m {
         // nothing measures this cluster: its independents are those of the guess
-        let at = cluster.q..cluster.q + cluster.n_q;
+        let at = cluster.coordinates();
         ws.q[at.clone()].copy_from_slice(&ws.start[at]);
-        return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+        return Ok(ws.close(model, c, Level::Velocity));
     }
     for (r, &(_, j)) in cluster.active.iter().enumerate() {
-        ws.goal_u[r] = ws.q[cluster.q + cluster.freedoms[j].q];
+        ws.goal_u[r] = ws.q[cluster.q + cluster.dofs[j].q];
     }
     if cluster.active.iter().zip(&cluster.independent).all(|((_, a), i)| a == i) {
-        return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+        return Ok(ws.close(model, c, Level::Velocity));
     }
     for &i in &cluster.independent_q {
         ws.q[cluster.q + i] = ws.start[cluster.q + i];
@@ -276,23 +259,24 @@ fn from_actuators<T: Scalar>(
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
     let (mut sign, mut damping) = (T::ZERO, T::ONE);
     for k in 0..STEPS {
-        let outcome = close(cluster, bodies, &mut local(cluster, ws), Level::Velocity);
-        found.iterations += outcome.iterations + 1;
+        let outcome = ws.close(model, c, Level::Velocity);
+        report.iterations += outcome.iterations + 1;
+        let G = cluster.G(&ws.G);
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
-                ws.dense[r * m + k] = ws.G[cluster.g + j * m + k];
+                ws.dense[r * m + k] = G[(j, k)];
             }
-            ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.freedoms[j].q];
+            ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.dofs[j].q];
         }
         let solved = if outcome.status == Status::Ok {
             solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
         } else {
             None
         };
-        let at = cluster.q..cluster.q + cluster.n_q;
+        let at = cluster.coordinates();
         let weak = solved.is_some_and(|solved| solved.least.lt(T::from_f64(WEAK)));
         match solved.map(|solved| solved.sign) {
-            // another branch, or no pose at all: half the way from the last good one
+            // another branch, or no pose at all: half the path from the last good one
             None if k == 0 => {
                 return if outcome.status == Status::Ok {
                     Err(Status::SingularActuation)
@@ -312,7 +296,7 @@ fn from_actuators<T: Scalar>(
         // one step from the last good pose, no longer than allowed
         let mut size = T::ZERO;
         for (k, &j) in cluster.independent.iter().enumerate() {
-            let unit = if cluster.freedoms[j].slides() { 1.0 / cluster.length } else { 1.0 };
+            let unit = if cluster.dofs[j].slides() { 1.0 / cluster.length } else { 1.0 };
             let step = ws.step_y[k].abs() * T::from_f64(unit);
             size = T::select(size.lt(step), step, size);
         }
@@ -322,11 +306,11 @@ fn from_actuators<T: Scalar>(
             ws.q[cluster.q + i] = ws.start[cluster.q + i];
         }
         for (k, &j) in cluster.independent.iter().enumerate() {
-            cluster.freedoms[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
+            cluster.dofs[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
-            found.warn_if(weak);
-            return Ok(close(cluster, bodies, &mut local(cluster, ws), Level::Velocity));
+            report.warn_if(weak);
+            return Ok(ws.close(model, c, Level::Velocity));
         }
     }
     Ok(Outcome::failed(Status::Unreachable, 0))
@@ -336,17 +320,17 @@ fn from_actuators<T: Scalar>(
 fn normalise_quaternions<T: Scalar>(
     model: &Model<T>,
     q: &mut [T],
-    of: impl Fn(usize) -> bool,
+    which: impl Fn(usize) -> bool,
 ) -> Result<(), Status> {
     for (_, body) in
-        model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && of(*i))
+        model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && which(*i))
     {
-        let of = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
-        let norm = of.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
+        let quaternion = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
+        let norm = quaternion.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
         if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
             return Err(Status::BadRequest);
         }
-        for x in of {
+        for x in quaternion {
             *x = *x / norm;
         }
     }

@@ -10,13 +10,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::closure::Rate;
 use crate::closure::constraint::so3_log::{log, log_factors, rate_matrix};
-use crate::closure::{Cut, CutRow, Rate};
-use crate::mechanism::{Freedom, Motion, joint_pose, single_pose};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion, joint_pose, single_pose};
 use crate::scalar::Real;
 use crate::spatial::{
-    Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero,
+    Pose, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero,
 };
 
 /// Sines, cosines and pose of one local body from its coordinates.
@@ -26,37 +25,37 @@ pub(in crate::closure) fn refresh<T: Real>(
     bodies: &[Body<T::Const>],
     j: usize,
     q: &[T],
-    turn: &mut [(T, T)],
+    cos_sin: &mut [(T, T)],
     pose: &mut [Pose<T>],
 ) {
     if bodies[j].motion == Motion::Revolute {
-        turn[j] = cos_sin(q[bodies[j].q - cluster.q]);
+        cos_sin[j] = cos_sin_of(q[bodies[j].q - cluster.q]);
     }
-    place(cluster, bodies, j, q, turn, pose);
+    place(cluster, bodies, j, q, cos_sin, pose);
 }
 
 /// (cos x, sin x).
 #[inline(always)]
-pub(in crate::closure) fn cos_sin<T: Real>(x: T) -> (T, T) {
+pub(in crate::closure) fn cos_sin_of<T: Real>(x: T) -> (T, T) {
     let (s, c) = x.sin_cos();
     (c, s)
 }
 
-/// Pose of one local body from its coordinates and turn.
+/// Pose of one local body from its coordinates and their cosines and sines.
 #[inline(always)]
 pub(in crate::closure) fn place<T: Real>(
     cluster: &Cluster<T::Const>,
     bodies: &[Body<T::Const>],
     j: usize,
     q: &[T],
-    turn: &[(T, T)],
+    cos_sin: &[(T, T)],
     pose: &mut [Pose<T>],
 ) {
     let body = &bodies[j];
     let q = &q[body.q - cluster.q..];
     pose[j + 1] = match body.motion {
         Motion::Revolute | Motion::Prismatic => {
-            single_pose(body, &base(cluster, bodies, j, pose), q[0], turn[j])
+            single_pose(body, &base(cluster, bodies, j, pose), q[0], cos_sin[j])
         }
         Motion::Spherical | Motion::Floating => {
             place_freely(body, q, &pose[cluster.local_parent[j]])
@@ -72,7 +71,7 @@ pub(in crate::closure) fn base<T: Real>(
     j: usize,
     pose: &[Pose<T>],
 ) -> Pose<T> {
-    let at_zero = Pose { R: lift_mat(&bodies[j].E), p: lift(&bodies[j].r) };
+    let at_zero = Pose { R: lift_mat(&bodies[j].R_parent_body), p: lift(&bodies[j].p_parent_body) };
     let parent = cluster.local_parent[j];
     if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
 }
@@ -124,7 +123,7 @@ impl<'a, T: Real> CutState<'a, T> {
     ) -> T {
         if !row.terms.is_empty() {
             return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| {
-                T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum)
+                T::lift(*c).mul_add(q[cluster.dofs[*j].q], sum)
             });
         }
         let x = t_mul(self.R_p, &self.d);
@@ -152,11 +151,11 @@ impl<'a, T: Real> CutState<'a, T> {
         }
     }
 
-    /// Twist of S against P for a unit rate of one freedom: (ω, v).
+    /// Twist of S against P for a unit rate of one degree of freedom: (ω, v).
     #[inline(always)]
     pub(in crate::closure) fn twist(
         &self,
-        of: &Freedom,
+        of: &Dof,
         pose: &Pose<T>,
         on_successor: bool,
     ) -> (Vector3<T>, Vector3<T>) {
@@ -204,10 +203,10 @@ impl<'a, T: Real> CutState<'a, T> {
         let theta_dot = mul(A, &w);
         let (c, dc) = log_factors(theta);
         let c_dot = dc * T::from_f64(2.0) * dot(theta, &theta_dot);
-        let turn = cross(theta, &w);
-        let twice = cross(&theta_dot, &turn) + cross(theta, &cross(&theta_dot, &w));
+        let theta_w = cross(theta, &w);
+        let twice = cross(&theta_dot, &theta_w) + cross(theta, &cross(&theta_dot, &w));
         let bias = cross(&theta_dot, &w) * T::from_f64(-0.5)
-            + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
+            + scale_add(&cross(theta, &theta_w), c_dot, &(twice * c));
         (x, mul(A, &w_dot) + bias)
     }
 }
@@ -299,7 +298,7 @@ pub(crate) fn constraint_jacobian<T: Real>(
             if row.terms.is_empty() {
                 let (linear, angular) = state.directions(row);
                 for &(j, on_successor) in &cut.path {
-                    let at = &cluster.freedoms[j];
+                    let at = &cluster.dofs[j];
                     let (w, v) = state.twist(at, &pose[at.body + 1], on_successor);
                     of_row[j] = dot(&linear, &v) + dot(&angular, &w);
                 }
@@ -327,99 +326,16 @@ pub(crate) fn constraint_bias<T: Real>(
     }
 }
 
-/// Rates of every local body at q̈ = 0.
-pub(crate) fn local_rates<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
-    qd: &[T],
-    pose: &[Pose<T>],
-    rate: &mut [Rate<T>],
-) {
-    rate[0] = Rate::at_rest();
-    for j in 0..cluster.n {
-        rate_of(cluster, bodies, j, qd, pose, rate);
-    }
-}
-
-/// Rates of one local body at q̈ = 0 from those of its parent.
-#[inline(always)]
-pub(in crate::closure) fn rate_of<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
-    j: usize,
-    qd: &[T],
-    pose: &[Pose<T>],
-    rate: &mut [Rate<T>],
-) {
-    let (body, parent) = (&bodies[j], cluster.local_parent[j]);
-    rate[j + 1] = rate[parent].moved(
-        body.motion,
-        &(pose[j + 1].p - pose[parent].p),
-        &pose[j + 1].R,
-        &qd[body.v - cluster.v..],
-    );
-}
-
-impl<T: Real> Rate<T> {
-    pub(crate) fn at_rest() -> Rate<T> {
-        Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }
-    }
-
-    /// Rates of a body at q̈ = 0 whose origin lies r from this one's, from the rates of its joint
-    /// along the axes R.
-    #[inline]
-    pub(in crate::closure) fn moved(
-        &self,
-        motion: Motion,
-        r: &Vector3<T>,
-        R: &Matrix3<T>,
-        qd: &[T],
-    ) -> Rate<T> {
-        let mut x = Rate {
-            w: self.w,
-            v: cross_add(&self.w, r, &self.v),
-            alpha: self.alpha,
-            a: cross_add(&self.w, &cross(&self.w, r), &cross_add(&self.alpha, r, &self.a)),
-        };
-        match motion {
-            Motion::Revolute => {
-                let z = column(R, 2);
-                x.alpha = scale_add(&cross(&self.w, &z), qd[0], &self.alpha);
-                x.w = scale_add(&z, qd[0], &self.w);
-            }
-            Motion::Prismatic => {
-                let z = column(R, 2);
-                x.a = scale_add(&cross(&self.w, &z), qd[0] + qd[0], &x.a);
-                x.v = scale_add(&z, qd[0], &x.v);
-            }
-            Motion::Spherical | Motion::Floating => self.moved_freely(motion, R, qd, &mut x),
-        }
-        x
-    }
-
-    #[inline(never)]
-    fn moved_freely(&self, motion: Motion, R: &Matrix3<T>, qd: &[T], x: &mut Rate<T>) {
-        let w = mul(R, &Vector3::new(qd[0], qd[1], qd[2]));
-        x.alpha = cross_add(&self.w, &w, &self.alpha);
-        x.w += w;
-        if motion == Motion::Floating {
-            let v = mul(R, &Vector3::new(qd[3], qd[4], qd[5]));
-            x.a = cross_add(&(self.w + x.w), &v, &x.a);
-            x.v += v;
-        }
-    }
-}
-
-/// Poses of every local body from q; fills the turns of revolute joints.
+/// Poses of every local body from q; fills the cosines and sines of revolute joints.
 pub(crate) fn local_poses<T: Real>(
     cluster: &Cluster<T::Const>,
     bodies: &[Body<T::Const>],
     q: &[T],
-    turn: &mut [(T, T)],
+    cos_sin: &mut [(T, T)],
     pose: &mut [Pose<T>],
 ) {
     pose[0] = Pose::identity();
     for j in 0..cluster.n {
-        refresh(cluster, bodies, j, q, turn, pose);
+        refresh(cluster, bodies, j, q, cos_sin, pose);
     }
 }

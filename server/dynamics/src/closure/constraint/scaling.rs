@@ -9,14 +9,14 @@
 //! numbers that a change of units leaves as it is, and λ_s holds moments: forces times the
 //! cluster's length.
 
-use crate::closure::{CutRow, Scratch};
+use crate::closure::Scratch;
 use crate::linalg::{determinant_sign, singular_range};
-use crate::model::Cluster;
+use crate::mechanism::{Cluster, CutRow};
 use crate::scalar::Scalar;
 
 /// The unit of one local velocity: the cluster's length where it slides.
 pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
-    if cluster.freedoms[v].slides() { cluster.length } else { 1.0 }
+    if cluster.dofs[v].slides() { cluster.length } else { 1.0 }
 }
 
 /// What a row is to be multiplied by.
@@ -66,7 +66,7 @@ pub(crate) fn dependents_range<T: Scalar>(
 }
 
 /// The branch of a closed pose: the sign of det K_d, scaled.
-pub(crate) fn branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
+pub(crate) fn assembly_branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
     dependents(cluster, scratch);
     determinant_sign(&mut scratch.A, cluster.dependent.len())
 }

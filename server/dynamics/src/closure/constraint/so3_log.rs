@@ -49,8 +49,8 @@ pub(in crate::closure) fn rate_matrix<T: Real>(theta: &Vector3<T>, c: T) -> Matr
             if i == 1 { T::ONE } else { T::ZERO },
             if i == 2 { T::ONE } else { T::ZERO },
         );
-        let turn = cross(theta, &e);
-        scale_add(&cross(theta, &turn), c, &scale_add(&turn, -half, &e))
+        let theta_e = cross(theta, &e);
+        scale_add(&cross(theta, &theta_e), c, &scale_add(&theta_e, -half, &e))
     };
     Matrix3::from_columns(&[unit(0), unit(1), unit(2)])
 }

@@ -1,20 +1,21 @@
-//! Where branches of a loop cross (a parallelogram folded flat), det K_d vanishes and its sign says
-//! nothing about how to go on. The velocity at the guess does: q ≈ q_guess + s q̇_guess, with s
-//! such that the independents arrive, is near one of the branches beyond and far from the others.
+//! Where branches of a loop meet, at a bifurcation (a parallelogram folded flat), det K_d vanishes
+//! and its sign says nothing about how to go on. The velocity at the guess does: q ≈ q_guess + s
+//! q̇_guess, with s such that the independents arrive, is near one of the branches beyond and far
+//! from the others.
 
 use sarrus_proto::Status;
 
 use crate::closure::numerical::{Numerical, continuation};
 use crate::closure::{Local, Outcome};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
 
-/// Part of a way along the tangent that its end may lie beside it.
+/// Part of a path along the tangent by which its end may miss it.
 const ASTRAY: f64 = 0.2;
 
-/// Follows the straight path, and where branches cross on it goes on along the tangent, if one was
+/// Follows the straight path, and at a bifurcation on it goes on along the tangent, if one was
 /// given.
-pub(in crate::closure) fn follow_or_cross<T: Scalar>(
+pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
@@ -23,11 +24,11 @@ pub(in crate::closure) fn follow_or_cross<T: Scalar>(
 ) -> Outcome {
     let n = cluster.n_q;
     let followed = continuation::follow(numerical, cluster, bodies, local, iterations);
-    let crossing = matches!(
+    let at_bifurcation = matches!(
         followed.status,
         Status::BranchChanged | Status::SingularClosure | Status::SingularIndependents
     );
-    let Some(tangent) = local.tangent.filter(|_| crossing) else { return followed };
+    let Some(tangent) = local.tangent.filter(|_| at_bifurcation) else { return followed };
 
     // what the failure left is to be read if this fails too
     local.scratch.last[..n].copy_from_slice(local.q);
@@ -38,20 +39,21 @@ pub(in crate::closure) fn follow_or_cross<T: Scalar>(
         local.q.copy_from_slice(&local.scratch.last[..n]);
         return followed;
     };
-    let dependents =
-        || cluster.dependent.iter().map(|v| (&cluster.freedoms[*v], tangent[*v] * share));
-    dependents().for_each(|(of, step)| of.advance(local.q, step));
+    let dependents = || cluster.dependent.iter().map(|v| (&cluster.dofs[*v], tangent[*v] * share));
+    dependents().for_each(|(dof, step)| dof.advance(local.q, step));
     let (good, count) = numerical.newton(cluster, bodies, local, false, T::ZERO);
 
-    // how far Newton's method went from where the tangent led, against the way
-    let (mut off, mut way) = (T::ZERO, T::ZERO);
-    for (of, step) in dependents().filter(|(of, _)| of.single) {
-        let unit = T::from_f64(if of.slides() { 1.0 / cluster.length } else { 1.0 });
-        off += (local.q[of.q] - local.start[of.q] - step).abs() * unit;
-        way += step.abs() * unit;
+    // how far Newton's method went from where the tangent led, against the distance
+    let (mut off, mut distance) = (T::ZERO, T::ZERO);
+    for (dof, step) in dependents().filter(|(dof, _)| dof.single) {
+        let unit = T::from_f64(if dof.slides() { 1.0 / cluster.length } else { 1.0 });
+        off += (local.q[dof.q] - local.start[dof.q] - step).abs() * unit;
+        distance += step.abs() * unit;
     }
     let iterations = followed.iterations + count;
-    if good && off < way * T::from_f64(ASTRAY) && continuation::redundant_rows_hold(cluster, local)
+    if good
+        && off < distance * T::from_f64(ASTRAY)
+        && continuation::redundant_rows_hold(cluster, local)
     {
         return Outcome::closed(iterations);
     }
@@ -63,18 +65,16 @@ pub(in crate::closure) fn follow_or_cross<T: Scalar>(
 /// elsewhere, or a quaternion is among them.
 fn share_of<T: Scalar>(cluster: &Cluster<T>, tangent: &[T], start: &[T], q: &[T]) -> Option<T> {
     let moves = || {
-        cluster.independent.iter().map(|v| (&cluster.freedoms[*v], tangent[*v])).map(
-            |(of, rate)| {
-                let unit = T::from_f64(if of.slides() { 1.0 / cluster.length } else { 1.0 });
-                ((q[of.q] - start[of.q]) * unit, rate * unit)
-            },
-        )
+        cluster.independent.iter().map(|v| (&cluster.dofs[*v], tangent[*v])).map(|(dof, rate)| {
+            let unit = T::from_f64(if dof.slides() { 1.0 / cluster.length } else { 1.0 });
+            ((q[dof.q] - start[dof.q]) * unit, rate * unit)
+        })
     };
     let dot =
         |of: fn((T, T)) -> (T, T)| moves().map(of).fold(T::ZERO, |sum, (a, b)| a.mul_add(b, sum));
     let (along, square, whole) = (dot(|(d, r)| (d, r)), dot(|(_, r)| (r, r)), dot(|(d, _)| (d, d)));
-    let aside = whole * square - along * along;
-    let straight = cluster.independent.iter().all(|v| cluster.freedoms[*v].single);
-    (straight && T::ZERO < along.abs() && aside < T::from_f64(ASTRAY * ASTRAY) * whole * square)
+    let off = whole * square - along * along;
+    let straight = cluster.independent.iter().all(|v| cluster.dofs[*v].single);
+    (straight && T::ZERO < along.abs() && off < T::from_f64(ASTRAY * ASTRAY) * whole * square)
         .then(|| along / square)
 }

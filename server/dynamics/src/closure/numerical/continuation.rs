@@ -1,16 +1,16 @@
-//! What a numerical closure does when the straight attempt is doubtful: follow the path in
+//! Continuation, where the straight attempt of a numerical closure is doubtful: follow the path in
 //! substeps, and name the reason of a failure.
 
 use sarrus_proto::Status;
 
 use crate::closure::numerical::Numerical;
+use crate::closure::path::distance;
 use crate::closure::{
-    Local, Outcome, Scratch, between, column_unit, constraint_jacobian, constraint_residual,
-    dependents_range, largest_residual, local_poses, row_unit, scaled,
+    Local, Outcome, Scratch, column_unit, constraint_jacobian, constraint_residual,
+    dependents_range, interpolate, largest_residual, local_poses, row_unit, scaled,
 };
 use crate::linalg::{singular_range, solve_pivoted};
-use crate::mechanism::Freedom;
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
 
 /// Attempts at a substep that one request may cost; each takes at most ten Newton steps a block.
@@ -60,12 +60,12 @@ pub(in crate::closure) fn follow<T: Scalar>(
     }
     local.scratch.last[..n].copy_from_slice(local.q);
     numerical.remember(cluster, bodies, local);
-    let whole = way(cluster, local.start, &local.scratch.goal);
+    let whole = distance(cluster, local.start, &local.scratch.goal);
     let (mut at, mut step, mut attempts, mut failed) = (0.0, FIRST, 0, false);
     while at < 1.0 {
         attempts += 1;
         let next = f64::min(1.0, at + step);
-        between(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
+        interpolate(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
         if next == 1.0 {
             cluster.independent_q.iter().for_each(|i| local.q[*i] = local.scratch.goal[*i]);
         }
@@ -107,37 +107,6 @@ pub(in crate::closure) fn follow<T: Scalar>(
     Outcome::closed(iterations)
 }
 
-/// How far the independents of a pose are from those of another, in radians or cluster lengths: the
-/// sum over all of them.
-pub(in crate::closure) fn way<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
-    let mut way = T::ZERO;
-    for of in cluster.independent.iter().map(|v| &cluster.freedoms[*v]) {
-        if of.single {
-            let step = (to[of.q] - from[of.q]).abs();
-            way += if of.slides() { step * T::from_f64(1.0 / cluster.length) } else { step };
-        } else if of.k == 0 {
-            way += free_way(cluster, of, from, to);
-        }
-    }
-    way
-}
-
-/// The same of a joint of several freedoms: the angle of the turn and the distance.
-fn free_way<T: Scalar>(cluster: &Cluster<T>, of: &Freedom, from: &[T], to: &[T]) -> T {
-    let square = |range: core::ops::Range<usize>| {
-        range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum))
-    };
-    let four = of.q + of.motion.n_q() - 4;
-    // |q − p|² = 2 (1 − cos ½ angle), of q or −q
-    let chord = square(four..four + 4);
-    let other = T::from_f64(4.0) - chord;
-    let chord = T::select(other.lt(chord), other, chord);
-    let half_angle =
-        (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt())
-            * T::from_f64(2.0);
-    half_angle * T::from_f64(2.0) + square(of.q..four).sqrt() * T::from_f64(1.0 / cluster.length)
-}
-
 /// True where the rows that the solution leaves out hold too, as closely as rounded files let them;
 /// the poses are fresh.
 pub(in crate::closure) fn redundant_rows_hold<T: Scalar>(
@@ -176,10 +145,10 @@ fn search<T: Scalar>(
 ) -> Option<bool> {
     let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
     let [found, level, lightest] =
-        [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| told::<T>(x, n));
+        [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| above_rounding::<T>(x, n));
     let mut damping = T::from_f64(1e-3);
     let scratch = &mut *local.scratch;
-    local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+    local_poses(cluster, bodies, local.q, local.cos_sin, &mut scratch.pose);
     let mut cost = squared_residual(cluster, scratch, local.q);
     for _ in 0..SEARCH {
         if cost < T::from_f64(found * found) {
@@ -208,10 +177,10 @@ fn search<T: Scalar>(
             scratch.last[i] = local.q[i];
         }
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            cluster.freedoms[j]
+            cluster.dofs[j]
                 .advance(local.q, -(scratch.B[a] * T::from_f64(column_unit(cluster, j))));
         }
-        local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+        local_poses(cluster, bodies, local.q, local.cos_sin, &mut scratch.pose);
         let next = squared_residual(cluster, scratch, local.q);
         if next < cost {
             cost = next;
@@ -221,7 +190,7 @@ fn search<T: Scalar>(
             for &i in &cluster.dependent_q {
                 local.q[i] = scratch.last[i];
             }
-            local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+            local_poses(cluster, bodies, local.q, local.cos_sin, &mut scratch.pose);
             damping *= T::from_f64(8.0);
         }
     }
@@ -229,7 +198,7 @@ fn search<T: Scalar>(
 }
 
 /// A threshold, or this many unit roundoffs where the scalar has too few digits for it.
-fn told<T: Scalar>(threshold: f64, roundings: f64) -> f64 {
+fn above_rounding<T: Scalar>(threshold: f64, roundings: f64) -> f64 {
     threshold.max(roundings * T::EPSILON)
 }
 
@@ -248,7 +217,7 @@ fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) ->
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     let (largest, least) = dependents_range(cluster, scratch);
-    least / largest < T::from_f64(DOUBTFUL * told::<T>(FOUND, 16.0).sqrt())
+    least / largest < T::from_f64(DOUBTFUL * above_rounding::<T>(FOUND, 16.0).sqrt())
 }
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only
@@ -259,7 +228,7 @@ pub(in crate::closure) fn singular_status<T: Scalar>(
     local: &mut Local<'_, T>,
 ) -> Status {
     let scratch = &mut *local.scratch;
-    local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+    local_poses(cluster, bodies, local.q, local.cos_sin, &mut scratch.pose);
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     if loses_rank(cluster, scratch) {
         Status::SingularClosure

@@ -1,6 +1,6 @@
 //! The inverse of a block, with its determinant.
 
-use crate::closure::NEAR;
+use crate::closure::ILL_CONDITIONED;
 use crate::linalg::{column_square, solve_unpivoted};
 use crate::scalar::{Mask, Real};
 
@@ -27,16 +27,17 @@ pub(in crate::closure) fn accurate<T: Real>(square: T, size: T) -> T::Mask {
 pub(in crate::closure) struct Inverted<T: Real> {
     /// Where the inverse means something.
     pub(in crate::closure) sound: T::Mask,
-    /// Where accelerations by it keep a digit; as `near`.
+    /// Where accelerations by it keep a digit; as `ill_conditioned`.
     pub(in crate::closure) accurate: T::Mask,
     /// Where the matrix is near a singular one; of two or three rows, for others their callers must
     /// look.
-    pub(in crate::closure) near: T::Mask,
+    pub(in crate::closure) ill_conditioned: T::Mask,
     pub(in crate::closure) det: T,
 }
 
 impl<T: Real> Inverted<T> {
-    /// |det| against the product of the column norms: turning and sliding joints have columns of different units.
+    /// |det| against the product of the column norms: rotating and sliding joints have columns of
+    /// different units.
     #[inline(always)]
     fn narrow(A: &[T], m: usize, det: T) -> Inverted<T> {
         let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
@@ -44,7 +45,7 @@ impl<T: Real> Inverted<T> {
         Inverted {
             sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det),
             accurate: accurate(det * det, squares),
-            near: below(NEAR),
+            ill_conditioned: below(ILL_CONDITIONED),
             det,
         }
     }
@@ -63,7 +64,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
             Inverted {
                 sound: T::ZERO.lt(A[0].abs()),
                 accurate: T::Mask::splat(true),
-                near: T::Mask::splat(false),
+                ill_conditioned: T::Mask::splat(false),
                 det: A[0],
             }
         }
@@ -108,7 +109,12 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
                 m,
                 const { SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON) },
             );
-            Inverted { sound, accurate: T::Mask::splat(true), near: T::Mask::splat(false), det }
+            Inverted {
+                sound,
+                accurate: T::Mask::splat(true),
+                ill_conditioned: T::Mask::splat(false),
+                det,
+            }
         }
     }
 }
@@ -116,11 +122,15 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
 /// 1/sin² of the least angle between a column of the matrix, whose squared norms are given, and the
 /// span of the others: row i of the inverse has the norm 1/sin over that of column i.
 #[inline(always)]
-pub(in crate::closure) fn nearness<T: Real>(inverse: &[T], squares: &[T], m: usize) -> T {
-    let mut nearness = T::ZERO;
+pub(in crate::closure) fn inverse_square_sine<T: Real>(
+    inverse: &[T],
+    squares: &[T],
+    m: usize,
+) -> T {
+    let mut inverse_square_sine = T::ZERO;
     for (row, square) in inverse.chunks_exact(m).zip(squares) {
         let x = row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)) * *square;
-        nearness = T::select(nearness.lt(x), x, nearness);
+        inverse_square_sine = T::select(inverse_square_sine.lt(x), x, inverse_square_sine);
     }
-    nearness
+    inverse_square_sine
 }

@@ -6,18 +6,23 @@
 //! three rows is inverted in closed form, a larger one by elimination in an order fixed at load.
 //! The inverse at the accepted pose gives G and g.
 
+mod bias;
 mod bifurcation;
 pub(super) mod block;
 pub(super) mod continuation;
 mod inverse;
+mod jacobian;
+mod newton;
 
 use sarrus_proto::Status;
 
-use crate::closure::constraint::rows::{cos_sin, local_poses, place, rate_of};
+use crate::closure::constraint::rates::rate_of;
+use crate::closure::constraint::rows::{cos_sin_of, local_poses, place};
 use crate::closure::numerical::block::{Block, Blocks};
+use crate::closure::numerical::newton::Start;
+use crate::closure::path::distance;
 use crate::closure::{Level, Local, Outcome, Rate};
-use crate::mechanism::{Freedom, Motion};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Dof, Motion};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
 
@@ -38,7 +43,7 @@ pub(crate) struct End {
 #[derive(Clone, Debug)]
 pub(crate) struct Numerical<C> {
     pub(crate) blocks: Vec<Block>,
-    /// Bodies on the way to the cuts, in tree order, and those among them that the blocks leave
+    /// Bodies on the paths to the cuts, in tree order, and those among them that the blocks leave
     /// without their pose.
     pub(crate) on_way: Vec<usize>,
     pub(crate) after: Vec<usize>,
@@ -64,10 +69,11 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         }
     }
 
-    /// Closes every block from the dependents in `local.q`; poses on the way to all cuts are fresh
-    /// after a good end. The mask tells which lanes converged without a doubtful step and without a
-    /// change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`;
-    /// `moved` is how far the independents are from the pose that the dependents are of.
+    /// Closes every block from the dependents in `local.q`; poses on the paths to all cuts are
+    /// fresh after a good end. The mask tells which lanes converged without a doubtful step and
+    /// without a change of sign of any block's determinant, against [`Numerical::remember`] if
+    /// `remembered`; `moved` is how far the independents are from the pose that the dependents are
+    /// of.
     pub(in crate::closure) fn newton<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
@@ -77,19 +83,20 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         moved: T,
     ) -> (T::Mask, u32) {
         local.scratch.pose[0] = Pose::identity();
-        for (body, turn) in bodies.iter().zip(&mut *local.turn) {
+        for (body, cos_sin) in bodies.iter().zip(&mut *local.cos_sin) {
             if body.motion == Motion::Revolute {
-                *turn = cos_sin(local.q[body.q - cluster.q]);
+                *cos_sin = cos_sin_of(local.q[body.q - cluster.q]);
             }
         }
         let mut good = T::Mask::splat(true);
         let mut taken = 0;
         for (b, block) in self.blocks.iter().enumerate() {
             for &j in &block.before {
-                place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+                place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
             }
             let branch = remembered.then_some(local.scratch.branch[b]);
-            let (fine, count) = block.newton(cluster, bodies, local, branch, moved, self.end);
+            let start = Start { branch, moved };
+            let (fine, count) = block.newton(cluster, bodies, local, start, self.end);
             good = good & fine;
             taken += count;
             if !good.any() {
@@ -97,7 +104,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             }
         }
         for &j in &self.after {
-            place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+            place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
         }
         (good, taken)
     }
@@ -113,7 +120,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         if !self.blocks.iter().any(|block| block.remember) {
             return;
         }
-        local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
+        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
         for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.remember) {
             local.scratch.branch[b] = block.determinant(cluster, local);
         }
@@ -138,13 +145,13 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             local.g[j] = T::ZERO;
         }
         // G block by block: G_d = −K_d⁻¹ K_i
-        let (mut good, mut near) = (T::Mask::splat(true), T::Mask::splat(false));
+        let (mut good, mut ill_conditioned) = (T::Mask::splat(true), T::Mask::splat(false));
         for block in &self.blocks {
-            let (sound, near_singular) = block.jacobian(cluster, local, level);
-            (good, near) = (good & sound, near | near_singular);
+            let (sound, block_ill_conditioned) = block.jacobian(cluster, local, level);
+            (good, ill_conditioned) = (good & sound, ill_conditioned | block_ill_conditioned);
         }
         for block in &self.blocks {
-            for &Freedom { v: j, .. } in &block.unknowns {
+            for &Dof { v: j, .. } in &block.unknowns {
                 let mut qd = T::ZERO;
                 for (k, &i) in cluster.independent.iter().enumerate() {
                     qd = local.G[j * m + k].mul_add(local.qd[i], qd);
@@ -162,7 +169,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 block.bias(&cluster.cuts, local);
             }
         }
-        (good, near)
+        (good, ill_conditioned)
     }
 }
 
@@ -178,13 +185,13 @@ impl<C: Scalar> Numerical<C> {
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
         }
-        let moved = continuation::way(cluster, local.start, local.q);
+        let moved = distance(cluster, local.start, local.q);
         let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
         let good = good && continuation::redundant_rows_hold(cluster, local);
         let outcome = if good {
             Outcome::closed(iterations)
         } else {
-            bifurcation::follow_or_cross(self, cluster, bodies, local, iterations)
+            bifurcation::follow_or_bifurcate(self, cluster, bodies, local, iterations)
         };
         if outcome.status == Status::Ok {
             self.differentiate(cluster, bodies, local, level, outcome)
@@ -222,7 +229,7 @@ impl<C: Scalar> Numerical<C> {
             return outcome;
         }
         match self.rates(cluster, bodies, local, level) {
-            (true, near) => Outcome { near, ..outcome },
+            (true, ill_conditioned) => Outcome { ill_conditioned, ..outcome },
             (false, _) => Outcome::failed(
                 continuation::singular_status(cluster, bodies, local),
                 outcome.iterations,

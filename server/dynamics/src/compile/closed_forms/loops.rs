@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::Cut;
 use crate::compile::closed_forms::{Deviation, Reading, Subject};
 use crate::compile::geometry::{axis, direction, norm, unit};
-use crate::mechanism::Motion;
+use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{cross, dot};
 
@@ -19,10 +18,10 @@ pub(super) struct Ring {
     pub(super) point: Vector3<Dd>,
     pub(super) axis: Vector3<Dd>,
     /// +1 where the link after it is the joint's child, −1 where it is the parent.
-    pub(super) way: Dd,
+    pub(super) direction: Dd,
 }
 
-/// The joints on the way from the predecessor's and the successor's common parent to the cut and
+/// The joints on the path from the predecessor's and the successor's common parent to the cut and
 /// back.
 pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
     let up = |mut body: usize| {
@@ -38,14 +37,14 @@ pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
         p.pop();
         s.pop();
     }
-    let member = |j: usize, way: Dd| {
+    let member = |j: usize, direction: Dd| {
         let pose = &of.zero[j + 1];
         Ring {
             joint: Some(j),
             slides: of.bodies[j].motion == Motion::Prismatic,
             point: pose.p,
             axis: axis(pose),
-            way,
+            direction,
         }
     };
     let point = of.zero[cut.predecessor].point(&cut.x_p_cut.p);
@@ -55,7 +54,7 @@ pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
         slides: false,
         point,
         axis: crate::spatial::zero(),
-        way: Dd::ONE,
+        direction: Dd::ONE,
     });
     ring.extend(s.iter().map(|j| member(*j, -Dd::ONE)));
     ring
@@ -74,7 +73,10 @@ pub(super) fn starting_at(mut ring: Vec<Ring>, joint: usize) -> Result<Vec<Ring>
 /// The same ring the other way round, from the same joint on.
 pub(super) fn reversed(ring: &[Ring]) -> Vec<Ring> {
     let n = ring.len();
-    (0..n).map(|k| &ring[(n - k) % n]).map(|x| Ring { way: -x.way, ..x.clone() }).collect()
+    (0..n)
+        .map(|k| &ring[(n - k) % n])
+        .map(|x| Ring { direction: -x.direction, ..x.clone() })
+        .collect()
 }
 
 /// How far the axes are from perpendicular to the plane, or in it for a slider; for each turning
@@ -83,7 +85,7 @@ pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviat
     let mut sense = Vec::new();
     for member in ring {
         let Some(j) = member.joint else {
-            sense.push(member.way);
+            sense.push(member.direction);
             continue;
         };
         if member.slides {
@@ -92,7 +94,7 @@ pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviat
                 Subject::Joint(j),
                 dot(&member.axis, n).abs().to_f64(),
             ));
-            sense.push(member.way);
+            sense.push(member.direction);
         } else {
             let off = norm(&cross(&member.axis, n)).to_f64();
             deviations.push((
@@ -100,7 +102,7 @@ pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviat
                 Subject::Joint(j),
                 off,
             ));
-            sense.push(member.way * super::sign(dot(&member.axis, n)));
+            sense.push(member.direction * super::sign(dot(&member.axis, n)));
         }
     }
     sense

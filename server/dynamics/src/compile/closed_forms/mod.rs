@@ -6,11 +6,10 @@ mod parallelogram;
 mod planar;
 mod platform;
 
-use crate::closure::{Closure, Cut, CutRow, Numerical, constraint_residual};
+use crate::closure::{Closure, Numerical, constraint_residual};
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
-use crate::mechanism::{Freedom, Motion};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{Pose, cross, dot};
 
@@ -45,7 +44,7 @@ impl Form {
             Closure::Coupling(coupling) => coupling.polish = Some(numerical),
             Closure::Rrpr(rrpr) => rrpr.polish = Some(numerical),
             Closure::Planar(planar) => planar.polish = Some(numerical),
-            Closure::Legs(legs) => legs.polish = Some(numerical),
+            Closure::Platform(legs) => legs.polish = Some(numerical),
             Closure::Serial | Closure::Numerical(_) => {}
         }
     }
@@ -89,11 +88,11 @@ struct Reading<'a> {
 }
 
 impl Reading<'_> {
-    /// The independent freedoms from the base to the platform that they carry, each with its place
-    /// in y; and the platform's local body.
-    fn chain(&self) -> Result<(Vec<(Freedom, usize)>, usize), String> {
-        let of = |(k, v): (usize, &usize)| (self.cluster.freedoms[*v], k);
-        let mut chain: Vec<(Freedom, usize)> =
+    /// The independent degrees of freedom from the base to the platform that they carry, each with
+    /// its place in y; and the platform's local body.
+    fn chain(&self) -> Result<(Vec<(Dof, usize)>, usize), String> {
+        let of = |(k, v): (usize, &usize)| (self.cluster.dofs[*v], k);
+        let mut chain: Vec<(Dof, usize)> =
             self.cluster.independent.iter().enumerate().map(of).collect();
         chain.sort_by_key(|(at, _)| (self.depth(at.body), at.k));
         let mut below = 0;
@@ -106,18 +105,18 @@ impl Reading<'_> {
         Ok((chain, below))
     }
 
-    /// The freedom of a joint that has one.
-    fn freedom(&self, j: usize) -> Freedom {
-        self.cluster.freedoms[self.bodies[j].v - self.cluster.v]
+    /// The degree of freedom of a joint that has one.
+    fn freedom(&self, j: usize) -> Dof {
+        self.cluster.dofs[self.bodies[j].v - self.cluster.v]
     }
 
-    /// True where a joint's freedoms are independent.
+    /// True where a joint's degrees of freedom are independent.
     fn is_independent(&self, j: usize) -> bool {
         self.cluster.independent.contains(&(self.bodies[j].v - self.cluster.v))
     }
 
-    /// True where every joint has one freedom, so that one index serves joints, velocities and
-    /// coordinates.
+    /// True where every joint has one degree of freedom, so that one index serves joints,
+    /// velocities and coordinates.
     fn is_simple(&self) -> bool {
         self.cluster.n_q == self.cluster.n
     }
@@ -170,7 +169,8 @@ impl Reading<'_> {
 fn zero_poses(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> Vec<Pose<Dd>> {
     let mut pose = vec![Pose::identity()];
     for (j, body) in bodies.iter().enumerate() {
-        let next = pose[cluster.local_parent[j]].then(&Pose { R: body.E, p: body.r });
+        let next = pose[cluster.local_parent[j]]
+            .then(&Pose { R: body.R_parent_body, p: body.p_parent_body });
         pose.push(next);
     }
     pose

@@ -41,7 +41,7 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
     let Some(first) = ring.iter().find(|x| !x.slides && x.joint.is_some()) else {
         return Err("loop has no axis".into());
     };
-    let n = first.axis.map(|x| x * first.way);
+    let n = first.axis.map(|x| x * first.direction);
     let mut deviations = Vec::new();
     let sense = senses(&ring, &n, &mut deviations);
     pin_in_plane(of, cut, &n, &mut deviations)?;
@@ -110,7 +110,7 @@ fn lambda(
         return Err("pin is not beside the rocker".into());
     };
     // the length grows as the slider's coordinate does
-    let t0 = t.map(|x| -(x * ring[2].way));
+    let t0 = t.map(|x| -(x * ring[2].direction));
     let d = minus(&d3, &d1);
     let (length0, eccentricity) = (inner(&d, &t0), outer(&t0, &d));
     if length0.abs().to_f64() < DEGENERATE * of.cluster.length {

@@ -3,10 +3,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Arm, Closure, Cut, Leg, Legs, Strut};
+use crate::closure::{Arm, Closure, Leg, Platform, Strut};
 use crate::compile::closed_forms::{Deviation, Form, Reading, Subject, is_ball, sign, ties};
 use crate::compile::geometry::{axis, direction, unit};
-use crate::mechanism::Motion;
+use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{cross, dot, mul_mat, scale_add, t_mul};
 
@@ -60,7 +60,7 @@ pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
             }
         });
     }
-    Ok(Form { closure: Closure::Legs(Legs { chain, legs, polish: None }), deviations })
+    Ok(Form { closure: Closure::Platform(Platform { chain, legs, polish: None }), deviations })
 }
 
 /// Turn, turn, slide towards a point.

@@ -6,10 +6,11 @@ use sarrus_proto::{Field, Status};
 use crate::closure;
 use crate::closure::{
     Scratch, column_unit, constraint_bias, constraint_jacobian, constraint_residual,
-    dependents_range, largest_residual, local_poses, local_rates, row_unit, scaled,
+    dependents_range, largest_residual, local_rates, row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose, singular_range, solve_pivoted};
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
 use crate::scalar::Scalar;
@@ -30,8 +31,8 @@ pub(in crate::plan) struct Conditions<T> {
 }
 
 impl Plan {
-    /// Evaluates the rows of every tied cluster at the closed state; writes K, k and λ straight to
-    /// the output.
+    /// Evaluates the rows of every closed cluster at the closed state; writes K, k and λ straight
+    /// to the output.
     pub(in crate::plan) fn conditions<T: Scalar>(
         &self,
         model: &Model<T>,
@@ -51,21 +52,18 @@ impl Plan {
         }
         let mut residual = T::ZERO;
         let (mut unscaled, mut scaled) = (Range::none(), Range::none());
-        for &c in &model.tied {
+        for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
             let (n, v) = (cluster.n_v, cluster.v);
-            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+            let bodies = model.bodies_of(cluster);
+            ws.local_poses(cluster, bodies);
             let scratch = &mut ws.scratch;
-            let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-            local_poses(
+            constraint_residual(
                 cluster,
-                bodies,
-                q,
-                &mut ws.turn[cluster.body..cluster.body + cluster.n],
-                &mut scratch.pose,
+                &scratch.pose,
+                &ws.q[cluster.coordinates()],
+                &mut scratch.phi,
             );
-
-            constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
             residual = T::select(residual.lt(of_cluster), of_cluster, residual);
             constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
@@ -88,9 +86,9 @@ impl Plan {
                 scaled.add(dependents_range(cluster, scratch));
             }
             if let (Some(range), Some(place)) =
-                (&branch, model.order.branches.iter().position(|of| *of == c))
+                (&branch, model.order.branches.iter().position(|branch| *branch == c))
             {
-                output[range.start + place] = closure::branch(cluster, scratch);
+                output[range.start + place] = closure::assembly_branch(cluster, scratch);
             }
             if let Some(range) = &good {
                 // where none is good by this measure those declared stand, which did close the loop
@@ -111,12 +109,12 @@ impl Plan {
             }
         }
         if let Some(range) = slot(Field::Uncontrolled) {
-            singular::uncontrolled(model, ws, model.tied.len(), &mut output[range]);
+            singular::uncontrolled(model, ws, model.closed_clusters.len(), &mut output[range]);
         }
         Ok(Conditions {
             residual,
             cond_Kd: unscaled.ratio(),
-            sigma_min: if model.tied.is_empty() { T::ONE } else { scaled.least },
+            sigma_min: if model.closed_clusters.is_empty() { T::ONE } else { scaled.least },
             cond_Gu: if self.wants(Field::CondGu) { cond_Gu(model, ws) } else { T::ONE },
             cond_My: if self.wants(Field::CondMy) { cond_My(model, ws) } else { T::ONE },
         })
@@ -190,11 +188,11 @@ fn loop_forces<T: Scalar>(
         }
         scratch.step[a] = along / square;
     }
-    for (r, (row, of)) in
+    for (r, (row, cut_row)) in
         cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate()
     {
         let x = (0..m).fold(T::ZERO, |sum, a| A[r * m + a].mul_add(scratch.step[a], sum));
-        lambda[*row] = x * T::from_f64(row_unit(cluster, of));
+        lambda[*row] = x * T::from_f64(row_unit(cluster, cut_row));
     }
     Ok(())
 }
@@ -238,9 +236,10 @@ fn cond_Gu<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
             continue;
         }
         let tall = n_u >= m;
+        let G = cluster.G(&ws.G);
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
             for k in 0..m {
-                ws.dense[if tall { r * m + k } else { k * n_u + r }] = ws.G[cluster.g + j * m + k];
+                ws.dense[if tall { r * m + k } else { k * n_u + r }] = G[(j, k)];
             }
         }
         range.add(singular_range(&mut ws.dense, n_u.max(m), n_u.min(m)));
@@ -254,7 +253,7 @@ fn cond_My<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
     for i in 0..n {
         for j in 0..=i {
             // internal order, as the order does not matter here
-            let entry = model.branches.entry(i, j).map_or(T::ZERO, |at| ws.M_y[at]);
+            let entry = model.sparsity.entry(i, j).map_or(T::ZERO, |at| ws.M_y[at]);
             (ws.dense[i * n + j], ws.dense[j * n + i]) = (entry, entry);
         }
     }

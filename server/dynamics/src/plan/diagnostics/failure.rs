@@ -1,16 +1,17 @@
-//! What a failed closure still tells: residual, distance to singularity, good independents, the
+//! What a failed closure still reports: residual, distance to singularity, good independents, the
 //! nearest y.
 
 use sarrus_proto::{Field, Status};
 
 use crate::closure::{
-    Closure, Level, between, close, constraint_jacobian, constraint_residual, dependents_range,
-    largest_residual, local_poses,
+    Closure, Level, constraint_jacobian, constraint_residual, dependents_range, interpolate,
+    largest_residual,
 };
-use crate::model::{Body, Cluster, Model};
+use crate::mechanism::{Body, Cluster};
+use crate::model::Model;
+use crate::plan::Plan;
 use crate::plan::diagnostics::{nearest, singular};
-use crate::plan::run::Findings;
-use crate::plan::{Plan, local};
+use crate::plan::run::RunReport;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -26,38 +27,39 @@ impl Plan {
     pub(in crate::plan) fn remember_failure<T: Scalar>(
         &self,
         model: &Model<T>,
-        cluster: &Cluster<T>,
+        c: usize,
         ws: &mut Workspace<T>,
         actuated: bool,
-        found: &mut Findings<T>,
+        report: &mut RunReport<T>,
     ) {
-        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        let cluster = &model.clusters[c];
+        let bodies = model.bodies_of(cluster);
         if self.wants(Field::Residual) {
-            found.residual = residual(cluster, bodies, ws);
+            report.residual = residual(cluster, bodies, ws);
         }
         if !self.wants_any(&[Field::NearestY, Field::SigmaMin, Field::GoodIndependents]) {
             return;
         }
-        let at = cluster.q..cluster.q + cluster.n_q;
-        if !matches!(cluster.closure, Closure::Numerical(_)) {
+        let at = cluster.coordinates();
+        if !matches!(model.closures[c], Closure::Numerical(_)) {
             ws.scratch.last[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
         }
         // a closed pose: the one that was found after all, or the last on the path
         for (k, &v) in cluster.independent.iter().enumerate() {
-            ws.step_y[k] = ws.q[cluster.q + cluster.freedoms[v].q];
+            ws.step_y[k] = ws.q[cluster.q + cluster.dofs[v].q];
         }
         if actuated {
             ws.q[at.clone()].copy_from_slice(&ws.start[at]);
         } else if !residual(cluster, bodies, ws).lt(T::from_f64(CLOSED.max(64.0 * T::EPSILON))) {
-            last_on_path(cluster, bodies, ws);
+            last_on_path(model, c, ws);
         }
         residual(cluster, bodies, ws);
         constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
         if self.wants(Field::SigmaMin) {
-            found.sigma_min = dependents_range(cluster, &mut ws.scratch).1;
+            report.sigma_min = dependents_range(cluster, &mut ws.scratch).1;
         }
         if self.wants(Field::GoodIndependents) {
-            found.failed = true;
+            report.failed = true;
             singular::declared_independents(model, &mut ws.loop_q);
             let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
             if !singular::good_independents(model, cluster, &ws.scratch.K, dense, &mut ws.loop_q) {
@@ -65,7 +67,7 @@ impl Plan {
             }
         }
         if self.wants(Field::NearestY) {
-            found.nearest = true;
+            report.nearest = true;
             if !actuated {
                 nearest::nearest_pose(cluster, bodies, ws);
             }
@@ -78,25 +80,25 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        found: &Findings<T>,
+        report: &RunReport<T>,
     ) -> T {
-        let mut least = found.sigma_min;
+        let mut least = report.sigma_min;
         if !self.wants(Field::SigmaMin)
             || matches!(
-                found.status,
+                report.status,
                 Status::NonFiniteInput | Status::WrongSize | Status::BadRequest
             )
         {
             return T::from_f64(f64::NAN);
         }
-        for &c in &model.tied[..found.closed] {
+        for &c in &model.closed_clusters[..report.closed] {
             let cluster = &model.clusters[c];
-            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+            let bodies = model.bodies_of(cluster);
             residual(cluster, bodies, ws);
             constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
-            let of = dependents_range(cluster, &mut ws.scratch).1;
+            let sigma_min = dependents_range(cluster, &mut ws.scratch).1;
             // what is not a number yet is greater than any
-            least = if of < least || !least.is_finite() { of } else { least };
+            least = if sigma_min < least || !least.is_finite() { sigma_min } else { least };
         }
         least
     }
@@ -105,18 +107,18 @@ impl Plan {
 /// Largest scaled residual of one cluster at whatever pose stands in q; leaves its poses in the
 /// scratch.
 fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) -> T {
-    let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
-    let turn = &mut ws.turn[cluster.body..cluster.body + cluster.n];
-    local_poses(cluster, bodies, q, turn, &mut ws.scratch.pose);
+    ws.local_poses(cluster, bodies);
+    let q = &ws.q[cluster.coordinates()];
     constraint_residual(cluster, &ws.scratch.pose, q, &mut ws.scratch.phi);
     largest_residual(cluster, &ws.scratch.phi)
 }
 
 /// Puts into q the last closed pose of one cluster on the straight path to those in the scratch's
 /// `last`: a numerical closure has just followed it, a closed form is bisected.
-fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) {
-    let at = cluster.q..cluster.q + cluster.n_q;
-    if matches!(cluster.closure, Closure::Numerical(_)) {
+fn last_on_path<T: Scalar>(model: &Model<T>, c: usize, ws: &mut Workspace<T>) {
+    let cluster = &model.clusters[c];
+    let at = cluster.coordinates();
+    if matches!(model.closures[c], Closure::Numerical(_)) {
         ws.q[at].copy_from_slice(&ws.scratch.goal[..cluster.n_q]);
         return;
     }
@@ -125,14 +127,14 @@ fn last_on_path<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Wo
     ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
     for _ in 0..BISECTIONS {
         let part = 0.5 * (low + high);
-        between(
+        interpolate(
             cluster,
             &ws.start[at.clone()],
             &ws.scratch.last,
             T::from_f64(part),
             &mut ws.q[at.clone()],
         );
-        if close(cluster, bodies, &mut local(cluster, ws), Level::Position).status == Status::Ok {
+        if ws.close(model, c, Level::Position).status == Status::Ok {
             low = part;
             ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
         } else {

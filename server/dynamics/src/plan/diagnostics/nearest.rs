@@ -13,11 +13,10 @@
 //! these fail, which is where it is needed.
 
 use crate::closure::{
-    branch, column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses,
-    row_unit, scaled,
+    assembly_branch, column_unit, constraint_residual, largest_residual, row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose};
-use crate::model::{Body, Cluster};
+use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -48,13 +47,13 @@ pub(in crate::plan) fn nearest_pose<T: Scalar>(
     ws: &mut Workspace<T>,
 ) {
     // a quaternion has no distance from y* in its own coordinates
-    if cluster.independent.iter().any(|v| !cluster.freedoms[*v].single) {
+    if cluster.independent.iter().any(|v| !cluster.dofs[*v].single) {
         return;
     }
     let (m, rows) = (cluster.n_vy, cluster.rows.len());
     let search = Search { cluster, bodies, m, n: m + cluster.dependent.len(), rows };
     search.jacobian(ws);
-    let sign = branch(cluster, &mut ws.scratch);
+    let sign = assembly_branch(cluster, &mut ws.scratch);
     for _ in 0..STEPS {
         search.tangents(ws);
         if !search.newton_step(ws) || !search.advance(ws, sign) {
@@ -75,7 +74,7 @@ impl<T: Scalar> Search<'_, T> {
     /// (y − y*) of an independent, scaled.
     fn miss(&self, ws: &Workspace<T>, k: usize) -> T {
         let v = self.cluster.independent[k];
-        (ws.q[self.cluster.q + self.cluster.freedoms[v].q] - ws.step_y[k]) / self.unit(v)
+        (ws.q[self.cluster.q + self.cluster.dofs[v].q] - ws.step_y[k]) / self.unit(v)
     }
 
     fn cost(&self, ws: &Workspace<T>) -> T {
@@ -87,19 +86,7 @@ impl<T: Scalar> Search<'_, T> {
 
     /// Poses and K at q.
     fn jacobian(&self, ws: &mut Workspace<T>) {
-        self.poses(ws);
-        constraint_jacobian(self.cluster, &ws.scratch.pose, &mut ws.scratch.K);
-    }
-
-    fn poses(&self, ws: &mut Workspace<T>) {
-        let Cluster { q, n_q, body, n, .. } = *self.cluster;
-        local_poses(
-            self.cluster,
-            self.bodies,
-            &ws.q[q..q + n_q],
-            &mut ws.turn[body..body + n],
-            &mut ws.scratch.pose,
-        );
+        ws.constraint_jacobian(self.cluster, self.bodies);
     }
 
     /// Scaled K as U Σ in `dense` and V in `dense_rhs`, the null space first.
@@ -139,13 +126,13 @@ impl<T: Scalar> Search<'_, T> {
             let part = if T::ZERO.lt(square) { -(along / square) } else { T::ZERO };
             (0..rows).for_each(|r| mu[r] = ws.dense[r * n + b].mul_add(part, mu[r]));
         }
-        base[..cluster.n_q].copy_from_slice(&ws.q[cluster.q..cluster.q + cluster.n_q]);
+        base[..cluster.n_q].copy_from_slice(&ws.q[cluster.coordinates()]);
         let h = T::from_f64(T::EPSILON.cbrt());
         for a in 0..m {
             // curvature of the rows along one tangent
             w.fill(T::ZERO);
             for side in [T::ONE, -T::ONE] {
-                self.turn(ws, base, |i, V| V[i * n + a] * h * side);
+                self.displace(ws, base, |i, V| V[i * n + a] * h * side);
                 self.jacobian(ws);
                 let part = side / (h + h);
                 let of = &ws.scratch.K;
@@ -163,7 +150,7 @@ impl<T: Scalar> Search<'_, T> {
                     (0..m).fold(curved, |sum, k| V[k * n + a].mul_add(V[k * n + b], sum));
             }
         }
-        ws.q[cluster.q..cluster.q + cluster.n_q].copy_from_slice(&base[..cluster.n_q]);
+        ws.q[cluster.coordinates()].copy_from_slice(&base[..cluster.n_q]);
         // a shift makes it descend
         let mut shift = T::ZERO;
         let fine = loop {
@@ -199,12 +186,12 @@ impl<T: Scalar> Search<'_, T> {
     }
 
     /// q from `base` by a scaled change of each column.
-    fn turn(&self, ws: &mut Workspace<T>, base: &[T], change: impl Fn(usize, &[T]) -> T) {
+    fn displace(&self, ws: &mut Workspace<T>, base: &[T], change: impl Fn(usize, &[T]) -> T) {
         let at = self.cluster.q..self.cluster.q + self.cluster.n_q;
         ws.q[at.clone()].copy_from_slice(&base[..self.cluster.n_q]);
         for (i, v) in self.columns().enumerate() {
             let step = change(i, &ws.dense_rhs) * self.unit(v);
-            self.cluster.freedoms[v].advance(&mut ws.q[at.clone()], step);
+            self.cluster.dofs[v].advance(&mut ws.q[at.clone()], step);
         }
     }
 
@@ -215,17 +202,17 @@ impl<T: Scalar> Search<'_, T> {
         let before = self.cost(ws);
         let mut spare = core::mem::take(&mut ws.dense_spare);
         let (base, step) = spare.split_at_mut(cluster.n_q);
-        base.copy_from_slice(&ws.q[cluster.q..cluster.q + cluster.n_q]);
+        base.copy_from_slice(&ws.q[cluster.coordinates()]);
         step[..m].copy_from_slice(&ws.scratch.step[..m]);
         let mut part = T::ONE;
         let mut nearer = false;
         for _ in 0..HALVINGS {
-            self.turn(ws, base, |i, V| {
+            self.displace(ws, base, |i, V| {
                 (0..m).fold(T::ZERO, |sum, a| V[i * n + a].mul_add(step[a] * part, sum))
             });
             if self.project(ws) && self.cost(ws) < before {
                 self.jacobian(ws);
-                if branch(cluster, &mut ws.scratch) == sign {
+                if assembly_branch(cluster, &mut ws.scratch) == sign {
                     nearer = true;
                     break;
                 }
@@ -233,7 +220,7 @@ impl<T: Scalar> Search<'_, T> {
             part *= T::from_f64(0.5);
         }
         if !nearer {
-            ws.q[cluster.q..cluster.q + cluster.n_q].copy_from_slice(base);
+            ws.q[cluster.coordinates()].copy_from_slice(base);
         }
         ws.dense_spare = spare;
         nearer
@@ -245,8 +232,8 @@ impl<T: Scalar> Search<'_, T> {
         let floor = T::from_f64(64.0 * T::EPSILON);
         let mut last = T::from_f64(f64::INFINITY);
         for _ in 0..PROJECTIONS {
-            self.poses(ws);
-            let of = cluster.q..cluster.q + cluster.n_q;
+            ws.local_poses(self.cluster, self.bodies);
+            let of = cluster.coordinates();
             constraint_residual(cluster, &ws.scratch.pose, &ws.q[of], &mut ws.scratch.phi);
             let residual = largest_residual(cluster, &ws.scratch.phi);
             if residual < floor {
@@ -268,8 +255,7 @@ impl<T: Scalar> Search<'_, T> {
                 let along = if T::ZERO.lt(square) { along / square } else { T::ZERO };
                 for (i, v) in self.columns().enumerate() {
                     let step = -(ws.dense_rhs[i * n + b] * along) * self.unit(v);
-                    cluster.freedoms[v]
-                        .advance(&mut ws.q[cluster.q..cluster.q + cluster.n_q], step);
+                    cluster.dofs[v].advance(&mut ws.q[cluster.coordinates()], step);
                 }
             }
         }

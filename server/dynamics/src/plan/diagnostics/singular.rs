@@ -2,7 +2,8 @@
 
 use crate::closure::{column_unit, scaled};
 use crate::linalg::{column_square, decompose};
-use crate::model::{Cluster, Model};
+use crate::mechanism::Cluster;
+use crate::model::Model;
 use crate::scalar::{Real, Scalar};
 use crate::workspace::Workspace;
 
@@ -76,14 +77,15 @@ pub(in crate::plan) fn uncontrolled<T: Scalar>(
     direction: &mut [T],
 ) {
     let mut least = T::from_f64(f64::INFINITY);
-    let open = &model.tied[closed.min(model.tied.len())..];
+    let open = &model.closed_clusters[closed.min(model.closed_clusters.len())..];
     for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
         let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
         let unit = |v: usize| T::from_f64(column_unit(cluster, v));
         ws.dense[..rows * m].fill(T::ZERO);
+        let G = cluster.G(&ws.G);
         for (r, &(_, v)) in cluster.active.iter().enumerate() {
             for (k, &y) in cluster.independent.iter().enumerate() {
-                ws.dense[r * m + k] = ws.G[cluster.g + v * m + k] * unit(y) / unit(v);
+                ws.dense[r * m + k] = G[(v, k)] * unit(y) / unit(v);
             }
         }
         if !ws.dense[..rows * m].iter().all(|x| Real::is_finite(*x)) {

@@ -1,77 +1,95 @@
-use nalgebra::{Matrix3, Vector3};
+//! All numbers of one request while it is answered: the data dictionary, stage by stage. Lengths in
+//! metres, angles in radians, forces in newtons, moments in newton metres; coordinates and
+//! velocities in the order of the bodies. After each shape stands who writes it.
 
-use crate::algorithms::{Embedding, Force};
-use crate::closure::{Rate, Scratch, constraint_jacobian, local_poses};
-use crate::model::{Body, Cluster, Model};
-use crate::plan::Plan;
-use crate::scalar::{Real, Scalar};
+mod body;
+
+use nalgebra::Vector3;
+
+pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force, Rates};
+
+use crate::closure::{self, Level, Local, Outcome, Scratch};
+use crate::mechanism::{Body, Cluster};
+use crate::model::Model;
+use crate::scalar::Scalar;
 use crate::spatial::{Pose, identity, zero};
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next
 /// one.
 #[derive(Clone, Debug)]
 pub struct Workspace<T> {
-    // coordinates, in the order of the bodies
-    /// Tree coordinates, velocities, accelerations.
+    // state: written by `plan/state.rs`
+    /// Tree coordinates `[rad, m]` (n_q), velocities and accelerations (n_v).
     pub(crate) q: Vec<T>,
     pub(crate) qd: Vec<T>,
     pub(crate) qdd: Vec<T>,
-    /// The closed pose that numerical closures start from.
+    /// The closed pose that numerical closures start from (n_q).
     pub(crate) start: Vec<T>,
-    /// The velocity there, and whether one was given.
+    /// The velocity there (n_v), and whether one was given.
     pub(crate) start_rate: Vec<T>,
     pub(crate) tangent: bool,
-    /// The actuator coordinates that one cluster has to reach.
+    /// The actuator coordinates that one cluster has to reach (n_u).
     pub(crate) goal_u: Vec<T>,
-    /// The step of the independents towards them.
+    /// The step of the independents towards them (n_vy).
     pub(crate) step_y: Vec<T>,
-    /// Independent accelerations.
+    /// Independent accelerations (n_vy): right-hand side, then solution of M_y ÿ = b.
     pub(crate) ydd: Vec<T>,
 
-    // closures
-    /// (cos q, sin q) of each revolute body's joint; 0 is the world.
-    pub(crate) turn: Vec<(T, T)>,
-    /// G blocks of all clusters, row-major, and g.
+    // closures: written by `closure/`
+    /// (cos q, sin q) of each revolute body's joint (bodies); 0 is the world. Those of free joints
+    /// by `plan/run.rs`.
+    pub(crate) cos_sin: Vec<(T, T)>,
+    /// G blocks of all clusters, row-major, read by [`Cluster::G`]; g (n_v).
     pub(crate) G: Vec<T>,
     pub(crate) g: Vec<T>,
+    /// What one cluster at a time needs.
     pub(crate) scratch: Scratch<T>,
 
-    // recursions
+    // recursions: written by `algorithms/`
+    /// Motion and force of each body (bodies) {body}.
     pub(crate) motion: Vec<BodyState<T>>,
+    /// Composite inertia of each body (bodies) {body}.
     pub(crate) composite: Vec<Composite<T>>,
+    /// Articulated inertias and factors of the recursion over clusters.
     pub(crate) embedding: Embedding<T>,
-    /// Pose of each body {root}.
+    /// Pose of each body (bodies) {root}.
     pub(crate) world: Vec<Pose<T>>,
-    /// External wrench on each body, `[n; f]` at its origin {body}.
+    /// External wrench on each body, `[n; f]` at its origin (bodies) {body}.
     pub(crate) wrench: Vec<(Vector3<T>, Vector3<T>)>,
-    /// Forces on tree, independent and actuator coordinates.
+    /// Force columns of the cluster in hand on their way to the root: `[n; f]` for each of its
+    /// independents (largest n_vy of a cluster) {body that they have reached}.
+    pub(crate) columns: Vec<Force<T>>,
+    /// The same inside one cluster, for each of its bodies (n × n_vy) {body}, and its block of the
+    /// mass matrix (n_vy × n_vy).
+    pub(crate) inside: Vec<Force<T>>,
+    pub(crate) block: Vec<T>,
+    /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force (n_vy).
+    pub(crate) M_y: Vec<T>,
+    pub(crate) C_y: Vec<T>,
+    pub(crate) factor: Vec<T>,
+
+    // forces: written by `plan/forces.rs` and `plan/actuation.rs`
+    /// Forces on tree (n_v), independent (n_vy) and actuator coordinates (n_u), and what no
+    /// actuator can give (n_vy) `[N m, N]`.
     pub(crate) tau_q: Vec<T>,
     pub(crate) tau_y: Vec<T>,
     pub(crate) tau_u: Vec<T>,
     pub(crate) tau_rest: Vec<T>,
-    /// Reduced mass matrix and its factor, packed by `Model::branches`; reduced bias force.
-    pub(crate) M_y: Vec<T>,
-    pub(crate) C_y: Vec<T>,
-    pub(crate) factor: Vec<T>,
-    /// Force columns of the cluster that is carried towards the root: `[n; f]` for each of its
-    /// independents.
-    pub(crate) columns: Vec<Force<T>>,
-    /// The same inside one cluster, for each of its bodies (n × n_vy), and its block of the mass
-    /// matrix (n_vy × n_vy).
-    pub(crate) inside: Vec<Force<T>>,
-    pub(crate) block: Vec<T>,
-    /// Matrix, right-hand side and scaling of the tree under its constraints; empty where no plan
-    /// asks for that method.
+    /// The tree forces that only the loops can supply (n_v).
+    pub(crate) loop_q: Vec<T>,
+    /// Matrix (n²), right-hand side and scaling (n) of the tree under its constraints, with n of
+    /// n_v and the used rows; empty where no plan asks for that method. By `plan/kkt.rs`.
     pub(crate) kkt: Vec<T>,
     pub(crate) kkt_rhs: Vec<T>,
     pub(crate) kkt_scale: Vec<T>,
-    /// Dense scratch for what is asked rarely: conditions, actuator maps, λ, Jacobians.
+
+    // what is asked rarely: conditions, actuator maps, λ, Jacobians
+    /// Square dense scratch.
     pub(crate) dense: Vec<T>,
     pub(crate) dense_rhs: Vec<T>,
     pub(crate) dense_spare: Vec<T>,
-    /// One frame's Jacobian (6 × n_vy), and the tree forces that only the loops can supply.
+    /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
-    pub(crate) loop_q: Vec<T>,
     needs: Needs,
     /// The model that it was made for.
     fingerprint: u64,
@@ -90,53 +108,13 @@ pub(crate) struct Needs {
 
 impl Needs {
     /// What either needs.
-    fn and(self, other: Needs) -> Needs {
+    pub(crate) fn and(self, other: Needs) -> Needs {
         Needs {
             mass_matrix: self.mass_matrix | other.mass_matrix,
             dense: self.dense | other.dense,
             kkt: self.kkt | other.kkt,
         }
     }
-}
-
-/// What the recursions keep for one body, in its own axes at its origin.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct BodyState<T> {
-    /// Pose in the parent.
-    pub(crate) R: Matrix3<T>,
-    pub(crate) p: Vector3<T>,
-    /// Angular velocity, velocity of the origin, angular acceleration, classical acceleration of
-    /// the origin.
-    pub(crate) w: Vector3<T>,
-    pub(crate) v: Vector3<T>,
-    pub(crate) alpha: Vector3<T>,
-    pub(crate) a: Vector3<T>,
-    /// Moment and force that the joint transmits.
-    pub(crate) n: Vector3<T>,
-    pub(crate) f: Vector3<T>,
-}
-
-/// What a child needs of its parent's motion.
-pub(crate) struct Rates<T> {
-    pub(crate) w: Vector3<T>,
-    pub(crate) alpha: Vector3<T>,
-    pub(crate) a: Vector3<T>,
-}
-
-impl<T: Real> BodyState<T> {
-    #[inline(always)]
-    pub(crate) fn rates(&self) -> Rates<T> {
-        Rates { w: self.w, alpha: self.alpha, a: self.a }
-    }
-}
-
-/// Inertia of a body with everything that it carries, as if rigid.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Composite<T> {
-    pub(crate) mass: T,
-    pub(crate) h: Vector3<T>,
-    /// xx xy xz yy yz zz about the body's origin.
-    pub(crate) inertia: [T; 6],
 }
 
 impl<T: Scalar> Workspace<T> {
@@ -146,17 +124,37 @@ impl<T: Scalar> Workspace<T> {
         Workspace::sized(model, Needs { mass_matrix: true, dense: true, kkt: false })
     }
 
-    /// Scratch for these plans on this model and for no others, without the square matrices that
-    /// none of them needs: that of a robot with a thousand joints is then a thousand times as
-    /// small. Allocates; nothing after it does.
-    pub fn for_plans<'a>(
-        model: &Model<T>,
-        plans: impl IntoIterator<Item = &'a Plan>,
-    ) -> Workspace<T> {
-        Workspace::sized(
-            model,
-            plans.into_iter().fold(Needs::default(), |needs, plan| needs.and(plan.needs())),
-        )
+    /// The workspace's numbers of one cluster.
+    pub(crate) fn local(&mut self, cluster: &Cluster<T>) -> Local<'_, T> {
+        let (q, v) = (cluster.coordinates(), cluster.velocities());
+        Local {
+            start: &self.start[q.clone()],
+            tangent: self.tangent.then_some(&self.start_rate[v.clone()]),
+            q: &mut self.q[q],
+            cos_sin: &mut self.cos_sin[cluster.bodies()],
+            qd: &mut self.qd[v.clone()],
+            G: &mut self.G[cluster.block()],
+            g: &mut self.g[v],
+            scratch: &mut self.scratch,
+        }
+    }
+
+    /// Poses of a cluster's bodies at q, into the scratch of closures.
+    pub(crate) fn local_poses(&mut self, cluster: &Cluster<T>, bodies: &[Body<T>]) {
+        let (q, cos_sin) = (&self.q[cluster.coordinates()], &mut self.cos_sin[cluster.bodies()]);
+        closure::local_poses(cluster, bodies, q, cos_sin, &mut self.scratch.pose);
+    }
+
+    /// Poses and K of a cluster at q, into the scratch of closures.
+    pub(crate) fn constraint_jacobian(&mut self, cluster: &Cluster<T>, bodies: &[Body<T>]) {
+        self.local_poses(cluster, bodies);
+        closure::constraint_jacobian(cluster, &self.scratch.pose, &mut self.scratch.K);
+    }
+
+    /// Closes cluster c of a model down to a level, as [`crate::closure::Closure::close`] does.
+    pub(crate) fn close(&mut self, model: &Model<T>, c: usize, level: Level) -> Outcome {
+        let cluster = &model.clusters[c];
+        model.closures[c].close(cluster, model.bodies_of(cluster), &mut self.local(cluster), level)
     }
 
     /// True where it was made for this model.
@@ -192,7 +190,7 @@ impl<T: Scalar> Workspace<T> {
         let side =
             if needs.dense { sizes.n_vy.max(sizes.n_u) } else { widest_u }.max(largest).max(rows)
                 + 6;
-        let packed = if needs.mass_matrix { model.branches.len } else { 0 };
+        let packed = if needs.mass_matrix { model.sparsity.len } else { 0 };
         let kkt =
             if needs.kkt { sizes.n_v + clusters().map(|c| c.used.len()).sum::<usize>() } else { 0 };
         Workspace {
@@ -205,7 +203,7 @@ impl<T: Scalar> Workspace<T> {
             goal_u: of(sizes.n_u),
             step_y: of(sizes.n_vy),
             ydd: of(sizes.n_vy),
-            turn: vec![(T::ONE, T::ZERO); bodies],
+            cos_sin: vec![(T::ONE, T::ZERO); bodies],
             G: free_jacobians(model),
             g: of(sizes.n_v),
             scratch: Scratch::new(largest, rows),
@@ -243,42 +241,8 @@ fn free_jacobians<T: Scalar>(model: &Model<T>) -> Vec<T> {
     let mut G = vec![T::ZERO; model.n_g];
     for cluster in model.clusters.iter().filter(|c| c.is_serial()) {
         for k in 0..cluster.n_v {
-            G[cluster.g + k * cluster.n_vy + k] = T::ONE;
+            G[cluster.g_offset + k * cluster.n_vy + k] = T::ONE;
         }
     }
     G
-}
-
-impl<T: Real> Scratch<T> {
-    /// Poses and K of one cluster at a pose, outside any workspace. Allocates.
-    pub(crate) fn at(
-        cluster: &Cluster<T::Const>,
-        bodies: &[Body<T::Const>],
-        q: &[T],
-    ) -> Scratch<T> {
-        let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
-        local_poses(cluster, bodies, q, &mut vec![(T::ONE, T::ZERO); cluster.n], &mut scratch.pose);
-        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-        scratch
-    }
-
-    /// For clusters of up to n joints and this many rows.
-    pub(crate) fn new(n: usize, rows: usize) -> Scratch<T> {
-        let of = |n: usize| vec![T::ZERO; n];
-        let side = n.max(rows);
-        Scratch {
-            pose: vec![Pose::identity(); n + 1],
-            base: vec![Pose::identity(); n],
-            rate: vec![Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }; n + 1],
-            K: of(rows * n),
-            phi: of(side),
-            A: of(side * side),
-            B: of(side * side),
-            inverse: of(side * side),
-            branch: of(n),
-            step: of(side),
-            last: of(n),
-            goal: of(n),
-        }
-    }
 }

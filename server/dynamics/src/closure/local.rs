@@ -1,0 +1,107 @@
+//! The numbers of one cluster while it is closed, and the scratch that all clusters share.
+
+use nalgebra::Vector3;
+
+use crate::closure::{constraint_jacobian, local_poses};
+use crate::mechanism::{Body, Cluster};
+use crate::scalar::Real;
+use crate::spatial::{Pose, zero};
+
+/// How far down a closure is to be evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Level {
+    Position,
+    Velocity,
+    Acceleration,
+}
+
+/// The numbers of one cluster, by local coordinate (q), velocity (q̇, G, g) or body (cos_sin).
+pub(crate) struct Local<'a, T> {
+    /// The closed pose from which a numerical closure continues (n_q).
+    pub(crate) start: &'a [T],
+    /// The tree velocity at that pose, where one was given (n_v).
+    pub(crate) tangent: Option<&'a [T]>,
+    /// Tree coordinates, independents set (n_q).
+    pub(crate) q: &'a mut [T],
+    /// Cosine and sine of each revolute coordinate (n).
+    pub(crate) cos_sin: &'a mut [(T, T)],
+    /// Tree velocities, independents set (n_v).
+    pub(crate) qd: &'a mut [T],
+    /// Loop Jacobian (n_v × n_vy, row-major).
+    pub(crate) G: &'a mut [T],
+    /// Bias (n_v).
+    pub(crate) g: &'a mut [T],
+    /// Scratch, shared by all clusters.
+    pub(crate) scratch: &'a mut Scratch<T>,
+}
+
+/// Scratch for the largest cluster.
+#[derive(Clone, Debug)]
+pub(crate) struct Scratch<T> {
+    /// Pose of each local body in the cluster's parent body; entry 0 is that body (n + 1).
+    pub(crate) pose: Vec<Pose<T>>,
+    /// The same at zero of the body's own joint, of bodies whose parent stands still within a block
+    /// (n).
+    pub(crate) base: Vec<Pose<T>>,
+    /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the
+    /// origin (n + 1).
+    pub(crate) rate: Vec<Rate<T>>,
+    /// Constraint Jacobian (n_c × n_v).
+    pub(crate) K: Vec<T>,
+    /// Residuals and right-hand sides.
+    pub(crate) phi: Vec<T>,
+    /// Square and right-hand side matrices of the blocks, and their inverses one after the other.
+    pub(crate) A: Vec<T>,
+    pub(crate) B: Vec<T>,
+    pub(crate) inverse: Vec<T>,
+    /// Determinant of each block at the pose that Newton's method leaves.
+    pub(crate) branch: Vec<T>,
+    /// Newton's last step.
+    pub(crate) step: Vec<T>,
+    /// The last closed pose on a path, and the goal (n_q each).
+    pub(crate) last: Vec<T>,
+    pub(crate) goal: Vec<T>,
+}
+
+/// Rates of a local body, cluster axes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rate<T> {
+    pub(crate) w: Vector3<T>,
+    pub(crate) v: Vector3<T>,
+    pub(crate) alpha: Vector3<T>,
+    pub(crate) a: Vector3<T>,
+}
+
+impl<T: Real> Scratch<T> {
+    /// Poses and K of one cluster at a pose, outside any workspace. Allocates.
+    pub(crate) fn at(
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        q: &[T],
+    ) -> Scratch<T> {
+        let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
+        local_poses(cluster, bodies, q, &mut vec![(T::ONE, T::ZERO); cluster.n], &mut scratch.pose);
+        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+        scratch
+    }
+
+    /// For clusters of up to n joints and this many rows.
+    pub(crate) fn new(n: usize, rows: usize) -> Scratch<T> {
+        let of = |n: usize| vec![T::ZERO; n];
+        let side = n.max(rows);
+        Scratch {
+            pose: vec![Pose::identity(); n + 1],
+            base: vec![Pose::identity(); n],
+            rate: vec![Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }; n + 1],
+            K: of(rows * n),
+            phi: of(side),
+            A: of(side * side),
+            B: of(side * side),
+            inverse: of(side * side),
+            branch: of(n),
+            step: of(side),
+            last: of(n),
+            goal: of(n),
+        }
+    }
+}

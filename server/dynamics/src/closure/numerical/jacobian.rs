@@ -1,0 +1,105 @@
+//! The rows of G that a block determines: G_d = −K_d⁻¹ K_i.
+
+use crate::closure::numerical::block::{Block, RowsAt, by_width};
+use crate::closure::numerical::inverse::{Inverted, accurate, inverse_square_sine};
+use crate::closure::outcome::ILL_CONDITIONED;
+use crate::closure::{Level, Local, column_unit};
+use crate::linalg::column_square;
+use crate::mechanism::Cluster;
+use crate::scalar::Real;
+
+impl Block {
+    /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier
+    /// blocks on the right-hand side. The masks tell where they mean something and where the pose
+    /// is ill-conditioned.
+    #[inline]
+    pub(super) fn jacobian<T: Real>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T::Mask) {
+        by_width!(self.jacobian_of_width(cluster, local, level))
+    }
+
+    fn jacobian_of_width<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T::Mask) {
+        let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
+        self.both_sides::<T, M>(cluster, local);
+        let scratch = &mut *local.scratch;
+        let wide = m > 3;
+        if wide {
+            (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
+        }
+        // one row is ill-conditioned where its independents move it far more than its unknown
+        let alone = (m == 1).then(|| {
+            let square = |x: T, v: usize| {
+                (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v))
+            };
+            let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent))
+                .fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
+            square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(ILL_CONDITIONED))
+        });
+        let Inverted { sound, mut accurate, mut ill_conditioned, .. } = self.invert::<T, M>(local);
+        let scratch = &*local.scratch;
+        let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+        if let Some(alone) = alone {
+            ill_conditioned = alone;
+        }
+        if wide {
+            let square = inverse_square_sine(inverse, &scratch.step[..m], m);
+            accurate = self::accurate(T::ONE, square);
+            ill_conditioned = T::from_f64(1.0 / ILL_CONDITIONED).lt(square);
+        }
+        for (i, dof) in self.unknowns[..m].iter().enumerate() {
+            let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
+            for k in 0..n_vy {
+                let mut x = T::ZERO;
+                for r in 0..m {
+                    x = inverse[i * m + r].mul_add(scratch.B[r * n_vy + k], x);
+                }
+                row[k] = -x;
+            }
+        }
+        let good = if level == Level::Acceleration { sound & accurate } else { sound };
+        (good, ill_conditioned)
+    }
+
+    /// K_d of the block into A; K_i, and what earlier blocks add to it, into B.
+    #[inline(always)]
+    fn both_sides<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+    ) {
+        let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
+        let scratch = &mut *local.scratch;
+        let G = &*local.G;
+        let (A, B) = (&mut scratch.A, &mut scratch.B);
+        A[..m * m].fill(T::ZERO);
+        B[..m * n_vy].fill(T::ZERO);
+        for rows in &self.cuts {
+            let at = RowsAt::new(rows, &cluster.cuts[rows.cut], &scratch.pose);
+            let directions = at.directions();
+            for (dof, side, column) in &rows.solve {
+                at.column(&directions, dof, *side, |i, x| A[i * m + column] = x);
+            }
+            // an independent's row of G is a unit vector
+            for (dof, side, column) in &rows.independent {
+                at.column(&directions, dof, *side, |i, x| B[i * n_vy + column] = x);
+            }
+            for (dof, side) in &rows.earlier {
+                let of_joint = &G[dof.v * n_vy..(dof.v + 1) * n_vy];
+                at.column(&directions, dof, *side, |i, x| {
+                    for (b, g) in B[i * n_vy..(i + 1) * n_vy].iter_mut().zip(of_joint) {
+                        *b = x.mul_add(*g, *b);
+                    }
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! Newton's method for one block, with the rule by which an attempt is accepted.
+//!
+//! With A = ∂φ/∂q_d of the block and s the size of a step, the largest of its components in radians
+//! or cluster lengths:
+//!
+//! ```text
+//!   Δ_k = A⁻¹ φ(q_k)        q_{k+1} = q_k − Δ_k        s_k = ‖Δ_k‖∞
+//! ```
+//! The attempt ends at the first k with
+//!
+//! ```text
+//!   s_k < s_end  or  ‖φ(q_k)‖∞ < 8 ε ℓ                 s_end = √ε / 10, or the tolerance given
+//! ```
+//! and is accepted when every step before was:
+//!
+//! ```text
+//!   s_0 < ½   and   max(s_0, m)² / sin²α < 0.7²        trust region
+//!   s_k < 0.3 s_{k−1}                                  contraction
+//!   det A_k · det A_{k−1} > 0                          assembly branch
+//! ```
+//! m is how far the independents have moved, α the least angle between a column of A at the start
+//! and the span of the others: a pose of a branch is looked for only well within the distance to
+//! the nearest singular pose. Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves
+//! again, as what is left then is the cube of that step.
+
+use crate::closure::Local;
+use crate::closure::constraint::rows::{base, cos_sin_of};
+use crate::closure::numerical::End;
+use crate::closure::numerical::block::{Block, by_width};
+use crate::closure::numerical::inverse::{Inverted, inverse_square_sine};
+use crate::linalg::column_square;
+use crate::mechanism::{Body, Cluster, Motion};
+use crate::scalar::{Mask, Real};
+
+/// Largest first step, in radians or cluster lengths.
+const TRUST: f64 = 0.5;
+/// Part of a block's distance to singularity that independents and first step may go: a longer path
+/// could lead through a place where the loops do not close, and out of it on the other side.
+const CAUTION: f64 = 0.7;
+/// A Newton step must be at most this fraction of the one before.
+const CONTRACTION: f64 = 0.3;
+
+/// Where an attempt starts.
+#[derive(Clone, Copy)]
+pub(super) struct Start<T> {
+    /// The determinant at the old pose, where the first step would not show it.
+    pub(super) branch: Option<T>,
+    /// How far the independents are from the old pose, in radians or cluster lengths.
+    pub(super) moved: T,
+}
+
+/// The thresholds of one attempt.
+struct Thresholds<T> {
+    /// Size of a step after which what the next would leave is rounding.
+    last: T,
+    /// Size of the step, and residual, that end the attempt.
+    end: T,
+    floor: T,
+    /// Size of a step after which its inverse serves again.
+    chord: T,
+}
+
+impl<T: Real> Thresholds<T> {
+    #[inline(always)]
+    fn new(length: f64, end: End) -> Thresholds<T> {
+        let last = T::from_f64(0.1 * T::EPSILON.sqrt());
+        Thresholds {
+            last,
+            end: end.tolerance.map_or(last, T::from_f64),
+            floor: T::from_f64(8.0 * T::EPSILON * length),
+            chord: T::from_f64(T::EPSILON.sqrt().sqrt() * T::EPSILON.sqrt().sqrt().sqrt()),
+        }
+    }
+}
+
+/// An attempt under way.
+struct Attempt<T: Real> {
+    /// Lanes whose every step was accepted, and lanes that have converged.
+    good: T::Mask,
+    done: T::Mask,
+    /// Size of the last step, and the determinant of the last inverse.
+    size: T,
+    det: T,
+}
+
+impl<T: Real> Attempt<T> {
+    #[inline(always)]
+    fn new() -> Attempt<T> {
+        Attempt {
+            good: T::Mask::splat(true),
+            done: T::Mask::splat(false),
+            size: T::from_f64(TRUST / CONTRACTION),
+            det: T::ZERO,
+        }
+    }
+
+    /// Assembly branch: det A keeps its sign.
+    #[inline(always)]
+    fn keeps_branch(&mut self, inverted: &Inverted<T>) {
+        let same = T::ZERO.lt(inverted.det * self.det);
+        self.det = inverted.det;
+        self.good = self.good & (self.done | (inverted.sound & same));
+    }
+
+    /// Trust region: the first step and the independents stay well within the distance to the
+    /// nearest singular pose.
+    #[inline(always)]
+    fn trusts(&mut self, size: T, moved: T, inverse_square_sine: T) {
+        let distance = T::select(size.lt(moved), moved, size);
+        self.good = self.good
+            & size.lt(T::from_f64(TRUST))
+            & (distance * distance * inverse_square_sine).lt(T::from_f64(CAUTION * CAUTION));
+    }
+
+    /// Contraction, and whether the attempt has come to its end.
+    #[inline(always)]
+    fn contracts(&mut self, size: T, residual: T, thresholds: &Thresholds<T>, tolerant: bool) {
+        let contracts = size.lt(self.size * T::from_f64(CONTRACTION));
+        let mut at_floor = size.lt(thresholds.end) | residual.lt(thresholds.floor);
+        if tolerant {
+            // a tolerance below what rounding lets through
+            at_floor = at_floor | (size.lt(thresholds.last) & !contracts);
+        }
+        self.good = self.good & (self.done | at_floor | contracts);
+        self.done = self.done | at_floor;
+    }
+}
+
+impl Block {
+    /// Newton's method for the block's unknowns; poses before the block are closed, its own are
+    /// fresh before and after a good end. The mask tells which lanes were accepted; with it comes
+    /// the number of steps.
+    #[inline]
+    pub(super) fn newton<T: Real>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+        start: Start<T>,
+        end: End,
+    ) -> (T::Mask, u32) {
+        by_width!(self.newton_of_width(cluster, bodies, local, start, end))
+    }
+
+    fn newton_of_width<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+        start: Start<T>,
+        end: End,
+    ) -> (T::Mask, u32) {
+        let thresholds = Thresholds::<T>::new(cluster.length, end);
+        let mut attempt = Attempt::<T>::new();
+        let mut inverse_square_sine = T::ZERO;
+        let mut taken = 0;
+        // poses at the start; where the parent stands still, what a step does not change
+        for &(j, held) in &self.bodies {
+            let scratch = &mut *local.scratch;
+            if held {
+                scratch.base[j] = base(cluster, bodies, j, &scratch.pose);
+            }
+        }
+        self.place(cluster, bodies, local);
+        for k in 0..end.steps {
+            // residual, and unless the last step was tiny the inverse
+            let fresh = k == 0 || !attempt.size.lt(thresholds.chord).all();
+            let residual = self.evaluate::<T, M>(cluster, local, fresh);
+            if k == 0 {
+                inverse_square_sine = self.first_inverse::<T, M>(local, start, &mut attempt);
+            } else if fresh {
+                attempt.keeps_branch(&self.invert::<T, M>(local));
+            }
+            let size = self.step::<T, M>(local, cluster.length, attempt.done);
+            taken += 1;
+            if k == 0 {
+                attempt.trusts(size, start.moved, inverse_square_sine);
+            }
+            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some());
+            if !attempt.good.any() {
+                break;
+            }
+            attempt.size = size;
+            self.update_cos_sin::<T, M>(local, size.lt(thresholds.last).all());
+            self.place(cluster, bodies, local);
+            if attempt.done.all() {
+                break;
+            }
+        }
+        (attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some())), taken)
+    }
+
+    /// The inverse at the start, whose branch is compared with the old one; returns 1/sin²α.
+    #[inline(always)]
+    fn first_inverse<T: Real, const M: usize>(
+        &self,
+        local: &mut Local<'_, T>,
+        start: Start<T>,
+        attempt: &mut Attempt<T>,
+    ) -> T {
+        let m = self.width::<M>();
+        let scratch = &mut *local.scratch;
+        (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
+        let inverted = self.invert::<T, M>(local);
+        attempt.det = match start.branch {
+            Some(branch) if self.remember => branch,
+            _ => inverted.det,
+        };
+        attempt.keeps_branch(&inverted);
+        let scratch = &*local.scratch;
+        let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+        inverse_square_sine(inverse, &scratch.step[..m], m)
+    }
+
+    /// Δ = A⁻¹ φ off the unknowns of the lanes that have not converged; returns its size.
+    #[inline(always)]
+    fn step<T: Real, const M: usize>(
+        &self,
+        local: &mut Local<'_, T>,
+        length: f64,
+        done: T::Mask,
+    ) -> T {
+        let m = self.width::<M>();
+        let unit = T::from_f64(1.0 / length);
+        let scratch = &mut *local.scratch;
+        let (phi, steps) = (&scratch.phi[..m], &mut scratch.step[..m]);
+        let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+        for i in 0..m {
+            let mut step = T::ZERO;
+            for r in 0..m {
+                step = inverse[i * m + r].mul_add(phi[r], step);
+            }
+            steps[i] = T::select(done, T::ZERO, step);
+        }
+        let mut size = T::ZERO;
+        for (i, dof) in self.unknowns[..m].iter().enumerate() {
+            dof.advance(local.q, -steps[i]);
+            let scaled = steps[i].abs();
+            let scaled = if dof.slides() { scaled * unit } else { scaled };
+            size = T::select(size.lt(scaled), scaled, size);
+        }
+        size
+    }
+
+    /// Cosines and sines of the unknowns after a step; PRECISION: they follow a last tiny one by
+    /// its first order, as the second is below half a unit roundoff.
+    #[inline(always)]
+    fn update_cos_sin<T: Real, const M: usize>(&self, local: &mut Local<'_, T>, tiny: bool) {
+        let m = self.width::<M>();
+        for (i, dof) in self.unknowns[..m].iter().enumerate() {
+            if dof.motion == Motion::Revolute {
+                let (c, s) = local.cos_sin[dof.body];
+                let step = local.scratch.step[i];
+                local.cos_sin[dof.body] = if tiny {
+                    (s.mul_add(step, c), (-c).mul_add(step, s))
+                } else {
+                    cos_sin_of(local.q[dof.q])
+                };
+            }
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! The straight path between two poses of a cluster's independents.
+
+use crate::mechanism::{Cluster, Dof};
+use crate::scalar::Scalar;
+
+/// A share of the path between two poses of a cluster's independents: straight in single
+/// coordinates, along the great circle in quaternions.
+pub(crate) fn interpolate<T: Scalar>(
+    cluster: &Cluster<T>,
+    from: &[T],
+    to: &[T],
+    share: T,
+    q: &mut [T],
+) {
+    for &i in &cluster.independent_q {
+        q[i] = (to[i] - from[i]).mul_add(share, from[i]);
+    }
+    let quaternions = cluster
+        .independent
+        .iter()
+        .map(|v| &cluster.dofs[*v])
+        .filter(|at| at.k == 0 && at.motion.n_q() > 1);
+    for at in quaternions {
+        // q and −q are the same turn: the nearer one
+        let four = at.q + at.motion.n_q() - 4..at.q + at.motion.n_q();
+        let along = four.clone().fold(T::ZERO, |sum, i| from[i].mul_add(to[i], sum));
+        for i in four.clone() {
+            let to = if along < T::ZERO { -to[i] } else { to[i] };
+            q[i] = (to - from[i]).mul_add(share, from[i]);
+        }
+        let norm = four.clone().fold(T::ZERO, |sum, i| q[i].mul_add(q[i], sum)).sqrt();
+        four.for_each(|i| q[i] = q[i] / norm);
+    }
+}
+
+/// How far the independents of a pose are from those of another, in radians or cluster lengths: the
+/// sum over all of them.
+pub(super) fn distance<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
+    let mut distance = T::ZERO;
+    for dof in cluster.independent.iter().map(|v| &cluster.dofs[*v]) {
+        if dof.single {
+            let step = (to[dof.q] - from[dof.q]).abs();
+            distance += if dof.slides() { step * T::from_f64(1.0 / cluster.length) } else { step };
+        } else if dof.k == 0 {
+            distance += free_distance(cluster, dof, from, to);
+        }
+    }
+    distance
+}
+
+/// The same of a joint of several degrees of freedom: the angle of the turn and the distance.
+fn free_distance<T: Scalar>(cluster: &Cluster<T>, dof: &Dof, from: &[T], to: &[T]) -> T {
+    let square = |range: core::ops::Range<usize>| {
+        range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum))
+    };
+    let four = dof.q + dof.motion.n_q() - 4;
+    // |q − p|² = 2 (1 − cos ½ angle), of q or −q
+    let chord = square(four..four + 4);
+    let other = T::from_f64(4.0) - chord;
+    let chord = T::select(other.lt(chord), other, chord);
+    let half_angle =
+        (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt())
+            * T::from_f64(2.0);
+    half_angle * T::from_f64(2.0) + square(dof.q..four).sqrt() * T::from_f64(1.0 / cluster.length)
+}

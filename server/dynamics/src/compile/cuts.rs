@@ -1,0 +1,142 @@
+//! Cut joints and couplings as rows of their clusters.
+
+use crate::compile::assemble::Builder;
+use crate::compile::geometry::{pose, vector};
+use crate::description::{self as written, Loop};
+use crate::mechanism::{Cut, CutRow};
+use crate::scalar::{Dd, Real};
+use crate::spatial::{Pose, mul, zero};
+
+impl Builder<'_> {
+    /// Cuts and couplings on their clusters; returns who owns each external row.
+    pub(super) fn rows(
+        &mut self,
+        loops: &[Vec<Loop>],
+        moving_of: &[usize],
+    ) -> Vec<(usize, Option<(usize, usize)>)> {
+        let mut owner = Vec::new();
+        let world = self.zero_poses();
+        for (s, submechanism) in self.description.submechanisms.iter().enumerate() {
+            for (l, cycle) in loops[s].iter().enumerate() {
+                let (a, b) = self.skeleton.path_between(cycle.predecessor, cycle.successor);
+                let Some(&m) = a.first().or(b.first()) else { continue };
+                let c = self.model.cluster_of[self.body_of[m]];
+                let cut = self.cut(cycle, c, &a, &b, &world);
+                let cluster = &mut self.model.clusters[c];
+                for r in 0..cycle.rows.len() {
+                    cluster.rows.push(owner.len());
+                    owner.push((s, Some((l, r))));
+                }
+                cluster.cuts.push(cut);
+            }
+            for &j in &submechanism.spanning_tree {
+                if let Some(coupling) = &self.description.joints[j].coupling {
+                    let body = self.body_of[moving_of[j]];
+                    let c = self.model.cluster_of[body];
+                    let first = self.model.clusters[c].v;
+                    let local = |j: usize| self.model.bodies[self.body_of[moving_of[j]]].v - first;
+                    let mut terms = vec![(local(j), Dd::ONE)];
+                    for (master, multiplier) in &coupling.terms {
+                        terms.push((local(*master), -Dd::from_f64(*multiplier)));
+                    }
+                    let offset = -Dd::from_f64(coupling.offset);
+                    let row = CutRow {
+                        angular: zero(),
+                        linear: zero(),
+                        linear_p: zero(),
+                        against: None,
+                        terms,
+                        offset,
+                    };
+                    let identity = Pose::identity();
+                    let cluster = &mut self.model.clusters[c];
+                    let path = row.terms.iter().map(|(j, _)| (*j, true)).collect();
+                    let cut = Cut {
+                        predecessor: 0,
+                        successor: 0,
+                        x_p_cut: identity,
+                        x_s_cut: identity,
+                        rows: vec![row],
+                        path,
+                        angular: false,
+                    };
+                    cluster.cuts.push(cut);
+                    cluster.rows.push(owner.len());
+                    owner.push((s, None));
+                }
+            }
+        }
+        owner
+    }
+
+    /// Pose of every body at zero {root}.
+    fn zero_poses(&self) -> Vec<Pose<Dd>> {
+        let mut world = vec![Pose::identity()];
+        for body in &self.model.bodies[1..] {
+            world.push(
+                world[body.parent].then(&Pose { R: body.R_parent_body, p: body.p_parent_body }),
+            );
+        }
+        world
+    }
+
+    /// A loop as a cut of a cluster; `a` and `b` are the joints on the predecessor's and the
+    /// successor's side.
+    fn cut(&self, cycle: &Loop, c: usize, a: &[usize], b: &[usize], world: &[Pose<Dd>]) -> Cut<Dd> {
+        let cluster = &self.model.clusters[c];
+        let local = |link: usize| {
+            let body = self.model.frames[link].body;
+            if body >= cluster.body && body < cluster.body + cluster.n {
+                body - cluster.body + 1
+            } else {
+                0
+            }
+        };
+        let (p, s) = (local(cycle.predecessor), local(cycle.successor));
+        let global =
+            |local: usize| if local == 0 { cluster.parent } else { cluster.body + local - 1 };
+        let in_root = |link: usize| {
+            world[self.model.frames[link].body].then(&self.model.frames[link].x_body_frame)
+        };
+        let (P, S) = match &cycle.cut {
+            written::Cut::AtJoint(j) => {
+                let frame = in_root(self.description.joints[*j].child);
+                (frame, frame)
+            }
+            written::Cut::AtLink(link) => (in_root(*link), in_root(*link)),
+            written::Cut::Placed { predecessor, successor } => (
+                in_root(cycle.predecessor).then(&pose(predecessor)),
+                in_root(cycle.successor).then(&pose(successor)),
+            ),
+        };
+        let x_p_cut = world[global(p)].inverse().then(&P);
+        let rows = cycle.rows.iter().map(|row| {
+            let [wx, wy, wz, vx, vy, vz] = row.axis;
+            let against = row.against.map(vector);
+            let linear = if against.is_some() { zero() } else { vector([vx, vy, vz]) };
+            CutRow {
+                angular: vector([wx, wy, wz]),
+                linear,
+                linear_p: mul(&x_p_cut.R, &linear),
+                against,
+                terms: Vec::new(),
+                offset: Dd::ZERO,
+            }
+        });
+        let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true))).flat_map(
+            |(m, side)| {
+                let body = &self.model.bodies[self.body_of[*m]];
+                (0..body.motion.n_v()).map(move |k| (body.v - cluster.v + k, side))
+            },
+        );
+        Cut {
+            predecessor: p,
+            successor: s,
+            x_p_cut,
+            x_s_cut: world[global(s)].inverse().then(&S),
+            rows: rows.collect(),
+            path: path.collect(),
+            angular: cycle.rows.iter().any(|row| row.axis[..3].iter().any(|x| *x != 0.0)),
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Clusters: the joints that loops and couplings close together.
+
+use core::ops::{Index, Range};
+
+use crate::mechanism::{Cut, Dof};
+
+/// Tree joints that loops or couplings close together, on one parent body.
+#[derive(Clone, Debug)]
+pub(crate) struct Cluster<C> {
+    /// The parent body.
+    pub(crate) parent: usize,
+    /// First body and number of bodies.
+    pub(crate) body: usize,
+    pub(crate) n: usize,
+    /// First internal tree velocity and coordinate; n_v of them.
+    pub(crate) v: usize,
+    pub(crate) q: usize,
+    pub(crate) n_v: usize,
+    pub(crate) n_q: usize,
+    /// What each local velocity belongs to (n_v).
+    pub(crate) dofs: Vec<Dof>,
+    /// First internal independent velocity; n_vy of them.
+    pub(crate) vy: usize,
+    pub(crate) n_vy: usize,
+    /// First number of the cluster's block in G; read by [`Cluster::G`].
+    pub(crate) g_offset: usize,
+    /// Local velocities that are independent, in the order of y, and the others; and the same of
+    /// the local coordinates.
+    pub(crate) independent: Vec<usize>,
+    pub(crate) dependent: Vec<usize>,
+    pub(crate) independent_q: Vec<usize>,
+    pub(crate) dependent_q: Vec<usize>,
+    /// Idle velocities, which stand still; they are in neither list.
+    pub(crate) locked: Vec<usize>,
+    /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
+    pub(crate) local_parent: Vec<usize>,
+    /// Actuators: (index in u, local velocity).
+    pub(crate) active: Vec<(usize, usize)>,
+    pub(crate) cuts: Vec<Cut<C>>,
+    /// External index of each local constraint row; the rows that, with the dependents, make the
+    /// square system.
+    pub(crate) rows: Vec<usize>,
+    pub(crate) used: Vec<usize>,
+    /// Characteristic length `[m]`.
+    pub(crate) length: f64,
+}
+
+impl<C: nalgebra::Scalar + Copy> Cluster<C> {
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Cluster<D> {
+        Cluster {
+            parent: self.parent,
+            body: self.body,
+            n: self.n,
+            v: self.v,
+            q: self.q,
+            n_v: self.n_v,
+            n_q: self.n_q,
+            dofs: self.dofs.clone(),
+            vy: self.vy,
+            n_vy: self.n_vy,
+            g_offset: self.g_offset,
+            independent: self.independent.clone(),
+            dependent: self.dependent.clone(),
+            locked: self.locked.clone(),
+            independent_q: self.independent_q.clone(),
+            dependent_q: self.dependent_q.clone(),
+            local_parent: self.local_parent.clone(),
+            active: self.active.clone(),
+            cuts: self.cuts.iter().map(|cut| cut.map(f)).collect(),
+            rows: self.rows.clone(),
+            used: self.used.clone(),
+            length: self.length,
+        }
+    }
+}
+
+impl<C> Cluster<C> {
+    /// Its bodies among those of the model.
+    #[inline(always)]
+    pub(crate) fn bodies(&self) -> Range<usize> {
+        self.body..self.body + self.n
+    }
+
+    /// Its tree coordinates among those of the model.
+    #[inline(always)]
+    pub(crate) fn coordinates(&self) -> Range<usize> {
+        self.q..self.q + self.n_q
+    }
+
+    /// Its tree velocities among those of the model.
+    #[inline(always)]
+    pub(crate) fn velocities(&self) -> Range<usize> {
+        self.v..self.v + self.n_v
+    }
+
+    /// Its independent velocities among those of the model.
+    #[inline(always)]
+    pub(crate) fn independents(&self) -> Range<usize> {
+        self.vy..self.vy + self.n_vy
+    }
+
+    /// The place of its block in an array of the blocks of all clusters.
+    #[inline(always)]
+    pub(crate) fn block(&self) -> Range<usize> {
+        self.g_offset..self.g_offset + self.n_v * self.n_vy
+    }
+
+    /// Its loop Jacobian, from the blocks of all clusters.
+    #[inline(always)]
+    pub(crate) fn G<'a, T>(&self, blocks: &'a [T]) -> GBlock<'a, T> {
+        GBlock { entries: &blocks[self.block()], n_vy: self.n_vy }
+    }
+
+    /// True when the cluster is one free joint.
+    pub(crate) fn is_serial(&self) -> bool {
+        self.rows.is_empty()
+    }
+}
+
+/// The loop Jacobian of one cluster (n_v × n_vy, row-major): q̇_j = Σ_k `G[(j, k)]` ẏ_k.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GBlock<'a, T> {
+    entries: &'a [T],
+    n_vy: usize,
+}
+
+impl<'a, T> GBlock<'a, T> {
+    /// The block of one free degree of freedom and others of one independent.
+    #[inline(always)]
+    pub(crate) fn new(entries: &'a [T], n_vy: usize) -> GBlock<'a, T> {
+        GBlock { entries, n_vy }
+    }
+
+    /// The row of local velocity j (n_vy).
+    #[inline(always)]
+    pub(crate) fn row(&self, j: usize) -> &'a [T] {
+        &self.entries[j * self.n_vy..][..self.n_vy]
+    }
+
+    /// The rows of n local velocities from j on, one after the other.
+    #[inline(always)]
+    pub(crate) fn rows(&self, j: usize, n: usize) -> &'a [T] {
+        &self.entries[j * self.n_vy..][..n * self.n_vy]
+    }
+}
+
+impl<T> Index<(usize, usize)> for GBlock<'_, T> {
+    type Output = T;
+
+    #[inline(always)]
+    fn index(&self, (j, k): (usize, usize)) -> &T {
+        &self.entries[j * self.n_vy + k]
+    }
+}

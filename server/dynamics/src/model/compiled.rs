@@ -1,0 +1,16 @@
+//! A robot in both precisions.
+
+use crate::diagnostic::Diagnostic;
+use crate::model::Model;
+use crate::scalar::Dd;
+
+/// The result of [`Model::compile`]: the robot in both precisions.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    /// The model for work.
+    pub model: Model<f64>,
+    /// The same model with constants to 32 digits, for reference.
+    pub exact: Model<Dd>,
+    /// What is remarkable but no error.
+    pub warnings: Vec<Diagnostic>,
+}

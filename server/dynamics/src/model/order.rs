@@ -1,0 +1,34 @@
+//! From the order that users see to that of the bodies, and limits by internal coordinate.
+
+/// Limits of one joint, by internal coordinate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limit {
+    pub(crate) q: usize,
+    pub(crate) v: usize,
+    pub(crate) lower: f64,
+    pub(crate) upper: f64,
+    pub(crate) velocity: f64,
+}
+
+/// From the order that users see to the order of the bodies.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Order {
+    /// Internal index of each tree coordinate and tree velocity.
+    pub(crate) q: Vec<usize>,
+    pub(crate) v: Vec<usize>,
+    /// For each independent coordinate its tree coordinate; for each independent velocity its tree
+    /// velocity and its internal number.
+    pub(crate) qy_q: Vec<usize>,
+    pub(crate) vy_v: Vec<usize>,
+    pub(crate) vy: Vec<usize>,
+    /// For each actuator its tree coordinate and velocity.
+    pub(crate) u_q: Vec<usize>,
+    pub(crate) u_v: Vec<usize>,
+    /// Back again: place of each internal tree and independent velocity in the external order; and
+    /// the identity.
+    pub(crate) v_external: Vec<usize>,
+    pub(crate) vy_external: Vec<usize>,
+    pub(crate) vy_internal: Vec<usize>,
+    /// The closed clusters that have a branch, in the order of their submechanisms.
+    pub(crate) branches: Vec<usize>,
+}

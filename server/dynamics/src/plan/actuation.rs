@@ -1,0 +1,85 @@
+//! Forces of the actuators.
+
+use sarrus_proto::Status;
+
+use crate::closure::column_unit;
+use crate::linalg::{least_norm, solve_sound};
+use crate::mechanism::Cluster;
+use crate::model::Model;
+use crate::plan::state::WEAK;
+use crate::scalar::Scalar;
+use crate::workspace::Workspace;
+
+/// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as
+/// independents, of least norm where there are more, and where there are fewer the best, with the
+/// remainder in `tau_rest`.
+pub(super) fn to_actuators<T: Scalar>(
+    model: &Model<T>,
+    ws: &mut Workspace<T>,
+) -> Result<bool, Status> {
+    let mut weak = false;
+    ws.tau_rest.fill(T::ZERO);
+    if !ws.tau_y.iter().all(|tau| tau.is_finite()) {
+        return Err(Status::NonFiniteInput);
+    }
+    for cluster in &model.clusters {
+        let (m, n_u) = (cluster.n_vy, cluster.active.len());
+        if cluster.is_serial() {
+            for k in 0..m {
+                let tau = ws.tau_y[cluster.vy + k];
+                match cluster.active.iter().find(|(_, j)| *j == k) {
+                    Some((u, _)) => ws.tau_u[*u] = tau,
+                    None => ws.tau_rest[cluster.vy + k] = tau,
+                }
+            }
+        } else if (m, n_u) == (1, 1) {
+            let (u, j) = cluster.active[0];
+            let (G, i) = (cluster.G(&ws.G)[(j, 0)], cluster.independent[0]);
+            weak |= (G.abs() * T::from_f64(column_unit(cluster, i)))
+                .lt(T::from_f64(WEAK * column_unit(cluster, j)));
+            let tau = ws.tau_y[cluster.vy] / G;
+            if !tau.is_finite() {
+                return Err(Status::SingularActuation);
+            }
+            ws.tau_u[u] = tau;
+        } else if n_u == m {
+            actuator_matrix(cluster, ws);
+            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
+                .ok_or(Status::SingularActuation)?;
+            weak |= solved.least.lt(T::from_f64(WEAK));
+            for (r, (u, _)) in cluster.active.iter().enumerate() {
+                if !(ws.dense_rhs[r].is_finite()) {
+                    return Err(Status::SingularActuation);
+                }
+                ws.tau_u[*u] = ws.dense_rhs[r];
+            }
+        } else {
+            actuator_matrix(cluster, ws);
+            least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u)
+                .ok_or(Status::SingularActuation)?;
+            for (r, (u, _)) in cluster.active.iter().enumerate() {
+                ws.tau_u[*u] = ws.dense_spare[r];
+            }
+            for k in 0..m {
+                let mut rest = ws.tau_y[cluster.vy + k];
+                for (u, j) in &cluster.active {
+                    rest = (-cluster.G(&ws.G)[(*j, k)]).mul_add(ws.tau_u[*u], rest);
+                }
+                ws.tau_rest[cluster.vy + k] = if n_u > m { T::ZERO } else { rest };
+            }
+        }
+    }
+    Ok(weak)
+}
+
+/// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.
+fn actuator_matrix<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    let (m, n_u) = (cluster.n_vy, cluster.active.len());
+    let G = cluster.G(&ws.G);
+    for k in 0..m {
+        for (r, &(_, j)) in cluster.active.iter().enumerate() {
+            ws.dense[k * n_u + r] = G[(j, k)];
+        }
+        ws.dense_rhs[k] = ws.tau_y[cluster.vy + k];
+    }
+}
