@@ -15,13 +15,13 @@ fn motors_go_safe_when_the_server_is_stopped_or_killed() {
         let stage = Stage::new();
         let other = stage.beside();
         std::thread::scope(|scope| {
-            scope.spawn(|| rehearse(Frontend::Rust, &stage, signal));
-            scope.spawn(|| rehearse(Frontend::Python, &other, signal));
+            scope.spawn(|| run_chain(Frontend::Rust, &stage, signal));
+            scope.spawn(|| run_chain(Frontend::Python, &other, signal));
         });
     }
 }
 
-fn rehearse(frontend: Frontend, stage: &Stage, signal: &str) {
+fn run_chain(frontend: Frontend, stage: &Stage, signal: &str) {
     let command = |program: &str, arguments: &[&str]| {
         let mut command = Command::new(sarrus_can().with_file_name(program));
         command.args(arguments);

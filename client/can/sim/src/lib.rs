@@ -1,5 +1,5 @@
 //! Motors from their own side: what they do with frames, and how their shafts turn. For tests and
-//! rehearsals.
+//! end-to-end runs.
 //!
 //! Everything here is written from the makers' manuals and not from the drives of
 //! [`sarrus_can_core::protocol`]: the two are a check of each other. No I/O and no clock; frames

@@ -19,7 +19,7 @@ powered() { until_power true false; }
 unpowered() { until_power false true; }
 bridge() {
     $B rm -f /run/bridge /run/controller
-    FRONT run $1 --name kernel > /run/bridge 2>&1 & BRIDGE=$!
+    FRONTEND run $1 --name kernel > /run/bridge 2>&1 & BRIDGE=$!
     wait_for /run/bridge "ready kernel"
     HOLD kernel 20 1 > /run/controller 2>&1 & CONTROLLER=$!
     wait_for /run/controller holds

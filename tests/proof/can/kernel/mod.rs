@@ -242,12 +242,12 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
         |actuator: &str, text: &str| format!("- {{actuator: {actuator}, bus: arm, {text}}}\n");
     // a bridge that lost its bus is to find the motors with power; on the bus that is off their
     // watchdogs take it away
-    let [patient, quick] =
+    let [slow, quick] =
         ["10000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
     write(
         "vcan.yml",
         &(bus("socketcan", "vcan0", ", data_bitrate: 5000000")
-            + &patient
+            + &slow
             + &motor("wrist", MOTEUS)),
     );
     write("slcan.yml", &(bus("slcan", &path("bus").display().to_string(), "") + &quick));
@@ -265,7 +265,7 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
         Frontend::Python => environment().can(&[]),
     };
     let init = init
-        .replace("FRONT", &words(&bridging))
+        .replace("FRONTEND", &words(&bridging))
         .replace("HOLD", &program(&sarrus_can().with_file_name("examples/hold")));
     write("init", &init.replace("FOLDER", stage.folder.to_str().unwrap()));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);

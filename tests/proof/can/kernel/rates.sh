@@ -7,9 +7,9 @@ wait_for $MOTORS "ready arm"
 # slcand puts /dev/ before its port
 slcand -o -s8 ..FOLDER/bus slcan0 || echo "no slcand"
 $B sleep 0.5
-FRONT run FOLDER/kernel.yml --name kernel 2>&1; echo "code $?"
+FRONTEND run FOLDER/kernel.yml --name kernel 2>&1; echo "code $?"
 ip link set slcan0 up type can bitrate 500000
-FRONT run FOLDER/kernel.yml --name kernel 2>&1; echo "code $?"
+FRONTEND run FOLDER/kernel.yml --name kernel 2>&1; echo "code $?"
 ip link set slcan0 down; ip link set slcan0 up type can bitrate 1000000
 echo passive >&3; $B sleep 0.5
 bridge FOLDER/kernel.yml

@@ -16,18 +16,17 @@ mod report;
 mod setpoint;
 #[cfg(test)]
 mod tests;
+mod transitions;
 mod verdict;
 
 pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
 pub use sarrus_proto::counts::CommandVerdict;
 
-use sarrus_proto::actuators::{
-    ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
-};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason};
 
-use crate::config::{Configuration, Stop};
-use crate::drive::{DriveCommand, Power, Receipt};
+use crate::config::Configuration;
+use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use motor::Motor;
@@ -323,127 +322,5 @@ impl Bridge {
     /// What was counted on a bus since the start, and how the bus is.
     pub fn bus_counters(&self, bus: usize) -> Option<(BusState, &BusCounters)> {
         self.buses.get(bus).map(|bus| (bus.state, &bus.counters))
-    }
-
-    /// Motors that fail bring their mechanism, or the robot, to FAULT.
-    fn look_for_faults(&mut self, now_ns: u64) {
-        let feedback_ns = self.configuration.timeouts.feedback_ns;
-        for i in 0..self.motors.len() {
-            let Some(motor) = self.motors.get(i) else { continue };
-            let Some(number) = self.configuration.mechanisms.get(motor.config.actuator).copied()
-            else {
-                continue;
-            };
-            let Some(mechanism) =
-                self.mechanisms.get(number).filter(|mechanism| mechanism.is_powered())
-            else {
-                continue;
-            };
-            let reason = if motor.config.drive.state().fault != 0 {
-                Reason::MotorFault
-            } else if motor.is_stale(now_ns, feedback_ns) {
-                Reason::FeedbackStale
-            } else if let Some(reason) = motor.config.missing_watchdog() {
-                reason
-            } else if mechanism.state == MechanismState::Enabled
-                && motor.config.drive.state().power != Power::On
-            {
-                Reason::PowerLost
-            } else {
-                continue;
-            };
-            self.fail_mechanism(number, reason);
-        }
-    }
-
-    fn fail(&mut self, is_meant: impl Fn(&Motor) -> bool, reason: Reason) {
-        for i in 0..self.motors.len() {
-            let number = self
-                .motors
-                .get(i)
-                .filter(|motor| is_meant(motor))
-                .and_then(|motor| self.configuration.mechanisms.get(motor.config.actuator));
-            if let Some(number) = number.copied() {
-                self.fail_mechanism(number, reason);
-            }
-        }
-    }
-
-    fn fail_mechanism(&mut self, number: usize, reason: Reason) {
-        self.mechanisms.get_mut(number).into_iter().for_each(|mechanism| mechanism.fail(reason));
-        if self.configuration.stop == Stop::Robot {
-            self.mechanisms.iter_mut().for_each(|mechanism| mechanism.fail(Reason::OtherMechanism));
-        }
-    }
-
-    /// Gives power to mechanisms that wait for it, once nothing is missing anywhere.
-    fn arm(&mut self, now_ns: u64, is_late: bool) {
-        if !self.mechanisms.iter().any(Mechanism::is_waiting) {
-            return;
-        }
-        let missing = self.missing(now_ns, is_late);
-        if missing.is_none() {
-            let Bridge { motors, mechanisms, configuration, .. } = self;
-            let of = |motor: &Motor| {
-                configuration
-                    .mechanisms
-                    .get(motor.config.actuator)
-                    .and_then(|number| mechanisms.get(*number))
-            };
-            let begins = |motor: &&mut Motor| of(motor).is_some_and(Mechanism::is_waiting);
-            motors.iter_mut().filter(begins).for_each(Motor::hold);
-        }
-        let arming_ns = self.configuration.timeouts.arming_ns;
-        for mechanism in &mut self.mechanisms {
-            mechanism.wait(now_ns, arming_ns, missing);
-        }
-    }
-
-    /// What arming still waits for: of the buses, of the motors that wait, of the controller.
-    fn missing(&self, now_ns: u64, is_late: bool) -> Option<Reason> {
-        let is_waiting = |motor: &&Motor| self.mechanism(motor).is_some_and(Mechanism::is_waiting);
-        let of_bus = |motor: &Motor| match self
-            .buses
-            .get(motor.config.bus)
-            .map(|bus| (bus.state, bus.backlog))
-        {
-            Some((BusState::Off, _)) => Some(Reason::BusOff),
-            Some((BusState::Passive, _)) => Some(Reason::BusPassive),
-            Some((_, 1..)) => Some(Reason::Backlog),
-            _ => None,
-        };
-        let feedback_ns = self.configuration.timeouts.feedback_ns;
-        let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
-        let no_command =
-            (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
-        self.motors.iter().filter(is_waiting).find_map(of_motor).or(no_command)
-    }
-
-    /// The mechanism that a motor acts on.
-    fn mechanism(&self, motor: &Motor) -> Option<&Mechanism> {
-        let number = self.configuration.mechanisms.get(motor.config.actuator)?;
-        self.mechanisms.get(*number)
-    }
-
-    /// A mechanism whose motors all have power follows; one whose commands stay away loses power.
-    fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
-        let mechanisms = &self.configuration.mechanisms;
-        let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
-        let all_on = self
-            .motors
-            .iter()
-            .filter(|motor| is_member(motor))
-            .all(|motor| motor.config.drive.state().power == Power::On);
-        let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
-        let changed = mechanism.follow(
-            now_ns,
-            self.configuration.timeouts.arming_ns,
-            all_on,
-            is_late,
-            is_lost,
-        );
-        if changed {
-            self.motors.iter_mut().filter(|motor| is_member(motor)).for_each(Motor::hold);
-        }
     }
 }

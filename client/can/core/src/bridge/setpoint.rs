@@ -104,7 +104,7 @@ impl Motor {
         if matches!(self.config.common.mode, Mode::Position | Mode::Velocity) {
             return 0.0;
         }
-        // a motor that does not tell its velocity counts as standing
+        // a motor that does not tell its velocity counts as still
         let known =
             |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
         let behind = setpoint.position - known(self.measured.position, setpoint.position);

@@ -25,6 +25,8 @@
 mod check;
 #[cfg(feature = "files")]
 mod files;
+mod keys;
+mod motors;
 mod read;
 
 #[cfg(feature = "files")]

@@ -10,6 +10,7 @@ mod cia402;
 mod cybergear;
 mod dbc;
 mod mit;
+mod mit_power;
 mod moteus;
 mod odrive;
 mod support;

@@ -3,25 +3,23 @@
 use crate::support::{
     COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
 };
-use sarrus_can_core::drive::{
-    Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog,
-};
+use sarrus_can_core::drive::{Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint};
 use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::protocol::{Common, fault};
 
-const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, \
+pub(crate) const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, \
     stiffness_range: 500, damping_range: 5";
 const ZERO: Setpoint =
     Setpoint { position: 0.0, velocity: 0.0, torque: 0.0, stiffness: 0.0, damping: 0.0 };
-const MOST: Setpoint =
+pub(crate) const MOST: Setpoint =
     Setpoint { position: 12.5, velocity: 45.0, torque: 18.0, stiffness: 500.0, damping: 5.0 };
 
-fn mit(variant: &str, common: Common) -> Box<dyn Drive> {
+pub(crate) fn mit(variant: &str, common: Common) -> Box<dyn Drive> {
     drive("mit", &format!("{{variant: {variant}, id: 1, reply_id: 0x11, {RANGES}}}"), common)
 }
 
 /// A drive that follows set-points: enabled by the answers that its motor would give.
-fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
+pub(crate) fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
     let mut drive = mit(variant, common);
     let (off, on) = match variant {
         "mini_cheetah" => ("011#0180007FF7FF", "011#0180007FF7FF"),
@@ -296,106 +294,6 @@ fn temperatures_and_errors_are_read() {
     assert_eq!(of("damiao", "011#1180007FF7FF2A30"), (48.0, 0));
     assert_eq!(of("robstride", "011#0180007FF7FF0131"), (30.5, 0));
     assert!(of("mini_cheetah", "011#0180007FF7FF").0.is_nan());
-}
-
-#[test]
-fn a_damiao_gets_its_watchdog_and_shows_its_ranges_before_it_gets_power() {
-    let mut drive = mit("damiao", Common { watchdog_ms: 50, ..COMMON });
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
-    assert_eq!(
-        cycle(&mut *drive, DriveCommand::On(MOST)),
-        ["7FF#0100550A01000000"],
-        "no power before all is known"
-    );
-    receive(&mut *drive, "011#0100550A01000000");
-    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
-    for _ in 0..3 {
-        assert_eq!(
-            cycle(&mut *drive, DriveCommand::Off),
-            ["7FF#01005509E8030000"],
-            "1000 times 50 µs, until it answers"
-        );
-        assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
-    }
-    receive(&mut *drive, "011#01005509E8030000");
-    assert_eq!(drive.state().watchdog, Watchdog::Unknown, "what was written was not yet read");
-    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["7FF#0100330900000000"]);
-    assert_eq!(receive(&mut *drive, "011#01003309E8030000"), Receipt::Parameter(0, 1000.0));
-    assert_eq!(drive.state().watchdog, Watchdog::Set(50));
-    assert_eq!(
-        receive(&mut *drive, "011#01003309E8030000"),
-        Receipt::Parameter(0, 1000.0),
-        "a late answer is no measurement"
-    );
-    receive(&mut *drive, "011#0100330A01000000");
-    receive(&mut *drive, "011#0100331500004841");
-    receive(&mut *drive, "011#0100331600003442");
-    assert_eq!(drive.state().fault, 0);
-    receive(&mut *drive, "011#010033170000A041");
-    assert_eq!(drive.state().fault, fault::RANGES_DIFFER, "20 N m are not 18");
-    receive(&mut *drive, "011#0180007FF7FF1E1E");
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
-    assert_eq!(cycle(&mut *drive, DriveCommand::Reset)[0], "001#FFFFFFFFFFFFFFFB");
-    drive.forget();
-    assert_eq!((drive.state().fault, drive.state().watchdog), (0, Watchdog::Unknown));
-}
-
-#[test]
-fn a_motor_that_lets_go_gets_no_power_again_by_itself() {
-    let mut drive = enabled("damiao", COMMON);
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)).len(), 1);
-    receive(&mut *drive, "011#D180007FF7FF1E1E");
-    assert_eq!((drive.state().power, drive.state().fault), (Power::Off, 0xD));
-    for _ in 0..10 {
-        assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
-        receive(&mut *drive, "011#0180007FF7FF1E1E");
-        assert_eq!(drive.state().fault, fault::POWER_LOST);
-    }
-    cycle(&mut *drive, DriveCommand::Reset);
-    assert_eq!(drive.state().fault, 0);
-}
-
-#[test]
-fn only_motors_that_know_the_command_are_told_to_forget_faults() {
-    for (variant, frames) in [("mini_cheetah", 1), ("t_motor", 1), ("robstride", 2)] {
-        let mut drive = enabled(variant, COMMON);
-        let sent = cycle(&mut *drive, DriveCommand::Reset);
-        assert_eq!(sent.len(), frames, "{variant}");
-        assert_eq!(sent.last().map(String::as_str), Some("001#FFFFFFFFFFFFFFFD"));
-        assert_eq!(drive.state().watchdog, Watchdog::Unreadable);
-    }
-}
-
-#[test]
-fn motors_that_replies_cannot_tell_apart_are_told_apart_here() {
-    let motor = |variant: &str, id: u16| {
-        drive("mit", &format!("{{variant: {variant}, id: {id}, reply_id: 0, {RANGES}}}"), COMMON)
-    };
-    let collide = |a: &dyn Drive, b: &dyn Drive| {
-        a.shared_identifiers()
-            .iter()
-            .any(|one| b.shared_identifiers().iter().any(|other| one.collides(other)))
-    };
-    assert!(collide(&*motor("damiao", 1), &*motor("damiao", 0x11)), "four bits");
-    assert!(!collide(&*motor("damiao", 1), &*motor("damiao", 2)));
-    assert!(!collide(&*motor("mini_cheetah", 1), &*motor("mini_cheetah", 0x11)), "eight bits");
-    assert!(collide(&*motor("mini_cheetah", 1), &*motor("mini_cheetah", 0x101)));
-    assert!(collide(&*motor("damiao", 1), &*motor("t_motor", 0x21)), "the fewer bits of the two");
-}
-
-#[test]
-fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_reset() {
-    let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
-    for code in ["C000", "FFF0", "0010"] {
-        receive(&mut *drive, &format!("011#01{code}7FF7FF"));
-    }
-    assert_eq!(drive.state().fault, 0, "torques need no position");
-    drive.forget();
-    receive(&mut *drive, "011#0100107FF7FF");
-    assert_eq!(drive.state().fault, fault::OUT_OF_RANGE, "it may be a whole range away");
-    cycle(&mut *drive, DriveCommand::Reset);
-    receive(&mut *drive, "011#0100107FF7FF");
-    assert_eq!(drive.state().fault, 0);
 }
 
 #[test]

@@ -7,11 +7,14 @@ use sarrus_models::yaml;
 use sarrus_proto::actuators::MAX_ACTUATORS;
 
 use super::super::*;
+use crate::config::Stop;
 use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};
+use crate::drive::Power;
 use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
 use crate::frame::Id;
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
+use sarrus_proto::actuators::MechanismState;
 
 pub(super) const MS: u64 = 1_000_000;
 

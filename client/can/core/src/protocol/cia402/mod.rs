@@ -25,6 +25,8 @@
 //! The position goes on where its 32 bits begin again. A target cannot: in the mode position a
 //! drive outside them has a fault.
 
+mod keys;
+mod make;
 mod setup;
 mod states;
 
@@ -32,13 +34,14 @@ use std::f64::consts::TAU;
 
 use super::number::{limited, steps};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use super::{Protocol, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Shared,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use sarrus_models::Diagnostics;
+use keys::KEYS;
+use make::make;
 use setup::{PARAMETERS, READABLE, Setup};
 use states::{DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, SHUTDOWN, SWITCH_ON, State};
 
@@ -48,56 +51,7 @@ pub(super) const CIA402: Protocol = Protocol {
     about: "CANopen drives of the profile CiA 402 (CSP, CSV, CST)",
     modes: &[Mode::Torque, Mode::Position, Mode::Velocity],
     fd: false,
-    keys: &[
-        Key {
-            name: "node",
-            kind: KeyKind::Integer(1, 126),
-            default: None,
-            about: "node of the drive",
-        },
-        Key {
-            name: "master",
-            kind: KeyKind::Integer(1, 127),
-            default: Some("127"),
-            about: "node of this side, for its heartbeat",
-        },
-        Key {
-            name: "rated_torque",
-            kind: KeyKind::Number(1e-3, 1e6),
-            default: None,
-            about: "object 6076 [N m], at the motor's output",
-        },
-        Key {
-            name: "counts_per_turn",
-            kind: KeyKind::Number(1.0, 1e9),
-            default: None,
-            about: "counts of 6064 in a turn of the motor's output",
-        },
-        Key {
-            name: "velocity_counts_per_turn",
-            kind: KeyKind::Number(1e-3, 1e9),
-            default: Some(""),
-            about: "606C and 60FF at one turn a second; without it the counts of the position",
-        },
-        Key {
-            name: "torque_offset",
-            kind: KeyKind::Flag,
-            default: Some("false"),
-            about: "torque beside position or velocity, by 60B2",
-        },
-        Key {
-            name: "velocity_feedback",
-            kind: KeyKind::Flag,
-            default: Some("true"),
-            about: "the velocity in a second PDO",
-        },
-        Key {
-            name: "configure",
-            kind: KeyKind::Flag,
-            default: Some("true"),
-            about: "whether the PDOs are set up by SDO; else they are as above",
-        },
-    ],
+    keys: KEYS,
     make,
 };
 
@@ -133,66 +87,6 @@ struct Cia402 {
     heard_ns: Option<u64>,
     torque: f64,
     heartbeat_ns: Option<u64>,
-}
-
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
-    let (node, master) = (settings.integer("node") as u16, settings.integer("master") as u16);
-    if node == master {
-        diagnostics.error(
-            settings.place("master"),
-            format!("`master` is {node} like `node`"),
-            "another node",
-            "give this side a free one",
-        );
-        return None;
-    }
-    let counts = settings.number("counts_per_turn");
-    let rated_torque = settings.number("rated_torque");
-    let velocity_counts = if settings.has("velocity_counts_per_turn") {
-        settings.number("velocity_counts_per_turn")
-    } else {
-        counts
-    };
-    let torque_offset = settings.flag("torque_offset") && common.mode != Mode::Torque;
-    let velocity_feedback = settings.flag("velocity_feedback");
-    let setup = Setup::new(setup::Desired {
-        node,
-        master,
-        mode: common.mode,
-        watchdog_ms: common.watchdog_ms.min(0xFFFF) as u16,
-        torque_limit: (common.torque_limit / rated_torque * 1000.0).floor(),
-        rated_torque,
-        torque_offset,
-        velocity_feedback,
-        configure: settings.flag("configure"),
-        period_ns: common.period_ns,
-    });
-    Some(Box::new(Cia402 {
-        node,
-        master,
-        mode: common.mode,
-        torque_limit: common.torque_limit,
-        rated_torque,
-        counts,
-        velocity_counts,
-        torque_offset,
-        velocity_feedback,
-        watchdog_ms: common.watchdog_ms,
-        setup,
-        state: None,
-        power_up: PowerUp::at_once(),
-        emergency: 0,
-        emergency_holds: false,
-        counted: None,
-        is_new: false,
-        heard_ns: None,
-        torque: f64::NAN,
-        heartbeat_ns: None,
-    }))
 }
 
 impl Cia402 {

@@ -24,18 +24,20 @@
 //! damping is added as torque, at the bus's rate. What it does when its watchdog ends is
 //! servo.timeout_mode.
 
+mod keys;
 mod subframes;
 
 use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use keys::KEYS;
 use sarrus_models::Diagnostics;
 use subframes::{EMPTY, Payload, TEMPERATURE, value, varuint};
 
@@ -45,32 +47,7 @@ pub(super) const MOTEUS: Protocol = Protocol {
     about: "mjbots moteus (CAN FD)",
     modes: &[Mode::Torque, Mode::Impedance, Mode::Position],
     fd: true,
-    keys: &[
-        Key {
-            name: "id",
-            kind: KeyKind::Integer(1, 126),
-            default: None,
-            about: "id.id of the controller",
-        },
-        Key {
-            name: "source",
-            kind: KeyKind::Integer(0, 126),
-            default: Some("0"),
-            about: "identifier of this side",
-        },
-        Key {
-            name: "kp",
-            kind: KeyKind::Number(1e-6, 1e6),
-            default: Some(""),
-            about: "servo.pid_position.kp [N m/turn], for the mode impedance",
-        },
-        Key {
-            name: "kd",
-            kind: KeyKind::Number(1e-6, 1e6),
-            default: Some(""),
-            about: "servo.pid_position.kd [N m s/turn], for the mode impedance",
-        },
-    ],
+    keys: KEYS,
     make,
 };
 

@@ -1,0 +1,118 @@
+//! Settings of a configuration: top level, timeouts, buses, motors, limits.
+
+use crate::settings::{Key, KeyKind};
+
+/// A time or a size that nobody sensible exceeds.
+pub(super) const LARGE: f64 = 1e9;
+
+pub(super) const TOP: &[Key] = &[
+    key("robot", KeyKind::Text, Some(""), "a bundled robot"),
+    key("urdf", KeyKind::Text, Some(""), "the robot's URDF"),
+    key("submechanisms", KeyKind::Text, Some(""), "the robot's submechanism file"),
+    key("rate_hz", KeyKind::Number(1.0, 4000.0), None, "cycles in a second"),
+    key(
+        "ramp_ms",
+        KeyKind::Number(0.0, 60_000.0),
+        Some("500"),
+        "time in which gains and efforts grow after arming",
+    ),
+    key(
+        "stop",
+        KeyKind::Word(&["mechanism", "robot"]),
+        Some("mechanism"),
+        "what stops when a motor fails",
+    ),
+];
+pub(super) const TIMEOUTS: &[Key] = &[
+    key(
+        "damping_ms",
+        KeyKind::Number(0.1, 10_000.0),
+        Some("20"),
+        "T1: older commands bring damping",
+    ),
+    key("disable_ms", KeyKind::Number(0.1, 60_000.0), Some("100"), "T2: older commands disable"),
+    key(
+        "feedback_ms",
+        KeyKind::Number(0.1, 10_000.0),
+        Some("20"),
+        "a motor silent for longer has failed",
+    ),
+    key(
+        "arming_ms",
+        KeyKind::Number(1.0, 60_000.0),
+        Some("2000"),
+        "arming that takes longer has failed",
+    ),
+];
+pub(super) const BUS: &[Key] = &[
+    key("name", KeyKind::Text, None, "what motors call it"),
+    key("interface", KeyKind::Text, Some("socketcan"), "how it is reached, in python-can's words"),
+    key("channel", KeyKind::Text, None, "which of them, as can0"),
+    key("bitrate", KeyKind::Integer(10_000, 1_000_000), Some("1000000"), "bit rate in bit/s"),
+    key(
+        "data_bitrate",
+        KeyKind::Integer(10_000, 8_000_000),
+        Some(""),
+        "bit rate of the data in CAN FD in bit/s",
+    ),
+];
+pub(super) const MOTOR: &[Key] = &[
+    key("actuator", KeyKind::Text, None, "the actuator that it drives"),
+    key("bus", KeyKind::Text, None, "the bus that it is on"),
+    key(
+        "sign",
+        KeyKind::Integer(-1, 1),
+        Some("1"),
+        "-1 where actuator and motor go against each other",
+    ),
+    key(
+        "gear",
+        KeyKind::Number(1e-9, LARGE),
+        Some("1"),
+        "the motor's turn for the actuator's, rad/rad or rad/m",
+    ),
+    key(
+        "offset",
+        KeyKind::Number(-LARGE, LARGE),
+        Some(""),
+        "where the actuator is when the motor says 0, in rad or m",
+    ),
+    key(
+        "torque_constant",
+        KeyKind::Number(1e-9, LARGE),
+        Some("1"),
+        "true torque for the torque that the protocol says",
+    ),
+    key(
+        "damping",
+        KeyKind::Number(0.0, LARGE),
+        Some("0"),
+        "damping while commands are late, N m s/rad or N s/m",
+    ),
+    key("watchdog_ms", KeyKind::Integer(1, 10_000), None, "the motor's own watchdog in ms"),
+    key(
+        "watchdog",
+        KeyKind::Word(&["read_back", "believed"]),
+        Some("read_back"),
+        "believed where the protocol cannot read it",
+    ),
+];
+pub(super) const LIMITS: &[Key] = &[
+    key("velocity", KeyKind::Number(1e-9, LARGE), Some(""), "greatest speed, rad/s or m/s"),
+    key("effort", KeyKind::Number(0.0, LARGE), Some(""), "greatest effort, N m or N"),
+    key(
+        "effort_rate",
+        KeyKind::Number(1e-9, 1e15),
+        Some(""),
+        "greatest change of the effort, N m/s or N/s",
+    ),
+];
+
+const fn key(
+    name: &'static str,
+    kind: KeyKind,
+    default: Option<&'static str>,
+    about: &'static str,
+) -> Key {
+    Key { name, kind, default, about }
+}

@@ -1,0 +1,272 @@
+//! The motors of a configuration: limits, drives, and what the model says of their actuators.
+
+use sarrus_models::yaml::{self, Node, quoted};
+use sarrus_models::{Loaded, Source};
+
+use super::keys::{LIMITS, MOTOR};
+use super::read::{Read, Reader};
+use super::{BusConfig, Limits, MAX_ACTUATORS, MotorConfig};
+use crate::mapping::Mapping;
+use crate::protocol::{self, Common, PROTOCOLS};
+use crate::settings::Settings;
+
+impl Reader<'_, '_> {
+    /// The motors with the names of their actuators.
+    pub(super) fn motors(
+        &mut self,
+        root: &Node,
+        buses: Option<&[BusConfig]>,
+        robot: Option<&Robot>,
+    ) -> Vec<(String, Read)> {
+        let nodes = self.list(root, "motors", MAX_ACTUATORS);
+        let mut motors = Vec::new();
+        for node in nodes {
+            let read = self.settings(node, "the motor", MOTOR, &["drive", "limits"]);
+            let limits = self.limits(node, read.as_ref(), robot);
+            let drive = self.drive(node, read.as_ref(), &limits);
+            let (Some(read), Some((protocol, settings, common, drive))) = (read, drive) else {
+                continue;
+            };
+            let name = read.text("actuator").to_owned();
+            let actuator = match robot.map(|robot| robot.loaded.compiled.model.active_names()) {
+                Some(known) => known.iter().position(|known| *known == name).or_else(|| {
+                    let help = self.diagnostics.did_you_mean(
+                        &name,
+                        known.iter().map(String::as_str),
+                        "correct the name",
+                    );
+                    let found = format!("the robot has no actuator {}", quoted(&name));
+                    self.diagnostics.error(read.place("actuator"), found, known.join(", "), help);
+                    None
+                }),
+                None => Some(motors.len()),
+            };
+            let bus = buses.and_then(|buses| {
+                let place = buses.iter().position(|bus| bus.name == read.text("bus"));
+                if place.is_none() {
+                    let names = || buses.iter().map(|bus| bus.name.as_str());
+                    let help = self.diagnostics.did_you_mean(
+                        read.text("bus"),
+                        names(),
+                        "correct the name or add the bus",
+                    );
+                    let found = format!("there is no bus {}", quoted(read.text("bus")));
+                    self.diagnostics.error(
+                        read.place("bus"),
+                        found,
+                        names().collect::<Vec<_>>().join(", "),
+                        help,
+                    );
+                }
+                place
+            });
+            if read.integer("sign") == 0 {
+                self.diagnostics.error(read.place("sign"), "`sign` is 0", "1 or -1", "correct it");
+            }
+            let (Some(actuator), Some(bus)) = (actuator, bus) else { continue };
+            let motor = MotorConfig {
+                actuator,
+                bus,
+                protocol,
+                settings,
+                common,
+                drive,
+                mapping: Mapping {
+                    sign: read.number("sign"),
+                    gear: read.number("gear"),
+                    offset: if read.has("offset") { read.number("offset") } else { 0.0 },
+                    torque_constant: read.number("torque_constant"),
+                },
+                is_calibrated: read.has("offset"),
+                watchdog_believed: read.text("watchdog") == "believed",
+                limits,
+                damping: read.number("damping"),
+            };
+            motors.push((name, Read { motor, place: node.span }));
+        }
+        motors
+    }
+
+    /// Limits of a motor's actuator: the file's, and the model's where the file has none.
+    fn limits(&mut self, motor: &Node, read: Option<&Settings>, robot: Option<&Robot>) -> Limits {
+        let of_model =
+            read.zip(robot).and_then(|(read, robot)| robot.limits(read.text("actuator")));
+        let mut limits = of_model.unwrap_or(Limits::NONE);
+        let Some(node) = motor.get("limits") else {
+            if limits.effort == f64::INFINITY {
+                self.diagnostics.error(
+                    motor.span,
+                    "the motor has no `limits`",
+                    "at least `limits: {effort: …}`",
+                    "add them",
+                );
+            }
+            return limits;
+        };
+        let Some(written) = self.settings(node, "`limits`", LIMITS, &["position"]) else {
+            return limits;
+        };
+        if let Some([lower, upper]) =
+            yaml::numbers::<2>(node, "`limits`", "position", self.diagnostics)
+        {
+            if lower >= upper {
+                self.diagnostics.error(
+                    node.span,
+                    format!("the position limits are [{lower}, {upper}]"),
+                    "lower < upper",
+                    "correct them",
+                );
+            }
+            [limits.lower, limits.upper] = [lower, upper];
+        }
+        for (key, limit) in [
+            ("velocity", &mut limits.velocity),
+            ("effort", &mut limits.effort),
+            ("effort_rate", &mut limits.effort_rate),
+        ] {
+            if written.has(key) {
+                *limit = written.number(key);
+            }
+        }
+        if limits.effort == f64::INFINITY {
+            self.diagnostics.error(
+                node.span,
+                "`limits` has no `effort`",
+                "the greatest effort of this motor",
+                "add it",
+            );
+        }
+        if let Some(model) = of_model {
+            let beyond = limits.lower < model.lower
+                || limits.upper > model.upper
+                || limits.effort > model.effort
+                || limits.velocity > model.velocity;
+            if beyond {
+                self.diagnostics.warning(
+                    node.span,
+                    "`limits` go beyond those of the URDF",
+                    "limits within the model's",
+                    "correct one of them",
+                );
+            }
+        }
+        limits
+    }
+
+    fn drive(&mut self, motor: &Node, read: Option<&Settings>, limits: &Limits) -> Option<Driven> {
+        let known = || PROTOCOLS.iter().map(|protocol| protocol.name);
+        let expected = || known().collect::<Vec<_>>().join(", ");
+        let Some(node) = motor.get("drive") else {
+            let found = "the motor has no `drive`";
+            self.diagnostics.error(
+                motor.span,
+                found,
+                format!("`drive: {{protocol: …}}` with {}", expected()),
+                "add it",
+            );
+            return None;
+        };
+        let Some((name, place)) = yaml::word(node, "protocol", self.diagnostics) else {
+            if node.get("protocol").is_none() {
+                self.diagnostics.error(
+                    node.span,
+                    "the drive has no `protocol`",
+                    expected(),
+                    "add it",
+                );
+            }
+            return None;
+        };
+        let Some(protocol) = protocol::protocol(&name) else {
+            let help =
+                self.diagnostics.did_you_mean(&name, known(), "use `dbc` for any other protocol");
+            self.diagnostics.error(
+                place,
+                format!("the protocol {} is not known", quoted(&name)),
+                expected(),
+                help,
+            );
+            return None;
+        };
+        let settings = self.settings(node, "the drive", protocol.keys, &["protocol", "mode"])?;
+        let mode = match yaml::word(node, "mode", self.diagnostics) {
+            None => protocol.modes.first().copied()?,
+            Some((name, place)) => {
+                let mode = protocol.modes.iter().copied().find(|mode| mode.name() == name);
+                if mode.is_none() {
+                    let modes = protocol
+                        .modes
+                        .iter()
+                        .map(|mode| mode.name())
+                        .collect::<Vec<_>>()
+                        .join(", ");
+                    let found =
+                        format!("{} does not know the mode {}", protocol.name, quoted(&name));
+                    self.diagnostics.error(place, found, modes, "choose one of them");
+                }
+                mode?
+            }
+        };
+        let read = read?;
+        let torque_limit = limits.effort / (read.number("gear") * read.number("torque_constant"));
+        let common = Common {
+            mode,
+            watchdog_ms: read.integer("watchdog_ms") as u32,
+            torque_limit,
+            period_ns: self.period_ns,
+        };
+        let drive = (protocol.make)(&settings, common, self.diagnostics)?;
+        Some((protocol, settings, common, drive))
+    }
+}
+
+type Driven = (&'static protocol::Protocol, Settings, Common, Box<dyn crate::drive::Drive>);
+
+/// The robot of a configuration.
+pub(super) struct Robot {
+    pub(super) loaded: Loaded,
+    pub(super) source: Source,
+}
+
+impl Robot {
+    /// Mechanisms numbered from 0 in the order of their first actuator.
+    pub(super) fn mechanisms(&self) -> Vec<usize> {
+        let clusters = self.loaded.compiled.model.actuator_clusters();
+        let mut known: Vec<usize> = Vec::new();
+        let number = |cluster: &usize| {
+            known.iter().position(|known| known == cluster).unwrap_or_else(|| {
+                known.push(*cluster);
+                known.len() - 1
+            })
+        };
+        clusters.iter().map(number).collect()
+    }
+
+    /// Limits of an actuator in the model.
+    fn limits(&self, actuator: &str) -> Option<Limits> {
+        let joints = &self.loaded.description.joints;
+        let limits = joints.iter().find(|joint| joint.name == actuator)?.limits?;
+        let [lower, upper, velocity, effort] =
+            [limits.lower, limits.upper, limits.velocity, limits.effort];
+        // an effort or a speed of zero is how files say that nobody knows
+        let known = |limit: f64| if limit > 0.0 { limit } else { f64::INFINITY };
+        Some(Limits {
+            lower,
+            upper,
+            velocity: known(velocity),
+            effort: known(effort),
+            effort_rate: f64::INFINITY,
+        })
+    }
+}
+
+impl Limits {
+    /// No limits.
+    pub const NONE: Limits = Limits {
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+        velocity: f64::INFINITY,
+        effort: f64::INFINITY,
+        effort_rate: f64::INFINITY,
+    };
+}
