@@ -82,7 +82,8 @@ fi
 
 # --- counts, in the order of the cases ------------------------------------------------------------
 
-cargo build --quiet --locked --release -p sarrus-benches
+# features as for the whole workspace, so that what the tests have compiled serves here too
+cargo build --quiet --locked --release --workspace --bin sarrus-benches --example outside
 SARRUS_COUNTED=${CARGO_TARGET_DIR:-target}/release/sarrus-benches
 export SARRUS_COUNTED
 # shellcheck disable=SC2086

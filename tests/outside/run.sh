@@ -93,7 +93,7 @@ if ! command -v valgrind >/dev/null; then
     echo "not run: valgrind is missing, so instructions are not compared (apt install valgrind)"
     exit 0
 fi
-(cd "$root" && cargo build --locked --quiet --release -p sarrus-benches --example outside)
+(cd "$root" && cargo build --locked --quiet --release --workspace --example outside)
 
 # the instructions of the passes alone: loading takes another number in every run
 count() {
