@@ -4,6 +4,8 @@ use serde_json::{Value, json};
 
 use super::figure::{Axis, Figure, Point};
 use super::section::{Case, Report, Section, Table};
+use crate::Outcome;
+use crate::csv_rows::{LineEnd, write};
 
 /// Everything, for scripts. A number that is not finite is null.
 pub(super) fn json(report: &Report) -> Value {
@@ -111,16 +113,12 @@ fn number(x: f64) -> String {
 }
 
 /// A table as RFC 4180 has it.
-pub(super) fn csv(table: &Table) -> String {
-    let quoted = |cell: &String| {
-        let plain = !cell.contains([',', '"', '\n', '\r']);
-        if plain { cell.clone() } else { format!("\"{}\"", cell.replace('"', "\"\"")) }
-    };
-    let line = |row: &Vec<String>| row.iter().map(quoted).collect::<Vec<_>>().join(",") + "\r\n";
-    std::iter::once(&table.columns).chain(&table.rows).map(line).collect()
+pub(super) fn csv(table: &Table) -> Outcome<String> {
+    write(std::iter::once(&table.columns).chain(&table.rows), LineEnd::CrLf)
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test that fails panics")]
 mod tests {
     use super::*;
 
@@ -133,7 +131,7 @@ mod tests {
             rows: vec![words(&["say \"x\"", "1"])],
             ..Table::default()
         };
-        assert_eq!(csv(&table), "a,\"b,c\"\r\n\"say \"\"x\"\"\",1\r\n");
+        assert_eq!(csv(&table).unwrap(), "a,\"b,c\"\r\n\"say \"\"x\"\"\",1\r\n");
     }
 
     #[test]
