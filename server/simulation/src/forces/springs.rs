@@ -1,6 +1,6 @@
 //! Springs and dampers between two points of two links.
 //!
-//! With d the way from the first point to the second, l = |d| and n = d / l, the first point is
+//! With d the distance from the first point to the second, l = |d| and n = d / l, the first point is
 //! pulled along n by
 //!
 //! ```text
@@ -102,14 +102,14 @@ impl Springs {
                     [0, 1, 2].map(|k| twist[3 + k] + spin[k]),
                 )
             });
-            let way = [0, 1, 2].map(|k| b.1[k] - a.1[k]);
-            let length = dot(way, way).sqrt();
+            let distance = [0, 1, 2].map(|k| b.1[k] - a.1[k]);
+            let length = dot(distance, distance).sqrt();
             // ends that meet pull in no direction
             if !T::ZERO.lt(length) {
                 effect.energy += T::from_f64(0.5 * spring.stiffness * spring.rest * spring.rest);
                 continue;
             }
-            let along = way.map(|x| x / length);
+            let along = distance.map(|x| x / length);
             let rate = dot(along, [0, 1, 2].map(|k| b.2[k] - a.2[k]));
             let stretch = length - T::from_f64(spring.rest);
             let (k, c) = (T::from_f64(spring.stiffness), T::from_f64(spring.damping));
