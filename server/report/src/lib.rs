@@ -27,7 +27,7 @@ pub mod robots;
 mod run;
 mod stress;
 
-pub use self::run::{Options, names, run};
+pub use self::run::{Options, names, run, synonyms};
 
 /// A report that cannot be measured or written stops and says why.
 pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;

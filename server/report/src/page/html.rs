@@ -22,7 +22,7 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
         (top(report))
         @for section in &sections { (section) }
     };
-    Ok(document("sarrus: error against run time, stiff and extreme cases", &body))
+    Ok(document("sarrus: error against run time, stress cases", &body))
 }
 
 /// A page of figures alone, below some lines.
@@ -74,12 +74,12 @@ fn top(report: &Report) -> Markup {
         against.fold((0, 0), |(front, ours), summary| (front + summary.front, ours + summary.ours));
     html! {
         header {
-            h1 { "sarrus: error against run time, stiff and extreme cases" }
+            h1 { "sarrus: error against run time, stress cases" }
             p.soft { code { (report.command) } " on " (report.machine) ", " (report.date) }
             ul.facts {
                 li { b { (report.worst_error().map_or("-".to_owned(), exponent)) } "worst error of an answer given as good" }
                 li.(if silent == 0 { "good" } else { "bad" }) { b { (silent) } "silent failures" }
-                li { b { (report.cases()) } "extreme cases" }
+                li { b { (report.cases()) } "stress cases" }
                 @if front > 0 { li { b { (ours) " of " (front) } "points on the Pareto fronts that a peer competes for are ours" } }
             }
             @for section in &report.sections {
@@ -212,7 +212,7 @@ fn assessments(section: &Section) -> Markup {
             table {
                 thead {
                     tr {
-                        th { "driven to extremes" }
+                        th { "family" }
                         @for assessment in Assessment::ALL { th { (assessment.name()) } }
                         th { "cases" }
                     }

@@ -16,7 +16,7 @@ const NO_PICTURE: [&str; 4] =
 
 /// Fills the section.
 pub(crate) fn section(cases: &[Case]) -> Section {
-    let mut section = Section::new("extremes", "Stiff and extreme cases");
+    let mut section = Section::new("extremes", "Stress cases");
     // families whose robots take turns come together
     let names: Vec<&str> =
         cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
@@ -62,7 +62,7 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
         ),
         format!(
             "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a larger error, and the answer warns of \
-            ill_conditioned, or the simulation's own estimate or energy tells the size of its error. Failed and said so: any other status with no number beside it, or a refusal at load. Anything else has failed silently."
+            ill_conditioned, or the simulation's own estimate or energy reports the size of its error. Failed and said so: any other status with no number beside it, or a refusal at load. Anything else has failed silently."
         ),
     ];
     let worst = cases
@@ -195,7 +195,7 @@ fn table(family: &[Case]) -> Table {
     let mut columns =
         vec![if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" }.to_owned()];
     columns.extend(Assessment::ALL.map(|assessment| assessment.name().to_owned()));
-    columns.extend(["first breaks at", "robot", "how the user is told"].map(str::to_owned));
+    columns.extend(["first breaks at", "robot", "how it is reported"].map(str::to_owned));
     Table {
         id: format!("{}-verdicts", id(family[0].family)),
         title: format!("{}: what held", capital(family[0].family)),
