@@ -12,7 +12,11 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::{Cell, UnsafeCell};
-use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering::*};
+use std::sync::atomic::{self, AtomicU8, AtomicU32, AtomicU64, Ordering::*};
+
+mod free_list;
+
+use free_list::FreeList;
 
 /// The allocator; give it to `#[global_allocator]`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -81,6 +85,11 @@ impl Class {
     const fn end(&self) -> usize {
         self.offset + self.size * self.n_blocks
     }
+
+    /// The part of [`NEXT`] that belongs to these blocks.
+    fn next(&self) -> &'static [AtomicU32] {
+        &NEXT[self.first_block..self.first_block + self.n_blocks]
+    }
 }
 
 const fn classes(blocks: [(usize, usize); 5]) -> [Class; 5] {
@@ -103,7 +112,8 @@ struct Arena(UnsafeCell<[u8; ARENA_SIZE]>);
 unsafe impl Sync for Arena {}
 
 static ARENA: Arena = Arena(UnsafeCell::new([0; ARENA_SIZE]));
-static FREE: [FreeList; 5] = [const { FreeList::new() }; 5];
+static FREE: [FreeList; 5] =
+    [const { FreeList { top: AtomicU64::new(0), used: AtomicU32::new(0) } }; 5];
 /// For each free block the number of the next one, plus one.
 static NEXT: [AtomicU32; N_BLOCKS] = [const { AtomicU32::new(0) }; N_BLOCKS];
 
@@ -117,47 +127,6 @@ impl Arena {
         let offset = (pointer as usize).wrapping_sub(self.start() as usize);
         let class = CLASSES.iter().position(|class| offset < class.end())?;
         Some((class, (offset - CLASSES[class].offset) / CLASSES[class].size))
-    }
-}
-
-/// Freed blocks as a stack, and the blocks that nobody has used yet.
-struct FreeList {
-    /// Number of the top block plus one, and above it a count of changes, so that a change back is
-    /// seen.
-    top: AtomicU64,
-    used: AtomicU32,
-}
-
-impl FreeList {
-    const fn new() -> FreeList {
-        FreeList { top: AtomicU64::new(0), used: AtomicU32::new(0) }
-    }
-
-    fn pop(&self, class: &Class) -> Option<usize> {
-        let mut top = self.top.load(Acquire);
-        while top as u32 != 0 {
-            let block = top as u32 - 1;
-            let next = NEXT[class.first_block + block as usize].load(Relaxed);
-            let changed = (top >> 32).wrapping_add(1) << 32 | u64::from(next);
-            match self.top.compare_exchange_weak(top, changed, AcqRel, Acquire) {
-                Ok(_) => return Some(block as usize),
-                Err(now) => top = now,
-            }
-        }
-        let fresh = |used: u32| ((used as usize) < class.n_blocks).then_some(used + 1);
-        self.used.fetch_update(Relaxed, Relaxed, fresh).ok().map(|block| block as usize)
-    }
-
-    fn push(&self, class: &Class, block: usize) {
-        let mut top = self.top.load(Relaxed);
-        loop {
-            NEXT[class.first_block + block].store(top as u32, Relaxed);
-            let changed = (top >> 32).wrapping_add(1) << 32 | (block as u64 + 1);
-            match self.top.compare_exchange_weak(top, changed, AcqRel, Relaxed) {
-                Ok(_) => return,
-                Err(now) => top = now,
-            }
-        }
     }
 }
 
@@ -182,7 +151,7 @@ unsafe impl GlobalAlloc for Pool {
                 .iter()
                 .position(|class| layout.size() <= class.size && layout.align() <= ALIGNMENT);
             if let Some((index, block)) =
-                fitting.and_then(|index| Some((index, FREE[index].pop(&CLASSES[index])?)))
+                fitting.and_then(|index| Some((index, FREE[index].pop(CLASSES[index].next())?)))
             {
                 POOL_BLOCKS.fetch_add(1, Relaxed);
                 // SAFETY: the block lies inside the arena.
@@ -198,7 +167,7 @@ unsafe impl GlobalAlloc for Pool {
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         match ARENA.block_at(pointer) {
-            Some((index, block)) => FREE[index].push(&CLASSES[index], block),
+            Some((index, block)) => FREE[index].push(CLASSES[index].next(), block),
             None => {
                 count_system_call();
                 // SAFETY: not from the arena, so from the system's allocator.

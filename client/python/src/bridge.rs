@@ -6,9 +6,9 @@ use std::sync::{Mutex, MutexGuard};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
-use sarrus_can::load::{Load, loads};
-use sarrus_can::log::{Line, What, sent};
+use sarrus_can_core::bridge::{Bridge, BusEvent, Verdict};
+use sarrus_can_core::bus_load::{Load, loads};
+use sarrus_can_core::log::{Line, What, sent};
 use sarrus_proto::actuators::{
     ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, OperatorRequest, Reason, flag,
 };

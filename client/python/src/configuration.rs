@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard};
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sarrus_can::config::{Configuration, ConfigurationError};
+use sarrus_can_core::config::{Configuration, ConfigurationError};
 
 /// One robot's buses and motors, checked. Whoever runs it takes it: it can be given to one bridge
 /// or one commissioning only.
@@ -78,7 +78,7 @@ impl PyConfiguration {
     #[getter]
     fn buses<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         self.with(|configuration| {
-            let entry = |bus: &sarrus_can::config::BusConfig| {
+            let entry = |bus: &sarrus_can_core::config::BusConfig| {
                 let entry = PyDict::new(py);
                 entry.set_item("name", &bus.name)?;
                 entry.set_item("interface", &bus.interface)?;
@@ -96,7 +96,7 @@ impl PyConfiguration {
     #[getter]
     fn motors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         self.with(|configuration| {
-            let entry = |motor: &sarrus_can::config::MotorConfig| {
+            let entry = |motor: &sarrus_can_core::config::MotorConfig| {
                 let entry = PyDict::new(py);
                 let identifiers: Vec<u32> =
                     motor.drive.identifiers().into_iter().map(|id| id.number()).collect();

@@ -6,10 +6,10 @@ use std::sync::{Mutex, MutexGuard};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sarrus_can::config::{Configuration, MotorConfig};
-use sarrus_can::drive::{DriveCommand, DriveState, Measurement, Power, Receipt, Watchdog};
-use sarrus_can::frame::FrameQueue;
-use sarrus_can::mapping::{ActuatorMeasurement, ActuatorSetpoint};
+use sarrus_can_core::config::{Configuration, MotorConfig};
+use sarrus_can_core::drive::{DriveCommand, DriveState, Measurement, Power, Receipt, Watchdog};
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 use sarrus_proto::actuators::Reason;
 
 use crate::configuration::PyConfiguration;

@@ -3,7 +3,7 @@
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use sarrus_can::frame::{Frame, FrameKind, Id};
+use sarrus_can_core::frame::{Frame, FrameKind, Id};
 
 /// Data of a frame without any.
 const NO_DATA: &[u8] = &[];

@@ -3,7 +3,7 @@
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use sarrus_can::interface::{Interface, InterfaceError, error_events, question};
+use sarrus_can_core::netlink::{Interface, InterfaceError, error_events, question};
 
 /// The question for an interface, to be sent over a route socket of Netlink.
 #[pyfunction]

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-use sarrus_can::config::Configuration;
-use sarrus_can::log::Line;
+use sarrus_can_core::config::Configuration;
+use sarrus_can_core::log::Line;
 
 /// Lines that may wait to be written.
 const ROOM: usize = 1 << 15;

@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use sarrus_can::protocol::PROTOCOLS;
+use sarrus_can_core::protocol::PROTOCOLS;
 
 /// All protocols: `[{name, about, modes, fd, keys: [{name, about, default}]}]`.
 #[pyfunction]

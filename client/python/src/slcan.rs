@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use sarrus_can::slcan::{self, Line, Lines, MAX_LINE};
+use sarrus_can_core::slcan::{self, Line, Lines, MAX_LINE};
 
 use crate::frames::PyFrame;
 

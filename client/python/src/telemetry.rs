@@ -3,7 +3,7 @@
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sarrus_can::telemetry::{CycleTimes, Telemetry};
+use sarrus_can_core::telemetry::{CycleTimes, Telemetry};
 use sarrus_proto::watch::BridgeStatistics;
 
 use crate::bridge::PyBridge;

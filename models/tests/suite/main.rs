@@ -15,6 +15,7 @@ macro_rules! faults {
 }
 
 mod cuts;
+mod fingerprints;
 mod hostile;
 mod other_faults;
 mod reading;

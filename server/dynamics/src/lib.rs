@@ -4,30 +4,63 @@
 //! arrays; a [`Plan`] is the list of steps that a set of wanted outputs needs; [`Plan::run`]
 //! answers requests in a [`Workspace`] without allocating. Nothing here knows a clock, a file or a
 //! transport.
+//!
+//! # Building
+//!
+//! On x86-64 the kernels need FMA and AVX2 at compile time, and cargo reads compiler flags only
+//! from the project that is built. So these two lines belong in its `.cargo/config.toml`; without
+//! them this crate stops the build and prints them:
+//!
+//! ```toml
+//! [target.'cfg(target_arch = "x86_64")']
+//! rustflags = ["-C", "target-cpu=x86-64-v3"]
+//! ```
+//!
+//! With the feature `portable` it compiles for any x86-64 processor. `mul_add` is then a call into
+//! the system's library, which rounds once as the instruction does: the same bits, four to six
+//! times the time.
 #![forbid(unsafe_code)]
 // the symbols of the equations
 #![allow(non_snake_case)]
 
-mod assembly;
-mod branch_sparse;
+// slow by accident is impossible: a build without fused multiply-add ends here
+#[cfg(all(
+    target_arch = "x86_64",
+    not(all(target_feature = "fma", target_feature = "avx2")),
+    not(feature = "portable")
+))]
+compile_error!(
+    r#"sarrus is built without FMA and AVX2 and would be four to six times slower.
+Put these two lines into `.cargo/config.toml` of your project:
+
+[target.'cfg(target_arch = "x86_64")']
+rustflags = ["-C", "target-cpu=x86-64-v3"]
+
+RUSTFLAGS in the environment replaces them. For `cargo install`:
+RUSTFLAGS="-C target-cpu=x86-64-v3" cargo install ...
+For processors without FMA turn on the feature `portable`: the same results, slowly."#
+);
+
+mod algorithms;
 mod closure;
-mod closures_at_zero;
+mod compile;
+mod constrained;
 pub mod description;
 mod diagnostic;
-mod implicit;
-mod linear;
+mod fingerprint;
+mod initial_pose;
+mod linalg;
+mod mechanism;
 mod model;
 mod plan;
 pub mod scalar;
 mod spatial;
-mod tree;
 mod workspace;
 
-pub use assembly::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
-pub use closures_at_zero::ClosureAtZero;
+pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
-pub use implicit::ImplicitForm;
-pub use model::{ClosureInfo, ClosureKind, Compiled, Model};
+pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use model::{ClosureAtZero, ClosureInfo, ClosureKind, Compiled, Model};
 pub use plan::{Answer, Method, Plan};
 pub use sarrus_proto::{
     Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status, Warnings,

@@ -1,11 +1,11 @@
 use nalgebra::{Matrix3, Vector3};
 
+use crate::algorithms::{Embedding, Force};
 use crate::closure::{Rate, Scratch, constraint_jacobian, local_poses};
 use crate::model::{Body, Cluster, Model};
 use crate::plan::Plan;
 use crate::scalar::{Real, Scalar};
 use crate::spatial::{Pose, identity, zero};
-use crate::tree::{Embedding, Force};
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next
 /// one.

@@ -1,7 +1,7 @@
 //! Whether this processor can run what was built.
 
 /// The first feature of the stated baseline that is missing.
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"))]
 pub(crate) fn check() -> Result<(), &'static str> {
     // the processor itself is asked: std's macro answers at compile time where the build assumes a
     // feature
@@ -15,8 +15,8 @@ pub(crate) fn check() -> Result<(), &'static str> {
     Ok(())
 }
 
-/// Other processors run sarrus as it is built.
-#[cfg(not(target_arch = "x86_64"))]
+/// Other processors, and builds with the feature `portable` alone, assume neither.
+#[cfg(not(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2")))]
 pub(crate) fn check() -> Result<(), &'static str> {
     Ok(())
 }

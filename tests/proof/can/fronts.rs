@@ -3,10 +3,10 @@
 use std::fmt::Write;
 use std::process::{Command, Output};
 
-use sarrus_can::bridge::{Bridge, BusEvent, Verdict};
-use sarrus_can::config::Configuration;
-use sarrus_can::frame::{Frame, FrameQueue};
-use sarrus_can::motor::{Physics, Simulated};
+use sarrus_can_core::bridge::{Bridge, BusEvent, Verdict};
+use sarrus_can_core::config::Configuration;
+use sarrus_can_core::frame::{Frame, FrameQueue};
+use sarrus_can_sim::{Physics, Simulated};
 use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS, Operation};
 use sarrus_tests::python::environment;
 use sarrus_tests::seed::Seeded;
@@ -33,7 +33,7 @@ impl Session {
         let load = || Configuration::load(path.as_ref()).unwrap_or_else(|error| panic!("{error}"));
         let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
         let configuration = load();
-        let simulated = |motor: &sarrus_can::config::MotorConfig| {
+        let simulated = |motor: &sarrus_can_core::config::MotorConfig| {
             (
                 motor.bus,
                 Simulated::new(motor.protocol.name, &motor.settings, motor.common, physics)

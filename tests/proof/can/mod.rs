@@ -2,11 +2,11 @@
 //! kernel.
 
 mod chain;
+mod end_to_end;
 mod fronts;
 mod harness;
 mod kernel;
 mod peers;
 mod python;
-mod rehearsal;
 mod rules;
 mod watch;

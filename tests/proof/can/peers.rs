@@ -5,9 +5,9 @@
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
 
-use sarrus_can::drive::{Drive, Mode, Receipt, Setpoint};
-use sarrus_can::frame::{Frame, FrameQueue, Id};
-use sarrus_can::protocol::{Common, Settings, protocol};
+use sarrus_can_core::drive::{Drive, Mode, Receipt, Setpoint};
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::{Common, Settings, protocol};
 use sarrus_models::{Diagnostics, yaml};
 use sarrus_tests::python::environment;
 use serde_json::{Value, json};
@@ -207,7 +207,7 @@ fn canopen_takes_every_request_of_the_set_up() {
     let mut written = Vec::new();
     for _ in 0..60 {
         let mut queue = FrameQueue::new(8);
-        drive.cycle(0, sarrus_can::drive::DriveCommand::Off, &mut queue);
+        drive.cycle(0, sarrus_can_core::drive::DriveCommand::Off, &mut queue);
         for frame in queue.frames().iter().filter(|frame| frame.id == Id::Standard(0x605)) {
             let bytes = frame.exactly::<8>().unwrap();
             let (index, sub) = (u16::from_le_bytes([bytes[1], bytes[2]]), bytes[3]);
@@ -255,7 +255,7 @@ fn canopen_takes_every_request_of_the_set_up() {
             &Frame::classic(Id::Standard(0x185), &[low, high, 0, 0, 0, 0, 0, 0]).unwrap(),
         );
         let mut queue = FrameQueue::new(8);
-        drive.cycle(0, sarrus_can::drive::DriveCommand::On(Setpoint::default()), &mut queue);
+        drive.cycle(0, sarrus_can_core::drive::DriveCommand::On(Setpoint::default()), &mut queue);
         let sent =
             queue.frames().iter().find(|frame| frame.id == Id::Standard(0x205)).unwrap().data();
         assert_eq!(json!(u16::from_le_bytes([sent[0], sent[1]])), commands[next], "{state}");

@@ -15,7 +15,7 @@ fn the_package_loads_and_has_the_protocols_of_the_core() {
     let output = environment().command(&["-c", script]).output().unwrap();
     assert!(output.status.success(), "{output:?}");
     let names: Vec<&str> =
-        sarrus_can::protocol::PROTOCOLS.iter().map(|protocol| protocol.name).collect();
+        sarrus_can_core::protocol::PROTOCOLS.iter().map(|protocol| protocol.name).collect();
     let text = format!("{}\n{}\n", env!("CARGO_PKG_VERSION"), names.join(" "));
     assert_eq!(String::from_utf8(output.stdout).unwrap(), text);
 }

@@ -1,12 +1,12 @@
 //! The rules with every protocol that has a simulated motor, in this process: nothing allocates,
 //! and power is the same on both sides.
 
-use sarrus_can::bridge::{Bridge, Verdict};
-use sarrus_can::config::{Configuration, Surroundings};
-use sarrus_can::drive::Measurement;
-use sarrus_can::frame::FrameQueue;
-use sarrus_can::mapping::{ActuatorSetpoint, Mapping};
-use sarrus_can::motor::{Physics, Simulated};
+use sarrus_can_core::bridge::{Bridge, Verdict};
+use sarrus_can_core::config::{Configuration, Surroundings};
+use sarrus_can_core::drive::Measurement;
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::mapping::{ActuatorSetpoint, Mapping};
+use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
 use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation};
 use sarrus_tests::seed::Seeded;

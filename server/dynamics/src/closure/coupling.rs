@@ -6,8 +6,9 @@
 //! DIFFERENTIAL (or TRANSMISSION) holds one coupling for each dependent joint; whether it gives the
 //! wheels by the cage or the cage by the wheels does not matter.
 
-use super::{Level, Local, Numerical};
-use crate::model::{Body, Cluster, Motion};
+use crate::closure::{Level, Local, Numerical};
+use crate::mechanism::Motion;
+use crate::model::{Body, Cluster};
 use crate::scalar::Real;
 
 /// q = M y + b.

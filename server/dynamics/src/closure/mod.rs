@@ -6,37 +6,33 @@
 //! model at load (`build`) and its position, velocity and acceleration level; one variant of
 //! [`Closure`].
 
-mod block;
-mod careful;
+mod constraint;
 mod coupling;
-mod crossing;
-mod inverse;
-mod legs;
+mod leg;
 mod numerical;
 mod planar;
-mod rotation_vector;
-mod rows;
+mod platform;
 mod rrpr;
-mod scaling;
-mod strut;
 
 use nalgebra::Vector3;
 
-pub(crate) use block::{Block, BlockCut, Blocks, RowKind};
-pub(crate) use careful::loses_rank;
-pub(crate) use coupling::Coupling;
-pub(crate) use legs::{Arm, Leg, Legs};
-pub(crate) use numerical::{End, Numerical};
-pub(crate) use planar::{Planar, Tie};
-pub(crate) use rows::{
+pub(crate) use constraint::rows::{
     constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses,
     local_rates,
 };
+pub(crate) use constraint::scaling::{branch, column_unit, dependents_range, row_unit, scaled};
+pub(crate) use coupling::Coupling;
+pub(crate) use leg::Strut;
+pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
+pub(crate) use numerical::continuation::loses_rank;
+pub(crate) use numerical::{End, Numerical};
+pub(crate) use planar::{Planar, Tie};
+pub(crate) use platform::{Arm, Leg, Legs};
 pub(crate) use rrpr::Rrpr;
-pub(crate) use scaling::{branch, column_unit, dependents_range, row_unit, scaled};
-pub(crate) use strut::Strut;
 
-use crate::Status;
+use sarrus_proto::Status;
+
+use self::numerical::continuation;
 use crate::model::{Body, Cluster};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
@@ -303,7 +299,7 @@ fn told<T: Scalar>(
     local: &mut Local<'_, T>,
 ) -> Outcome {
     if verdict.singular && !verdict.unreachable && local.q.iter().all(|q| q.is_finite()) {
-        return Outcome::failed(careful::singular_status(cluster, bodies, local), 0);
+        return Outcome::failed(continuation::singular_status(cluster, bodies, local), 0);
     }
     verdict.into()
 }

@@ -17,7 +17,7 @@
 //! dependents lie in (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see
 //! [`super::Rrpr`].
 
-use super::{Level, Local, Numerical, Verdict};
+use crate::closure::{Level, Local, Numerical, Verdict};
 use crate::scalar::Real;
 
 /// Geometry of a plane loop, origin in J0 where it turns {plane of link d}.

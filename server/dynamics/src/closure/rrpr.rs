@@ -14,7 +14,7 @@
 //! a gap, the target beyond it is answered on the same side of the slider's root. Newton's method,
 //! which follows the path, calls that target unreachable. The stator's coordinate lies in (−π, π].
 
-use super::{Level, Local, Numerical, Verdict};
+use crate::closure::{Level, Local, Numerical, Verdict};
 use crate::scalar::Real;
 
 /// Geometry of a lambda in its plane.

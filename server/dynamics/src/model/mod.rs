@@ -4,37 +4,22 @@
 //! moves along or about the z axis of its body: the frames of the bodies are turned at load so that
 //! it does, and a link's own frame survives as a [`Frame`].
 
-mod analysis;
-mod assemble;
-mod blocks;
-mod canonical;
-mod closed_forms;
-mod compile;
-mod couplings;
-mod freedom;
-mod geometry;
-mod idle;
-mod masses;
-mod open;
-mod orders;
-mod terms;
+mod closures_at_zero;
 mod tolerance;
-mod tree;
 
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use sarrus_proto::Sizes;
 
-pub(crate) use freedom::{Freedom, Motion, joint_pose, single_pose};
-pub(crate) use geometry::{pose as pose_of, unit_of};
-pub(crate) use masses::UNEQUAL;
-pub(crate) use terms::{JointTerms, Rotor};
+pub use closures_at_zero::ClosureAtZero;
+pub(crate) use closures_at_zero::judge;
 
-use crate::branch_sparse::Branches;
 use crate::closure::{Closure, Cut};
 use crate::description::Limits;
 use crate::diagnostic::Diagnostic;
+use crate::linalg::Branches;
+use crate::mechanism::{Freedom, JointTerms, Motion};
 use crate::scalar::{Dd, Real};
 use crate::spatial::Pose;
 

@@ -1,7 +1,7 @@
 //! A model whose numerical closures end early.
 
-use super::Model;
 use crate::closure::End;
+use crate::model::Model;
 use crate::scalar::Real;
 
 impl<C: Real> Model<C> {

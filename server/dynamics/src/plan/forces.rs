@@ -2,16 +2,16 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use super::run::Findings;
-use super::state::{WEAK, tree_accelerations};
-use super::{Method, Plan};
-use crate::branch_sparse::{factorise_branches, solve_branches};
+use crate::algorithms;
 use crate::closure::column_unit;
-use crate::linear::{least_norm, solve_sound};
-use crate::model::{Cluster, Model, UNEQUAL};
+use crate::compile::UNEQUAL;
+use crate::linalg::{factorise_branches, least_norm, solve_branches, solve_sound};
+use crate::model::{Cluster, Model};
+use crate::plan::run::Findings;
+use crate::plan::state::{WEAK, tree_accelerations};
+use crate::plan::{Method, Plan};
 use crate::scalar::{Mask, Scalar};
 use crate::spatial::zero;
-use crate::tree;
 use crate::workspace::Workspace;
 
 /// Part of the largest force that may be left over: rounding.
@@ -33,7 +33,7 @@ impl Plan {
         }
         if self.steps.newton_euler {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-            tree::newton_euler(
+            algorithms::newton_euler(
                 model,
                 &ws.q,
                 &ws.qd,
@@ -92,7 +92,7 @@ impl Plan {
         } else {
             let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
             let positive =
-                tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
+                algorithms::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
             (positive, unequal(model, embedding.inverses(model)))
         };
         found.warn_if(unequal);
@@ -115,7 +115,7 @@ impl Plan {
         if self.wants(Field::Lambda) {
             // τ_q of the motion less the given forces is what the loops supply
             let wrench = self.query.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
-            tree::newton_euler(
+            algorithms::newton_euler(
                 model,
                 &ws.q,
                 &ws.qd,
@@ -138,7 +138,15 @@ impl Plan {
     ) -> Result<(), Status> {
         let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
-        tree::newton_euler(model, &ws.q, &ws.qd, &ws.qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+        algorithms::newton_euler(
+            model,
+            &ws.q,
+            &ws.qd,
+            &ws.qdd,
+            wrench,
+            &mut ws.motion,
+            &mut ws.tau_q,
+        );
         ws.loop_q.fill(T::ZERO);
         self.each_given_force(model, input, |v, tau| ws.loop_q[v] = tau);
         self.kkt(model, ws)
@@ -159,7 +167,7 @@ impl Plan {
                     .fold(ws.g[cluster.v + j], |sum, (g, i)| g.mul_add(ws.qdd[cluster.v + i], sum));
             }
         }
-        tree::newton_euler(model, &ws.q, &ws.qd, &qdd, wrench, &mut ws.motion, &mut ws.tau_q);
+        algorithms::newton_euler(model, &ws.q, &ws.qd, &qdd, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.start_rate = qdd;
         let size = |tau: &[T]| {
             tau.iter().fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size))
@@ -174,7 +182,8 @@ impl Plan {
             return true;
         }
         let Workspace { motion, G, composite, inside, embedding, ydd, .. } = ws;
-        let positive = tree::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
+        let positive =
+            algorithms::embedded_solve(model, motion, G, composite, inside, embedding, ydd);
         let given =
             model.order.vy_v.iter().fold(T::ZERO, |size, v| {
                 T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size)
@@ -228,14 +237,22 @@ impl Plan {
         // q̈ = g
         let wrench =
             (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
-        tree::newton_euler(model, &ws.q, &ws.qd, &ws.g, wrench, &mut ws.motion, &mut ws.tau_q);
+        algorithms::newton_euler(
+            model,
+            &ws.q,
+            &ws.qd,
+            &ws.g,
+            wrench,
+            &mut ws.motion,
+            &mut ws.tau_q,
+        );
         to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
     }
 
     /// M_y, packed.
     fn mass_matrix<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
         let Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
-        tree::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
+        algorithms::reduced_mass_matrix(model, motion, G, composite, columns, inside, block, M_y);
     }
 
     /// The given forces as τ_y.
@@ -277,11 +294,11 @@ pub(crate) fn wrenches_on_bodies<T: Scalar>(
     links: &[usize],
     wrenches: &[T],
 ) {
-    tree::world_poses(model, bodies, &ws.motion, &mut ws.world);
+    algorithms::world_poses(model, bodies, &ws.motion, &mut ws.world);
     ws.wrench.fill((zero(), zero()));
     for (link, wrench) in links.iter().zip(wrenches.chunks_exact(6)) {
         let frame = &model.frames[*link];
-        let (n, f) = tree::frame_wrench(frame, &ws.world, wrench);
+        let (n, f) = algorithms::frame_wrench(frame, &ws.world, wrench);
         ws.wrench[frame.body].0 += n;
         ws.wrench[frame.body].1 += f;
     }

@@ -11,14 +11,14 @@
 
 use sarrus_proto::Status;
 
-use super::Plan;
+use crate::algorithms;
 use crate::closure::{
     constraint_bias, constraint_jacobian, constraint_residual, local_poses, local_rates, row_unit,
 };
-use crate::linear::solve_pivoted;
+use crate::linalg::solve_pivoted;
 use crate::model::{Cluster, Model};
+use crate::plan::Plan;
 use crate::scalar::Scalar;
-use crate::tree;
 use crate::workspace::Workspace;
 
 /// How far a state is from closed: the largest scaled |φ| and |K q̇|.
@@ -76,7 +76,7 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
 
     // M, τ_q − C, K, k
     A.fill(T::ZERO);
-    tree::tree_mass_matrix(model, &ws.motion, &mut ws.composite, &mut A, n);
+    algorithms::tree_mass_matrix(model, &ws.motion, &mut ws.composite, &mut A, n);
     for v in 0..n_v {
         x[v] = ws.loop_q[v] - ws.tau_q[v];
         scale[v] = T::select(T::ZERO.lt(A[v * n + v]), T::ONE / A[v * n + v].sqrt(), T::ONE);

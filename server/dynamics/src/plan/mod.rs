@@ -1,14 +1,11 @@
 //! A plan: the steps that a set of wanted outputs needs on a model, and no others.
 
-mod conditions;
-mod failure;
+mod diagnostics;
 mod forces;
 mod kkt;
 mod method;
-mod nearest;
 mod output;
 mod run;
-mod singular;
 mod state;
 
 pub(crate) use forces::wrenches_on_bodies;

@@ -2,12 +2,13 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use super::run::Findings;
-use super::{Plan, singular};
-use crate::linear::solve_sound;
+use crate::algorithms;
+use crate::linalg::solve_sound;
 use crate::model::{Frame, Model};
+use crate::plan::Plan;
+use crate::plan::diagnostics::singular;
+use crate::plan::run::Findings;
 use crate::scalar::Scalar;
-use crate::tree;
 use crate::workspace::Workspace;
 
 impl Plan {
@@ -20,9 +21,9 @@ impl Plan {
         output: &mut [T],
     ) -> Status {
         if self.steps.frames {
-            tree::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
+            algorithms::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
             if self.steps.frame_velocities {
-                tree::velocities(model, &self.frame_bodies, &ws.qd, &mut ws.motion);
+                algorithms::velocities(model, &self.frame_bodies, &ws.qd, &mut ws.motion);
             }
         }
         let conditions = if self.steps.conditions {
@@ -142,17 +143,19 @@ impl Plan {
                 }
             }
             Field::FramePose => self.each_frame(model, out, 7, |frame, out| {
-                out.copy_from_slice(&tree::frame_pose(frame, &ws.world))
+                out.copy_from_slice(&algorithms::frame_pose(frame, &ws.world))
             }),
             Field::FrameTwist => {
                 self.each_frame(model, out, 6, |frame, out| {
-                    out.copy_from_slice(&tree::frame_twist(frame, &ws.world, &ws.motion))
+                    out.copy_from_slice(&algorithms::frame_twist(frame, &ws.world, &ws.motion))
                 });
             }
             Field::FrameAcc => {
-                tree::rates(model, &self.frame_bodies, &ws.qd, &ws.qdd, &mut ws.motion);
+                algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.qdd, &mut ws.motion);
                 self.each_frame(model, out, 6, |frame, out| {
-                    out.copy_from_slice(&tree::frame_acceleration(frame, &ws.world, &ws.motion))
+                    out.copy_from_slice(&algorithms::frame_acceleration(
+                        frame, &ws.world, &ws.motion,
+                    ))
                 });
             }
             Field::JacobianTree => self.each_frame(model, out, 6 * order.v.len(), |frame, out| {
@@ -258,7 +261,7 @@ impl Plan {
 fn tree_jacobian<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T>, out: &mut [T]) {
     let n_v = model.sizes().n_v;
     out.fill(T::ZERO);
-    tree::frame_jacobian(model, frame, &ws.world, |v, column| {
+    algorithms::frame_jacobian(model, frame, &ws.world, |v, column| {
         for row in 0..6 {
             out[row * n_v + model.order.v_external[v]] = column[row];
         }
@@ -275,7 +278,7 @@ fn independent_jacobian<T: Scalar>(
 ) {
     let n_vy = model.sizes().n_vy;
     out.fill(T::ZERO);
-    tree::frame_jacobian(model, frame, &ws.world, |v, column| {
+    algorithms::frame_jacobian(model, frame, &ws.world, |v, column| {
         let cluster = &model.clusters[model.cluster_of_v[v]];
         for k in 0..cluster.n_vy {
             let g = ws.G[cluster.g + (v - cluster.v) * cluster.n_vy + k];

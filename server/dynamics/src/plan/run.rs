@@ -2,10 +2,11 @@
 
 use sarrus_proto::{Request, Status, Warnings};
 
-use super::{Answer, Plan};
-use crate::model::{Model, Motion};
+use crate::algorithms;
+use crate::mechanism::Motion;
+use crate::model::Model;
+use crate::plan::{Answer, Plan};
 use crate::scalar::Scalar;
-use crate::tree;
 use crate::workspace::Workspace;
 
 /// What a run found besides the numbers in the workspace.
@@ -108,7 +109,7 @@ impl Plan {
                 let (s, c) = ws.q[q].sin_cos();
                 ws.turn[i] = (c, s);
             }
-            tree::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+            algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
         }
         match self.request {
             Request::InverseDynamics => self.inverse_dynamics(model, ws, input, found),

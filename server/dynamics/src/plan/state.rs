@@ -2,11 +2,11 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use super::run::Findings;
-use super::{Plan, Space};
 use crate::closure::{Level, Local, Outcome, close};
-use crate::linear::solve_sound;
+use crate::linalg::solve_sound;
 use crate::model::{Cluster, Model};
+use crate::plan::run::Findings;
+use crate::plan::{Plan, Space};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 

@@ -8,7 +8,7 @@ pub(super) mod reference;
 
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use super::{Real, Scalar};
+use crate::scalar::{Real, Scalar};
 
 /// hi + lo with |lo| ≤ ulp(hi) / 2, about 106 bits.
 ///

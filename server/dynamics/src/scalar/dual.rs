@@ -3,7 +3,7 @@
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use super::{Real, Scalar};
+use crate::scalar::{Real, Scalar};
 
 /// re + ε du: a number and its derivative, carried through every operation alike. A dual of duals
 /// carries two directions and the mixed second derivative.

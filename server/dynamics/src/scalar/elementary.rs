@@ -5,7 +5,7 @@
 //! kernels need. An implementation whose `mul_add` is fused and whose other operations round to
 //! nearest gives the bits of the `f64` one.
 
-use super::Real;
+use crate::scalar::Real;
 
 /// A scalar in IEEE double lanes: what the kernels need beyond [`Real`].
 pub(super) trait Lane: Real {

@@ -1,7 +1,7 @@
 //! Single precision: about seven decimal digits, for robots that are asked to be fast rather than
 //! exact, and to see what that costs.
 
-use super::{Real, Scalar, elementary};
+use crate::scalar::{Real, Scalar, elementary};
 
 /// From this |x| on, sine and cosine are not numbers: neighbouring angles are 0.008 rad and more
 /// apart, as at the end of the range in double.

@@ -1,8 +1,7 @@
 //! Sine, cosine and arc tangent in double-double.
 
-use super::super::elementary;
-use super::{Dd, two_product, two_sum};
-use crate::scalar::Real;
+use crate::scalar::double_double::{Dd, two_product, two_sum};
+use crate::scalar::{Real, elementary};
 
 /// π/2 in five doubles.
 const HALF_PI: [f64; 5] = [

@@ -1,7 +1,7 @@
 //! Decimal text to double-double.
 
-use super::Dd;
 use crate::scalar::Real;
+use crate::scalar::double_double::Dd;
 
 /// Digits that fit a double exactly.
 const GROUP: usize = 15;

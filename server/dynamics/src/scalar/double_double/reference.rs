@@ -1,7 +1,7 @@
 //! What the tests of this folder share: true values, a measure of error, and random numbers.
 #![allow(clippy::approx_constant)] // a table of numbers, some of which are near famous ones
 
-use super::Dd;
+use crate::scalar::double_double::Dd;
 
 /// x, sin x, cos x as hi and lo (mpmath, 1400 bits): tiny, common, next to multiples of π/2, the
 /// nearest such doubles of some binades.

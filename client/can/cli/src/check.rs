@@ -1,0 +1,196 @@
+//! `sarrus-can check`: what is in a configuration, and everything that is wrong with it.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use sarrus_can_core::bus_load;
+use sarrus_can_core::config::{Configuration, ConfigurationError, MotorConfig};
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_models::Report;
+use serde_json::{Value, json};
+
+/// Flags of `check`.
+#[derive(Args)]
+pub(crate) struct Check {
+    /// The configuration of the robot's buses and motors
+    config: PathBuf,
+    /// As text or as one JSON object
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    Text,
+    Json,
+}
+
+impl Check {
+    /// 0 for a valid configuration, warnings allowed; 1 for faults, 2 for a file that cannot be
+    /// opened.
+    pub(crate) fn run(&self) -> ExitCode {
+        match Configuration::load(&self.config) {
+            Ok(configuration) => {
+                match self.format {
+                    Format::Text => {
+                        configuration
+                            .warnings
+                            .iter()
+                            .for_each(|warning| eprintln!("warning: {warning}"));
+                        print!("{}", text(&configuration));
+                    }
+                    Format::Json => println!("{}", object(&configuration)),
+                }
+                ExitCode::SUCCESS
+            }
+            Err(ConfigurationError::Faults(report)) => {
+                match self.format {
+                    Format::Text => tell(&report),
+                    Format::Json => println!(
+                        "{}",
+                        json!({"errors": report.errors, "warnings": report.warnings})
+                    ),
+                }
+                ExitCode::from(1)
+            }
+            Err(error) => {
+                eprintln!("sarrus-can check: {error}");
+                ExitCode::from(2)
+            }
+        }
+    }
+}
+
+fn tell(report: &Report) {
+    report.errors.iter().for_each(|error| eprintln!("{error}"));
+    report.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    eprintln!("{} errors, {} warnings", report.errors.len(), report.warnings.len());
+}
+
+/// The frames of a command of zeros.
+fn zero(motor: &MotorConfig) -> FrameQueue {
+    let mut frames = FrameQueue::new(16);
+    motor.drive.encode(&Setpoint::default(), &mut frames);
+    frames
+}
+
+fn text(configuration: &Configuration) -> String {
+    let mut out = String::new();
+    let robot = configuration.robot.as_deref().unwrap_or("no model");
+    // writing to a string cannot fail
+    let _ = writeln!(
+        out,
+        "{robot}, {} motors on {} buses at {} Hz\n",
+        configuration.motors.len(),
+        configuration.buses.len(),
+        configuration.rate_hz
+    );
+    let mut rows = vec![
+        ["bus", "channel", "bit rate", "frames", "longest", "load"].map(String::from).to_vec(),
+    ];
+    for (bus, load) in configuration.buses.iter().zip(bus_load::loads(configuration)) {
+        let data = bus.data_bitrate.map(|rate| format!(" / {rate}")).unwrap_or_default();
+        rows.push(vec![
+            bus.name.clone(),
+            format!("{} {}", bus.interface, bus.channel),
+            format!("{}{data}", bus.bitrate),
+            load.frames.to_string(),
+            format!("{:.0} µs", load.busy * 1e6),
+            format!("{:.0} %", load.fraction * 100.0),
+        ]);
+    }
+    table(&mut out, &rows);
+    out.push('\n');
+    let mut rows = vec![
+        [
+            "actuator",
+            "bus",
+            "protocol",
+            "mode",
+            "sign",
+            "gear",
+            "offset",
+            "effort",
+            "watchdog",
+            "stops with",
+            "command of zeros",
+        ]
+        .map(String::from)
+        .to_vec(),
+    ];
+    for motor in &configuration.motors {
+        let name =
+            |actuator: usize| configuration.actuators.get(actuator).cloned().unwrap_or_default();
+        let mechanism = configuration.mechanisms.get(motor.actuator);
+        let partners = configuration.motors.iter().map(|other| other.actuator);
+        let partners = partners.filter(|other| {
+            *other != motor.actuator && configuration.mechanisms.get(*other) == mechanism
+        });
+        let partners = partners.map(name).collect::<Vec<_>>().join(" ");
+        let frames =
+            zero(motor).frames().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+        rows.push(vec![
+            name(motor.actuator),
+            configuration.buses.get(motor.bus).map(|bus| bus.name.clone()).unwrap_or_default(),
+            motor.protocol.name.to_owned(),
+            motor.common.mode.name().to_owned(),
+            format!("{:+}", motor.mapping.sign),
+            motor.mapping.gear.to_string(),
+            if motor.is_calibrated { motor.mapping.offset.to_string() } else { "none".to_owned() },
+            motor.limits.effort.to_string(),
+            format!(
+                "{} ms{}",
+                motor.common.watchdog_ms,
+                if motor.watchdog_believed { ", believed" } else { "" }
+            ),
+            if partners.is_empty() { "-".to_owned() } else { partners },
+            frames,
+        ]);
+    }
+    table(&mut out, &rows);
+    out
+}
+
+/// Columns as wide as their widest entry.
+pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
+    let columns = rows.first().map_or(0, Vec::len);
+    let widths: Vec<usize> = (0..columns)
+        .map(|column| {
+            rows.iter()
+                .filter_map(|row| row.get(column))
+                .map(|entry| entry.chars().count())
+                .max()
+                .unwrap_or(0)
+        })
+        .collect();
+    for row in rows {
+        let line: Vec<String> =
+            row.iter().zip(&widths).map(|(entry, width)| format!("{entry:<width$}")).collect();
+        let _ = writeln!(out, "{}", line.join("  ").trim_end());
+    }
+}
+
+fn object(configuration: &Configuration) -> Value {
+    let buses: Vec<Value> = configuration.buses.iter().zip(bus_load::loads(configuration)).map(|(bus, load)| {
+        json!({"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate, "data_bitrate": bus.data_bitrate,
+               "frames": load.frames, "busy_us": load.busy * 1e6, "load": load.fraction, "serial_load": load.serial})
+    }).collect();
+    let motors: Vec<Value> = configuration
+        .motors
+        .iter()
+        .map(|motor| {
+            let frames: Vec<String> = zero(motor).frames().iter().map(ToString::to_string).collect();
+            json!({"actuator": configuration.actuators.get(motor.actuator), "bus": configuration.buses.get(motor.bus).map(|bus| &bus.name),
+               "protocol": motor.protocol.name, "mode": motor.common.mode.name(), "sign": motor.mapping.sign, "gear": motor.mapping.gear,
+               "offset": motor.is_calibrated.then_some(motor.mapping.offset), "torque_constant": motor.mapping.torque_constant,
+               "watchdog_ms": motor.common.watchdog_ms, "mechanism": configuration.mechanisms.get(motor.actuator), "zero": frames})
+        })
+        .collect();
+    json!({
+        "robot": configuration.robot, "fingerprint": format!("{:016x}", configuration.fingerprint), "rate_hz": configuration.rate_hz,
+        "actuators": configuration.actuators, "buses": buses, "motors": motors, "warnings": configuration.warnings, "errors": [],
+    })
+}

@@ -1,0 +1,82 @@
+//! `sarrus-can`: the CAN bridge as a program, and what a robot's owner needs around it.
+
+#![forbid(unsafe_code)]
+
+mod bus;
+mod check;
+mod listen;
+mod operate;
+mod replay;
+mod run;
+mod simulate;
+mod stderr;
+mod top;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use sarrus_can_core::config::{Configuration, ConfigurationError};
+use sarrus_client::actuators::Operation;
+
+/// The CAN bridge of sarrus.
+#[derive(Parser)]
+#[command(name = "sarrus-can", version, about, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Read a configuration: every fault of it, or its motors, the loads of its buses and the
+    /// frames of a command of zeros.
+    ///
+    /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid configuration, 1 for
+    /// a faulty one, 2 for a file that cannot be opened and wrong flags.
+    Check(check::Check),
+    /// Run the bridge between controllers and motors.
+    ///
+    /// Prints `ready NAME FINGERPRINT` when controllers can connect. The motors have no power until
+    /// somebody arms, and lose it when commands stay away, when a motor fails, and on every way out
+    /// of this program. SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP and the other signals that would
+    /// end or stop it are a clean end, with 0.
+    Run(run::Run),
+    /// Give the motors power, as soon as everything is in order and a controller commands.
+    Arm(operate::Operate),
+    /// Take the motors' power away.
+    Disarm(operate::Operate),
+    /// Forget faults, after somebody looked at what caused them.
+    Reset(operate::Operate),
+    /// Watch a running bridge: states, times, counts.
+    Top(top::Top),
+    /// Run the rules on a recorded input, without buses.
+    Replay(replay::Replay),
+    /// What is said on a bus, as `candump -L` prints it; nothing is sent.
+    Listen(listen::Listen),
+    /// Motors without motors: the motors of a configuration on pseudo-terminals or on its buses.
+    Simulate(simulate::Simulate),
+}
+
+fn main() -> ExitCode {
+    match Arguments::parse().command {
+        Command::Check(check) => check.run(),
+        Command::Run(run) => run.run(),
+        Command::Arm(operate) => operate.run(Operation::Arm),
+        Command::Disarm(operate) => operate.run(Operation::Disarm),
+        Command::Reset(operate) => operate.run(Operation::Reset),
+        Command::Top(top) => top.run(),
+        Command::Replay(replay) => replay.run(),
+        Command::Listen(listen) => listen::run(&listen),
+        Command::Simulate(simulate) => simulate::run(&simulate),
+    }
+}
+
+/// A configuration, or the end: every fault of it is told, and the code is 1 for faults and 2 for a
+/// file that cannot be opened.
+fn configuration(path: &Path) -> Result<Configuration, ExitCode> {
+    Configuration::load(path).map_err(|error| {
+        eprintln!("{error}");
+        ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 })
+    })
+}

@@ -1,0 +1,41 @@
+//! What the system permits of real time, and what is said where it does not.
+
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::process::{Resource, getrlimit};
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, set_thread_priority_and_policy,
+    thread_native_id,
+};
+use thread_priority::{ThreadPriority, ThreadPriorityValue};
+
+use crate::stderr::say;
+
+/// Keeps all memory in memory; says why where it does not.
+///
+/// Locking what is still to come under a limit would make later allocations fail, so the limit is
+/// looked at first.
+pub(crate) fn lock_memory() -> Option<String> {
+    let limit = getrlimit(Resource::Memlock).current;
+    let is_root = rustix::process::geteuid().is_root();
+    if let (Some(limit), false) = (limit, is_root) {
+        return Some(format!(
+            "memory is not locked: RLIMIT_MEMLOCK is {} KiB, expected unlimited; `ulimit -l unlimited` or LimitMEMLOCK=infinity",
+            limit / 1024
+        ));
+    }
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
+        .err()
+        .map(|error| format!("memory is not locked: {error}"))
+}
+
+/// Puts this thread under SCHED_FIFO where that is permitted, and says so where it is not.
+pub(crate) fn be_first(priority: u8) {
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
+    let set = value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy));
+    if !matches!(set, Ok(Ok(()))) {
+        say(format_args!(
+            "no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend on other programs"
+        ));
+    }
+}

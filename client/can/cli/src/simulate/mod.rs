@@ -1,0 +1,227 @@
+//! `sarrus-can simulate`: the motors of a configuration from their own side, one process for each
+//! bus or for all.
+//!
+//! Prints `ready BUS CHANNEL` for each bus, then what happens as JSON lines: power, faults, tripped
+//! watchdogs, the first set-point. Lines on stdin ask for a report or do mischief, see [`console`].
+//! Times are CLOCK_MONOTONIC in nanoseconds, so that tests can compare processes.
+
+mod console;
+mod line;
+mod link;
+mod plant;
+mod robot;
+
+use std::io::{self, BufRead, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use rustix::event::{PollFd, PollFlags};
+use sarrus_can_core::config::Configuration;
+use sarrus_can_sim::Physics;
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+use crate::bus::{self, Address, Bus, BusError, Lasting, Pseudo};
+use console::Order;
+use line::Line;
+use link::Link;
+use plant::Plant;
+use sarrus_client::now_ns;
+
+/// Longest time between two steps of the motors.
+const STEP: Duration = Duration::from_millis(1);
+
+/// Inertia and viscous friction of a small brushless motor on a shaft of its own `[kg m², N m
+/// s/rad]`. Through a screw with a lead of 10 mm they are 39 kg and 39 N s/m.
+const ROTOR: f64 = 1e-4;
+
+/// Options of `simulate`.
+#[derive(Args)]
+pub(crate) struct Simulate {
+    /// The configuration of the robot's buses and motors
+    config: PathBuf,
+    /// Only this bus; without it all of them in one process
+    #[arg(long, value_name = "NAME")]
+    bus: Option<String>,
+    /// Make a pseudo-terminal for each bus that speaks slcan, and a link to it where the
+    /// configuration has its channel
+    #[arg(long)]
+    pty: bool,
+    /// Make the link here instead, for one bus
+    #[arg(long, value_name = "PATH", requires = "pty", requires = "bus")]
+    link: Option<PathBuf>,
+    /// What turns behind the motors
+    #[arg(long, value_enum, default_value_t = Dynamics::Motor)]
+    dynamics: Dynamics,
+    /// Inertia of each motor, at its output [kg m²]: without it 0.01, which counts the load, and
+    /// 1e-4 with `--dynamics robot`, which has the loads
+    #[arg(long)]
+    inertia: Option<f64>,
+    /// Viscous friction of each motor, at its output [N m s/rad]: without it 0.01, and 1e-4 with
+    /// `--dynamics robot`
+    #[arg(long)]
+    friction: Option<f64>,
+    /// A line as on stdin, done at the start; may be repeated
+    #[arg(long, value_name = "LINE")]
+    fault: Vec<String>,
+    /// Seed of what is lost
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// What turns behind the motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Dynamics {
+    /// Each motor turns an inertia of its own
+    Motor,
+    /// The motors move the robot of the configuration
+    Robot,
+}
+
+/// Runs until it is told to stop: 0; 1 for a faulty configuration, 2 for what cannot be opened.
+pub(crate) fn run(arguments: &Simulate) -> ExitCode {
+    let configuration = match crate::configuration(&arguments.config) {
+        Ok(configuration) => configuration,
+        Err(code) => return code,
+    };
+    match prepare(arguments, &configuration).and_then(|mut simulation| simulation.run()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            eprintln!("sarrus-can simulate: {reason}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+struct Simulation {
+    plant: Plant,
+    lines: Vec<Line>,
+    orders: mpsc::Receiver<Order>,
+    stop: Arc<AtomicBool>,
+    _links: Vec<Link>,
+}
+
+fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simulation, String> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .map_err(|error| format!("signals: {error}"))?;
+    }
+    let chosen: Vec<usize> = match &arguments.bus {
+        None => (0..configuration.buses.len()).collect(),
+        Some(name) => {
+            let known = || {
+                configuration
+                    .buses
+                    .iter()
+                    .map(|bus| bus.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            };
+            vec![configuration.bus(name).ok_or_else(|| {
+                format!("no bus `{name}` in the configuration, expected one of {}", known())
+            })?]
+        }
+    };
+    let usual = match arguments.dynamics {
+        Dynamics::Motor => 0.01,
+        Dynamics::Robot => ROTOR,
+    };
+    let [inertia, friction] =
+        [arguments.inertia, arguments.friction].map(|given| given.unwrap_or(usual));
+    let physics = Physics { inertia, friction, torque_limit: f64::INFINITY };
+    let plant = Plant::new(configuration, &chosen, physics, arguments.dynamics)?;
+    let (mut lines, mut links) = (Vec::new(), Vec::new());
+    for &place in &chosen {
+        let Some(config) = configuration.buses.get(place) else { continue };
+        let (bus, channel): (Box<dyn Bus>, String) =
+            if arguments.pty && (config.interface == "slcan" || arguments.link.is_some()) {
+                let pseudo = Pseudo::new().map_err(|error| error.to_string())?;
+                let path = arguments.link.clone().unwrap_or_else(|| PathBuf::from(&config.channel));
+                links.push(Link::make(pseudo.path(), &path)?);
+                (Box::new(pseudo), path.display().to_string())
+            } else {
+                let bus = Lasting::open(&config.name, Address::of(config))
+                    .map_err(|error| error.to_string())?;
+                (Box::new(bus), config.channel.clone())
+            };
+        say(&format!("ready {} {channel}", config.name));
+        lines.push(Line::new(
+            config.name.clone(),
+            place,
+            bus,
+            arguments.seed.wrapping_add(place as u64),
+        ));
+    }
+    let orders = listen(&arguments.fault)?;
+    Ok(Simulation { plant, lines, orders, stop, _links: links })
+}
+
+/// Lines of stdin in a thread of their own, which ends with stdin.
+fn listen(first: &[String]) -> Result<mpsc::Receiver<Order>, String> {
+    let (sender, receiver) = mpsc::channel();
+    for line in first {
+        let _ = sender.send(console::read(line).map_err(|why| format!("--fault `{line}`: {why}"))?);
+    }
+    std::thread::spawn(move || {
+        for line in io::stdin().lock().lines().map_while(Result::ok) {
+            match console::read(&line) {
+                Ok(order) => {
+                    if sender.send(order).is_err() {
+                        return;
+                    }
+                }
+                Err(why) => eprintln!("`{line}`: {why}"),
+            }
+        }
+    });
+    Ok(receiver)
+}
+
+impl Simulation {
+    fn run(&mut self) -> Result<(), String> {
+        while !self.stop.load(Ordering::Relaxed) {
+            self.cycle().map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    fn cycle(&mut self) -> Result<(), BusError> {
+        let now_ns = now_ns();
+        // the motors' clocks run first: after a gap a watchdog has tripped before the frames that
+        // waited are read
+        self.plant.step(now_ns);
+        for line in &mut self.lines {
+            line.hear(now_ns, &mut self.plant)?;
+            line.send(now_ns)?;
+        }
+        while let Ok(order) = self.orders.try_recv() {
+            console::obey(&order, now_ns, &mut self.plant, &mut self.lines)?;
+        }
+        self.plant.news(now_ns).iter().for_each(|news| say(news));
+        let mut fds: Vec<PollFd<'_>> = Vec::with_capacity(self.lines.len());
+        fds.extend(
+            self.lines
+                .iter()
+                .map(|line| PollFd::from_borrowed_fd(line.bus().readable(), PollFlags::IN)),
+        );
+        let rest = self
+            .lines
+            .iter()
+            .filter_map(Line::due_ns)
+            .min()
+            .map(|due_ns| Duration::from_nanos(due_ns.saturating_sub(now_ns)));
+        bus::wait_for(&mut fds, rest.map_or(STEP, |rest| rest.min(STEP)))?;
+        Ok(())
+    }
+}
+
+/// A line on stdout, at once. Nobody may be listening any more.
+fn say(line: &str) {
+    let mut out = io::stdout().lock();
+    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+}

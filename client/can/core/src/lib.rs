@@ -1,0 +1,21 @@
+//! The CAN bridge of sarrus: what turns actuator commands into motor frames and motor frames into
+//! actuator state.
+//!
+//! No I/O, no clock: frames and times are arguments, and frames are results. Nothing allocates
+//! after set-up. The motors' side of each protocol is `sarrus-can-sim`, the program is `sarrus-can`.
+
+#![forbid(unsafe_code)]
+
+pub mod bit_stuffing;
+pub mod bridge;
+pub mod bus_load;
+pub mod config;
+pub mod drive;
+pub mod frame;
+pub mod log;
+pub mod mapping;
+pub mod netlink;
+pub mod protocol;
+mod settings;
+pub mod slcan;
+pub mod telemetry;

@@ -1,0 +1,155 @@
+//! What a front tells those who watch: distributions of its times, beside the bridge's counts.
+
+use hdrhistogram::Histogram;
+use sarrus_proto::watch::{BridgeStatistics, BusStatistics, Label, MAX_BUSES, Times};
+
+use crate::bridge::Bridge;
+use crate::bus_load::Load;
+
+/// Times beyond this count as this `[ns]`.
+const LONGEST_NS: u64 = 10_000_000_000;
+/// Time between two sets of statistics `[ns]`.
+const STATISTICS_NS: u64 = 500_000_000;
+
+/// Times of one cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CycleTimes {
+    /// From the time of the cycle to its begin `[ns]`.
+    pub wake_ns: u64,
+    /// From its begin to its last frame `[ns]`.
+    pub work_ns: u64,
+}
+
+/// Distributions since the start, in a fixed amount of memory.
+#[derive(Debug)]
+pub struct Telemetry {
+    wake: Histogram<u64>,
+    work: Histogram<u64>,
+    age: Histogram<u64>,
+    reply: Histogram<u64>,
+    replies: u64,
+    sent: [u64; MAX_BUSES],
+    told_ns: u64,
+    fixed: BridgeStatistics,
+}
+
+impl Telemetry {
+    /// Nothing measured yet, by the process of this number at the monotonic time `started_ns`;
+    /// `None` without memory. Allocates; nothing after it does.
+    pub fn new(
+        bridge: &Bridge,
+        loads: &[Load],
+        process: u32,
+        started_ns: u64,
+    ) -> Option<Telemetry> {
+        let configuration = bridge.configuration();
+        let mut fixed = BridgeStatistics {
+            started_ns,
+            process: u64::from(process),
+            ..BridgeStatistics::default()
+        };
+        fixed.n_buses = configuration.buses.len() as u64;
+        fixed.n_u = configuration.actuators.len() as u64;
+        for (into, (bus, load)) in fixed.buses.iter_mut().zip(configuration.buses.iter().zip(loads))
+        {
+            *into = BusStatistics {
+                name: Label::new(&bus.name),
+                load: load.fraction,
+                ..BusStatistics::default()
+            };
+        }
+        for (into, name) in fixed.actuators.iter_mut().zip(&configuration.actuators) {
+            *into = Label::new(name);
+        }
+        let [wake, work, age, reply] = [histogram()?, histogram()?, histogram()?, histogram()?];
+        Some(Telemetry {
+            wake,
+            work,
+            age,
+            reply,
+            replies: 0,
+            sent: [0; MAX_BUSES],
+            told_ns: 0,
+            fixed,
+        })
+    }
+
+    /// Takes a cycle that has just ended.
+    pub fn cycle(&mut self, bridge: &Bridge, times: CycleTimes) {
+        let counters = bridge.counters();
+        self.wake.saturating_record(times.wake_ns);
+        self.work.saturating_record(times.work_ns);
+        if counters.accepted > 0 {
+            self.age.saturating_record(counters.age_ns);
+        }
+        if counters.replies > self.replies {
+            self.replies = counters.replies;
+            self.reply.saturating_record(counters.reply_ns);
+        }
+        for (bus, sent) in self.sent.iter_mut().enumerate() {
+            *sent += bridge.frames(bus).len() as u64;
+        }
+    }
+
+    /// Everything, when it is time to tell it again: whole histograms are read, which is too much
+    /// for every cycle.
+    pub fn due(&mut self, bridge: &Bridge, now_ns: u64) -> Option<BridgeStatistics> {
+        let is_due = now_ns.saturating_sub(self.told_ns) > STATISTICS_NS;
+        is_due.then(|| {
+            self.told_ns = now_ns;
+            self.statistics(bridge, now_ns)
+        })
+    }
+
+    /// Everything, to be told at `now_ns`.
+    pub fn statistics(&self, bridge: &Bridge, now_ns: u64) -> BridgeStatistics {
+        let counters = bridge.counters();
+        let mut told = BridgeStatistics {
+            stamp_ns: now_ns,
+            cycles: counters.cycles,
+            accepted: counters.accepted,
+            not_finite: counters.not_finite,
+            negative: counters.negative,
+            old: counters.old,
+            ahead: counters.ahead,
+            wrong_model: counters.wrong_model,
+            wrong_size: counters.wrong_size,
+            wake: times(&self.wake),
+            work: times(&self.work),
+            age: times(&self.age),
+            reply: times(&self.reply),
+            ..self.fixed
+        };
+        for (bus, (into, sent)) in told.buses.iter_mut().zip(self.sent).enumerate() {
+            let Some((state, counters)) = bridge.bus_counters(bus) else { continue };
+            *into = BusStatistics {
+                state: state as u64,
+                sent: sent.saturating_sub(counters.dropped),
+                received: counters.received,
+                unknown: counters.unknown,
+                malformed: counters.malformed,
+                dropped: counters.dropped,
+                overrun: counters.overrun,
+                passive: counters.passive,
+                off: counters.off,
+                ..*into
+            };
+        }
+        told
+    }
+}
+
+/// Two digits, up to the longest: a table that is soon read.
+fn histogram() -> Option<Histogram<u64>> {
+    Histogram::new_with_bounds(1, LONGEST_NS, 2).ok()
+}
+
+fn times(histogram: &Histogram<u64>) -> Times {
+    Times {
+        count: histogram.len(),
+        p50: histogram.value_at_quantile(0.5),
+        p99: histogram.value_at_quantile(0.99),
+        p999: histogram.value_at_quantile(0.999),
+        max: histogram.max(),
+    }
+}

@@ -1,0 +1,171 @@
+//! CyberGear and RobStride's private protocol.
+
+use crate::support::{
+    COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, try_drive,
+};
+use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
+use sarrus_can_core::protocol::{Common, fault};
+
+const STOPPED: &str = "02000AFD#7FFF7FFF7FFF012C";
+const RUNS: &str = "02800AFD#7FFF7FFF7FFF012C";
+
+fn cybergear(common: Common) -> Box<dyn Drive> {
+    drive("cybergear", "{id: 10, position_range: 12.5}", common)
+}
+
+/// A drive whose motor said that it runs.
+fn enabled(common: Common) -> Box<dyn Drive> {
+    let mut drive = cybergear(Common { watchdog_ms: 50, ..common });
+    let mut sent = Vec::new();
+    for _ in 0..9 {
+        for frame in cycle(&mut *drive, DriveCommand::Off) {
+            match frame.as_str() {
+                "1100FD0A#0570000000000000" => receive(&mut *drive, "11000AFD#0570000000000000"),
+                "1100FD0A#0C20000000000000" => receive(&mut *drive, "11000AFD#0C200000E8030000"),
+                _ => receive(&mut *drive, STOPPED),
+            };
+            sent.push(frame);
+        }
+    }
+    sent.retain(|frame| frame != "0400FD0A#0000000000000000");
+    let expected = [
+        "1200FD0A#0570000000000000",
+        "1100FD0A#0570000000000000",
+        "1200FD0A#0C200000E8030000",
+        "1100FD0A#0C20000000000000",
+    ];
+    assert_eq!(sent, expected);
+    assert_eq!((drive.state().watchdog, drive.state().power), (Watchdog::Set(50), Power::Off));
+    let wanted = Setpoint { torque: 12.0, ..Setpoint::default() };
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(wanted)),
+        ["017FFF0A#7FFF7FFF00000000"],
+        "nothing is asked before power"
+    );
+    receive(&mut *drive, STOPPED);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["0300FD0A#0000000000000000"]);
+    receive(&mut *drive, STOPPED);
+    assert_eq!(drive.state().power, Power::Starting, "feedback says whether it runs");
+    receive(&mut *drive, RUNS);
+    assert_eq!(drive.state().power, Power::On);
+    drive
+}
+
+#[test]
+fn known_frames_come_out() {
+    let mut drive = enabled(COMMON);
+    let wanted =
+        Setpoint { position: 12.5, velocity: -30.0, torque: 12.0, stiffness: 500.0, damping: 0.0 };
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["01FFFF0A#FFFF0000FFFF0000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["0400FD0A#0000000000000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Reset), ["0400FD0A#0100000000000000"]);
+}
+
+#[test]
+fn random_values_are_within_half_a_step_both_ways() {
+    let mut random = Random(8);
+    let mut drive = enabled(COMMON);
+    let steps = [25.0, 60.0, 24.0, 500.0, 5.0].map(|span| span / 65535.0);
+    for _ in 0..100_000 {
+        let wanted = Setpoint {
+            position: random.between(-12.5, 12.5),
+            velocity: random.between(-30.0, 30.0),
+            torque: random.between(-12.0, 12.0),
+            stiffness: random.between(0.0, 500.0),
+            damping: random.between(0.0, 5.0),
+        };
+        let frame = last(&mut *drive, DriveCommand::On(wanted));
+        let code = |i: usize| f64::from(frame.data()[i]) * 256.0 + f64::from(frame.data()[i + 1]);
+        let torque = f64::from(frame.id.number() >> 8 & 0xFFFF);
+        assert_eq!(frame.id.number() & 0xFF00_00FF, 0x0100_000A);
+        let sent = [
+            code(0) * steps[0] - 12.5,
+            code(2) * steps[1] - 30.0,
+            torque * steps[2] - 12.0,
+            code(4) * steps[3],
+            code(6) * steps[4],
+        ];
+        let wanted =
+            [wanted.position, wanted.velocity, wanted.torque, wanted.stiffness, wanted.damping];
+        for i in 0..5 {
+            assert!(
+                (sent[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
+                "{i}: {} {}",
+                sent[i],
+                wanted[i]
+            );
+        }
+        let code = |value: f64, half: f64| ((value + half) / (2.0 * half) * 65535.0).round() as u16;
+        let (p, v, t) = (code(wanted[0], 12.5), code(wanted[1], 30.0), code(wanted[2], 12.0));
+        let mut fresh = cybergear(COMMON);
+        let Receipt::Measured(measured) =
+            receive(&mut *fresh, &format!("02800AFD#{p:04X}{v:04X}{t:04X}012C"))
+        else {
+            panic!()
+        };
+        let read = [measured.position, measured.velocity, measured.torque];
+        for i in 0..3 {
+            assert!((read[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9));
+        }
+        assert_eq!(measured.temperature, 30.0);
+    }
+}
+
+#[test]
+fn faults_and_frames_of_others_are_told_apart() {
+    let mut drive = enabled(COMMON);
+    for text in ["02800BFD#7FFF7FFF7FFF012C", "02800AFE#7FFF7FFF7FFF012C", "2FD#7FFF7FFF7FFF012C"] {
+        assert_eq!(receive(&mut *drive, text), Receipt::NotMine, "{text}");
+    }
+    assert_eq!(receive(&mut *drive, "02800AFD#7FFF7FFF7FFF01"), Receipt::Malformed);
+    receive(&mut *drive, "02840AFD#7FFF7FFF7FFF012C");
+    assert_eq!(drive.state().fault, 4, "over-temperature");
+    receive(&mut *drive, RUNS);
+    assert_eq!(drive.state().fault, 0);
+    receive(&mut *drive, "15000AFD#0100000000000000");
+    assert_eq!(drive.state().fault, 1);
+    receive(&mut *drive, STOPPED);
+    assert_eq!(
+        (drive.state().power, drive.state().fault),
+        (Power::Off, 1),
+        "feedback has no room for this one"
+    );
+    receive(&mut *drive, "15000AFD#0000000000000000");
+    assert_eq!((drive.state().power, drive.state().fault), (Power::Off, fault::POWER_LOST));
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(Setpoint::default())),
+        ["0400FD0A#0000000000000000"]
+    );
+}
+
+#[test]
+fn feedback_is_followed_over_the_ends_of_its_range() {
+    let mut drive = enabled(COMMON);
+    receive(&mut *drive, "02800AFD#C0007FFF7FFF012C");
+    receive(&mut *drive, "02800AFD#FFF07FFF7FFF012C");
+    let Receipt::Measured(measured) = receive(&mut *drive, "02800AFD#00107FFF7FFF012C") else {
+        panic!()
+    };
+    assert!((measured.position - (12.5 + 17.0 * 25.0 / 65535.0)).abs() < 1e-9);
+    assert_eq!(drive.state().fault, fault::OUT_OF_RANGE);
+}
+
+#[test]
+fn a_robstride_has_its_own_ranges_and_another_watchdog() {
+    let report =
+        try_drive("cybergear", "{id: 1, model: robstride, position_range: 12.57}", COMMON, "")
+            .unwrap_err();
+    assert_eq!(report.lines().count(), 4, "{report}");
+    let yaml = "{id: 1, model: robstride, position_range: 12.57, velocity_range: 20, torque_range: 60, stiffness_range: 5000, damping_range: 100}";
+    let mut drive =
+        drive("cybergear", yaml, Common { mode: Mode::Torque, watchdog_ms: 1000, ..COMMON });
+    let mut sent = Vec::new();
+    for _ in 0..8 {
+        sent.extend(cycle(&mut *drive, DriveCommand::Off));
+        receive(&mut *drive, "110001FD#0570000000000000");
+    }
+    assert!(sent.contains(&"1200FD01#28700000204E0000".to_owned()), "20000 are a second: {sent:?}");
+    receive(&mut *drive, "110001FD#2870000000000000");
+    assert_eq!(drive.state().watchdog, Watchdog::Off);
+    survives_hostile_frames(&mut *drive, 2);
+}

@@ -1,0 +1,414 @@
+//! MIT mode in its four variants.
+
+use crate::support::{
+    COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
+};
+use sarrus_can_core::drive::{
+    Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint, Watchdog,
+};
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::protocol::{Common, fault};
+
+const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
+const ZERO: Setpoint =
+    Setpoint { position: 0.0, velocity: 0.0, torque: 0.0, stiffness: 0.0, damping: 0.0 };
+const MOST: Setpoint =
+    Setpoint { position: 12.5, velocity: 45.0, torque: 18.0, stiffness: 500.0, damping: 5.0 };
+
+fn mit(variant: &str, common: Common) -> Box<dyn Drive> {
+    drive("mit", &format!("{{variant: {variant}, id: 1, reply_id: 0x11, {RANGES}}}"), common)
+}
+
+/// A drive that follows set-points: enabled by the answers that its motor would give.
+fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
+    let mut drive = mit(variant, common);
+    let (off, on) = match variant {
+        "mini_cheetah" => ("011#0180007FF7FF", "011#0180007FF7FF"),
+        "damiao" => ("011#0180007FF7FF1E1E", "011#1180007FF7FF1E1E"),
+        _ => ("011#0180007FF7FF0000", "011#0180007FF7FF0000"),
+    };
+    for _ in 0..16 {
+        for request in cycle(&mut *drive, DriveCommand::Off) {
+            match request.strip_prefix("7FF#0100") {
+                Some("33150000000000") | Some("331500000000") => {
+                    receive(&mut *drive, "011#0100331500004841")
+                }
+                Some("331600000000") => receive(&mut *drive, "011#0100331600003442"),
+                Some("331700000000") => receive(&mut *drive, "011#0100331700009041"),
+                Some("330900000000") => receive(&mut *drive, "011#01003309E8030000"),
+                Some("330A00000000") => receive(&mut *drive, "011#0100330A01000000"),
+                Some(written) => receive(&mut *drive, &format!("011#0100{written}")),
+                None => receive(&mut *drive, off),
+            };
+        }
+    }
+    assert_eq!(drive.state().power, Power::Off);
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(MOST)),
+        ["001#7FFF7FF0000007FF"],
+        "nothing is asked before power"
+    );
+    receive(&mut *drive, off);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
+    assert_eq!(drive.state().power, Power::Starting);
+    // a motor that does not tell its state may still answer what was said before
+    for _ in 1..if variant == "damiao" { 1 } else { 4 } {
+        receive(&mut *drive, on);
+        assert_eq!(drive.state().power, Power::Starting, "{variant}");
+        assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
+    }
+    receive(&mut *drive, on);
+    assert_eq!(drive.state().power, Power::On, "{variant}");
+    drive
+}
+
+/// Takes a set-point apart bit by bit, without the crate's own arithmetic.
+fn decode(bytes: &[u8]) -> [f64; 5] {
+    let bits = bytes.iter().fold(0_u64, |bits, byte| bits << 8 | u64::from(*byte));
+    let field = |shift: u32, width: u32, low: f64, high: f64| {
+        let code = (bits >> shift) & ((1 << width) - 1);
+        low + code as f64 * ((high - low) / ((1_u64 << width) - 1) as f64)
+    };
+    [
+        field(48, 16, -12.5, 12.5),
+        field(36, 12, -45.0, 45.0),
+        field(24, 12, 0.0, 500.0),
+        field(12, 12, 0.0, 5.0),
+        field(0, 12, -18.0, 18.0),
+    ]
+}
+
+#[test]
+fn known_frames_come_out() {
+    // the neutral command and the special ones as the mini cheetah's documentation has them
+    let mut drive = enabled("mini_cheetah", COMMON);
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(ZERO)),
+        ["001#8000800000000800"],
+        "the codes above zero in their turn"
+    );
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(ZERO)), ["001#7FFF7FF0000007FF"]);
+    let wanted =
+        Setpoint { position: 12.5, velocity: -45.0, torque: 18.0, stiffness: 250.1, damping: 1.0 };
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["001#FFFF000800333FFF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
+    let mut queue = FrameQueue::new(4);
+    drive.disable(&mut queue);
+    assert!(drive.set_zero(&mut queue));
+    drive.probe(&mut queue);
+    let frames: Vec<String> = queue.frames().iter().map(ToString::to_string).collect();
+    assert_eq!(frames, ["001#FFFFFFFFFFFFFFFD", "001#FFFFFFFFFFFFFFFE", "001#FFFFFFFFFFFFFFFD"]);
+}
+
+#[test]
+fn random_set_points_are_within_half_a_step() {
+    let mut drive = enabled("mini_cheetah", COMMON);
+    let mut random = Random(5);
+    let steps = [25.0 / 65535.0, 90.0 / 4095.0, 500.0 / 4095.0, 5.0 / 4095.0, 36.0 / 4095.0];
+    for _ in 0..100_000 {
+        let wanted = Setpoint {
+            position: random.between(-12.5, 12.5),
+            velocity: random.between(-45.0, 45.0),
+            torque: random.between(-18.0, 18.0),
+            stiffness: random.between(0.0, 500.0),
+            damping: random.between(0.0, 5.0),
+        };
+        let sent = decode(last(&mut *drive, DriveCommand::On(wanted)).data());
+        let wanted =
+            [wanted.position, wanted.velocity, wanted.stiffness, wanted.damping, wanted.torque];
+        for i in 0..5 {
+            assert!(
+                (sent[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
+                "{i}: {} {}",
+                sent[i],
+                wanted[i]
+            );
+        }
+    }
+}
+
+#[test]
+fn random_replies_are_within_half_a_step() {
+    let mut random = Random(6);
+    for variant in ["mini_cheetah", "t_motor", "damiao", "robstride"] {
+        for _ in 0..25_000 {
+            let mut drive = mit(variant, COMMON);
+            let (p, v, t) = (
+                random.between(-12.5, 12.5),
+                random.between(-45.0, 45.0),
+                random.between(-18.0, 18.0),
+            );
+            // the firmware's own way: truncated, not rounded
+            let code =
+                |value: f64, half: f64, most: f64| ((value + half) * most / (2.0 * half)) as u64;
+            let bits = 1_u64 << 40
+                | code(p, 12.5, 65535.0) << 24
+                | code(v, 45.0, 4095.0) << 12
+                | code(t, 18.0, 4095.0);
+            let tail = if variant == "mini_cheetah" { "" } else { "0100" };
+            let Receipt::Measured(measured) =
+                receive(&mut *drive, &format!("011#{bits:012X}{tail}"))
+            else {
+                panic!("{variant}")
+            };
+            assert!((measured.position - p).abs() <= 25.0 / 65535.0);
+            assert!((measured.velocity - v).abs() <= 90.0 / 4095.0);
+            assert!((measured.torque - t).abs() <= 36.0 / 4095.0);
+            let whole = |value: f64, half: f64, most: f64| {
+                ((value + half) / (2.0 * half) * most).round() as u64
+            };
+            let back = 1_u64 << 40
+                | whole(measured.position, 12.5, 65535.0) << 24
+                | whole(measured.velocity, 45.0, 4095.0) << 12
+                | whole(measured.torque, 18.0, 4095.0);
+            assert_eq!(back, bits, "the codes themselves are exact");
+        }
+    }
+}
+
+#[test]
+fn no_set_point_is_a_special_command() {
+    let special = |variant: &str, bytes: &[u8]| match variant {
+        // a RobStride looks at the first six bytes and the last
+        "robstride" => bytes[..6].iter().all(|byte| *byte == 0xFF),
+        _ => bytes[..7].iter().all(|byte| *byte == 0xFF) && (0xFB..=0xFE).contains(&bytes[7]),
+    };
+    for variant in ["mini_cheetah", "t_motor", "damiao", "robstride"] {
+        let mut drive = enabled(variant, COMMON);
+        for code in 0..=4095 {
+            let torque = -18.0 + 36.0 * f64::from(code) / 4095.0;
+            for damping in [5.0, 4.99] {
+                let bytes =
+                    last(&mut *drive, DriveCommand::On(Setpoint { torque, damping, ..MOST }));
+                assert!(!special(variant, bytes.data()), "{variant}: {bytes}");
+                let sent = decode(bytes.data());
+                assert!((sent[4] - torque).abs() <= 4.1 * 36.0 / 4095.0);
+                assert!((sent[0] - 12.5).abs() <= 1.1 * 25.0 / 65535.0);
+            }
+        }
+    }
+    let torque = -18.0 + 36.0 * f64::from(0xFFD) / 4095.0;
+    let mut drive = enabled("damiao", COMMON);
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(Setpoint { torque, ..MOST })),
+        ["001#FFFFFFFFFFFFFFFA"]
+    );
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFF"]);
+}
+
+#[test]
+fn zero_is_half_a_step_off_and_right_on_average() {
+    let mut drive = enabled("mini_cheetah", COMMON);
+    let mut sum = [0.0; 5];
+    for _ in 0..100 {
+        let sent = decode(last(&mut *drive, DriveCommand::On(ZERO)).data());
+        assert!((sent[4].abs() - 18.0 / 4095.0).abs() < 1e-12);
+        (0..5).for_each(|i| sum[i] += sent[i]);
+    }
+    assert!(sum.iter().all(|sum| sum.abs() < 1e-9), "{sum:?}");
+}
+
+#[test]
+fn set_points_saturate() {
+    let mut drive = enabled("mini_cheetah", COMMON);
+    let beyond = Setpoint {
+        position: -1e9,
+        velocity: 1e9,
+        torque: -f64::MAX,
+        stiffness: f64::MAX,
+        damping: -1.0,
+    };
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(beyond)), ["001#0000FFFFFF000000"]);
+    let mut drive = enabled("mini_cheetah", Common { torque_limit: 9.0, ..COMMON });
+    assert!(
+        (decode(last(&mut *drive, DriveCommand::On(torque(18.0))).data())[4] - 9.0).abs()
+            <= 18.0 / 4095.0
+    );
+    let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
+    let sent = decode(last(&mut *drive, DriveCommand::On(MOST)).data());
+    assert_eq!((sent[2], sent[3], sent[4]), (0.0, 0.0, 18.0));
+    assert!(sent[0].abs() < 1e-3, "a motor in torque mode is told no position");
+}
+
+#[test]
+fn feedback_is_followed_over_the_ends_of_its_range() {
+    let mut drive = mit("mini_cheetah", COMMON);
+    let mut position = |code: u16| match receive(&mut *drive, &format!("011#01{code:04X}7FF7FF")) {
+        Receipt::Measured(measured) => (measured.position, drive.state().fault),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(position(0xF000).1, 0);
+    let (last, _) = position(0xFFF0);
+    let (next, fault) = position(0x0010);
+    assert!((next - last - 32.0 * 25.0 / 65535.0).abs() < 1e-12, "{last} {next}");
+    assert_eq!(fault, fault::OUT_OF_RANGE);
+    assert!(position(0x4000).0 > 18.0);
+    position(0x0010);
+    assert_eq!(position(0xF000).1, 0, "back inside");
+}
+
+#[test]
+fn frames_of_others_and_malformed_ones_are_told_apart() {
+    for variant in ["mini_cheetah", "t_motor", "damiao", "robstride"] {
+        let mut drive = mit(variant, COMMON);
+        for text in [
+            "012#0180007FF7FF",
+            "00000011#0180007FF7FF0000",
+            "011#0280007FF7FF",
+            "011#0280007FF7FF0000",
+        ] {
+            assert_eq!(receive(&mut *drive, text), Receipt::NotMine, "{variant} {text}");
+        }
+        for text in ["011#", "011#01", "011#0180007FF7FF00", "011##10180007FF7FF0000"] {
+            assert_eq!(receive(&mut *drive, text), Receipt::Malformed, "{variant} {text}");
+        }
+        let wrong =
+            if variant == "mini_cheetah" { "011#0180007FF7FF0000" } else { "011#0180007FF7FF" };
+        let receipt = receive(&mut *drive, wrong);
+        if variant == "t_motor" {
+            assert!(matches!(receipt, Receipt::Measured(_)), "older motors send six bytes");
+        } else {
+            assert_eq!(receipt, Receipt::Malformed, "{variant}");
+            assert_eq!(drive.state().power, Power::Unknown);
+        }
+    }
+}
+
+#[test]
+fn temperatures_and_errors_are_read() {
+    let of = |variant: &str, text: &str| {
+        let mut drive = mit(variant, COMMON);
+        match receive(&mut *drive, text) {
+            Receipt::Measured(Measurement { temperature, .. }) => {
+                (temperature, drive.state().fault)
+            }
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(of("t_motor", "011#0180007FF7FF1E02"), (-10.0, 2));
+    assert_eq!(of("damiao", "011#D180007FF7FF2A30"), (48.0, 0xD));
+    assert_eq!(of("damiao", "011#1180007FF7FF2A30"), (48.0, 0));
+    assert_eq!(of("robstride", "011#0180007FF7FF0131"), (30.5, 0));
+    assert!(of("mini_cheetah", "011#0180007FF7FF").0.is_nan());
+}
+
+#[test]
+fn a_damiao_gets_its_watchdog_and_shows_its_ranges_before_it_gets_power() {
+    let mut drive = mit("damiao", Common { watchdog_ms: 50, ..COMMON });
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
+    assert_eq!(
+        cycle(&mut *drive, DriveCommand::On(MOST)),
+        ["7FF#0100550A01000000"],
+        "no power before all is known"
+    );
+    receive(&mut *drive, "011#0100550A01000000");
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
+    for _ in 0..3 {
+        assert_eq!(
+            cycle(&mut *drive, DriveCommand::Off),
+            ["7FF#01005509E8030000"],
+            "1000 times 50 µs, until it answers"
+        );
+        assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
+    }
+    receive(&mut *drive, "011#01005509E8030000");
+    assert_eq!(drive.state().watchdog, Watchdog::Unknown, "what was written was not yet read");
+    assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["7FF#0100330900000000"]);
+    assert_eq!(receive(&mut *drive, "011#01003309E8030000"), Receipt::Parameter(0, 1000.0));
+    assert_eq!(drive.state().watchdog, Watchdog::Set(50));
+    assert_eq!(
+        receive(&mut *drive, "011#01003309E8030000"),
+        Receipt::Parameter(0, 1000.0),
+        "a late answer is no measurement"
+    );
+    receive(&mut *drive, "011#0100330A01000000");
+    receive(&mut *drive, "011#0100331500004841");
+    receive(&mut *drive, "011#0100331600003442");
+    assert_eq!(drive.state().fault, 0);
+    receive(&mut *drive, "011#010033170000A041");
+    assert_eq!(drive.state().fault, fault::RANGES_DIFFER, "20 N m are not 18");
+    receive(&mut *drive, "011#0180007FF7FF1E1E");
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::Reset)[0], "001#FFFFFFFFFFFFFFFB");
+    drive.forget();
+    assert_eq!((drive.state().fault, drive.state().watchdog), (0, Watchdog::Unknown));
+}
+
+#[test]
+fn a_motor_that_lets_go_gets_no_power_again_by_itself() {
+    let mut drive = enabled("damiao", COMMON);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)).len(), 1);
+    receive(&mut *drive, "011#D180007FF7FF1E1E");
+    assert_eq!((drive.state().power, drive.state().fault), (Power::Off, 0xD));
+    for _ in 0..10 {
+        assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFD"]);
+        receive(&mut *drive, "011#0180007FF7FF1E1E");
+        assert_eq!(drive.state().fault, fault::POWER_LOST);
+    }
+    cycle(&mut *drive, DriveCommand::Reset);
+    assert_eq!(drive.state().fault, 0);
+}
+
+#[test]
+fn only_motors_that_know_the_command_are_told_to_forget_faults() {
+    for (variant, frames) in [("mini_cheetah", 1), ("t_motor", 1), ("robstride", 2)] {
+        let mut drive = enabled(variant, COMMON);
+        let sent = cycle(&mut *drive, DriveCommand::Reset);
+        assert_eq!(sent.len(), frames, "{variant}");
+        assert_eq!(sent.last().map(String::as_str), Some("001#FFFFFFFFFFFFFFFD"));
+        assert_eq!(drive.state().watchdog, Watchdog::Unreadable);
+    }
+}
+
+#[test]
+fn motors_that_replies_cannot_tell_apart_are_told_apart_here() {
+    let motor = |variant: &str, id: u16| {
+        drive("mit", &format!("{{variant: {variant}, id: {id}, reply_id: 0, {RANGES}}}"), COMMON)
+    };
+    let collide = |a: &dyn Drive, b: &dyn Drive| {
+        a.shared_identifiers()
+            .iter()
+            .any(|one| b.shared_identifiers().iter().any(|other| one.collides(other)))
+    };
+    assert!(collide(&*motor("damiao", 1), &*motor("damiao", 0x11)), "four bits");
+    assert!(!collide(&*motor("damiao", 1), &*motor("damiao", 2)));
+    assert!(!collide(&*motor("mini_cheetah", 1), &*motor("mini_cheetah", 0x11)), "eight bits");
+    assert!(collide(&*motor("mini_cheetah", 1), &*motor("mini_cheetah", 0x101)));
+    assert!(collide(&*motor("damiao", 1), &*motor("t_motor", 0x21)), "the fewer bits of the two");
+}
+
+#[test]
+fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_reset() {
+    let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
+    for code in ["C000", "FFF0", "0010"] {
+        receive(&mut *drive, &format!("011#01{code}7FF7FF"));
+    }
+    assert_eq!(drive.state().fault, 0, "torques need no position");
+    drive.forget();
+    receive(&mut *drive, "011#0100107FF7FF");
+    assert_eq!(drive.state().fault, fault::OUT_OF_RANGE, "it may be a whole range away");
+    cycle(&mut *drive, DriveCommand::Reset);
+    receive(&mut *drive, "011#0100107FF7FF");
+    assert_eq!(drive.state().fault, 0);
+}
+
+#[test]
+fn hostile_frames_do_no_harm() {
+    for (seed, variant) in
+        ["mini_cheetah", "t_motor", "damiao", "robstride"].into_iter().enumerate()
+    {
+        survives_hostile_frames(&mut *mit(variant, COMMON), seed as u64);
+    }
+}
+
+#[test]
+fn a_motor_cannot_answer_on_its_own_identifier() {
+    let report =
+        try_drive("mit", &format!("{{variant: damiao, id: 1, reply_id: 1, {RANGES}}}"), COMMON, "")
+            .unwrap_err();
+    assert!(report.contains("drive.yml:1:"), "{report}");
+    assert!(report.contains("`id` and `reply_id` are both 1"), "{report}");
+    let report = try_drive("mit", "{variant: damiao, id: 1, reply_id: 2}", COMMON, "").unwrap_err();
+    assert_eq!(report.lines().count(), 5, "every missing range is told: {report}");
+    assert_eq!(frame("7FF##1010203").to_string(), "7FF##1010203");
+}

@@ -1,0 +1,235 @@
+//! CyberGear as the motor sees it: everything is in 29-bit identifiers.
+//!
+//! Identifier: type 5 bits, content 16 bits, the receiver's number 8 bits. The motor's answers have
+//! the host's number as receiver and its own in the lower half of the content. Data are
+//! little-endian but for type 1 and 2, which are big-endian offset binary.
+//!
+//! | type | from | content | data |
+//! |---|---|---|---|
+//! | 0 | host | host | asks who is there; the answer is type 0 to FE with the chip's 64-bit number |
+//! | 1 | host | torque ±12 N m | position ±4π rad, velocity ±30 rad/s, kp 0 to 500, kd 0 to 5 (other ranges in the settings) |
+//! | 2 | motor | mode 2 bits, faults 6 bits, own number | position, velocity, torque, temperature ×10 °C |
+//! | 3 | host | host | power |
+//! | 4 | host | host | no power; first byte 1 forgets the fault |
+//! | 6 | host | host | first byte 1: zero here |
+//! | 17 | host | host | reads a parameter: index 16 bits, zero, then in the answer the value in bytes 4 to 7 |
+//! | 18 | host | host | writes one; answered by type 2 |
+//!
+//! Parameters: 7005 run mode (0 operation, 1 position, 2 speed, 3 current), 7006 current, 700A
+//! speed, 700B torque limit, 7016 position, 7017 speed limit, 7019 position, 701B velocity
+//! (measured), 7028 and 200C time without commands in 50 µs after which it lets go, 0 when new.
+//! Source: Xiaomi, *CyberGear user manual*, chapter 4.
+
+use super::{Body, Firmware};
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
+
+/// Ranges of the manual, for those that the settings leave out: position ±4π rad, velocity
+/// `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.
+const RANGES: [(&str, f64); 5] = [
+    ("position_range", 4.0 * core::f64::consts::PI),
+    ("velocity_range", 30.0),
+    ("torque_range", 12.0),
+    ("stiffness_range", 500.0),
+    ("damping_range", 5.0),
+];
+/// Torque for current `[N m/A]`.
+const TORQUE_CONSTANT: f64 = 0.87;
+/// Nanoseconds of one count of the watchdog.
+const COUNT_NS: u64 = 50_000;
+/// Stiffness and damping of its own position and speed loops `[N m/rad, N m s/rad]`.
+const OWN_GAINS: [f64; 2] = [30.0, 1.0];
+
+#[derive(Debug)]
+pub(super) struct CyberGear {
+    id: u8,
+    /// Who hears the answers to set-points: whoever spoke last.
+    host: u8,
+    /// Position, velocity, torque, stiffness, damping.
+    ranges: [f64; 5],
+    watchdog_index: u16,
+    run_mode: u8,
+    torque_limit: f32,
+}
+
+impl CyberGear {
+    pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> CyberGear {
+        let known = |(key, usual)| {
+            Some(settings.number(key)).filter(|range| range.is_finite()).unwrap_or(usual)
+        };
+        let ranges = RANGES.map(known);
+        let [_, _, torque, ..] = ranges;
+        body.physics.torque_limit = body.physics.torque_limit.min(torque);
+        CyberGear {
+            id: settings.integer("id") as u8,
+            host: settings.integer("host_id") as u8,
+            ranges,
+            watchdog_index: settings.integer("watchdog_index") as u16,
+            run_mode: 0,
+            torque_limit: torque as f32,
+        }
+    }
+
+    fn is_watchdog(&self, index: u16) -> bool {
+        index != 0 && index == self.watchdog_index || matches!(index, 0x7028 | 0x200C)
+    }
+
+    /// Type 2.
+    fn tell(&self, host: u8, body: &Body, out: &mut FrameQueue) {
+        let mode = if body.power { 2 } else { 0 };
+        let id = 2 << 24
+            | mode << 22
+            | (body.fault & 0x3F) << 16
+            | u32::from(self.id) << 8
+            | u32::from(host);
+        let [position, velocity, torque, ..] = self.ranges;
+        let [a, b] = code(body.measured(), position).to_be_bytes();
+        let [c, d] = code(body.velocity, velocity).to_be_bytes();
+        let [e, f] = code(body.torque, torque).to_be_bytes();
+        let [g, h] = ((body.temperature * 10.0) as u16).to_be_bytes();
+        out.push_some(extended(id, &[a, b, c, d, e, f, g, h]));
+    }
+
+    fn read(&self, host: u8, index: u16, body: &Body, out: &mut FrameQueue) {
+        let float = |number: f64| (number as f32).to_le_bytes();
+        let value = match index {
+            0x7005 => u32::from(self.run_mode).to_le_bytes(),
+            0x7006 => float(body.law.torque / TORQUE_CONSTANT),
+            0x700A => float(body.law.velocity),
+            0x700B => self.torque_limit.to_le_bytes(),
+            0x7016 => float(body.law.position),
+            0x7019 => float(body.measured()),
+            0x701A => float(body.torque / TORQUE_CONSTANT),
+            0x701B => float(body.velocity),
+            0x701C => float(24.0),
+            index if self.is_watchdog(index) => {
+                ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes()
+            }
+            _ => return,
+        };
+        let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value);
+        let id = 17 << 24 | u32::from(self.id) << 8 | u32::from(host);
+        out.push_some(extended(id, &[low, high, 0, 0, a, b, c, d]));
+    }
+
+    fn write(&mut self, now_ns: u64, index: u16, value: [u8; 4], body: &mut Body) {
+        let number = f64::from(f32::from_le_bytes(value));
+        let [stiffness, damping] = OWN_GAINS;
+        let law = match (index, self.run_mode) {
+            (0x7005, _) => {
+                // the manual: switching the mode needs the motor off
+                if !body.power {
+                    let [mode, ..] = value;
+                    self.run_mode = mode;
+                }
+                return;
+            }
+            (index, _) if self.is_watchdog(index) => {
+                body.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
+                return;
+            }
+            (0x700B, _) => {
+                self.torque_limit = f32::from_le_bytes(value);
+                let [_, _, torque, ..] = self.ranges;
+                body.physics.torque_limit = number.clamp(0.0, torque);
+                return;
+            }
+            (0x7006, 3) => Setpoint { torque: number * TORQUE_CONSTANT, ..Setpoint::default() },
+            (0x700A, 2) => Setpoint { velocity: number, damping, ..Setpoint::default() },
+            (0x7016, 1) => Setpoint { position: number, stiffness, damping, ..Setpoint::default() },
+            _ => return,
+        };
+        body.follow(now_ns, law);
+    }
+}
+
+impl Firmware for CyberGear {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
+        let Id::Extended(id) = frame.id else { return false };
+        let [kind, high, host, receiver] = id.to_be_bytes();
+        if receiver != self.id {
+            return false;
+        }
+        let Some(bytes) = frame.exactly::<8>() else { return true };
+        let [a, b, c, d, e, f, g, h] = bytes;
+        let index = u16::from_le_bytes([a, b]);
+        if kind != 1 {
+            self.host = host;
+        }
+        match kind {
+            0 => out.push_some(extended(
+                u32::from(self.id) << 8 | 0xFE,
+                &[self.id, 1, 2, 3, 4, 5, 6, 7],
+            )),
+            1 => {
+                // in this type the whole content is the torque, and the host goes without a number
+                let [p, v, t, k, s] = self.ranges;
+                let torque = value([high, host], t);
+                let (position, velocity) = (value([a, b], p), value([c, d], v));
+                let (stiffness, damping) =
+                    ((value([e, f], k) + k) / 2.0, (value([g, h], s) + s) / 2.0);
+                if self.run_mode == 0 {
+                    body.follow(
+                        now_ns,
+                        Setpoint { position, velocity, torque, stiffness, damping },
+                    );
+                }
+                self.tell(self.host, body, out);
+            }
+            3 => {
+                body.start(now_ns);
+                self.tell(host, body, out);
+            }
+            4 => {
+                body.stop();
+                if a == 1 {
+                    body.fault = 0;
+                }
+                self.tell(host, body, out);
+            }
+            6 => {
+                if a == 1 {
+                    body.zero = body.position;
+                    body.law.position = 0.0;
+                }
+                self.tell(host, body, out);
+            }
+            17 => self.read(host, index, body, out),
+            18 => {
+                self.write(now_ns, index, [e, f, g, h], body);
+                self.tell(host, body, out);
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
+        if body.trips(now_ns) {
+            body.stop();
+        }
+    }
+}
+
+/// A frame with an extended identifier.
+fn extended(id: u32, bytes: &[u8]) -> Option<Frame> {
+    Frame::classic(Id::extended(id)?, bytes)
+}
+
+/// A number as 16 bits over ± `range`; beyond it wraps around.
+fn code(number: f64, range: f64) -> u16 {
+    ((number + range) / (2.0 * range) * 65535.0) as i64 as u16
+}
+
+/// A number of 16 bits over ± `range`.
+fn value(bytes: [u8; 2], range: f64) -> f64 {
+    f64::from(u16::from_be_bytes(bytes)) / 65535.0 * 2.0 * range - range
+}

@@ -1,0 +1,193 @@
+//! Motors from their own side: what they do with frames, and how their shafts turn. For tests and
+//! rehearsals.
+//!
+//! Everything here is written from the makers' manuals and not from the drives of
+//! [`sarrus_can_core::protocol`]: the two are a check of each other. No I/O and no clock; frames and times
+//! are arguments. To add a protocol: a file here, and its line in `firmware` below.
+
+#![forbid(unsafe_code)]
+
+mod cia402;
+mod cybergear;
+mod dbc;
+mod mit;
+mod moteus;
+mod odrive;
+mod plant;
+
+pub use plant::{Body, Physics};
+
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
+
+/// What a motor's firmware does. Nothing is checked here that firmware does not check.
+trait Firmware: Send + core::fmt::Debug {
+    /// Reads a frame; whether it was for this motor.
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool;
+
+    /// Time goes by: watchdogs, and frames that the motor sends by itself.
+    fn step(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue);
+}
+
+/// A simulated motor.
+#[derive(Debug)]
+pub struct Simulated {
+    /// Shaft, power, watchdog.
+    pub body: Body,
+    made_of: (String, Settings, Common, Physics),
+    firmware: Box<dyn Firmware>,
+    stepped_ns: Option<u64>,
+    heard: Option<(u64, Frame)>,
+    n_heard: u64,
+    silent: bool,
+    wrong_id: bool,
+    replies: FrameQueue,
+}
+
+impl Simulated {
+    /// A motor of a protocol, with the settings that its drive has; `None` for a protocol that is
+    /// not simulated.
+    pub fn new(
+        protocol: &str,
+        settings: &Settings,
+        common: Common,
+        physics: Physics,
+    ) -> Option<Simulated> {
+        let mut body = Body::new(physics);
+        let firmware = firmware(protocol, settings, common, &mut body)?;
+        let (made_of, replies) =
+            ((protocol.to_owned(), settings.clone(), common, physics), FrameQueue::new(16));
+        Some(Simulated {
+            body,
+            made_of,
+            firmware,
+            stepped_ns: None,
+            heard: None,
+            n_heard: 0,
+            silent: false,
+            wrong_id: false,
+            replies,
+        })
+    }
+
+    /// Its supply went away and came back: no power, no fault, and every setting as when it was
+    /// new; shaft and zero stay where they are.
+    pub fn reboot(&mut self) {
+        let (protocol, settings, common, physics) = &self.made_of;
+        let Body { position, velocity, zero, .. } = self.body;
+        let mut body = Body::new(*physics);
+        (body.position, body.velocity, body.zero) = (position, velocity, zero);
+        if let Some(firmware) = firmware(protocol, settings, *common, &mut body) {
+            (self.body, self.firmware) = (body, firmware);
+        }
+        self.replies.clear();
+    }
+
+    /// Gives a frame of the bus to the motor; its answers go to `out`. Whether it was for this
+    /// motor.
+    pub fn receive(&mut self, now_ns: u64, frame: &Frame, out: &mut FrameQueue) -> bool {
+        let mine = self.firmware.receive(now_ns, frame, &mut self.body, &mut self.replies);
+        if mine {
+            self.heard = Some((now_ns, *frame));
+            self.n_heard += 1;
+        }
+        self.send(out);
+        mine
+    }
+
+    /// Time has come to `now_ns`: the shaft turns under the torques of motor and friction, and the
+    /// firmware's clocks run.
+    pub fn step(&mut self, now_ns: u64, out: &mut FrameQueue) {
+        let elapsed = now_ns.saturating_sub(self.stepped_ns.unwrap_or(now_ns));
+        self.body.turn(elapsed as f64 * 1e-9);
+        self.tick(now_ns, out);
+    }
+
+    /// As [`Simulated::step`] for a shaft that somebody else turns, by [`Body::carry`].
+    pub fn tick(&mut self, now_ns: u64, out: &mut FrameQueue) {
+        self.stepped_ns = Some(now_ns);
+        self.firmware.step(now_ns, &mut self.body, &mut self.replies);
+        self.send(out);
+    }
+
+    /// The last frame that was for this motor, and when it came `[ns]`.
+    pub fn last_heard(&self) -> Option<(u64, &Frame)> {
+        self.heard.as_ref().map(|(now_ns, frame)| (*now_ns, frame))
+    }
+
+    /// Frames that were for this motor.
+    pub fn n_heard(&self) -> u64 {
+        self.n_heard
+    }
+
+    /// What it follows, while it has power.
+    pub fn follows(&self) -> Option<&Setpoint> {
+        self.body.power.then_some(&self.body.law)
+    }
+
+    /// Injects a fault by the motor's own code: it lets go and tells the code. 0 removes it.
+    pub fn fault(&mut self, code: u32) {
+        self.body.fault = code;
+        if code != 0 {
+            self.body.power = false;
+        }
+    }
+
+    /// A silent motor hears and does not answer.
+    pub fn silence(&mut self, silent: bool) {
+        self.silent = silent;
+    }
+
+    /// Answers under an identifier that nobody expects.
+    pub fn answer_wrongly(&mut self, wrong: bool) {
+        self.wrong_id = wrong;
+    }
+
+    fn send(&mut self, out: &mut FrameQueue) {
+        for frame in self.replies.frames() {
+            let id = match frame.id {
+                Id::Standard(id) => Id::Standard(id ^ 0x200),
+                Id::Extended(id) => Id::Extended(id ^ 0x200),
+            };
+            let mut sent = *frame;
+            if self.wrong_id {
+                sent.id = id;
+            }
+            if !self.silent {
+                out.push(sent);
+            }
+        }
+        self.replies.clear();
+    }
+}
+
+/// The firmware of a protocol; `None` for one that is not simulated.
+fn firmware(
+    protocol: &str,
+    settings: &Settings,
+    common: Common,
+    body: &mut Body,
+) -> Option<Box<dyn Firmware>> {
+    Some(match protocol {
+        "mit" => Box::new(mit::Mit::new(settings, common, body)),
+        "cybergear" => Box::new(cybergear::CyberGear::new(settings, common, body)),
+        "odrive" => Box::new(odrive::Odrive::new(settings, common)),
+        "moteus" => Box::new(moteus::Moteus::new(settings, common, body)),
+        "cia402" => Box::new(cia402::Cia402::new(settings, common)),
+        "dbc" => Box::new(dbc::Dbc::new(settings, common, body)?),
+        _ => return None,
+    })
+}
+
+/// A standard frame of at most eight bytes; more are cut off.
+fn standard(id: u32, bytes: &[u8]) -> Option<Frame> {
+    Frame::classic(Id::standard(id)?, bytes)
+}

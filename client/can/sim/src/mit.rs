@@ -1,0 +1,242 @@
+//! MIT mode as motors see it.
+//!
+//! A command is a standard frame of 8 bytes on the motor's identifier, big-endian: p 16 bits, v 12,
+//! kp 12, kd 12, t 12, each offset binary over its range; a motor answers every one, with power or
+//! without. FF ×7 and FC power, FD no power, FE zero here; FB (`damiao`, `robstride`) forget the
+//! fault. A RobStride looks at the first six bytes and the last: with another seventh byte FC sets
+//! its mode, FB asks for the fault word, FA changes its identifier. Measurements are cut to codes,
+//! not rounded, and wrap around.
+//!
+//! | variant | reply | without commands |
+//! |---|---|---|
+//! | `mini_cheetah` | id, p, v, t | no torque until the next command |
+//! | `t_motor` | id, p, v, t, temperature + 40 °C, error | the same |
+//! | `damiao` | state in the high, id in the low half of the first byte, p, v, t, temperatures of bridge and winding | no power, state D |
+//! | `robstride` | id, p, v, t, temperature ×10 in 16 bits | no power |
+//!
+//! A Damiao has registers at 7FF: `id low, id high, 33 (read) or 55 (write), register, four bytes`,
+//! little-endian, answered on the reply's identifier. Register 9 is its watchdog in 50 µs, off when
+//! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it lets go, 7 and 8 its
+//! identifiers, A its mode, E its firmware, 14 the reduction of its gear.
+//!
+//! Sources: B. Katz, firmware of the mini cheetah's motor controller; CubeMars, *AK series manual*;
+//! Damiao, *DM-J4310 manual* and its list of registers; RobStride, *RS00 manual*, chapter on the
+//! MIT protocol.
+
+use super::{Body, Firmware, standard};
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
+
+/// Identifier of a Damiao's registers.
+const REGISTERS: u16 = 0x7FF;
+/// Nanoseconds of one count of a Damiao's watchdog.
+const COUNT_NS: u64 = 50_000;
+/// What a Damiao lets go at `[V]`, the version of its firmware, and the reduction of its gear, as
+/// those of a DM-J4310 are.
+const UNDER_VOLTAGE: f32 = 15.0;
+const SOFTWARE: u32 = 5013;
+const REDUCTION: f32 = 10.0;
+/// A Damiao's state after its watchdog.
+const COMMUNICATION_LOST: u32 = 0xD;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Variant {
+    MiniCheetah,
+    TMotor,
+    Damiao,
+    RobStride,
+}
+
+#[derive(Debug)]
+pub(super) struct Mit {
+    variant: Variant,
+    id: u16,
+    reply_id: u32,
+    position_range: f64,
+    velocity_range: f64,
+    torque_range: f64,
+    stiffness_range: f64,
+    damping_range: f64,
+}
+
+impl Mit {
+    pub(super) fn new(settings: &Settings, common: Common, body: &mut Body) -> Mit {
+        let variant = match settings.text("variant") {
+            "t_motor" => Variant::TMotor,
+            "damiao" => Variant::Damiao,
+            "robstride" => Variant::RobStride,
+            _ => Variant::MiniCheetah,
+        };
+        if variant != Variant::Damiao {
+            // set with the maker's tool, as these motors cannot be asked
+            body.watchdog_ns = u64::from(common.watchdog_ms) * 1_000_000;
+        }
+        Mit {
+            variant,
+            id: settings.integer("id") as u16,
+            reply_id: settings.integer("reply_id") as u32,
+            position_range: settings.number("position_range"),
+            velocity_range: settings.number("velocity_range"),
+            torque_range: settings.number("torque_range"),
+            stiffness_range: settings.number("stiffness_range"),
+            damping_range: settings.number("damping_range"),
+        }
+    }
+
+    fn setpoint(&self, code: u64) -> Setpoint {
+        let field = |shift: u32, bits: u32| {
+            (code >> shift & ((1 << bits) - 1)) as f64 / ((1u32 << bits) - 1) as f64
+        };
+        let around_zero = |part: f64, range: f64| (2.0 * part - 1.0) * range;
+        Setpoint {
+            position: around_zero(field(48, 16), self.position_range),
+            velocity: around_zero(field(36, 12), self.velocity_range),
+            stiffness: field(24, 12) * self.stiffness_range,
+            damping: field(12, 12) * self.damping_range,
+            torque: around_zero(field(0, 12), self.torque_range),
+        }
+    }
+
+    /// The special command in a frame: its last byte, and whether the byte before it is FF too.
+    fn special(&self, bytes: [u8; 8]) -> Option<(u8, bool)> {
+        let [a, b, c, d, e, f, seventh, last] = bytes;
+        let full = seventh == 0xFF;
+        let known = match self.variant {
+            Variant::MiniCheetah | Variant::TMotor => full && (0xFC..=0xFE).contains(&last),
+            Variant::Damiao => full && (0xFB..=0xFE).contains(&last),
+            Variant::RobStride => (0xFA..=0xFE).contains(&last),
+        };
+        ([a, b, c, d, e, f] == [0xFF; 6] && known).then_some((last, full))
+    }
+
+    fn obey(&mut self, now_ns: u64, command: (u8, bool), body: &mut Body, out: &mut FrameQueue) {
+        match command {
+            (0xFC, true) => body.start(now_ns),
+            (0xFD, true) => body.stop(),
+            (0xFE, true) => {
+                body.zero = body.position;
+                body.law.position = 0.0;
+            }
+            (0xFB, true) => body.fault = 0,
+            (0xFB, false) => {
+                let [a, b, c, d] = body.fault.to_le_bytes();
+                out.push_some(standard(self.reply_id, &[self.id as u8, a, b, c, d, 0, 0, 0]));
+                return;
+            }
+            (0xFA, _) => self.id = 0xFFFF,
+            _ => {}
+        }
+        self.reply(body, out);
+    }
+
+    fn reply(&self, body: &Body, out: &mut FrameQueue) {
+        let position = code(body.measured(), self.position_range, 16);
+        let velocity = code(body.velocity, self.velocity_range, 12);
+        let torque = code(body.torque, self.torque_range, 12);
+        let [p, q] = (position as u16).to_be_bytes();
+        let [v, w, t] =
+            [(velocity >> 4) as u8, ((velocity & 0xF) << 4 | torque >> 8) as u8, torque as u8];
+        let temperature = body.temperature;
+        let id = self.id as u8;
+        let frame = match self.variant {
+            Variant::MiniCheetah => standard(self.reply_id, &[id, p, q, v, w, t]),
+            Variant::TMotor => standard(
+                self.reply_id,
+                &[id, p, q, v, w, t, (temperature + 40.0) as u8, body.fault as u8],
+            ),
+            Variant::Damiao => {
+                let state = if body.fault != 0 { body.fault as u8 } else { u8::from(body.power) };
+                standard(
+                    self.reply_id,
+                    &[state << 4 | id & 0xF, p, q, v, w, t, temperature as u8, temperature as u8],
+                )
+            }
+            Variant::RobStride => {
+                let [high, low] = ((temperature * 10.0) as u16).to_be_bytes();
+                standard(self.reply_id, &[id, p, q, v, w, t, high, low])
+            }
+        };
+        out.push_some(frame);
+    }
+
+    /// Registers of a Damiao.
+    fn register(&mut self, bytes: &[u8], body: &mut Body, out: &mut FrameQueue) -> bool {
+        let &[low, high, access, register, ref value @ ..] = bytes else { return false };
+        if u16::from_le_bytes([low, high]) != self.id {
+            return false;
+        }
+        if access == 0xCC {
+            self.reply(body, out);
+            return true;
+        }
+        let value = value.first_chunk::<4>().copied();
+        if let (0x55, 9, Some(value)) = (access, register, value) {
+            body.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
+        }
+        let content = match register {
+            0x00 => UNDER_VOLTAGE.to_le_bytes(),
+            0x07 => self.reply_id.to_le_bytes(),
+            0x08 => u32::from(self.id).to_le_bytes(),
+            0x09 => ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes(),
+            0x0A => 1u32.to_le_bytes(),
+            0x0E => SOFTWARE.to_le_bytes(),
+            0x14 => REDUCTION.to_le_bytes(),
+            0x15 => (self.position_range as f32).to_le_bytes(),
+            0x16 => (self.velocity_range as f32).to_le_bytes(),
+            0x17 => (self.torque_range as f32).to_le_bytes(),
+            _ => return true,
+        };
+        if matches!(access, 0x33 | 0x55) {
+            let [a, b, c, d] = content;
+            out.push_some(standard(self.reply_id, &[low, high, access, register, a, b, c, d]));
+        }
+        true
+    }
+}
+
+impl Firmware for Mit {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
+        if self.variant == Variant::Damiao && frame.id == Id::Standard(REGISTERS) {
+            return self.register(frame.data(), body, out);
+        }
+        if frame.id != Id::Standard(self.id) {
+            return false;
+        }
+        let Some(bytes) = frame.exactly::<8>() else { return true };
+        match self.special(bytes) {
+            Some(command) => self.obey(now_ns, command, body, out),
+            None => {
+                body.follow(now_ns, self.setpoint(u64::from_be_bytes(bytes)));
+                self.reply(body, out);
+            }
+        }
+        true
+    }
+
+    fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
+        if body.trips(now_ns) {
+            match self.variant {
+                Variant::MiniCheetah | Variant::TMotor => body.law = Setpoint::default(),
+                Variant::Damiao => {
+                    body.fault = COMMUNICATION_LOST;
+                    body.stop();
+                }
+                Variant::RobStride => body.stop(),
+            }
+        }
+    }
+}
+
+/// A number as offset binary over ± `range`, cut, and with its higher bits lost.
+fn code(number: f64, range: f64, bits: u32) -> u32 {
+    let most = ((1u32 << bits) - 1) as f64;
+    ((number + range) / (2.0 * range) * most) as i64 as u32 & ((1 << bits) - 1)
+}

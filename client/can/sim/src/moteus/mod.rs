@@ -1,0 +1,352 @@
+//! moteus as the motor sees it: registers, read and written in sub-frames of CAN FD.
+//!
+//! Identifier: source 8 bits (highest bit: wants an answer), destination 8 bits; the answer goes
+//! back with both exchanged. A sub-frame is one byte of what and how many, the first register, and
+//! values for that and the following ones:
+//!
+//! | byte | what |
+//! |---|---|
+//! | 00, 04, 08, 0C | write int8, int16, int32, f32; the lower two bits are how many, 0: a byte with it follows |
+//! | 10, 14, 18, 1C | read in these types; answered by 20, 24, 28, 2C |
+//! | 30, 31 | a write or a read failed: register, error |
+//! | 50 | nothing: fills up frames |
+//!
+//! Registers and counter values have seven bits in a byte and go on while the eighth is set. Whole
+//! numbers have a unit each (a position .01, .0001 or .00001 turns in int8, int16, int32), and
+//! their lowest value is NaN. Modes: 0 stopped, 1 fault, 3 starting, 10 position, 11 timeout, 12
+//! zero velocity, 15 brake. A command counts if its frame sets the mode, after the answer. A
+//! timeout holds against turning until it is stopped. With a limit of velocity or acceleration,
+//! that of the command or the configured one, the position that is followed goes to the commanded
+//! one within the limit. Source: mjbots, *moteus reference*; its firmware of 2026
+//! (moteus_controller.cc, bldc_servo_control.h).
+
+mod registers;
+
+use core::f64::consts::TAU;
+
+use self::registers::{Answer, COUNTS, Kind, chunk, units, varuint};
+use super::{Body, Firmware};
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id, MAX_DATA};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
+
+const STOPPED: u8 = 0;
+const FAULT: u8 = 1;
+const STARTING: u8 = 3;
+const POSITION: u8 = 10;
+const TIMEOUT: u8 = 11;
+const ZERO_VELOCITY: u8 = 12;
+const BRAKE: u8 = 15;
+/// `servo.default_timeout_s`.
+const DEFAULT_TIMEOUT: f64 = 0.1;
+/// `servo.default_accel_limit` as it is delivered `[turns/s²]`; `servo.default_velocity_limit` is
+/// none, and `servo.max_velocity` far away.
+const DEFAULT_ACCELERATION: f64 = 50.0;
+/// Damping of the timeout and of the brake `[N m s/rad]`.
+const HOLD: f64 = 0.5;
+/// Stiffness and damping at scale 1, `servo.pid_position`, unless the settings say `[N m/turn, N m
+/// s/turn]`.
+const GAINS: [f64; 2] = [4.0, 0.05];
+
+#[derive(Debug)]
+pub(super) struct Moteus {
+    id: u8,
+    mode: u8,
+    stiffness: f64,
+    damping: f64,
+    command: Command,
+    /// Its own set-point on the way to the commanded one, where there is a limit `[turns,
+    /// turns/s]`.
+    way: Option<(f64, f64)>,
+    stepped_ns: u64,
+}
+
+/// The mode, and the registers 20 to 29 (hexadecimal), in their own units; NaN where they stand for
+/// something else.
+#[derive(Clone, Copy, Debug)]
+struct Command {
+    mode: u8,
+    position: f64,
+    velocity: f64,
+    torque: f64,
+    stiffness_scale: f64,
+    damping_scale: f64,
+    max_torque: f64,
+    timeout: f64,
+    velocity_limit: f64,
+    acceleration_limit: f64,
+}
+
+impl Command {
+    /// What the registers are at the begin of each frame that sets the mode.
+    const NEW: Command = Command {
+        mode: STOPPED,
+        position: 0.0,
+        velocity: 0.0,
+        torque: 0.0,
+        stiffness_scale: 1.0,
+        damping_scale: 1.0,
+        max_torque: f64::NAN,
+        timeout: 0.0,
+        velocity_limit: f64::NAN,
+        acceleration_limit: f64::NAN,
+    };
+}
+
+impl Moteus {
+    pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> Moteus {
+        let [stiffness, damping] = GAINS;
+        let known = |key: &str, usual: f64| {
+            Some(settings.number(key)).filter(|gain| gain.is_finite()).unwrap_or(usual) / TAU
+        };
+        body.watchdog_ns = (DEFAULT_TIMEOUT * 1e9) as u64;
+        Moteus {
+            id: settings.integer("id") as u8,
+            mode: STOPPED,
+            stiffness: known("kp", stiffness),
+            damping: known("kd", damping),
+            command: Command::NEW,
+            way: None,
+            stepped_ns: 0,
+        }
+    }
+
+    /// All sub-frames of a frame; nothing more after one that makes no sense, as in the firmware.
+    fn sub_frames(&mut self, now_ns: u64, mut rest: &[u8], body: &mut Body, answer: &mut Answer) {
+        let mut commanded = false;
+        while let Some(what) = chunk::<1>(&mut rest).map(|[what]| what) {
+            if what == 0x50 {
+                continue;
+            }
+            let kind = Kind::of(what >> 2);
+            let mut parse = || {
+                let count = if what & 3 == 0 { varuint(&mut rest)? } else { u32::from(what & 3) };
+                Some((count, varuint(&mut rest)?))
+            };
+            match what & 0xF0 {
+                0x00 => {
+                    let Some((count, first)) = parse() else { return };
+                    for register in (first..).take(count as usize) {
+                        let Some(value) = kind.take(&mut rest, units(register).unwrap_or(COUNTS))
+                        else {
+                            return;
+                        };
+                        commanded |= self.write(register, value, body, answer);
+                    }
+                }
+                0x10 => {
+                    let Some((count, first)) = parse() else { return };
+                    self.read(kind, first, count, body, answer);
+                }
+                _ => return,
+            }
+        }
+        if commanded {
+            self.act(now_ns, body);
+        }
+    }
+
+    /// Writes a register; whether it makes a command of the frame.
+    fn write(&mut self, register: u32, value: f64, body: &mut Body, answer: &mut Answer) -> bool {
+        match register {
+            0x000 => {
+                self.command = Command { mode: value as u8, ..Command::NEW };
+                return true;
+            }
+            0x020 => self.command.position = value,
+            0x021 => self.command.velocity = value,
+            0x022 => self.command.torque = value,
+            0x023 => self.command.stiffness_scale = value,
+            0x024 => self.command.damping_scale = value,
+            0x025 => self.command.max_torque = value,
+            0x027 => self.command.timeout = value,
+            0x028 => self.command.velocity_limit = value,
+            0x029 => self.command.acceleration_limit = value,
+            0x026 | 0x02A..=0x02F => {}
+            0x130 => {
+                // the whole turn nearest to the value stays
+                let turn = (body.measured() / TAU - value).round();
+                body.zero = body.position - (value + turn) * TAU;
+            }
+            0x131 => body.zero = body.position - value * TAU,
+            _ => {
+                answer.put(&[0x30]);
+                answer.put_varuint(register);
+                answer.put(&[1]);
+            }
+        }
+        false
+    }
+
+    /// Takes a whole command.
+    fn act(&mut self, now_ns: u64, body: &mut Body) {
+        match self.command.mode {
+            STOPPED => {
+                self.mode = STOPPED;
+                body.fault = 0;
+                body.stop();
+            }
+            // a fault or a timeout is left by stopping only
+            mode @ (POSITION | ZERO_VELOCITY | BRAKE) if !matches!(self.mode, FAULT | TIMEOUT) => {
+                self.mode = if matches!(self.mode, STOPPED | STARTING) { STARTING } else { mode };
+                // 0 is the configured one, NaN is none
+                let timeout = if self.command.timeout == 0.0 {
+                    DEFAULT_TIMEOUT
+                } else {
+                    self.command.timeout
+                };
+                body.watchdog_ns = (timeout * 1e9) as u64;
+                let law = self.law(body);
+                body.follow(now_ns, law);
+            }
+            _ => {}
+        }
+    }
+
+    /// What the command is to the motor.
+    fn law(&mut self, body: &mut Body) -> Setpoint {
+        let command = self.command;
+        let or = |number: f64, usual: f64| if number.is_nan() { usual } else { number };
+        body.physics.torque_limit = or(command.max_torque, f64::INFINITY);
+        if command.mode != POSITION {
+            return Setpoint { damping: HOLD, ..Setpoint::default() };
+        }
+        // no position: where it is
+        let position = or(command.position, body.measured() / TAU);
+        let (position, velocity) = self.way.unwrap_or((position, or(command.velocity, 0.0)));
+        Setpoint {
+            position: position * TAU,
+            velocity: velocity * TAU,
+            torque: or(command.torque, 0.0),
+            stiffness: self.stiffness * or(command.stiffness_scale, 1.0).clamp(0.0, 1.0),
+            damping: self.damping * or(command.damping_scale, 1.0).clamp(0.0, 1.0),
+        }
+    }
+
+    /// Goes on towards the commanded position within the limits, if there are any.
+    fn advance(&mut self, elapsed: f64, body: &Body) {
+        let limit = |number: f64, usual: f64| {
+            if number < 0.0 {
+                f64::INFINITY
+            } else {
+                Some(number).filter(|n| !n.is_nan()).unwrap_or(usual)
+            }
+        };
+        let most = limit(self.command.velocity_limit, f64::INFINITY);
+        let acceleration = limit(self.command.acceleration_limit, DEFAULT_ACCELERATION);
+        if most.is_infinite() && acceleration.is_infinite() {
+            self.way = None;
+            return;
+        }
+        let (position, velocity) = self.way.unwrap_or((body.measured() / TAU, body.velocity / TAU));
+        let rest =
+            if self.command.position.is_nan() { 0.0 } else { self.command.position - position };
+        let wanted = (2.0 * acceleration * rest.abs())
+            .sqrt()
+            .min(most)
+            .min(rest.abs() / elapsed)
+            .copysign(rest);
+        let change = acceleration * elapsed;
+        let velocity = wanted.clamp(velocity - change, velocity + change);
+        self.way = Some((position + velocity * elapsed, velocity));
+    }
+
+    fn read(&self, kind: Kind, first: u32, count: u32, body: &Body, answer: &mut Answer) {
+        let known = (first..).take(count.min(32) as usize);
+        if let Some(unknown) = known.clone().find(|&register| units(register).is_none()) {
+            answer.put(&[0x31]);
+            answer.put_varuint(unknown);
+            answer.put(&[1]);
+            return;
+        }
+        let type_bits = match kind {
+            Kind::Int8 => 0x20,
+            Kind::Int16 => 0x24,
+            Kind::Int32 => 0x28,
+            Kind::Float => 0x2C,
+        };
+        if count < 4 {
+            answer.put(&[type_bits | count as u8]);
+        } else {
+            answer.put(&[type_bits]);
+            answer.put_varuint(count);
+        }
+        answer.put_varuint(first);
+        for register in known {
+            kind.put(self.value(register, body), units(register).unwrap_or(COUNTS), answer);
+        }
+    }
+
+    fn value(&self, register: u32, body: &Body) -> f64 {
+        match register {
+            0x000 => f64::from(if body.fault != 0 { FAULT } else { self.mode }),
+            0x001 | 0x006 => body.measured() / TAU,
+            0x002 => body.velocity / TAU,
+            0x003 => body.torque,
+            0x00A | 0x00E => body.temperature,
+            0x00D => 24.0,
+            0x00F => f64::from(body.fault),
+            0x020 => self.command.position,
+            0x021 => self.command.velocity,
+            0x022 => self.command.torque,
+            0x023 => self.command.stiffness_scale,
+            0x024 => self.command.damping_scale,
+            0x025 => self.command.max_torque,
+            0x027 => self.command.timeout,
+            0x028 => self.command.velocity_limit,
+            0x029 => self.command.acceleration_limit,
+            0x038 => {
+                if body.power {
+                    body.law.position / TAU
+                } else {
+                    f64::NAN
+                }
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+impl Firmware for Moteus {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
+        let [_, _, source, destination] = frame.id.number().to_be_bytes();
+        if frame.id.number() >> 16 != 0 || destination & 0x7F != self.id {
+            return false;
+        }
+        if body.fault != 0 {
+            self.mode = FAULT;
+        }
+        let mut answer = Answer { bytes: [0; MAX_DATA], used: 0 };
+        self.sub_frames(now_ns, frame.data(), body, &mut answer);
+        if source & 0x80 != 0 {
+            let id = u32::from(self.id) << 8 | u32::from(source & 0x7F);
+            let id = Id::standard(id).or(Id::extended(id));
+            out.push_some(id.and_then(|id| answer.frame(id)));
+        }
+        true
+    }
+
+    fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
+        let elapsed = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
+        self.stepped_ns = now_ns;
+        if self.mode == STARTING {
+            (self.mode, self.way) = (self.command.mode, None);
+            body.start(now_ns);
+        }
+        if body.power && self.mode == POSITION && elapsed > 0.0 {
+            self.advance(elapsed, body);
+            body.law = self.law(body);
+        }
+        if body.trips(now_ns) {
+            self.mode = TIMEOUT;
+            body.law = Setpoint { damping: HOLD, ..Setpoint::default() };
+        }
+    }
+}

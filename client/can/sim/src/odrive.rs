@@ -1,0 +1,214 @@
+//! ODrive with CANSimple as the motor sees it.
+//!
+//! Standard identifier: node 6 bits, command 5 bits; data little-endian; positions in turns,
+//! velocities in turns per second, at the motor's shaft.
+//!
+//! | command | from | data |
+//! |---|---|---|
+//! | 01 heartbeat, each 100 ms | motor | errors u32, state u8, result u8, done u8 |
+//! | 02 emergency stop | host | |
+//! | 03 errors | motor | active u32, reason of disarming u32 |
+//! | 04, 05 endpoint | both | 0 read or 1 write, endpoint u16, 0, value as long as its type; the answer to a read has 0 first |
+//! | 07 state | host | u32: 1 idle, 8 closed loop |
+//! | 09 estimates, cyclic | motor | position f32, velocity f32 |
+//! | 0B modes | host | control u32 (1 torque, 2 velocity, 3 position), input u32 (1 passed through) |
+//! | 0C position | host | f32, velocity i16 × `velocity_scale`, torque i16 × `torque_scale` |
+//! | 0D velocity | host | f32, torque f32 |
+//! | 0E torque | host | f32 |
+//! | 15 temperatures, 1C torques, cyclic | motor | f32, f32 |
+//! | 18 forget errors | host | |
+//! | 19 position is now | host | f32 |
+//!
+//! Without set-points for the time of the endpoint `watchdog_timeout` (f32, s), if
+//! `enable_watchdog` is set, it goes to idle with the error 0x01000000. Source: ODrive Robotics,
+//! documentation of the firmware 0.6, *CAN protocol* and *watchdog*.
+
+use core::f64::consts::TAU;
+
+use super::{Body, Firmware, standard};
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::protocol::Common;
+use sarrus_can_core::protocol::Settings;
+
+/// Time between two heartbeats `[ns]`.
+const HEARTBEAT_NS: u64 = 100_000_000;
+/// Time between two cyclic measurements, `encoder_msg_rate_ms` and `torques_msg_rate_ms` `[ns]`.
+const FEEDBACK_NS: u64 = 2_000_000;
+/// `WATCHDOG_TIMER_EXPIRED`.
+const WATCHDOG_EXPIRED: u32 = 0x0100_0000;
+const IDLE: u8 = 1;
+const CLOSED_LOOP: u8 = 8;
+/// Gains of its own loops: torque for position `[N m/rad]`, for velocity `[N m s/rad]`.
+const OWN_GAINS: [f64; 2] = [40.0, 2.0];
+
+#[derive(Debug)]
+pub(super) struct Odrive {
+    node: u16,
+    control_mode: u32,
+    velocity_scale: f64,
+    torque_scale: f64,
+    tells_torque: bool,
+    enable_watchdog: bool,
+    timeout_s: f32,
+    enable_endpoint: i64,
+    timeout_endpoint: i64,
+    heartbeat_ns: u64,
+    feedback_ns: u64,
+}
+
+impl Odrive {
+    pub(super) fn new(settings: &Settings, _common: Common) -> Odrive {
+        Odrive {
+            node: settings.integer("node") as u16,
+            control_mode: 3,
+            velocity_scale: settings.number("velocity_scale"),
+            torque_scale: settings.number("torque_scale"),
+            tells_torque: settings.flag("torque_feedback"),
+            enable_watchdog: false,
+            timeout_s: 0.0,
+            enable_endpoint: settings.integer("enable_watchdog_endpoint"),
+            timeout_endpoint: settings.integer("watchdog_timeout_endpoint"),
+            heartbeat_ns: 0,
+            feedback_ns: 0,
+        }
+    }
+
+    fn tell(&self, command: u16, bytes: [[u8; 4]; 2], out: &mut FrameQueue) {
+        let [[a, b, c, d], [e, f, g, h]] = bytes;
+        out.push_some(standard(u32::from(self.node << 5 | command), &[a, b, c, d, e, f, g, h]));
+    }
+
+    fn endpoint(
+        &mut self,
+        write: bool,
+        endpoint: u16,
+        value: [u8; 4],
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) {
+        let [first, ..] = value;
+        let content = match i64::from(endpoint) {
+            0 => return,
+            known if known == self.enable_endpoint => {
+                if write {
+                    self.enable_watchdog = first != 0;
+                }
+                [u8::from(self.enable_watchdog), 0, 0, 0]
+            }
+            known if known == self.timeout_endpoint => {
+                if write {
+                    self.timeout_s = f32::from_le_bytes(value);
+                }
+                self.timeout_s.to_le_bytes()
+            }
+            _ => return,
+        };
+        body.watchdog_ns =
+            if self.enable_watchdog { (f64::from(self.timeout_s) * 1e9) as u64 } else { 0 };
+        if !write {
+            let [low, high] = endpoint.to_le_bytes();
+            self.tell(0x05, [[0, low, high, 0], content], out);
+        }
+    }
+}
+
+impl Firmware for Odrive {
+    fn receive(
+        &mut self,
+        now_ns: u64,
+        frame: &Frame,
+        body: &mut Body,
+        out: &mut FrameQueue,
+    ) -> bool {
+        let Id::Standard(id) = frame.id else { return false };
+        if id >> 5 != self.node {
+            return false;
+        }
+        let mut bytes = [0; 8];
+        bytes.iter_mut().zip(frame.data()).for_each(|(byte, given)| *byte = *given);
+        let [a, b, c, d, e, f, g, h] = bytes;
+        let (first, second) = (f32::from_le_bytes([a, b, c, d]), f32::from_le_bytes([e, f, g, h]));
+        let fine = |low, high| f64::from(i16::from_le_bytes([low, high]));
+        let [stiffness, damping] = OWN_GAINS;
+        let law = match (id & 0x1F, frame.data().len()) {
+            (0x02, _) => {
+                body.stop();
+                return true;
+            }
+            (0x04, 4..=8) => {
+                self.endpoint(a == 1, u16::from_le_bytes([b, c]), [e, f, g, h], body, out);
+                return true;
+            }
+            (0x07, 4 | 8) => {
+                match a {
+                    CLOSED_LOOP => body.start(now_ns),
+                    IDLE => body.stop(),
+                    _ => {}
+                }
+                return true;
+            }
+            (0x0B, 8) => {
+                self.control_mode = u32::from(a);
+                return true;
+            }
+            (0x18, _) => {
+                body.fault = 0;
+                return true;
+            }
+            (0x19, 4 | 8) => {
+                body.zero = body.position - f64::from(first) * TAU;
+                return true;
+            }
+            (0x0C, 8) if self.control_mode == 3 => Setpoint {
+                position: f64::from(first) * TAU,
+                velocity: fine(e, f) * self.velocity_scale * TAU,
+                torque: fine(g, h) * self.torque_scale,
+                stiffness,
+                damping,
+            },
+            (0x0D, 8) if self.control_mode == 2 => Setpoint {
+                velocity: f64::from(first) * TAU,
+                torque: f64::from(second),
+                damping,
+                ..Setpoint::default()
+            },
+            (0x0E, 4 | 8) if self.control_mode == 1 => {
+                Setpoint { torque: f64::from(first), ..Setpoint::default() }
+            }
+            (0x0C..=0x0E, _) => {
+                // set-points of another mode feed the watchdog and drive nothing
+                body.feed(now_ns);
+                return true;
+            }
+            (0x01 | 0x03 | 0x05 | 0x09 | 0x15 | 0x1C, _) => return false,
+            _ => return true,
+        };
+        body.follow(now_ns, law);
+        true
+    }
+
+    fn step(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue) {
+        if body.trips(now_ns) {
+            body.fault = WATCHDOG_EXPIRED;
+            body.stop();
+        }
+        let float = |number: f64| (number as f32).to_le_bytes();
+        if now_ns >= self.heartbeat_ns {
+            self.heartbeat_ns = now_ns + HEARTBEAT_NS;
+            self.tell(
+                0x01,
+                [body.fault.to_le_bytes(), [if body.power { CLOSED_LOOP } else { IDLE }, 0, 1, 0]],
+                out,
+            );
+            self.tell(0x15, [float(body.temperature), float(body.temperature)], out);
+        }
+        if now_ns >= self.feedback_ns {
+            self.feedback_ns = now_ns + FEEDBACK_NS;
+            self.tell(0x09, [float(body.measured() / TAU), float(body.velocity / TAU)], out);
+            if self.tells_torque {
+                self.tell(0x1C, [float(body.law.torque), float(body.torque)], out);
+            }
+        }
+    }
+}

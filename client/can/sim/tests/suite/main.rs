@@ -1,0 +1,13 @@
+//! Drives and simulated motors against each other.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that fails panics"
+)]
+
+mod cia402;
+mod closed_loop;
+mod moteus;
+mod motors;
+mod support;

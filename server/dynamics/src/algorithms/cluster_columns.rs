@@ -1,0 +1,182 @@
+//! One cluster as a single joint: its force columns and its block of the mass matrix, from the
+//! inertia that each of its bodies carries.
+//!
+//! With S_i the axes of body i, I_i the inertia that it carries, and G_i the rows of G at its
+//! joint, a unit acceleration of the independents takes on body i the forces (Jain 2012, constraint
+//! embedding; Featherstone 2008, section 6.2, with columns joined by G)
+//!
+//! ```text
+//! F_i = Σ_children X F + I_i S_i G_i          at the parent body: U = Σ X F
+//! D   = Σ_i G_iᵀ S_iᵀ F_i + its mirror image  (each pair of joints once)
+//! ```
+//!
+//! so that the cost grows with bodies × independents, never with the square of the bodies.
+
+use nalgebra::Vector3;
+
+use crate::algorithms::rnea::turn_by;
+use crate::mechanism::Motion;
+use crate::model::{Cluster, Model};
+use crate::scalar::Real;
+use crate::spatial::{cross_add, lift, mul, zero};
+use crate::workspace::{BodyState, Composite};
+
+/// A moment and a force, in body axes at the body's origin.
+pub(crate) type Force<T> = (Vector3<T>, Vector3<T>);
+
+/// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
+/// `column` gives I_i s for freedom k of local body i; `F` is scratch for m columns of each body.
+#[inline(always)]
+pub(super) fn join<T: Real>(
+    model: &Model<T::Const>,
+    cluster: &Cluster<T::Const>,
+    G: &[T],
+    motion: &[BodyState<T>],
+    column: impl Fn(usize, Motion, usize) -> Force<T>,
+    F: &mut [Force<T>],
+    U: &mut [Force<T>],
+    D: &mut [T],
+) {
+    let (n, m) = (cluster.n, cluster.n_vy);
+    D[..m * m].fill(T::ZERO);
+    F[..n * m].fill((zero(), zero()));
+    U[..m].fill((zero(), zero()));
+    for i in (0..n).rev() {
+        let body = &model.bodies[cluster.body + i];
+        let (before, F_i) = F.split_at_mut(i * m);
+        let F_i = &mut F_i[..m];
+        for k in 0..body.motion.n_v() {
+            let G_i = &G[(body.v - cluster.v + k) * m..][..m];
+            let own = column(i, body.motion, k);
+            // its own inertia counts half: the mirror image brings the other half
+            let half = component(body.motion, k, &own) * T::from_f64(0.5);
+            for l in 0..m {
+                let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
+                for j in 0..m {
+                    D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
+                }
+                for a in 0..3 {
+                    F_i[l].0[a] = own.0[a].mul_add(G_i[l], F_i[l].0[a]);
+                    F_i[l].1[a] = own.1[a].mul_add(G_i[l], F_i[l].1[a]);
+                }
+            }
+        }
+        let to = match cluster.local_parent[i] {
+            0 if cluster.parent == 0 => continue,
+            0 => &mut U[..m],
+            parent => &mut before[(parent - 1) * m..][..m],
+        };
+        for (to, force) in to.iter_mut().zip(F_i) {
+            let (n, f) = carry_force(force, &motion[cluster.body + i]);
+            to.0 += n;
+            to.1 += f;
+        }
+    }
+    for k in 0..m {
+        for l in 0..=k {
+            let x = D[k * m + l] + D[l * m + k];
+            D[k * m + l] = x;
+            D[l * m + k] = x;
+        }
+    }
+}
+
+/// Component of a force along freedom k of a joint.
+#[inline(always)]
+pub(super) fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> T {
+    match (motion, k) {
+        (Motion::Revolute, _) => force.0[2],
+        (Motion::Prismatic, _) => force.1[2],
+        (Motion::Spherical, _) | (Motion::Floating, 0..3) => force.0[k],
+        (Motion::Floating, _) => force.1[k - 3],
+    }
+}
+
+/// The same force at the parent's origin in the parent's axes.
+#[inline(always)]
+pub(super) fn carry_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Force<T> {
+    let f = mul(&state.R, &force.1);
+    (cross_add(&state.p, &f, &mul(&state.R, &force.0)), f)
+}
+
+impl<T: Real> Composite<T> {
+    /// The inertia of one body alone.
+    #[inline(always)]
+    pub(super) fn of(body: &crate::model::Body<T::Const>) -> Composite<T> {
+        Composite { mass: T::lift(body.mass), h: lift(&body.h), inertia: body.inertia.map(T::lift) }
+    }
+
+    /// Adds another inertia about the same origin.
+    #[inline(always)]
+    pub(super) fn add(&mut self, other: &Composite<T>) {
+        self.mass += other.mass;
+        self.h += other.h;
+        for (a, b) in self.inertia.iter_mut().zip(other.inertia) {
+            *a += b;
+        }
+    }
+
+    /// Force that a unit acceleration of freedom k of a joint takes.
+    #[inline(always)]
+    pub(super) fn column(&self, motion: Motion, k: usize) -> Force<T> {
+        let Composite { mass, h, inertia } = self;
+        match motion {
+            Motion::Revolute => (
+                Vector3::new(inertia[2], inertia[4], inertia[5]),
+                Vector3::new(-h[1], h[0], T::ZERO),
+            ),
+            Motion::Prismatic => {
+                (Vector3::new(h[1], -h[0], T::ZERO), Vector3::new(T::ZERO, T::ZERO, *mass))
+            }
+            Motion::Spherical | Motion::Floating => {
+                let axis = |i: usize| if k % 3 == i { T::ONE } else { T::ZERO };
+                let e = Vector3::new(axis(0), axis(1), axis(2));
+                if k < 3 {
+                    (turn_by(inertia, &e), cross_add(&e, h, &zero()))
+                } else {
+                    (cross_add(h, &e, &zero()), e * *mass)
+                }
+            }
+        }
+    }
+
+    /// The same inertia about the parent's origin in the parent's axes:
+    /// I' = R I Rᵀ + 2 (b·p) 1 − b pᵀ − p bᵀ with b = R h + m p / 2.
+    #[inline(always)]
+    pub(super) fn carried(&self, state: &BodyState<T>) -> Composite<T> {
+        let (R, p) = (&state.R, &state.p);
+        let [xx, xy, xz, yy, yz, zz] = self.inertia;
+        let rows = [Vector3::new(xx, xy, xz), Vector3::new(xy, yy, yz), Vector3::new(xz, yz, zz)];
+        // A = R I, then entries of A Rᵀ
+        let A = rows.map(|row| mul(R, &row));
+        let entry = |i: usize, j: usize| {
+            A[0][i].mul_add(R[(j, 0)], A[1][i].mul_add(R[(j, 1)], A[2][i] * R[(j, 2)]))
+        };
+        let h = mul(R, &self.h);
+        let half = self.mass * T::from_f64(0.5);
+        let b = Vector3::new(
+            half.mul_add(p[0], h[0]),
+            half.mul_add(p[1], h[1]),
+            half.mul_add(p[2], h[2]),
+        );
+        let products = [b[0] * p[0], b[1] * p[1], b[2] * p[2]];
+        let mixed = |i: usize, j: usize| -(b[i].mul_add(p[j], p[i] * b[j]));
+        let two = T::from_f64(2.0);
+        Composite {
+            mass: self.mass,
+            h: Vector3::new(
+                self.mass.mul_add(p[0], h[0]),
+                self.mass.mul_add(p[1], h[1]),
+                self.mass.mul_add(p[2], h[2]),
+            ),
+            inertia: [
+                two.mul_add(products[1] + products[2], entry(0, 0)),
+                entry(0, 1) + mixed(0, 1),
+                entry(0, 2) + mixed(0, 2),
+                two.mul_add(products[0] + products[2], entry(1, 1)),
+                entry(1, 2) + mixed(1, 2),
+                two.mul_add(products[0] + products[1], entry(2, 2)),
+            ],
+        }
+    }
+}

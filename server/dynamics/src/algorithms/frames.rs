@@ -1,0 +1,156 @@
+//! Poses, twists, accelerations and Jacobians of frames; world axes at the frame's origin.
+
+use nalgebra::Vector3;
+
+use crate::algorithms::rnea::accelerate;
+use crate::mechanism::Motion;
+use crate::model::{Frame, Model};
+use crate::scalar::Real;
+use crate::spatial::{
+    Pose, column, cross, cross_add, lift, lift_mat, mul, mul_mat, t_mul, to_quaternion, zero,
+};
+use crate::workspace::BodyState;
+
+/// Pose of the given bodies in the root frame; parents come before their children.
+pub(crate) fn world_poses<T: Real>(
+    model: &Model<T::Const>,
+    bodies: &[usize],
+    motion: &[BodyState<T>],
+    world: &mut [Pose<T>],
+) {
+    for &i in bodies {
+        let in_parent = Pose { R: motion[i].R, p: motion[i].p };
+        let parent = model.bodies[i].parent;
+        world[i] = if parent == 0 { in_parent } else { world[parent].then(&in_parent) };
+    }
+}
+
+/// ω and v of the given bodies, in their own axes.
+pub(crate) fn velocities<T: Real>(
+    model: &Model<T::Const>,
+    bodies: &[usize],
+    qd: &[T],
+    motion: &mut [BodyState<T>],
+) {
+    (motion[0].w, motion[0].v) = (zero(), zero());
+    for &i in bodies {
+        let body = &model.bodies[i];
+        let (p, state) = (motion[body.parent], &mut motion[i]);
+        state.w = t_mul(&state.R, &p.w);
+        state.v = t_mul(&state.R, &cross_add(&p.w, &state.p, &p.v));
+        match body.motion {
+            Motion::Revolute => state.w[2] += qd[body.v],
+            Motion::Prismatic => state.v[2] += qd[body.v],
+            Motion::Spherical => {
+                state.w += Vector3::new(qd[body.v], qd[body.v + 1], qd[body.v + 2])
+            }
+            Motion::Floating => {
+                let of = &qd[body.v..body.v + 6];
+                state.w += Vector3::new(of[0], of[1], of[2]);
+                state.v += Vector3::new(of[3], of[4], of[5]);
+            }
+        }
+    }
+}
+
+/// ω, α and the classical acceleration of the given bodies, in their own axes, without gravity.
+pub(crate) fn rates<T: Real>(
+    model: &Model<T::Const>,
+    bodies: &[usize],
+    qd: &[T],
+    qdd: &[T],
+    motion: &mut [BodyState<T>],
+) {
+    (motion[0].w, motion[0].alpha, motion[0].a) = (zero(), zero(), zero());
+    for &i in bodies {
+        let body = &model.bodies[i];
+        let parent = motion[body.parent].rates();
+        accelerate(body, &parent, qd, qdd, &mut motion[i]);
+    }
+}
+
+/// Position and quaternion x, y, z, w of a frame.
+pub(crate) fn frame_pose<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>]) -> [T; 7] {
+    let pose = in_root(frame, world);
+    let [x, y, z, w] = to_quaternion(&pose.R);
+    [pose.p[0], pose.p[1], pose.p[2], x, y, z, w]
+}
+
+/// [ω; v] of a frame after [`velocities`].
+pub(crate) fn frame_twist<T: Real>(
+    frame: &Frame<T::Const>,
+    world: &[Pose<T>],
+    motion: &[BodyState<T>],
+) -> [T; 6] {
+    let (state, R) = (&motion[frame.body], &world[frame.body].R);
+    let v = cross_add(&state.w, &lift(&frame.x_body_frame.p), &state.v);
+    pack(&mul(R, &state.w), &mul(R, &v))
+}
+
+/// [α; a] of a frame after [`rates`].
+pub(crate) fn frame_acceleration<T: Real>(
+    frame: &Frame<T::Const>,
+    world: &[Pose<T>],
+    motion: &[BodyState<T>],
+) -> [T; 6] {
+    let (state, R) = (&motion[frame.body], &world[frame.body].R);
+    let arm = lift(&frame.x_body_frame.p);
+    let a = cross_add(&state.w, &cross(&state.w, &arm), &cross_add(&state.alpha, &arm, &state.a));
+    pack(&mul(R, &state.alpha), &mul(R, &a))
+}
+
+/// Columns of a frame's Jacobian over the tree velocities: calls `each(internal velocity, column)`
+/// for the joints that carry it.
+pub(crate) fn frame_jacobian<T: Real>(
+    model: &Model<T::Const>,
+    frame: &Frame<T::Const>,
+    world: &[Pose<T>],
+    mut each: impl FnMut(usize, [T; 6]),
+) {
+    let point = in_root(frame, world).p;
+    let mut i = frame.body;
+    while i != 0 {
+        let (body, pose) = (&model.bodies[i], &world[i]);
+        let arm = point - pose.p;
+        let turn = |k: usize| {
+            let axis = column(&pose.R, k);
+            pack(&axis, &cross(&axis, &arm))
+        };
+        let slide = |k: usize| pack(&zero(), &column(&pose.R, k));
+        match body.motion {
+            Motion::Revolute => each(body.v, turn(2)),
+            Motion::Prismatic => each(body.v, slide(2)),
+            Motion::Spherical => (0..3).for_each(|k| each(body.v + k, turn(k))),
+            Motion::Floating => {
+                for k in 0..3 {
+                    each(body.v + k, turn(k));
+                    each(body.v + 3 + k, slide(k));
+                }
+            }
+        }
+        i = body.parent;
+    }
+}
+
+/// A wrench `[n; f]` in world axes at a frame's origin, as (n, f) in the axes of the frame's body
+/// at its origin.
+pub(crate) fn frame_wrench<T: Real>(
+    frame: &Frame<T::Const>,
+    world: &[Pose<T>],
+    wrench: &[T],
+) -> (Vector3<T>, Vector3<T>) {
+    let R = &world[frame.body].R;
+    let n = t_mul(R, &Vector3::new(wrench[0], wrench[1], wrench[2]));
+    let f = t_mul(R, &Vector3::new(wrench[3], wrench[4], wrench[5]));
+    (cross_add(&lift(&frame.x_body_frame.p), &f, &n), f)
+}
+
+fn in_root<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>]) -> Pose<T> {
+    let x = Pose { R: lift_mat(&frame.x_body_frame.R), p: lift(&frame.x_body_frame.p) };
+    let body = &world[frame.body];
+    Pose { R: mul_mat(&body.R, &x.R), p: body.point(&x.p) }
+}
+
+fn pack<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> [T; 6] {
+    [a[0], a[1], a[2], b[0], b[1], b[2]]
+}

@@ -1,0 +1,46 @@
+//! The mass matrix M of the tree by composite rigid bodies (Featherstone 2008, section 6.2, Table
+//! 6.2): no loop, no G.
+
+use crate::algorithms::cluster_columns::{carry_force, component};
+use crate::algorithms::crba::composite_inertias;
+use crate::model::Model;
+use crate::scalar::Real;
+use crate::workspace::{BodyState, Composite};
+
+/// M (n_v × n_v row-major, internal order, both triangles) into rows of length `stride`. Needs the
+/// joint poses.
+pub(crate) fn tree_mass_matrix<T: Real>(
+    model: &Model<T::Const>,
+    motion: &[BodyState<T>],
+    composite: &mut [Composite<T>],
+    M: &mut [T],
+    stride: usize,
+) {
+    // composite inertias, towards the root
+    composite_inertias(model, motion, composite);
+
+    // each column from its own body to the root
+    for i in 1..model.bodies.len() {
+        let body = &model.bodies[i];
+        for k in 0..body.motion.n_v() {
+            let v = body.v + k;
+            let mut force = composite[i].column(body.motion, k);
+            let mut at = i;
+            while at != 0 {
+                let carrier = &model.bodies[at];
+                for d in 0..carrier.motion.n_v() {
+                    let entry = component(carrier.motion, d, &force);
+                    M[v * stride + carrier.v + d] = entry;
+                    M[(carrier.v + d) * stride + v] = entry;
+                }
+                force = carry_force(&force, &motion[at]);
+                at = carrier.parent;
+            }
+        }
+    }
+
+    // rotors turn with their joints alone
+    for rotor in &model.terms.rotors {
+        M[rotor.v * stride + rotor.v] += T::lift(rotor.inertia);
+    }
+}

@@ -1,0 +1,19 @@
+//! Recursions over the spanning tree: one algorithm, one file.
+
+mod cluster_aba;
+mod cluster_columns;
+mod crba;
+mod frames;
+mod mass_matrix;
+mod rnea;
+mod terms;
+
+pub(crate) use cluster_aba::{Embedding, embedded_solve, pivots};
+pub(crate) use cluster_columns::Force;
+pub(crate) use crba::{own_inertias, reduced_mass_matrix};
+pub(crate) use frames::{
+    frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities,
+    world_poses,
+};
+pub(crate) use mass_matrix::tree_mass_matrix;
+pub(crate) use rnea::{joint_poses, newton_euler};

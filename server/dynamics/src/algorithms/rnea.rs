@@ -1,0 +1,162 @@
+//! Recursive Newton-Euler: forces from motion (Luh, Walker, Paul 1980; Featherstone 2008, section
+//! 5.3, in classical accelerations).
+//!
+//! Every joint moves along or about z of its body, so that a joint's motion touches single
+//! components. Vectors are in body axes at the body's origin; accelerations are classical, and the
+//! world accelerates against gravity.
+
+use nalgebra::Vector3;
+
+use crate::algorithms::terms::joint_forces;
+use crate::mechanism::{Motion, joint_pose};
+use crate::model::{Body, Model};
+use crate::scalar::Real;
+use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
+use crate::workspace::{BodyState, Rates};
+
+/// Pose of every body in its parent, from the coordinates and the turns.
+#[inline]
+pub(crate) fn joint_poses<T: Real>(
+    model: &Model<T::Const>,
+    q: &[T],
+    turn: &[(T, T)],
+    motion: &mut [BodyState<T>],
+) {
+    for (i, body) in model.bodies.iter().enumerate().skip(1) {
+        let pose = joint_pose(body, &q[body.q..], turn[i]);
+        (motion[i].R, motion[i].p) = (pose.R, pose.p);
+    }
+}
+
+/// τ = M q̈ + C − Σ Jᵀ w for the tree. Needs [`joint_poses`]; `wrench` holds what acts on each
+/// body, `None` where nothing does.
+#[inline]
+pub(crate) fn newton_euler<T: Real>(
+    model: &Model<T::Const>,
+    q: &[T],
+    qd: &[T],
+    qdd: &[T],
+    wrench: Option<&[(Vector3<T>, Vector3<T>)]>,
+    motion: &mut [BodyState<T>],
+    tau: &mut [T],
+) {
+    // the world accelerates against gravity
+    motion[0].w = zero();
+    motion[0].alpha = zero();
+    motion[0].a = -lift::<T>(&model.gravity);
+
+    // motion, from the root outwards
+    for i in 1..model.bodies.len() {
+        let body = &model.bodies[i];
+        let parent = motion[body.parent].rates();
+        let state = &mut motion[i];
+        accelerate(body, &parent, qd, qdd, state);
+        (state.n, state.f) = inertial_force(body, &state.w, &state.alpha, &state.a);
+        if let Some(wrench) = wrench {
+            state.n -= wrench[i].0;
+            state.f -= wrench[i].1;
+        }
+    }
+
+    // forces, back towards the root
+    for i in (1..model.bodies.len()).rev() {
+        let body = &model.bodies[i];
+        let (before, state) = motion.split_at_mut(i);
+        let state = &state[0];
+        match body.motion {
+            Motion::Revolute => tau[body.v] = state.n[2],
+            Motion::Prismatic => tau[body.v] = state.f[2],
+            Motion::Spherical => tau[body.v..body.v + 3].copy_from_slice(state.n.as_slice()),
+            Motion::Floating => {
+                for k in 0..3 {
+                    tau[body.v + k] = state.n[k];
+                    tau[body.v + 3 + k] = state.f[k];
+                }
+            }
+        }
+        if body.parent != 0 {
+            let f = mul(&state.R, &state.f);
+            let parent = &mut before[body.parent];
+            parent.n = cross_add(&state.p, &f, &mul_add(&state.R, &state.n, &parent.n));
+            parent.f += f;
+        }
+    }
+
+    // what acts in the joints themselves
+    joint_forces(model, q, qd, qdd, tau);
+}
+
+/// ω, α, a of a body from those of its parent and the rates of its joint.
+#[inline(always)]
+pub(super) fn accelerate<T: Real>(
+    body: &Body<T::Const>,
+    p: &Rates<T>,
+    qd: &[T],
+    qdd: &[T],
+    state: &mut BodyState<T>,
+) {
+    let w = t_mul(&state.R, &p.w);
+    let alpha = t_mul(&state.R, &p.alpha);
+    let a = t_mul(
+        &state.R,
+        &cross_add(&p.w, &cross(&p.w, &state.p), &cross_add(&p.alpha, &state.p, &p.a)),
+    );
+    match body.motion {
+        Motion::Revolute => {
+            let (v, vd) = (qd[body.v], qdd[body.v]);
+            state.w = Vector3::new(w[0], w[1], w[2] + v);
+            state.alpha = Vector3::new(
+                w[1].mul_add(v, alpha[0]),
+                (-w[0]).mul_add(v, alpha[1]),
+                alpha[2] + vd,
+            );
+            state.a = a;
+        }
+        Motion::Prismatic => {
+            let (v, vd) = (qd[body.v], qdd[body.v]);
+            let v2 = v + v;
+            (state.w, state.alpha) = (w, alpha);
+            state.a = Vector3::new(w[1].mul_add(v2, a[0]), (-w[0]).mul_add(v2, a[1]), a[2] + vd);
+        }
+        Motion::Spherical => {
+            let (v, vd) = (&qd[body.v..body.v + 3], &qdd[body.v..body.v + 3]);
+            let w_j = Vector3::new(v[0], v[1], v[2]);
+            state.w = w + w_j;
+            state.alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
+            state.a = a;
+        }
+        Motion::Floating => {
+            let (v, vd) = (&qd[body.v..body.v + 6], &qdd[body.v..body.v + 6]);
+            let (w_j, v_j) = (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]));
+            state.w = w + w_j;
+            state.alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
+            state.a = cross_add(&(w + state.w), &v_j, &(a + Vector3::new(vd[3], vd[4], vd[5])));
+        }
+    }
+}
+
+/// n = I α + ω × I ω + h × a and f = m a + α × h + ω × (ω × h).
+#[inline(always)]
+fn inertial_force<T: Real>(
+    body: &Body<T::Const>,
+    w: &Vector3<T>,
+    alpha: &Vector3<T>,
+    a: &Vector3<T>,
+) -> (Vector3<T>, Vector3<T>) {
+    let h = lift(&body.h);
+    let inertia = body.inertia.map(T::lift);
+    let n = cross_add(w, &turn_by(&inertia, w), &cross_add(&h, a, &turn_by(&inertia, alpha)));
+    let f = cross_add(w, &cross(w, &h), &cross_add(alpha, &h, &(a * T::lift(body.mass))));
+    (n, f)
+}
+
+/// I x for I = xx xy xz yy yz zz.
+#[inline(always)]
+pub(super) fn turn_by<T: Real>(inertia: &[T; 6], x: &Vector3<T>) -> Vector3<T> {
+    let [xx, xy, xz, yy, yz, zz] = *inertia;
+    Vector3::new(
+        xx.mul_add(x[0], xy.mul_add(x[1], xz * x[2])),
+        xy.mul_add(x[0], yy.mul_add(x[1], yz * x[2])),
+        xz.mul_add(x[0], yz.mul_add(x[1], zz * x[2])),
+    )
+}

@@ -1,0 +1,425 @@
+//! The rows of the implicit closure φ(q) = 0, their Jacobian K and bias k = −K̇ q̇, relative to the
+//! cluster's parent body.
+//!
+//! ```text
+//!   x = R_Pᵀ (p_S − p_P)         θ = log(R_Pᵀ R_S)         φ = linear · x + angular · θ
+//! ```
+//! or, where two directions stay perpendicular as in a universal joint, φ = a · b with a fixed in P
+//! and b in S. P and S are the cut frames on predecessor and successor (base document 2.79 with its
+//! errata).
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::closure::constraint::so3_log::{log, log_factors, rate_matrix};
+use crate::closure::{Cut, CutRow, Rate};
+use crate::mechanism::{Freedom, Motion, joint_pose, single_pose};
+use crate::model::{Body, Cluster};
+use crate::scalar::Real;
+use crate::spatial::{
+    Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero,
+};
+
+/// Sines, cosines and pose of one local body from its coordinates.
+#[inline]
+pub(in crate::closure) fn refresh<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    q: &[T],
+    turn: &mut [(T, T)],
+    pose: &mut [Pose<T>],
+) {
+    if bodies[j].motion == Motion::Revolute {
+        turn[j] = cos_sin(q[bodies[j].q - cluster.q]);
+    }
+    place(cluster, bodies, j, q, turn, pose);
+}
+
+/// (cos x, sin x).
+#[inline(always)]
+pub(in crate::closure) fn cos_sin<T: Real>(x: T) -> (T, T) {
+    let (s, c) = x.sin_cos();
+    (c, s)
+}
+
+/// Pose of one local body from its coordinates and turn.
+#[inline(always)]
+pub(in crate::closure) fn place<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    q: &[T],
+    turn: &[(T, T)],
+    pose: &mut [Pose<T>],
+) {
+    let body = &bodies[j];
+    let q = &q[body.q - cluster.q..];
+    pose[j + 1] = match body.motion {
+        Motion::Revolute | Motion::Prismatic => {
+            single_pose(body, &base(cluster, bodies, j, pose), q[0], turn[j])
+        }
+        Motion::Spherical | Motion::Floating => {
+            place_freely(body, q, &pose[cluster.local_parent[j]])
+        }
+    };
+}
+
+/// Pose of one local body at zero of its own joint.
+#[inline(always)]
+pub(in crate::closure) fn base<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    pose: &[Pose<T>],
+) -> Pose<T> {
+    let at_zero = Pose { R: lift_mat(&bodies[j].E), p: lift(&bodies[j].r) };
+    let parent = cluster.local_parent[j];
+    if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
+}
+
+#[inline(never)]
+fn place_freely<T: Real>(body: &Body<T::Const>, q: &[T], parent: &Pose<T>) -> Pose<T> {
+    parent.then(&joint_pose(body, q, (T::ONE, T::ZERO)))
+}
+
+/// One cut at one pose: what all of its rows share.
+pub(in crate::closure) struct CutState<'a, T> {
+    /// Orientation of the predecessor {cluster's parent body}.
+    R_p: &'a Matrix3<T>,
+    /// Origin of S, the point whose velocities count on both sides, and p_S − p_P.
+    point: Vector3<T>,
+    pub(in crate::closure) d: Vector3<T>,
+    /// Where a row is angular.
+    angular: Option<Angular<T>>,
+}
+
+/// What the angular rows of a cut need.
+struct Angular<T> {
+    /// Orientations of P and S {cluster's parent body}.
+    R_P: Matrix3<T>,
+    R_S: Matrix3<T>,
+    /// θ and the matrix of θ̇ = A ω.
+    theta: Vector3<T>,
+    A: Matrix3<T>,
+}
+
+impl<'a, T: Real> CutState<'a, T> {
+    /// The state of a cut.
+    #[inline(always)]
+    pub(in crate::closure) fn new(cut: &Cut<T::Const>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
+        let (p, s) = (&pose[cut.predecessor], &pose[cut.successor]);
+        let point = s.point(&lift(&cut.x_s_cut.p));
+        let d = point - p.point(&lift(&cut.x_p_cut.p));
+        let angular = cut.angular.then(|| Angular::new(cut, p, s));
+        CutState { R_p: &p.R, point, d, angular }
+    }
+
+    /// φ of a row.
+    #[inline]
+    pub(in crate::closure) fn value(
+        &self,
+        cluster: &Cluster<T::Const>,
+        row: &CutRow<T::Const>,
+        q: &[T],
+    ) -> T {
+        if !row.terms.is_empty() {
+            return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| {
+                T::lift(*c).mul_add(q[cluster.freedoms[*j].q], sum)
+            });
+        }
+        let x = t_mul(self.R_p, &self.d);
+        match (&self.angular, &row.against) {
+            (None, _) => dot(&lift(&row.linear_p), &x),
+            (Some(of), None) => row_along(row, &x, &of.theta),
+            (Some(of), Some(b)) => dot(&mul(&of.R_P, &lift(&row.angular)), &mul(&of.R_S, &lift(b))),
+        }
+    }
+
+    /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the
+    /// motion of S against P.
+    #[inline(always)]
+    pub(in crate::closure) fn directions(
+        &self,
+        row: &CutRow<T::Const>,
+    ) -> (Vector3<T>, Vector3<T>) {
+        let linear = mul(self.R_p, &lift(&row.linear_p));
+        match (&self.angular, &row.against) {
+            (None, _) => (linear, zero()),
+            (Some(of), None) => (linear, mul(&of.R_P, &t_mul(&of.A, &lift(&row.angular)))),
+            (Some(of), Some(b)) => {
+                (zero(), cross(&mul(&of.R_S, &lift(b)), &mul(&of.R_P, &lift(&row.angular))))
+            }
+        }
+    }
+
+    /// Twist of S against P for a unit rate of one freedom: (ω, v).
+    #[inline(always)]
+    pub(in crate::closure) fn twist(
+        &self,
+        of: &Freedom,
+        pose: &Pose<T>,
+        on_successor: bool,
+    ) -> (Vector3<T>, Vector3<T>) {
+        let z = of.axis(&pose.R);
+        let z = if on_successor { z } else { -z };
+        if of.slides() { (zero(), z) } else { (z, cross(&z, &(self.point - pose.p))) }
+    }
+
+    /// ẍ (in the predecessor's axes) and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball
+    /// joint p̈_S − p̈_P, in the axes of the cluster's parent body.
+    #[inline]
+    pub(in crate::closure) fn acceleration(
+        &self,
+        cut: &Cut<T::Const>,
+        pose: &[Pose<T>],
+        rate: &[Rate<T>],
+        ball: bool,
+    ) -> (Vector3<T>, Vector3<T>) {
+        let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
+        if ball {
+            let at = |x: &Rate<T>, r: Vector3<T>| {
+                cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a))
+            };
+            return (
+                at(s, self.point - pose[cut.successor].p)
+                    - at(p, self.point - pose[cut.predecessor].p),
+                zero(),
+            );
+        }
+        let at = |x: &Rate<T>, r: Vector3<T>| {
+            (
+                cross_add(&x.w, &r, &x.v),
+                cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)),
+            )
+        };
+        let (v_s, a_s) = at(s, self.point - pose[cut.successor].p);
+        let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
+        // v_p, a_p: of the predecessor's point that coincides with S
+        let relative = a_s - a_p - cross(&p.w, &(v_s - v_p)) * T::from_f64(2.0);
+        let x = t_mul(self.R_p, &relative);
+        let Some(Angular { R_P, theta, A, .. }) = &self.angular else { return (x, zero()) };
+        // θ̈ = A ω̇ + Ȧ ω with ω = R_Pᵀ (ω_S − ω_P)
+        let w = t_mul(R_P, &(s.w - p.w));
+        let w_dot = t_mul(R_P, &(s.alpha - p.alpha - cross(&p.w, &s.w)));
+        let theta_dot = mul(A, &w);
+        let (c, dc) = log_factors(theta);
+        let c_dot = dc * T::from_f64(2.0) * dot(theta, &theta_dot);
+        let turn = cross(theta, &w);
+        let twice = cross(&theta_dot, &turn) + cross(theta, &cross(&theta_dot, &w));
+        let bias = cross(&theta_dot, &w) * T::from_f64(-0.5)
+            + scale_add(&cross(theta, &turn), c_dot, &(twice * c));
+        (x, mul(A, &w_dot) + bias)
+    }
+}
+
+impl<T: Real> Angular<T> {
+    #[inline(never)]
+    fn new(cut: &Cut<T::Const>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
+        let R_P = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
+        let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
+        let theta = log(&mul_mat(&R_P.transpose(), &R_S));
+        let (c, _) = log_factors(&theta);
+        Angular { A: rate_matrix(&theta, c), R_P, R_S, theta }
+    }
+}
+
+/// φ̈ of a row at q̈ = 0 from ẍ and θ̈; the same of two perpendicular directions is
+/// (α_S − α_P)·(b × a) + (ω_S − ω_P)·((ω_S × b) × a + b × (ω_P × a)).
+#[inline(always)]
+pub(in crate::closure) fn row_acceleration<T: Real>(
+    cut: &Cut<T::Const>,
+    row: &CutRow<T::Const>,
+    state: &CutState<'_, T>,
+    (x, theta): &(Vector3<T>, Vector3<T>),
+    rate: &[Rate<T>],
+) -> T {
+    let Some(of) = &state.angular else { return dot(&lift(&row.linear_p), x) };
+    let Some(b) = &row.against else { return row_along(row, x, theta) };
+    let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
+    let (a, b) = (mul(&of.R_P, &lift(&row.angular)), mul(&of.R_S, &lift(b)));
+    let turning = cross(&cross(&s.w, &b), &a) + cross(&b, &cross(&p.w, &a));
+    dot(&(s.alpha - p.alpha), &cross(&b, &a)) + dot(&(s.w - p.w), &turning)
+}
+
+/// linear · x + angular · θ of a row, x in the predecessor's axes.
+#[inline(always)]
+pub(in crate::closure) fn row_along<T: Real>(
+    row: &CutRow<T::Const>,
+    x: &Vector3<T>,
+    theta: &Vector3<T>,
+) -> T {
+    dot(&lift(&row.linear_p), x) + dot(&lift(&row.angular), theta)
+}
+
+/// φ of every row of a cluster.
+pub(crate) fn constraint_residual<T: Real>(
+    cluster: &Cluster<T::Const>,
+    pose: &[Pose<T>],
+    q: &[T],
+    phi: &mut [T],
+) {
+    let mut r = 0;
+    for cut in &cluster.cuts {
+        let state = CutState::new(cut, pose);
+        for row in &cut.rows {
+            phi[r] = state.value(cluster, row, q);
+            r += 1;
+        }
+    }
+}
+
+/// The largest of the residuals φ, in lengths of the cluster.
+pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) -> T {
+    let unit = T::from_f64(1.0 / cluster.length);
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    phi.iter().zip(rows).fold(T::ZERO, |largest, (phi, row)| {
+        // angles and couplings are numbers already
+        let is_length = row.terms.is_empty() && row.linear.iter().any(|x| T::lift(*x) != T::ZERO);
+        let size = if is_length { phi.abs() * unit } else { phi.abs() };
+        T::select(size.lt(largest), largest, size)
+    })
+}
+
+/// K of a cluster (rows × n_v, row-major).
+pub(crate) fn constraint_jacobian<T: Real>(
+    cluster: &Cluster<T::Const>,
+    pose: &[Pose<T>],
+    K: &mut [T],
+) {
+    let n = cluster.n_v;
+    let mut r = 0;
+    for cut in &cluster.cuts {
+        let state = CutState::new(cut, pose);
+        for row in &cut.rows {
+            let of_row = &mut K[r * n..(r + 1) * n];
+            of_row.fill(T::ZERO);
+            for (j, c) in &row.terms {
+                of_row[*j] = T::lift(*c);
+            }
+            if row.terms.is_empty() {
+                let (linear, angular) = state.directions(row);
+                for &(j, on_successor) in &cut.path {
+                    let at = &cluster.freedoms[j];
+                    let (w, v) = state.twist(at, &pose[at.body + 1], on_successor);
+                    of_row[j] = dot(&linear, &v) + dot(&angular, &w);
+                }
+            }
+            r += 1;
+        }
+    }
+}
+
+/// k = −K̇ q̇ of a cluster, from the rates of its bodies at q̈ = 0.
+pub(crate) fn constraint_bias<T: Real>(
+    cluster: &Cluster<T::Const>,
+    pose: &[Pose<T>],
+    rate: &[Rate<T>],
+    k: &mut [T],
+) {
+    let mut r = 0;
+    for cut in &cluster.cuts {
+        let state = CutState::new(cut, pose);
+        let second = state.acceleration(cut, pose, rate, false);
+        for row in &cut.rows {
+            k[r] = -row_acceleration(cut, row, &state, &second, rate);
+            r += 1;
+        }
+    }
+}
+
+/// Rates of every local body at q̈ = 0.
+pub(crate) fn local_rates<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    qd: &[T],
+    pose: &[Pose<T>],
+    rate: &mut [Rate<T>],
+) {
+    rate[0] = Rate::at_rest();
+    for j in 0..cluster.n {
+        rate_of(cluster, bodies, j, qd, pose, rate);
+    }
+}
+
+/// Rates of one local body at q̈ = 0 from those of its parent.
+#[inline(always)]
+pub(in crate::closure) fn rate_of<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    j: usize,
+    qd: &[T],
+    pose: &[Pose<T>],
+    rate: &mut [Rate<T>],
+) {
+    let (body, parent) = (&bodies[j], cluster.local_parent[j]);
+    rate[j + 1] = rate[parent].moved(
+        body.motion,
+        &(pose[j + 1].p - pose[parent].p),
+        &pose[j + 1].R,
+        &qd[body.v - cluster.v..],
+    );
+}
+
+impl<T: Real> Rate<T> {
+    pub(crate) fn at_rest() -> Rate<T> {
+        Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }
+    }
+
+    /// Rates of a body at q̈ = 0 whose origin lies r from this one's, from the rates of its joint
+    /// along the axes R.
+    #[inline]
+    pub(in crate::closure) fn moved(
+        &self,
+        motion: Motion,
+        r: &Vector3<T>,
+        R: &Matrix3<T>,
+        qd: &[T],
+    ) -> Rate<T> {
+        let mut x = Rate {
+            w: self.w,
+            v: cross_add(&self.w, r, &self.v),
+            alpha: self.alpha,
+            a: cross_add(&self.w, &cross(&self.w, r), &cross_add(&self.alpha, r, &self.a)),
+        };
+        match motion {
+            Motion::Revolute => {
+                let z = column(R, 2);
+                x.alpha = scale_add(&cross(&self.w, &z), qd[0], &self.alpha);
+                x.w = scale_add(&z, qd[0], &self.w);
+            }
+            Motion::Prismatic => {
+                let z = column(R, 2);
+                x.a = scale_add(&cross(&self.w, &z), qd[0] + qd[0], &x.a);
+                x.v = scale_add(&z, qd[0], &x.v);
+            }
+            Motion::Spherical | Motion::Floating => self.moved_freely(motion, R, qd, &mut x),
+        }
+        x
+    }
+
+    #[inline(never)]
+    fn moved_freely(&self, motion: Motion, R: &Matrix3<T>, qd: &[T], x: &mut Rate<T>) {
+        let w = mul(R, &Vector3::new(qd[0], qd[1], qd[2]));
+        x.alpha = cross_add(&self.w, &w, &self.alpha);
+        x.w += w;
+        if motion == Motion::Floating {
+            let v = mul(R, &Vector3::new(qd[3], qd[4], qd[5]));
+            x.a = cross_add(&(self.w + x.w), &v, &x.a);
+            x.v += v;
+        }
+    }
+}
+
+/// Poses of every local body from q; fills the turns of revolute joints.
+pub(crate) fn local_poses<T: Real>(
+    cluster: &Cluster<T::Const>,
+    bodies: &[Body<T::Const>],
+    q: &[T],
+    turn: &mut [(T, T)],
+    pose: &mut [Pose<T>],
+) {
+    pose[0] = Pose::identity();
+    for j in 0..cluster.n {
+        refresh(cluster, bodies, j, q, turn, pose);
+    }
+}

@@ -1,0 +1,81 @@
+//! The scaling in which ranks, distances to singularity and norms of loop-closure forces are
+//! judged.
+//!
+//! ```text
+//!   K_s = D_r K D_c        λ = D_r λ_s
+//! ```
+//! D_c takes sliding joints in lengths of the cluster. D_r takes linear rows in those lengths too,
+//! makes angular rows those of unit axes, and gives couplings unit norm. So K_s is a matrix of pure
+//! numbers that a change of units leaves as it is, and λ_s holds moments: forces times the
+//! cluster's length.
+
+use crate::closure::{CutRow, Scratch};
+use crate::linalg::{determinant_sign, singular_range};
+use crate::model::Cluster;
+use crate::scalar::Scalar;
+
+/// The unit of one local velocity: the cluster's length where it slides.
+pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
+    if cluster.freedoms[v].slides() { cluster.length } else { 1.0 }
+}
+
+/// What a row is to be multiplied by.
+pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 {
+    let norm = |x: f64, y: f64, z: f64| (x * x + y * y + z * z).sqrt();
+    if !row.terms.is_empty() {
+        let size = row.terms.iter().fold(0.0, |sum, (j, c)| {
+            let x = c.to_f64() * column_unit(cluster, *j);
+            sum + x * x
+        });
+        return 1.0 / f64::sqrt(size);
+    }
+    let linear = norm(row.linear[0].to_f64(), row.linear[1].to_f64(), row.linear[2].to_f64());
+    let angular = norm(row.angular[0].to_f64(), row.angular[1].to_f64(), row.angular[2].to_f64());
+    if let Some(b) = &row.against {
+        return 1.0 / (angular * norm(b[0].to_f64(), b[1].to_f64(), b[2].to_f64()));
+    }
+    if linear > 0.0 { 1.0 / (cluster.length * linear) } else { 1.0 / angular }
+}
+
+/// Calls `put(i, a, entry)` for the i-th of the given rows and the a-th of the given columns of the
+/// scaled K; K is that of all rows.
+pub(crate) fn scaled<T: Scalar>(
+    cluster: &Cluster<T>,
+    K: &[T],
+    rows: impl Iterator<Item = usize>,
+    columns: &[usize],
+    mut put: impl FnMut(usize, usize, T),
+) {
+    for (i, r) in rows.enumerate() {
+        let Some(row) = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r) else { continue };
+        let unit = row_unit(cluster, row);
+        for (a, &v) in columns.iter().enumerate() {
+            put(i, a, K[r * cluster.n_v + v] * T::from_f64(unit * column_unit(cluster, v)));
+        }
+    }
+}
+
+/// Largest and least singular value of the scaled K_d; K is that of the pose in question.
+pub(crate) fn dependents_range<T: Scalar>(
+    cluster: &Cluster<T>,
+    scratch: &mut Scratch<T>,
+) -> (T, T) {
+    let m = cluster.dependent.len();
+    dependents(cluster, scratch);
+    singular_range(&mut scratch.A, m, m)
+}
+
+/// The branch of a closed pose: the sign of det K_d, scaled.
+pub(crate) fn branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
+    dependents(cluster, scratch);
+    determinant_sign(&mut scratch.A, cluster.dependent.len())
+}
+
+/// The scaled K_d of the used rows.
+fn dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
+    let m = cluster.dependent.len();
+    let A = &mut scratch.A;
+    scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| {
+        A[i * m + a] = x
+    });
+}

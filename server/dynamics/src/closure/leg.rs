@@ -1,0 +1,174 @@
+//! A leg of two turns and a slide that reaches for a point; its two axes are perpendicular, and may
+//! pass each other at a distance.
+//!
+//! In the frame of the strut, X along the first axis and Y along the second at zero, the point lies
+//! at
+//!
+//! ```text
+//!   v = R_x(q₁) (r Z + R_y(q₂) w),   w = ℓ a + e        slider direction a, eccentricity e ⟂ a, distance r of the axes
+//! ```
+//! With r = 0: ℓ² = |v|² − |e|². With a ⟂ Y the part of w along Y is constant, so that first z =
+//! ±√(v_y² + v_z² − e_y²) − r, the part of R_y w along Z, then ℓ² = v_x² + z² + e_y² − |e|². Then
+//! q₂ in the plane perpendicular to Y and q₁ in that perpendicular to X.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::closure::{Local, Verdict};
+use crate::mechanism::Freedom;
+use crate::scalar::Real;
+use crate::spatial::{cross, cross_add, dot, lift, lift_mat, scale_add, t_mul};
+
+/// Geometry of a strut.
+#[derive(Clone, Debug)]
+pub(crate) struct Strut<C> {
+    /// First and second turn, slider.
+    pub(crate) joints: [Freedom; 3],
+    /// The strut's frame {cluster's parent body}: X, Y along the axes at zero, origin on the first
+    /// where the second is nearest.
+    pub(crate) axes: Matrix3<C>,
+    pub(crate) center: Vector3<C>,
+    /// Whether the axes pass at a distance, and that distance along Z.
+    pub(crate) apart: bool,
+    pub(crate) distance: C,
+    /// Slider direction and eccentricity at zero {strut}.
+    pub(crate) a: Vector3<C>,
+    pub(crate) e: Vector3<C>,
+    /// |e|²; at zero |v|² where the axes cross, v_x² + z² where they do not, and the signed slider length.
+    pub(crate) e_square: C,
+    pub(crate) square0: C,
+    pub(crate) length0: C,
+    /// ±1, signs of the slider's length and of the root for the second turn.
+    pub(crate) side: C,
+    pub(crate) root: C,
+}
+
+/// The Jacobian of a strut and its inverse at a pose {strut}.
+pub(super) struct Reach<T> {
+    axes: Matrix3<T>,
+    /// Second axis; arm of the first turn that the second leaves alone; point from the second axis;
+    /// slider direction.
+    a2: Vector3<T>,
+    lever: Vector3<T>,
+    u: Vector3<T>,
+    a3: Vector3<T>,
+    /// Rows of the inverse times the determinant, and its inverse.
+    rows: [Vector3<T>; 3],
+    inverse_det: T,
+}
+
+impl<C: nalgebra::Scalar + Copy> Strut<C> {
+    /// Position level: coordinates of the three joints for a point {cluster's parent body}, and the
+    /// Jacobian there.
+    #[inline(always)]
+    pub(super) fn reach<T: Real<Const = C>>(
+        &self,
+        point: &Vector3<T>,
+        local: &mut Local<'_, T>,
+    ) -> (Reach<T>, Verdict<T::Mask>) {
+        let [j1, j2, j3] = self.joints;
+        let axes: Matrix3<T> = lift_mat(&self.axes);
+        let (a, e): (Vector3<T>, Vector3<T>) = (lift(&self.a), lift(&self.e));
+        let v = t_mul(&axes, &(point - lift(&self.center)));
+        let rho = v[1].mul_add(v[1], v[2] * v[2]);
+        let (sign, side) = (T::lift(self.root), T::lift(self.side));
+        let (length0, square0, e_square) =
+            (T::lift(self.length0), T::lift(self.square0), T::lift(self.e_square));
+
+        // slider length, without cancellation in its change; root = r + z
+        let (length, root, z, reach, root_square) = if self.apart {
+            let root_square = rho - e[1] * e[1];
+            let root = sign * root_square.sqrt();
+            let z = root - T::lift(self.distance);
+            let reach = v[0].mul_add(v[0], z.mul_add(z, e[1] * e[1] - e_square));
+            let length = side * reach.sqrt();
+            local.q[j3.q] = (v[0].mul_add(v[0], z * z) - square0) / (length + length0);
+            (length, root, z, reach, root_square)
+        } else {
+            let square = v[0].mul_add(v[0], rho);
+            let reach = square - e_square;
+            let length = side * reach.sqrt();
+            local.q[j3.q] = (square - square0) / (length + length0);
+            let along = a[1].mul_add(length, e[1]);
+            let root_square = rho - along * along;
+            let root = sign * root_square.sqrt();
+            (length, root, root, reach, root_square)
+        };
+        let w = scale_add(&a, length, &e);
+
+        // second turn carries (w_x, w_z) onto (v_x, z), the first (w_y, root) onto (v_y, v_z)
+        let inverse_n = T::ONE / w[0].mul_add(w[0], w[2] * w[2]);
+        let c2 = w[0].mul_add(v[0], w[2] * z) * inverse_n;
+        let s2 = w[2].mul_add(v[0], -(w[0] * z)) * inverse_n;
+        let inverse_rho = T::ONE / rho;
+        let c1 = w[1].mul_add(v[1], root * v[2]) * inverse_rho;
+        let s1 = w[1].mul_add(v[2], -(root * v[1])) * inverse_rho;
+        local.turn[j1.body] = (c1, s1);
+        local.turn[j2.body] = (c2, s2);
+        local.q[j1.q] = s1.atan2(c1);
+        local.q[j2.q] = s2.atan2(c2);
+        // each alone: where one is negative the other is no number
+        let verdict = Verdict::of(reach, square0).or(Verdict::of(root_square, square0));
+
+        // columns: X × v, a₂ × (v − r Z), slider direction; the inverse by cross products
+        let a2 = Vector3::new(T::ZERO, c1, s1);
+        let distance = T::lift(self.distance);
+        let lever = Vector3::new(T::ZERO, -(distance * s1), distance * c1);
+        let u = v - lever;
+        let J1 = Vector3::new(T::ZERO, -v[2], v[1]);
+        let J2 = cross(&a2, &u);
+        let ry = Vector3::new(c2.mul_add(a[0], s2 * a[2]), a[1], c2.mul_add(a[2], -(s2 * a[0])));
+        let a3 =
+            Vector3::new(ry[0], c1.mul_add(ry[1], -(s1 * ry[2])), s1.mul_add(ry[1], c1 * ry[2]));
+        let rows = [cross(&J2, &a3), cross(&a3, &J1), cross(&J1, &J2)];
+        let inverse_det = T::ONE / dot(&a3, &rows[2]);
+        (Reach { axes, a2, lever, u, a3, rows, inverse_det }, verdict)
+    }
+
+    /// Rates of the three joints for a velocity of the point {cluster's parent body}.
+    #[inline(always)]
+    pub(super) fn rates<T: Real<Const = C>>(
+        &self,
+        reach: &Reach<T>,
+        velocity: &Vector3<T>,
+    ) -> [T; 3] {
+        let x = t_mul(&reach.axes, velocity);
+        reach.rows.each_ref().map(|row| dot(row, &x) * reach.inverse_det)
+    }
+
+    /// Accelerations of the three joints from their rates and an acceleration of the point
+    /// {cluster's parent body}.
+    #[inline(always)]
+    pub(super) fn accelerations<T: Real<Const = C>>(
+        &self,
+        reach: &Reach<T>,
+        rates: [T; 3],
+        acceleration: &Vector3<T>,
+    ) -> [T; 3] {
+        let [w1, w2, slide] = rates;
+        let w = Vector3::new(w1, w2 * reach.a2[1], w2 * reach.a2[2]);
+        let alpha = Vector3::new(T::ZERO, -(w1 * w[2]), w1 * w[1]);
+        let inner = scale_add(&reach.a3, slide + slide, &cross(&w, &reach.u));
+        let of_strut = cross_add(&w, &inner, &cross(&alpha, &reach.u));
+        let of_strut = scale_add(&reach.lever, -(w1 * w1), &of_strut);
+        let x = t_mul(&reach.axes, acceleration) - of_strut;
+        reach.rows.each_ref().map(|row| dot(row, &x) * reach.inverse_det)
+    }
+
+    /// The same geometry with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Strut<D> {
+        Strut {
+            joints: self.joints,
+            axes: self.axes.map(f),
+            center: self.center.map(f),
+            apart: self.apart,
+            distance: f(self.distance),
+            a: self.a.map(f),
+            e: self.e.map(f),
+            e_square: f(self.e_square),
+            square0: f(self.square0),
+            length0: f(self.length0),
+            side: f(self.side),
+            root: f(self.root),
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! Where branches of a loop cross (a parallelogram folded flat), det K_d vanishes and its sign says
+//! nothing about how to go on. The velocity at the guess does: q ≈ q_guess + s q̇_guess, with s
+//! such that the independents arrive, is near one of the branches beyond and far from the others.
+
+use sarrus_proto::Status;
+
+use crate::closure::numerical::{Numerical, continuation};
+use crate::closure::{Local, Outcome};
+use crate::model::{Body, Cluster};
+use crate::scalar::Scalar;
+
+/// Part of a way along the tangent that its end may lie beside it.
+const ASTRAY: f64 = 0.2;
+
+/// Follows the straight path, and where branches cross on it goes on along the tangent, if one was
+/// given.
+pub(in crate::closure) fn follow_or_cross<T: Scalar>(
+    numerical: &Numerical<T>,
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+    iterations: u32,
+) -> Outcome {
+    let n = cluster.n_q;
+    let followed = continuation::follow(numerical, cluster, bodies, local, iterations);
+    let crossing = matches!(
+        followed.status,
+        Status::BranchChanged | Status::SingularClosure | Status::SingularIndependents
+    );
+    let Some(tangent) = local.tangent.filter(|_| crossing) else { return followed };
+
+    // what the failure left is to be read if this fails too
+    local.scratch.last[..n].copy_from_slice(local.q);
+    for &j in &cluster.dependent_q {
+        local.q[j] = local.start[j];
+    }
+    let Some(share) = share_of(cluster, tangent, local.start, local.q) else {
+        local.q.copy_from_slice(&local.scratch.last[..n]);
+        return followed;
+    };
+    let dependents =
+        || cluster.dependent.iter().map(|v| (&cluster.freedoms[*v], tangent[*v] * share));
+    dependents().for_each(|(of, step)| of.advance(local.q, step));
+    let (good, count) = numerical.newton(cluster, bodies, local, false, T::ZERO);
+
+    // how far Newton's method went from where the tangent led, against the way
+    let (mut off, mut way) = (T::ZERO, T::ZERO);
+    for (of, step) in dependents().filter(|(of, _)| of.single) {
+        let unit = T::from_f64(if of.slides() { 1.0 / cluster.length } else { 1.0 });
+        off += (local.q[of.q] - local.start[of.q] - step).abs() * unit;
+        way += step.abs() * unit;
+    }
+    let iterations = followed.iterations + count;
+    if good && off < way * T::from_f64(ASTRAY) && continuation::redundant_rows_hold(cluster, local)
+    {
+        return Outcome::closed(iterations);
+    }
+    local.q.copy_from_slice(&local.scratch.last[..n]);
+    Outcome { iterations, ..followed }
+}
+
+/// The part of the tangent whose independents lead to those in `q`; nothing where it leads
+/// elsewhere, or a quaternion is among them.
+fn share_of<T: Scalar>(cluster: &Cluster<T>, tangent: &[T], start: &[T], q: &[T]) -> Option<T> {
+    let moves = || {
+        cluster.independent.iter().map(|v| (&cluster.freedoms[*v], tangent[*v])).map(
+            |(of, rate)| {
+                let unit = T::from_f64(if of.slides() { 1.0 / cluster.length } else { 1.0 });
+                ((q[of.q] - start[of.q]) * unit, rate * unit)
+            },
+        )
+    };
+    let dot =
+        |of: fn((T, T)) -> (T, T)| moves().map(of).fold(T::ZERO, |sum, (a, b)| a.mul_add(b, sum));
+    let (along, square, whole) = (dot(|(d, r)| (d, r)), dot(|(_, r)| (r, r)), dot(|(d, _)| (d, d)));
+    let aside = whole * square - along * along;
+    let straight = cluster.independent.iter().all(|v| cluster.freedoms[*v].single);
+    (straight && T::ZERO < along.abs() && aside < T::from_f64(ASTRAY * ASTRAY) * whole * square)
+        .then(|| along / square)
+}

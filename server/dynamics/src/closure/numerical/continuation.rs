@@ -1,0 +1,286 @@
+//! What a numerical closure does when the straight attempt is doubtful: follow the path in
+//! substeps, and name the reason of a failure.
+
+use sarrus_proto::Status;
+
+use crate::closure::numerical::Numerical;
+use crate::closure::{
+    Local, Outcome, Scratch, between, column_unit, constraint_jacobian, constraint_residual,
+    dependents_range, largest_residual, local_poses, row_unit, scaled,
+};
+use crate::linalg::{singular_range, solve_pivoted};
+use crate::mechanism::Freedom;
+use crate::model::{Body, Cluster};
+use crate::scalar::Scalar;
+
+/// Attempts at a substep that one request may cost; each takes at most ten Newton steps a block.
+const ATTEMPTS: u32 = 300;
+/// First and shortest substep, as fractions of the whole path.
+const FIRST: f64 = 1.0;
+const SHORTEST: f64 = 1e-12;
+/// Levenberg-Marquardt steps towards a goal that the path did not reach.
+const SEARCH: u32 = 200;
+/// Residual, in cluster lengths, from which on a redundant row is another closed pose's.
+const APART: f64 = 1e-3;
+/// Damping of the search below which it is not lightened.
+const LIGHTEST: f64 = 1e-9;
+/// Scaled residual at which the search has closed the loops, and slope, against the residual, at
+/// which it has come to rest.
+const FOUND: f64 = 1e-10;
+const LEVEL: f64 = 1e-6;
+/// Relative singular value below which K has lost rank where K_d could not be inverted.
+const LOST: f64 = 1e-3;
+/// The same for K_d at a pose that only the search could close, against the root of that one's
+/// residual: a double root is known to half the digits.
+const DOUBTFUL: f64 = 10.0;
+
+/// Follows the straight path from `local.start` to the independents in `local.q`, shortening a
+/// substep that is doubtful.
+pub(in crate::closure) fn follow<T: Scalar>(
+    numerical: &Numerical<T>,
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+    mut iterations: u32,
+) -> Outcome {
+    let n = cluster.n_q;
+    for &j in &cluster.independent_q {
+        local.scratch.goal[j] = local.q[j];
+    }
+    local.q.copy_from_slice(local.start);
+    local.scratch.last[..n].copy_from_slice(local.start);
+    // a guess that is not quite closed is closed first, at its own y
+    numerical.remember(cluster, bodies, local);
+    let (closed, count) = numerical.newton(cluster, bodies, local, true, T::ZERO);
+    iterations += count;
+    if !closed {
+        local.q.copy_from_slice(local.start);
+        local.scratch.goal[..n].copy_from_slice(local.start);
+        return Outcome::failed(stalled(cluster, bodies, local), iterations);
+    }
+    local.scratch.last[..n].copy_from_slice(local.q);
+    numerical.remember(cluster, bodies, local);
+    let whole = way(cluster, local.start, &local.scratch.goal);
+    let (mut at, mut step, mut attempts, mut failed) = (0.0, FIRST, 0, false);
+    while at < 1.0 {
+        attempts += 1;
+        let next = f64::min(1.0, at + step);
+        between(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
+        if next == 1.0 {
+            cluster.independent_q.iter().for_each(|i| local.q[*i] = local.scratch.goal[*i]);
+        }
+        for &j in &cluster.dependent_q {
+            local.q[j] = local.scratch.last[j];
+        }
+        let (good, count) =
+            numerical.newton(cluster, bodies, local, true, whole * T::from_f64(next - at));
+        iterations += count;
+        if good && redundant_rows_hold(cluster, local) {
+            local.scratch.last[..n].copy_from_slice(local.q);
+            numerical.remember(cluster, bodies, local);
+            at = next;
+            // right after a failure the same step again
+            step *= if failed { 1.0 } else { 2.0 };
+            failed = false;
+        } else {
+            step *= 0.5;
+            failed = true;
+            if step < SHORTEST || attempts > ATTEMPTS {
+                for &j in &cluster.independent_q {
+                    local.q[j] = local.scratch.goal[j];
+                }
+                for &j in &cluster.dependent_q {
+                    local.q[j] = local.scratch.last[j];
+                }
+                // the last closed pose stays to be read
+                let scratch = &mut *local.scratch;
+                scratch.goal[..n].copy_from_slice(&scratch.last[..n]);
+                let status = if attempts > ATTEMPTS {
+                    Status::NotConverged
+                } else {
+                    stalled(cluster, bodies, local)
+                };
+                return Outcome::failed(status, iterations);
+            }
+        }
+    }
+    Outcome::closed(iterations)
+}
+
+/// How far the independents of a pose are from those of another, in radians or cluster lengths: the
+/// sum over all of them.
+pub(in crate::closure) fn way<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
+    let mut way = T::ZERO;
+    for of in cluster.independent.iter().map(|v| &cluster.freedoms[*v]) {
+        if of.single {
+            let step = (to[of.q] - from[of.q]).abs();
+            way += if of.slides() { step * T::from_f64(1.0 / cluster.length) } else { step };
+        } else if of.k == 0 {
+            way += free_way(cluster, of, from, to);
+        }
+    }
+    way
+}
+
+/// The same of a joint of several freedoms: the angle of the turn and the distance.
+fn free_way<T: Scalar>(cluster: &Cluster<T>, of: &Freedom, from: &[T], to: &[T]) -> T {
+    let square = |range: core::ops::Range<usize>| {
+        range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum))
+    };
+    let four = of.q + of.motion.n_q() - 4;
+    // |q − p|² = 2 (1 − cos ½ angle), of q or −q
+    let chord = square(four..four + 4);
+    let other = T::from_f64(4.0) - chord;
+    let chord = T::select(other.lt(chord), other, chord);
+    let half_angle =
+        (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt())
+            * T::from_f64(2.0);
+    half_angle * T::from_f64(2.0) + square(of.q..four).sqrt() * T::from_f64(1.0 / cluster.length)
+}
+
+/// True where the rows that the solution leaves out hold too, as closely as rounded files let them;
+/// the poses are fresh.
+pub(in crate::closure) fn redundant_rows_hold<T: Scalar>(
+    cluster: &Cluster<T>,
+    local: &mut Local<'_, T>,
+) -> bool {
+    if cluster.used.len() == cluster.rows.len() {
+        return true;
+    }
+    let scratch = &mut *local.scratch;
+    constraint_residual(cluster, &scratch.pose, local.q, &mut scratch.phi);
+    largest_residual(cluster, &scratch.phi) < T::from_f64(APART)
+}
+
+/// Why the path to the goal in `local.q` ended: some other closed pose has its y, or none has.
+fn stalled<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> Status {
+    match search(cluster, bodies, local) {
+        Some(false) => Status::Unreachable,
+        Some(true) if nearly_singular(cluster, local) => singular_status(cluster, bodies, local),
+        Some(true) => Status::BranchChanged,
+        None => Status::NotConverged,
+    }
+}
+
+/// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close.
+/// `Some(false)`: a least distance was found that is not zero. `None`: neither within the steps
+/// allowed.
+fn search<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> Option<bool> {
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let [found, level, lightest] =
+        [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| told::<T>(x, n));
+    let mut damping = T::from_f64(1e-3);
+    let scratch = &mut *local.scratch;
+    local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+    let mut cost = squared_residual(cluster, scratch, local.q);
+    for _ in 0..SEARCH {
+        if cost < T::from_f64(found * found) {
+            return Some(true);
+        }
+        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+        squared_residual(cluster, scratch, local.q);
+        let J = &mut scratch.inverse;
+        scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| J[r * m + a] = x);
+        // normal equations of the dependents, damped
+        let mut slope = T::ZERO;
+        for a in 0..m {
+            for b in 0..m {
+                let x = (0..rows).fold(T::ZERO, |sum, r| J[r * m + a].mul_add(J[r * m + b], sum));
+                scratch.A[a * m + b] = if a == b { x + damping } else { x };
+            }
+            let x = (0..rows).fold(T::ZERO, |sum, r| J[r * m + a].mul_add(scratch.phi[r], sum));
+            scratch.B[a] = x;
+            slope = x.mul_add(x, slope);
+        }
+        if slope < T::from_f64(level * level) * cost {
+            return Some(false);
+        }
+        solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1)?;
+        for &i in &cluster.dependent_q {
+            scratch.last[i] = local.q[i];
+        }
+        for (a, &j) in cluster.dependent.iter().enumerate() {
+            cluster.freedoms[j]
+                .advance(local.q, -(scratch.B[a] * T::from_f64(column_unit(cluster, j))));
+        }
+        local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+        let next = squared_residual(cluster, scratch, local.q);
+        if next < cost {
+            cost = next;
+            damping =
+                T::select(damping.lt(T::from_f64(lightest)), damping, damping * T::from_f64(0.2));
+        } else {
+            for &i in &cluster.dependent_q {
+                local.q[i] = scratch.last[i];
+            }
+            local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+            damping *= T::from_f64(8.0);
+        }
+    }
+    None
+}
+
+/// A threshold, or this many unit roundoffs where the scalar has too few digits for it.
+fn told<T: Scalar>(threshold: f64, roundings: f64) -> f64 {
+    threshold.max(roundings * T::EPSILON)
+}
+
+/// Σ φ² of the scaled φ, which stays in the scratch.
+fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q: &[T]) -> T {
+    constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
+        *phi *= T::from_f64(row_unit(cluster, row));
+        phi.mul_add(*phi, sum)
+    })
+}
+
+/// True where K_d is near a loss of rank at the pose that the search found, whose poses are fresh.
+fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
+    let scratch = &mut *local.scratch;
+    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+    let (largest, least) = dependents_range(cluster, scratch);
+    least / largest < T::from_f64(DOUBTFUL * told::<T>(FOUND, 16.0).sqrt())
+}
+
+/// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only
+/// that of K_d.
+pub(in crate::closure) fn singular_status<T: Scalar>(
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> Status {
+    let scratch = &mut *local.scratch;
+    local_poses(cluster, bodies, local.q, local.turn, &mut scratch.pose);
+    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+    if loses_rank(cluster, scratch) {
+        Status::SingularClosure
+    } else {
+        Status::SingularIndependents
+    }
+}
+
+/// True where the K in the scratch has lost rank.
+pub(crate) fn loses_rank<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> bool {
+    let (n, rows) = (cluster.n_v, cluster.used.len());
+    // the transpose of the scaled K; idle joints stand still
+    let A = &mut scratch.A;
+    A[..n * rows].fill(T::ZERO);
+    for columns in [&cluster.independent, &cluster.dependent] {
+        scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| {
+            A[columns[a] * rows + i] = x
+        });
+    }
+    let (largest, least) = singular_range(A, n, rows);
+    // narrow blocks are refused from ten roots of the unit roundoff on
+    let lost = f64::max(LOST, 10.0 * T::EPSILON.sqrt());
+    least < T::from_f64(lost) * largest
+}

@@ -1,0 +1,126 @@
+//! The inverse of a block, with its determinant.
+
+use crate::closure::NEAR;
+use crate::linalg::{column_square, solve_unpivoted};
+use crate::scalar::{Mask, Real};
+
+/// Least pivot of a wide block against its row: this, or where it is more this many unit roundoffs.
+const SINGULAR: f64 = 1e-12;
+const PIVOT_ROUNDINGS: f64 = 9e3;
+/// Least determinant of a narrow block against the product of its column norms, in roots of the
+/// unit roundoff: a pose closer to singularity than that is known to no digit.
+const ROOTS: f64 = 10.0;
+/// Least sine at which accelerations, whose error is ε / sin³, keep a digit: in cube roots of ε.
+const CUBE_ROOTS: f64 = 4.0;
+/// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the
+/// block.
+pub(in crate::closure) const ANY: usize = 0;
+
+/// Where accelerations keep a digit at a sine whose square is the quotient: sin⁶ against ε².
+#[inline(always)]
+pub(in crate::closure) fn accurate<T: Real>(square: T, size: T) -> T::Mask {
+    let floor = CUBE_ROOTS * CUBE_ROOTS * CUBE_ROOTS * T::EPSILON;
+    (size * size * size * T::from_f64(floor * floor)).lt(square * square * square)
+}
+
+/// What came of an inversion.
+pub(in crate::closure) struct Inverted<T: Real> {
+    /// Where the inverse means something.
+    pub(in crate::closure) sound: T::Mask,
+    /// Where accelerations by it keep a digit; as `near`.
+    pub(in crate::closure) accurate: T::Mask,
+    /// Where the matrix is near a singular one; of two or three rows, for others their callers must
+    /// look.
+    pub(in crate::closure) near: T::Mask,
+    pub(in crate::closure) det: T,
+}
+
+impl<T: Real> Inverted<T> {
+    /// |det| against the product of the column norms: turning and sliding joints have columns of different units.
+    #[inline(always)]
+    fn narrow(A: &[T], m: usize, det: T) -> Inverted<T> {
+        let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
+        let below = |floor: f64| (det * det).lt(squares * T::from_f64(floor));
+        Inverted {
+            sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det),
+            accurate: accurate(det * det, squares),
+            near: below(NEAR),
+            det,
+        }
+    }
+}
+
+/// Inverse of A (m × m): closed form up to 3×3, elimination in the order fixed at load beyond.
+#[inline(always)]
+pub(in crate::closure) fn invert<T: Real, const M: usize>(
+    A: &mut [T],
+    inverse: &mut [T],
+    m: usize,
+) -> Inverted<T> {
+    match if M == ANY { m } else { M } {
+        1 => {
+            inverse[0] = T::ONE / A[0];
+            Inverted {
+                sound: T::ZERO.lt(A[0].abs()),
+                accurate: T::Mask::splat(true),
+                near: T::Mask::splat(false),
+                det: A[0],
+            }
+        }
+        2 => {
+            let det = A[0].mul_add(A[3], -(A[1] * A[2]));
+            let d = T::ONE / det;
+            (inverse[0], inverse[1], inverse[2], inverse[3]) =
+                (A[3] * d, -(A[1] * d), -(A[2] * d), A[0] * d);
+            Inverted::narrow(A, 2, det)
+        }
+        3 => {
+            let minor = |a: usize, b: usize, c: usize, d: usize, A: &[T]| {
+                A[a].mul_add(A[d], -(A[b] * A[c]))
+            };
+            let (c0, c1, c2) = (minor(4, 5, 7, 8, A), minor(5, 3, 8, 6, A), minor(3, 4, 6, 7, A));
+            let det = A[0].mul_add(c0, A[1].mul_add(c1, A[2] * c2));
+            let d = T::ONE / det;
+            let adjugate = [
+                c0,
+                minor(2, 1, 8, 7, A),
+                minor(1, 2, 4, 5, A),
+                c1,
+                minor(0, 2, 6, 8, A),
+                minor(2, 0, 5, 3, A),
+                c2,
+                minor(1, 0, 7, 6, A),
+                minor(0, 1, 3, 4, A),
+            ];
+            for (x, y) in inverse.iter_mut().zip(adjugate) {
+                *x = y * d;
+            }
+            Inverted::narrow(A, 3, det)
+        }
+        _ => {
+            for (k, x) in inverse.iter_mut().enumerate() {
+                *x = if k / m == k % m { T::ONE } else { T::ZERO };
+            }
+            let (sound, det) = solve_unpivoted(
+                A,
+                inverse,
+                m,
+                m,
+                const { SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON) },
+            );
+            Inverted { sound, accurate: T::Mask::splat(true), near: T::Mask::splat(false), det }
+        }
+    }
+}
+
+/// 1/sin² of the least angle between a column of the matrix, whose squared norms are given, and the
+/// span of the others: row i of the inverse has the norm 1/sin over that of column i.
+#[inline(always)]
+pub(in crate::closure) fn nearness<T: Real>(inverse: &[T], squares: &[T], m: usize) -> T {
+    let mut nearness = T::ZERO;
+    for (row, square) in inverse.chunks_exact(m).zip(squares) {
+        let x = row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)) * *square;
+        nearness = T::select(nearness.lt(x), x, nearness);
+    }
+    nearness
+}

@@ -1,0 +1,232 @@
+//! Any loop by Newton's method on its rows, block by block.
+//!
+//! At load the independent rows and the dependent joints of a cluster are sorted into block
+//! triangular form: a block is a smallest set of rows that determines as many joints once the
+//! blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block of up to
+//! three rows is inverted in closed form, a larger one by elimination in an order fixed at load.
+//! The inverse at the accepted pose gives G and g.
+
+mod bifurcation;
+pub(super) mod block;
+pub(super) mod continuation;
+mod inverse;
+
+use sarrus_proto::Status;
+
+use crate::closure::constraint::rows::{cos_sin, local_poses, place, rate_of};
+use crate::closure::numerical::block::{Block, Blocks};
+use crate::closure::{Level, Local, Outcome, Rate};
+use crate::mechanism::{Freedom, Motion};
+use crate::model::{Body, Cluster};
+use crate::scalar::{Mask, Real, Scalar};
+use crate::spatial::Pose;
+
+/// Newton steps that one straight attempt may take.
+const STEPS: u32 = 10;
+
+/// When one straight attempt of Newton's method ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct End {
+    /// Size of the last step, in radians or cluster lengths; `None`: what leaves rounding alone.
+    /// With it the pose after all steps stands.
+    pub(crate) tolerance: Option<f64>,
+    /// How many steps it may take.
+    pub(crate) steps: u32,
+}
+
+/// The blocks of a cluster in the order in which they are closed.
+#[derive(Clone, Debug)]
+pub(crate) struct Numerical<C> {
+    pub(crate) blocks: Vec<Block>,
+    /// Bodies on the way to the cuts, in tree order, and those among them that the blocks leave
+    /// without their pose.
+    pub(crate) on_way: Vec<usize>,
+    pub(crate) after: Vec<usize>,
+    /// The closed pose at y = 0 from which a request without a guess starts (n_q).
+    pub(crate) zero: Vec<C>,
+    pub(crate) end: End,
+}
+
+impl<C: nalgebra::Scalar + Copy> Numerical<C> {
+    /// From the blocks and a closed pose.
+    pub(crate) fn new(Blocks { blocks, on_way, after }: Blocks, zero: Vec<C>) -> Numerical<C> {
+        Numerical { blocks, on_way, after, zero, end: End { tolerance: None, steps: STEPS } }
+    }
+
+    /// The same blocks with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Numerical<D> {
+        Numerical {
+            blocks: self.blocks.clone(),
+            on_way: self.on_way.clone(),
+            after: self.after.clone(),
+            zero: self.zero.iter().map(|x| f(*x)).collect(),
+            end: self.end,
+        }
+    }
+
+    /// Closes every block from the dependents in `local.q`; poses on the way to all cuts are fresh
+    /// after a good end. The mask tells which lanes converged without a doubtful step and without a
+    /// change of sign of any block's determinant, against [`Numerical::remember`] if `remembered`;
+    /// `moved` is how far the independents are from the pose that the dependents are of.
+    pub(in crate::closure) fn newton<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+        remembered: bool,
+        moved: T,
+    ) -> (T::Mask, u32) {
+        local.scratch.pose[0] = Pose::identity();
+        for (body, turn) in bodies.iter().zip(&mut *local.turn) {
+            if body.motion == Motion::Revolute {
+                *turn = cos_sin(local.q[body.q - cluster.q]);
+            }
+        }
+        let mut good = T::Mask::splat(true);
+        let mut taken = 0;
+        for (b, block) in self.blocks.iter().enumerate() {
+            for &j in &block.before {
+                place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+            }
+            let branch = remembered.then_some(local.scratch.branch[b]);
+            let (fine, count) = block.newton(cluster, bodies, local, branch, moved, self.end);
+            good = good & fine;
+            taken += count;
+            if !good.any() {
+                break;
+            }
+        }
+        for &j in &self.after {
+            place(cluster, bodies, j, local.q, local.turn, &mut local.scratch.pose);
+        }
+        (good, taken)
+    }
+
+    /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not
+    /// show it.
+    pub(in crate::closure) fn remember<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+    ) {
+        if !self.blocks.iter().any(|block| block.remember) {
+            return;
+        }
+        local_poses(cluster, bodies, local.q, local.turn, &mut local.scratch.pose);
+        for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.remember) {
+            local.scratch.branch[b] = block.determinant(cluster, local);
+        }
+    }
+
+    /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean
+    /// something, and where the pose is near a singular one.
+    #[inline]
+    fn rates<T: Real<Const = C>>(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T::Mask) {
+        let m = cluster.n_vy;
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            for other in 0..m {
+                local.G[j * m + other] = T::ZERO;
+            }
+            local.G[j * m + k] = T::ONE;
+            local.g[j] = T::ZERO;
+        }
+        // G block by block: G_d = −K_d⁻¹ K_i
+        let (mut good, mut near) = (T::Mask::splat(true), T::Mask::splat(false));
+        for block in &self.blocks {
+            let (sound, near_singular) = block.jacobian(cluster, local, level);
+            (good, near) = (good & sound, near | near_singular);
+        }
+        for block in &self.blocks {
+            for &Freedom { v: j, .. } in &block.unknowns {
+                let mut qd = T::ZERO;
+                for (k, &i) in cluster.independent.iter().enumerate() {
+                    qd = local.G[j * m + k].mul_add(local.qd[i], qd);
+                }
+                local.qd[j] = qd;
+            }
+        }
+        if level >= Level::Acceleration {
+            let scratch = &mut *local.scratch;
+            scratch.rate[0] = Rate::at_rest();
+            for &j in &self.on_way {
+                rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
+            }
+            for block in &self.blocks {
+                block.bias(&cluster.cuts, local);
+            }
+        }
+        (good, near)
+    }
+}
+
+impl<C: Scalar> Numerical<C> {
+    /// Position level from the closed pose `local.start`, then the levels below.
+    pub(crate) fn close(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+        level: Level,
+    ) -> Outcome {
+        for &i in &cluster.dependent_q {
+            local.q[i] = local.start[i];
+        }
+        let moved = continuation::way(cluster, local.start, local.q);
+        let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
+        let good = good && continuation::redundant_rows_hold(cluster, local);
+        let outcome = if good {
+            Outcome::closed(iterations)
+        } else {
+            bifurcation::follow_or_cross(self, cluster, bodies, local, iterations)
+        };
+        if outcome.status == Status::Ok {
+            self.differentiate(cluster, bodies, local, level, outcome)
+        } else {
+            outcome
+        }
+    }
+
+    /// Newton steps from a closed form's answer, on its branch.
+    pub(crate) fn polish(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+    ) -> Outcome {
+        self.remember(cluster, bodies, local);
+        let (good, iterations) = self.newton(cluster, bodies, local, true, C::ZERO);
+        if good {
+            Outcome::closed(iterations)
+        } else {
+            Outcome::failed(Status::NotConverged, iterations)
+        }
+    }
+
+    /// The levels below the position, with the reason where a block cannot be inverted.
+    pub(crate) fn differentiate(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+        level: Level,
+        outcome: Outcome,
+    ) -> Outcome {
+        if level == Level::Position {
+            return outcome;
+        }
+        match self.rates(cluster, bodies, local, level) {
+            (true, near) => Outcome { near, ..outcome },
+            (false, _) => Outcome::failed(
+                continuation::singular_status(cluster, bodies, local),
+                outcome.iterations,
+            ),
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! The loops that a type defines when a file gives none: where each leg is cut and in which
+//! directions it is tied.
+
+use nalgebra::Vector3;
+
+use crate::compile::geometry::{pose, unit, vector};
+use crate::description::{Cut, Description, JointKind, Loop, Row, Submechanism, SubmechanismKind};
+use crate::diagnostic::{Diagnostic, Site};
+use crate::scalar::{Dd, Scalar};
+use crate::spatial::{Pose, cross, mul, t_mul};
+
+/// The loops of a submechanism: those given, or those of its type.
+pub(super) fn loops(
+    description: &Description,
+    s: usize,
+    errors: &mut Vec<Diagnostic>,
+) -> Vec<Loop> {
+    let submechanism = &description.submechanisms[s];
+    if !submechanism.loops.is_empty() {
+        return submechanism.loops.clone();
+    }
+    let coupled = submechanism
+        .spanning_tree
+        .iter()
+        .filter(|j| description.joints[**j].coupling.is_some())
+        .count();
+    if submechanism.independent.len() + coupled >= submechanism.spanning_tree.len() {
+        return Vec::new();
+    }
+    let of_type = match submechanism.kind {
+        SubmechanismKind::Rrpr => lambda(description, submechanism),
+        SubmechanismKind::SliderCrank => slider_crank(description, submechanism),
+        SubmechanismKind::Spu2U1 => legs(description, submechanism, 2),
+        SubmechanismKind::Sprr2U1 if submechanism.spanning_tree.len() == 10 => {
+            arms(description, submechanism)
+        }
+        SubmechanismKind::Sprr2U1 => legs(description, submechanism, 2),
+        SubmechanismKind::Ups6 => legs(description, submechanism, 6),
+        _ => None,
+    };
+    of_type.unwrap_or_else(|| {
+        errors.push(Diagnostic {
+            site: Site::Submechanism(s),
+            found: format!(
+                "dependent joints in {} (type {}) that nothing determines",
+                submechanism.name, submechanism.type_name
+            ),
+            expected:
+                "loop_constraints, couplings, or a type that defines its loops for these joints"
+                    .into(),
+            help: "add loop_constraints".into(),
+        });
+        Vec::new()
+    })
+}
+
+/// RRPR: rocker, stator, slider; the pin is the slider's origin, tied to the rocker along the
+/// slider and across it in the plane that is perpendicular to the rocker's axis.
+fn lambda(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
+    let [rocker, _, slider] = submechanism.spanning_tree[..] else { return None };
+    Some(vec![pin(description, rocker, rocker, slider)?])
+}
+
+/// Slider-crank: crank, coupler, slider; the pin is the slider's origin, tied to the coupler along
+/// the slider and across it in the plane that is perpendicular to the crank's axis.
+fn slider_crank(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
+    let [crank, coupler, slider] = submechanism.spanning_tree[..] else { return None };
+    Some(vec![pin(description, crank, coupler, slider)?])
+}
+
+/// The slider's origin tied to the body of another joint along the slider and across it,
+/// perpendicular to the axis of a third.
+fn pin(description: &Description, turn: usize, other: usize, slider: usize) -> Option<Loop> {
+    let normal = direction_in_root(description, turn)?;
+    let along = direction_in_root(description, slider)?;
+    let across = unit(&cross(&normal, &along))?;
+    Some(Loop {
+        name: description.joints[slider].name.clone(),
+        predecessor: description.joints[other].child,
+        successor: description.joints[slider].child,
+        cut: Cut::AtJoint(slider),
+        rows: vec![
+            row(description, slider, "along", &unit(&along)?)?,
+            row(description, slider, "across", &across)?,
+        ],
+    })
+}
+
+/// A linear row along a direction {root}, in the frame of a joint at zero.
+fn row(description: &Description, joint: usize, name: &str, v: &Vector3<Dd>) -> Option<Row> {
+    let frame = in_root(description, description.joints[joint].child)?.R;
+    let v = t_mul(&frame, v).map(Dd::to_f64);
+    Some(Row { name: name.into(), axis: [0.0, 0.0, 0.0, v[0], v[1], v[2]], against: None })
+}
+
+/// Independent joints that carry a platform, and legs of three joints; each slider's origin is a
+/// point of the platform.
+fn legs(
+    description: &Description,
+    submechanism: &Submechanism,
+    n_legs: usize,
+) -> Option<Vec<Loop>> {
+    let sliders = sliders(description, submechanism, n_legs)?;
+    if submechanism.spanning_tree.len() != submechanism.independent.len() + 3 * n_legs {
+        return None;
+    }
+    let platform = description.joints[platform(description, submechanism)?].child;
+    Some(sliders.into_iter().map(|slider| spherical(description, slider, platform)).collect())
+}
+
+/// The same with an arm a leg that turns on the platform, the k-th for the k-th slider of the list.
+/// Its tip is the slider's origin, a ball joint; and the plane of its axis and its tip goes through
+/// the origin of the leg's first joint.
+fn arms(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
+    let joints = &description.joints;
+    let sliders = sliders(description, submechanism, 2)?;
+    let platform = joints[platform(description, submechanism)?].child;
+    let is_arm = |j: &&usize| {
+        !submechanism.independent.contains(j)
+            && carrier(description, joints[**j].parent) == carrier(description, platform)
+    };
+    let arms: Vec<usize> = submechanism.spanning_tree.iter().filter(is_arm).copied().collect();
+    if arms.len() != sliders.len() {
+        return None;
+    }
+    let mut loops = Vec::new();
+    for (arm, slider) in arms.into_iter().zip(sliders) {
+        let first =
+            carrier(description, joints[carrier(description, joints[slider].parent)?].parent)?;
+        let (n, tip) =
+            (direction_in_root(description, arm)?, in_root(description, joints[slider].child)?.p);
+        let normal = unit(&cross(&n, &(tip - in_root(description, joints[arm].child)?.p)))?;
+        loops.push(spherical(description, slider, joints[arm].child));
+        loops.push(Loop {
+            name: joints[arm].name.clone(),
+            predecessor: joints[arm].child,
+            successor: joints[first].parent,
+            cut: Cut::AtJoint(first),
+            rows: vec![row(description, first, "plane", &normal)?],
+        });
+    }
+    Some(loops)
+}
+
+/// The dependent sliders of the list, if they are that many.
+fn sliders(
+    description: &Description,
+    submechanism: &Submechanism,
+    count: usize,
+) -> Option<Vec<usize>> {
+    let slides = |j: &&usize| {
+        description.joints[**j].kind == JointKind::Prismatic
+            && !submechanism.independent.contains(j)
+    };
+    let sliders: Vec<usize> = submechanism.spanning_tree.iter().filter(slides).copied().collect();
+    (sliders.len() == count).then_some(sliders)
+}
+
+/// The independent joint that carries no other one; it carries the platform.
+fn platform(description: &Description, submechanism: &Submechanism) -> Option<usize> {
+    let carries = |j: &usize| {
+        submechanism.independent.iter().any(|other| other != j && is_above(description, *j, *other))
+    };
+    submechanism.independent.iter().find(|j| !carries(j)).copied()
+}
+
+/// The moving joint that carries a link.
+fn carrier(description: &Description, mut link: usize) -> Option<usize> {
+    for _ in 0..=description.joints.len() {
+        let j = description.joints.iter().position(|joint| joint.child == link)?;
+        if description.joints[j].kind != JointKind::Fixed {
+            return Some(j);
+        }
+        link = description.joints[j].parent;
+    }
+    None
+}
+
+/// A ball joint between a slider's body and another link, at the slider's origin.
+fn spherical(description: &Description, slider: usize, successor: usize) -> Loop {
+    let row = |name: &str, k: usize| Row {
+        name: name.into(),
+        axis: std::array::from_fn(|i| if i == 3 + k { 1.0 } else { 0.0 }),
+        against: None,
+    };
+    Loop {
+        name: description.joints[slider].name.clone(),
+        predecessor: description.joints[slider].child,
+        successor,
+        cut: Cut::AtJoint(slider),
+        rows: vec![row("x", 0), row("y", 1), row("z", 2)],
+    }
+}
+
+/// True when a joint lies on the way from the root to another.
+fn is_above(description: &Description, j: usize, other: usize) -> bool {
+    let mut link = description.joints[other].parent;
+    for _ in 0..=description.joints.len() {
+        let Some(at) = description.joints.iter().position(|joint| joint.child == link) else {
+            return false;
+        };
+        if at == j {
+            return true;
+        }
+        link = description.joints[at].parent;
+    }
+    false
+}
+
+/// Pose of a link at zero {root}.
+fn in_root(description: &Description, mut link: usize) -> Option<Pose<Dd>> {
+    let mut x = Pose::identity();
+    for _ in 0..=description.joints.len() {
+        let Some(joint) = description.joints.iter().find(|joint| joint.child == link) else {
+            return Some(x);
+        };
+        x = pose(&joint.origin).then(&x);
+        link = joint.parent;
+    }
+    None
+}
+
+/// Axis of a joint at zero {root}.
+fn direction_in_root(description: &Description, j: usize) -> Option<Vector3<Dd>> {
+    let joint = &description.joints[j];
+    Some(mul(&in_root(description, joint.child)?.R, &vector(joint.axis)))
+}

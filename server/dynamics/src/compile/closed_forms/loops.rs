@@ -1,0 +1,143 @@
+//! A loop as the ring of its joints, the cut one among them.
+
+use nalgebra::Vector3;
+
+use crate::closure::Cut;
+use crate::compile::closed_forms::{Deviation, Reading, Subject};
+use crate::compile::geometry::{axis, direction, norm, unit};
+use crate::mechanism::Motion;
+use crate::scalar::{Dd, Real, Scalar};
+use crate::spatial::{cross, dot};
+
+/// One joint of a ring.
+#[derive(Clone)]
+pub(super) struct Ring {
+    /// `None`: the cut.
+    pub(super) joint: Option<usize>,
+    pub(super) slides: bool,
+    /// Where it is and its axis at zero {cluster's parent body}; the cut has no axis of its own.
+    pub(super) point: Vector3<Dd>,
+    pub(super) axis: Vector3<Dd>,
+    /// +1 where the link after it is the joint's child, −1 where it is the parent.
+    pub(super) way: Dd,
+}
+
+/// The joints on the way from the predecessor's and the successor's common parent to the cut and
+/// back.
+pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
+    let up = |mut body: usize| {
+        let mut joints = Vec::new();
+        while body != 0 {
+            joints.push(body - 1);
+            body = of.cluster.local_parent[body - 1];
+        }
+        joints
+    };
+    let (mut p, mut s) = (up(cut.predecessor), up(cut.successor));
+    while p.last().is_some() && p.last() == s.last() {
+        p.pop();
+        s.pop();
+    }
+    let member = |j: usize, way: Dd| {
+        let pose = &of.zero[j + 1];
+        Ring {
+            joint: Some(j),
+            slides: of.bodies[j].motion == Motion::Prismatic,
+            point: pose.p,
+            axis: axis(pose),
+            way,
+        }
+    };
+    let point = of.zero[cut.predecessor].point(&cut.x_p_cut.p);
+    let mut ring: Vec<Ring> = p.iter().rev().map(|j| member(*j, Dd::ONE)).collect();
+    ring.push(Ring {
+        joint: None,
+        slides: false,
+        point,
+        axis: crate::spatial::zero(),
+        way: Dd::ONE,
+    });
+    ring.extend(s.iter().map(|j| member(*j, -Dd::ONE)));
+    ring
+}
+
+/// The same ring from this joint on.
+pub(super) fn starting_at(mut ring: Vec<Ring>, joint: usize) -> Result<Vec<Ring>, String> {
+    let at = ring
+        .iter()
+        .position(|x| x.joint == Some(joint))
+        .ok_or("independent joint is not in the loop")?;
+    ring.rotate_left(at);
+    Ok(ring)
+}
+
+/// The same ring the other way round, from the same joint on.
+pub(super) fn reversed(ring: &[Ring]) -> Vec<Ring> {
+    let n = ring.len();
+    (0..n).map(|k| &ring[(n - k) % n]).map(|x| Ring { way: -x.way, ..x.clone() }).collect()
+}
+
+/// How far the axes are from perpendicular to the plane, or in it for a slider; for each turning
+/// joint ±1, the sign of its axis against n.
+pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviation>) -> Vec<Dd> {
+    let mut sense = Vec::new();
+    for member in ring {
+        let Some(j) = member.joint else {
+            sense.push(member.way);
+            continue;
+        };
+        if member.slides {
+            deviations.push((
+                "slider not in the plane, axis".into(),
+                Subject::Joint(j),
+                dot(&member.axis, n).abs().to_f64(),
+            ));
+            sense.push(member.way);
+        } else {
+            let off = norm(&cross(&member.axis, n)).to_f64();
+            deviations.push((
+                "axis not parallel to the others of its loop, axis".into(),
+                Subject::Joint(j),
+                off,
+            ));
+            sense.push(member.way * super::sign(dot(&member.axis, n)));
+        }
+    }
+    sense
+}
+
+/// A cut that ties the two directions of the plane and leaves the turn about its normal: two rows
+/// in the plane, three in any directions, and angular rows in the plane.
+pub(super) fn pin_in_plane(
+    of: &Reading<'_>,
+    cut: &Cut<Dd>,
+    n: &Vector3<Dd>,
+    deviations: &mut Vec<Deviation>,
+) -> Result<(), String> {
+    let turn =
+        |v: &Vector3<Dd>| unit(&direction(&of.zero[cut.predecessor], &direction(&cut.x_p_cut, v)));
+    let (mut linear, mut off) = (Vec::new(), 0.0f64);
+    for row in &cut.rows {
+        match (turn(&row.angular), turn(&row.linear)) {
+            _ if row.against.is_some() => {
+                return Err("loop holds two directions perpendicular".into());
+            }
+            (Some(angular), None) => off = off.max(dot(&angular, n).abs().to_f64()),
+            (None, Some(x)) => linear.push(x),
+            _ => return Err("loop has a constraint axis that turns and slides".into()),
+        }
+    }
+    let spans = match linear.as_slice() {
+        [x, y] => {
+            off = off.max(dot(x, n).abs().to_f64()).max(dot(y, n).abs().to_f64());
+            norm(&cross(x, y)).to_f64()
+        }
+        [x, y, z] => dot(x, &cross(y, z)).abs().to_f64(),
+        _ => 0.0,
+    };
+    if spans < 1e-3 {
+        return Err("loop does not tie both directions of its plane".into());
+    }
+    deviations.push(("a constraint axis of the loop not in the plane".into(), Subject::Loop, off));
+    Ok(())
+}

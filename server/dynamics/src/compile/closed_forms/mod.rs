@@ -1,0 +1,197 @@
+//! Reads the geometry of closed forms off a cluster at its zero pose, and measures how well it
+//! fits: one file for each mechanism.
+
+mod loops;
+mod parallelogram;
+mod planar;
+mod platform;
+
+use crate::closure::{Closure, Cut, CutRow, Numerical, constraint_residual};
+use crate::compile::geometry::norm;
+use crate::description::SubmechanismKind;
+use crate::mechanism::{Freedom, Motion};
+use crate::model::{Body, Cluster};
+use crate::scalar::{Dd, Real, Scalar};
+use crate::spatial::{Pose, cross, dot};
+
+/// A closed form and how far each assumption of it is from true.
+pub(super) struct Form {
+    closure: Closure<Dd>,
+    deviations: Vec<Deviation>,
+}
+
+/// What is assumed, of what, and how far it is from true, relative to the mechanism's size.
+type Deviation = (String, Subject, f64);
+
+/// What an assumption is about.
+enum Subject {
+    Joint(usize),
+    Loop,
+}
+
+impl Form {
+    /// The worst deviation and what it is about; a name for each local body.
+    pub(super) fn misfit(&self, names: &[String]) -> (String, f64) {
+        let worst = self.deviations.iter().max_by(|a, b| a.2.total_cmp(&b.2));
+        worst.map_or((String::new(), 0.0), |(what, subject, size)| match subject {
+            Subject::Joint(j) => (format!("{what} of {}", names[*j]), *size),
+            Subject::Loop => (what.clone(), *size),
+        })
+    }
+
+    /// Adds Newton's method on the true rows.
+    pub(super) fn polish(&mut self, numerical: Numerical<Dd>) {
+        match &mut self.closure {
+            Closure::Coupling(coupling) => coupling.polish = Some(numerical),
+            Closure::Rrpr(rrpr) => rrpr.polish = Some(numerical),
+            Closure::Planar(planar) => planar.polish = Some(numerical),
+            Closure::Legs(legs) => legs.polish = Some(numerical),
+            Closure::Serial | Closure::Numerical(_) => {}
+        }
+    }
+
+    pub(super) fn closure(self) -> Closure<Dd> {
+        self.closure
+    }
+}
+
+/// The closed form of a type on this cluster: `None` for a type without one, `Some(Err)` with what
+/// the cluster lacks for it.
+pub(super) fn build(
+    kind: SubmechanismKind,
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    order: &[usize],
+) -> Option<Result<Form, String>> {
+    let of = Reading { cluster, bodies, order, zero: zero_poses(cluster, bodies) };
+    let mut form = match kind {
+        SubmechanismKind::Rrpr | SubmechanismKind::SliderCrank => planar::read(&of, true),
+        SubmechanismKind::FourBar => planar::read(&of, false),
+        SubmechanismKind::ParallelogramChain => parallelogram::read(&of),
+        SubmechanismKind::Spu2U1 | SubmechanismKind::Ups6 => platform::read(&of, false),
+        SubmechanismKind::Sprr2U1 => platform::read(&of, true),
+        _ => return None,
+    };
+    if let Ok(form) = &mut form {
+        form.deviations.push(("a loop that is open at zero".into(), Subject::Loop, of.open()));
+    }
+    Some(form)
+}
+
+/// What a closed form is read off.
+struct Reading<'a> {
+    cluster: &'a Cluster<Dd>,
+    bodies: &'a [Body<Dd>],
+    /// Local joints in the order in which the submechanism lists them.
+    order: &'a [usize],
+    /// Pose of each local body at zero {cluster's parent body}.
+    zero: Vec<Pose<Dd>>,
+}
+
+impl Reading<'_> {
+    /// The independent freedoms from the base to the platform that they carry, each with its place
+    /// in y; and the platform's local body.
+    fn chain(&self) -> Result<(Vec<(Freedom, usize)>, usize), String> {
+        let of = |(k, v): (usize, &usize)| (self.cluster.freedoms[*v], k);
+        let mut chain: Vec<(Freedom, usize)> =
+            self.cluster.independent.iter().enumerate().map(of).collect();
+        chain.sort_by_key(|(at, _)| (self.depth(at.body), at.k));
+        let mut below = 0;
+        for (at, _) in chain.iter().filter(|(at, _)| at.k == 0) {
+            if self.cluster.local_parent[at.body] != below {
+                return Err("independent joints do not carry the platform one on the other".into());
+            }
+            below = at.body + 1;
+        }
+        Ok((chain, below))
+    }
+
+    /// The freedom of a joint that has one.
+    fn freedom(&self, j: usize) -> Freedom {
+        self.cluster.freedoms[self.bodies[j].v - self.cluster.v]
+    }
+
+    /// True where a joint's freedoms are independent.
+    fn is_independent(&self, j: usize) -> bool {
+        self.cluster.independent.contains(&(self.bodies[j].v - self.cluster.v))
+    }
+
+    /// True where every joint has one freedom, so that one index serves joints, velocities and
+    /// coordinates.
+    fn is_simple(&self) -> bool {
+        self.cluster.n_q == self.cluster.n
+    }
+
+    /// For each slider the two turns between the base and it, in the order of the list.
+    fn triples(&self) -> Result<Vec<[usize; 3]>, String> {
+        let above = |j: usize| self.cluster.local_parent[j].checked_sub(1);
+        let sliders = self
+            .order
+            .iter()
+            .filter(|j| self.bodies[**j].motion == Motion::Prismatic && !self.is_independent(**j));
+        sliders
+            .map(|&j3| match above(j3).and_then(|j2| Some([above(j2)?, j2, j3])) {
+                Some([j1, j2, j3])
+                    if above(j1).is_none()
+                        && [j1, j2].iter().all(|j| self.bodies[*j].motion == Motion::Revolute) =>
+                {
+                    Ok([j1, j2, j3])
+                }
+                _ => Err("leg is not a universal joint on the base and a slider".into()),
+            })
+            .collect()
+    }
+
+    /// How far the loops are open at zero: a form takes the cut from one end.
+    fn open(&self) -> f64 {
+        let mut phi = vec![Dd::ZERO; self.cluster.rows.len()];
+        constraint_residual(self.cluster, &self.zero, &vec![Dd::ZERO; self.cluster.n_q], &mut phi);
+        let rows = self
+            .cluster
+            .cuts
+            .iter()
+            .flat_map(|cut| &cut.rows)
+            .zip(&phi)
+            .filter(|(row, _)| row.terms.is_empty());
+        let size =
+            |row: &CutRow<Dd>| if norm(&row.linear) > Dd::ZERO { self.cluster.length } else { 1.0 };
+        rows.fold(0.0, |open: f64, (row, phi)| open.max(phi.to_f64().abs() / size(row)))
+    }
+
+    fn depth(&self, j: usize) -> usize {
+        match self.cluster.local_parent[j] {
+            0 => 0,
+            parent => 1 + self.depth(parent - 1),
+        }
+    }
+}
+
+/// Pose of each local body at zero {cluster's parent body}.
+fn zero_poses(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> Vec<Pose<Dd>> {
+    let mut pose = vec![Pose::identity()];
+    for (j, body) in bodies.iter().enumerate() {
+        let next = pose[cluster.local_parent[j]].then(&Pose { R: body.E, p: body.r });
+        pose.push(next);
+    }
+    pose
+}
+
+/// True when the cut is between these two local bodies, either way round.
+fn ties(cut: &Cut<Dd>, a: usize, b: usize) -> bool {
+    (cut.predecessor, cut.successor) == (a, b) || (cut.predecessor, cut.successor) == (b, a)
+}
+
+/// True when the cut is a ball joint: three rows in independent directions.
+fn is_ball(cut: &Cut<Dd>) -> bool {
+    if cut.angular || cut.rows.len() != 3 {
+        return false;
+    }
+    let [x, y, z] = [0, 1, 2].map(|r| cut.rows[r].linear);
+    let volume = dot(&x, &cross(&y, &z)).abs();
+    volume.to_f64() > 1e-3 * (norm(&x) * norm(&y) * norm(&z)).to_f64()
+}
+
+/// ±1.
+fn sign(x: Dd) -> Dd {
+    if x < Dd::ZERO { -Dd::ONE } else { Dd::ONE }
+}

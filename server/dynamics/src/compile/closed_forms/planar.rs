@@ -1,0 +1,155 @@
+//! RRPR, SLIDERCRANK, FOURBAR: one plane loop of four joints, any of them independent.
+
+use nalgebra::Vector3;
+
+use crate::closure::{Closure, Planar, Rrpr, Tie};
+use crate::compile::closed_forms::loops::{
+    Ring, pin_in_plane, reversed, ring, senses, starting_at,
+};
+use crate::compile::closed_forms::{Form, Reading, sign};
+use crate::compile::geometry::onto_z;
+use crate::scalar::{Dd, Real, Scalar};
+use crate::spatial::{column, dot};
+
+/// Shortest link and least sine between links at zero, relative to the mechanism's size.
+const DEGENERATE: f64 = 1e-6;
+
+type Plane = [Dd; 2];
+
+/// The loop, with one slider or none.
+pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
+    let cluster = of.cluster;
+    let ([cut], [y], 3, true) =
+        (&cluster.cuts[..], &cluster.independent[..], cluster.n, of.is_simple())
+    else {
+        return Err("joints are not the three of one loop, one of them independent".into());
+    };
+    let mut ring = starting_at(ring(of, cut), *y)?;
+    if ring.len() != 4 || ring.iter().filter(|x| x.slides).count() != usize::from(slider) {
+        return Err(format!(
+            "loop is not one of {}",
+            if slider { "two turns, a slider and a pin" } else { "three turns and a pin" }
+        ));
+    }
+    // a slider beside the independent joint comes last, a pin beside it comes first if the slider
+    // lies opposite
+    if ring[1].slides || ring[2].slides && ring[3].joint.is_none() {
+        ring = reversed(&ring);
+    }
+
+    // the plane: n along the first turning axis, so that the independent joint's sense is +1
+    let Some(first) = ring.iter().find(|x| !x.slides && x.joint.is_some()) else {
+        return Err("loop has no axis".into());
+    };
+    let n = first.axis.map(|x| x * first.way);
+    let mut deviations = Vec::new();
+    let sense = senses(&ring, &n, &mut deviations);
+    pin_in_plane(of, cut, &n, &mut deviations)?;
+    let axes = onto_z(&n);
+    let plane =
+        |v: &Vector3<Dd>| -> Plane { [dot(&column(&axes, 0), v), dot(&column(&axes, 1), v)] };
+    let origin = if ring[0].slides { ring[1].point } else { ring[0].point };
+    let [a, p2, d] = [1, 2, 3].map(|k: usize| plane(&(ring[k].point - origin)));
+    let along = |x: &Ring| normalised(plane(&x.axis)).ok_or("slider is perpendicular to the plane");
+
+    let closure = match ring.iter().position(|x| x.slides) {
+        Some(2) => Closure::Rrpr(lambda(of, &ring, &sense, a, d, along(&ring[2])?)?),
+        place => {
+            let (b, c) = (minus(&p2, &a), minus(&p2, &d));
+            let t = place.map_or(Ok([Dd::ZERO; 2]), |k| along(&ring[k]))?;
+            // the way of an independent slider counts in its direction
+            let t = if place == Some(0) { t.map(|x| x * sense[0]) } else { t };
+            let has_bearing = place == Some(3);
+            let (turned, least) = if has_bearing {
+                (inner(&t, &b), size(&b))
+            } else {
+                (outer(&b, &c), size(&b) * size(&c))
+            };
+            let short = DEGENERATE * cluster.length;
+            if size(&b) < short
+                || !has_bearing && size(&c) < short
+                || turned.abs().to_f64() <= DEGENERATE * least
+            {
+                return Err("links stand in line or have no length at zero".into());
+            }
+            let tie =
+                |k: usize| ring[k].joint.map(|joint| Tie { joint, place: k, sense: sense[k] });
+            let ties: Vec<Tie<Dd>> = (1..4).filter_map(tie).collect();
+            let others = ties.try_into().map_err(|_| "loop is cut twice")?;
+            Closure::Planar(Planar {
+                joint: *y,
+                slides: place == Some(0),
+                a,
+                d,
+                t,
+                b,
+                c,
+                b_square: inner(&b, &b),
+                c_square: inner(&c, &c),
+                slider: has_bearing,
+                side: sign(turned),
+                others,
+                polish: None,
+            })
+        }
+    };
+    Ok(Form { closure, deviations })
+}
+
+/// A slider that lies opposite to the independent joint: rocker, pin, slider, stator.
+fn lambda(
+    of: &Reading<'_>,
+    ring: &[Ring],
+    sense: &[Dd],
+    d3: Plane,
+    d1: Plane,
+    t: Plane,
+) -> Result<Rrpr<Dd>, String> {
+    let (Some(rocker), Some(slider), Some(stator)) = (ring[0].joint, ring[2].joint, ring[3].joint)
+    else {
+        return Err("pin is not beside the rocker".into());
+    };
+    // the length grows as the slider's coordinate does
+    let t0 = t.map(|x| -(x * ring[2].way));
+    let d = minus(&d3, &d1);
+    let (length0, eccentricity) = (inner(&d, &t0), outer(&t0, &d));
+    if length0.abs().to_f64() < DEGENERATE * of.cluster.length {
+        return Err("slider has no length at zero".into());
+    }
+    if size(&d3) < DEGENERATE * of.cluster.length {
+        return Err("pin lies on the rocker's axis".into());
+    }
+    Ok(Rrpr {
+        joints: [rocker, stator, slider],
+        d3,
+        d1,
+        t0,
+        square0: inner(&d, &d),
+        length0,
+        eccentricity,
+        sense: -sense[3],
+        side: sign(length0),
+        polish: None,
+    })
+}
+
+fn minus(x: &Plane, y: &Plane) -> Plane {
+    [x[0] - y[0], x[1] - y[1]]
+}
+
+fn inner(x: &Plane, y: &Plane) -> Dd {
+    x[0] * y[0] + x[1] * y[1]
+}
+
+fn outer(x: &Plane, y: &Plane) -> Dd {
+    x[0] * y[1] - x[1] * y[0]
+}
+
+fn size(x: &Plane) -> f64 {
+    inner(x, x).to_f64().sqrt()
+}
+
+fn normalised(x: Plane) -> Option<Plane> {
+    let length = inner(&x, &x).sqrt();
+    (length > Dd::ZERO).then(|| x.map(|x| x / length))
+}

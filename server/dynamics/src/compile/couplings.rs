@@ -1,0 +1,127 @@
+//! What is read off a cluster before its closure is chosen: its size, and its couplings if it is
+//! tied by nothing else; linear relations.
+
+use nalgebra::Vector3;
+
+use crate::closure::Coupling;
+use crate::model::{Body, Cluster};
+use crate::scalar::{Dd, Real, Scalar};
+use crate::spatial::Pose;
+
+/// Mean distance of a cluster's joint origins and cuts from its parent body's nearest point: the
+/// size of the mechanism.
+pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> f64 {
+    let mut pose = vec![Pose::identity()];
+    for j in 0..cluster.n {
+        let body = &bodies[cluster.body + j];
+        let next = pose[cluster.local_parent[j]].then(&Pose { R: body.E, p: body.r });
+        pose.push(next);
+    }
+    let mut points: Vec<Vector3<Dd>> = pose[1..].iter().map(|x| x.p).collect();
+    for cut in cluster.cuts.iter().filter(|cut| cut.rows.iter().all(|row| row.terms.is_empty())) {
+        points.push(pose[cut.predecessor].point(&cut.x_p_cut.p));
+    }
+    // half the largest extent
+    let mut largest: f64 = 0.0;
+    for a in &points {
+        for b in &points {
+            let d = a - b;
+            largest = largest.max(crate::spatial::dot(&d, &d).sqrt().to_f64());
+        }
+    }
+    if largest > 0.0 { 0.5 * largest } else { 1.0 }
+}
+
+/// Σ coefficient · q + offset = 0 over local joints.
+pub(super) struct Relation {
+    pub(super) terms: Vec<(usize, Dd)>,
+    pub(super) offset: Dd,
+}
+
+/// What contradicting or repeated relations may leave, relative to their coefficients: numbers in
+/// files are rounded.
+const ROUNDING: f64 = 1e-12;
+
+/// M and b of a cluster whose every row is a coupling; `None` for others and where the couplings do
+/// not determine the dependents.
+pub(super) fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
+    if cluster.n_q != cluster.n {
+        return None;
+    }
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    let relations: Option<Vec<Relation>> = rows
+        .map(|row| {
+            (!row.terms.is_empty())
+                .then(|| Relation { terms: row.terms.clone(), offset: row.offset })
+        })
+        .collect();
+    solve(cluster, &relations?)
+}
+
+/// The dependents from relations that may hold in any order and at once, by elimination with full
+/// pivoting; relations that repeat others are allowed, those that contradict them are not.
+pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Coupling<Dd>> {
+    let (n, m, d) = (cluster.n, cluster.n_vy, cluster.dependent.len());
+    let (rows, width) = (relations.len(), d + m + 1);
+    // [dependents | independents, offset], zero in all
+    let mut A = vec![Dd::ZERO; rows * width];
+    for (r, relation) in relations.iter().enumerate() {
+        for (j, c) in &relation.terms {
+            let dependent = cluster.dependent.iter().position(|x| x == j);
+            let column =
+                dependent.or(cluster.independent.iter().position(|x| x == j).map(|k| d + k))?;
+            A[r * width + column] += *c;
+        }
+        A[r * width + width - 1] = relation.offset;
+    }
+    // each row by its largest coefficient
+    for row in A.chunks_exact_mut(width) {
+        let size = row[..width - 1].iter().fold(0.0, |size: f64, x| size.max(x.to_f64().abs()));
+        if size > 0.0 {
+            row.iter_mut().for_each(|x| *x = *x / Dd::from(size));
+        }
+    }
+    let (mut free, mut row_of): (Vec<usize>, Vec<usize>) =
+        ((0..rows).collect(), vec![usize::MAX; d]);
+    for _ in 0..d {
+        let open = (0..d).filter(|a| row_of[*a] == usize::MAX);
+        let candidates = open.flat_map(|a| free.iter().map(move |r| (*r, a)));
+        let size = |at: &(usize, usize)| A[at.0 * width + at.1].to_f64().abs();
+        let (r, a) = candidates.max_by(|x, y| size(x).total_cmp(&size(y)))?;
+        if size(&(r, a)) < ROUNDING {
+            return None;
+        }
+        let pivot = A[r * width + a];
+        for k in 0..width {
+            A[r * width + k] = A[r * width + k] / pivot;
+        }
+        for other in (0..rows).filter(|other| *other != r) {
+            let factor = A[other * width + a];
+            for k in 0..width {
+                let x = factor * A[r * width + k];
+                A[other * width + k] -= x;
+            }
+        }
+        free.retain(|x| *x != r);
+        row_of[a] = r;
+    }
+    // what is left over must say nothing new
+    if free
+        .iter()
+        .any(|r| A[r * width..(r + 1) * width].iter().any(|x| x.to_f64().abs() > ROUNDING))
+    {
+        return None;
+    }
+    let mut coupling = Coupling { M: vec![Dd::ZERO; n * m], b: vec![Dd::ZERO; n], polish: None };
+    for (k, &j) in cluster.independent.iter().enumerate() {
+        coupling.M[j * m + k] = Dd::ONE;
+    }
+    for (a, &j) in cluster.dependent.iter().enumerate() {
+        let row = &A[row_of[a] * width + d..(row_of[a] + 1) * width];
+        for k in 0..m {
+            coupling.M[j * m + k] = -row[k];
+        }
+        coupling.b[j] = -row[m];
+    }
+    Some(coupling)
+}

@@ -1,0 +1,120 @@
+//! Whether the masses of a robot let its motion be computed, judged at load.
+//!
+//! The diagonal of M_y is what an independent joint has to accelerate while the others stand still,
+//! the pivots Δ of the recursion what it has to while the others behind it are free. Their ratio
+//! has no unit, and its digits are lost in forward dynamics: a heavy hand on light links has a
+//! large one.
+
+use sarrus_proto::Status;
+
+use crate::closure::Level;
+use crate::compile::analysis::{POSES, noise};
+use crate::description::Description;
+use crate::diagnostic::{Diagnostic, Site};
+use crate::model::Model;
+use crate::workspace::Workspace;
+use crate::{algorithms, plan};
+
+/// Least Δ against the joint's own inertia, and against the largest of the robot, that is told from
+/// rounding.
+const NOTHING: f64 = 1e-15;
+const LEAST: f64 = 1e-18;
+/// From this ratio on a user is told.
+pub(crate) const UNEQUAL: f64 = 1e6;
+
+/// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it
+/// nearly is not. Returns the largest inertia of each independent among these poses, in internal
+/// order; zero where no pose could be closed.
+pub(super) fn check(
+    model: &Model<f64>,
+    description: &Description,
+    errors: &mut Vec<Diagnostic>,
+    warnings: &mut Vec<Diagnostic>,
+) -> Vec<f64> {
+    let mut ws = Workspace::for_plans(model, []);
+    let n = model.meta.sizes.n_vy;
+    let (mut typical, mut worst) = (vec![0.0; n], vec![0.0; n]);
+    for k in 0..POSES {
+        if !set_pose(model, &mut ws, k) {
+            break;
+        }
+        let inertia = algorithms::own_inertias(
+            model,
+            &ws.motion,
+            &ws.G,
+            &mut ws.composite,
+            &mut ws.inside,
+            &mut ws.columns,
+        );
+        let pivots = algorithms::pivots(model, &mut ws);
+        let largest = inertia.iter().copied().fold(0.0, f64::max);
+        let least = |i: usize| f64::max(inertia[i] * NOTHING, largest * LEAST);
+        let enough = |i: &usize| pivots[*i] > least(*i);
+        let bad: Vec<usize> = (0..n).filter(|i| !enough(i)).collect();
+        if !bad.is_empty() {
+            let (site, names) = joints(model, description, &bad);
+            errors.push(Diagnostic {
+                site,
+                found: format!("no inertia that resists the motion of {names}"),
+                expected: "a positive definite reduced mass matrix".into(),
+                help: "give mass or inertia to a link that these joints move".into(),
+            });
+            return typical;
+        }
+        for i in 0..n {
+            typical[i] = f64::max(typical[i], inertia[i]);
+            worst[i] = f64::max(worst[i], inertia[i] / pivots[i]);
+        }
+    }
+    let unequal: Vec<usize> = (0..n).filter(|i| worst[*i] > UNEQUAL).collect();
+    if !unequal.is_empty() {
+        let (site, names) = joints(model, description, &unequal);
+        let ratio = worst.iter().copied().fold(0.0, f64::max);
+        warnings.push(Diagnostic {
+            site,
+            found: format!("masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}", ratio.log10()),
+            expected: format!("a joint's inertia at most {UNEQUAL:.0e} times what is left of it where the joints behind it are free"),
+            help: "give the light links their true mass, or read the accelerations with that many digits".into(),
+        });
+    }
+    typical
+}
+
+/// Names of independents and where the first of them stands.
+fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Site, String) {
+    let name = |i: &usize| model.meta.independent[model.order.vy_external[*i]].as_str();
+    let first = which.first().map(name);
+    let site = description
+        .joints
+        .iter()
+        .position(|joint| Some(joint.name.as_str()) == first)
+        .map_or(Site::Robot, Site::Joint);
+    (site, which.iter().map(name).collect::<Vec<_>>().join(", "))
+}
+
+/// Poses and G at the zero pose or some way from it; false where a loop does not close there.
+fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
+    for (i, &q) in model.order.qy_q.iter().enumerate() {
+        ws.q[q] = model.zero[q];
+        if model.order.qy_q.len() == model.meta.sizes.n_vy {
+            ws.q[q] += 0.1 * noise(k * 1000 + i);
+        }
+    }
+    ws.start.copy_from_slice(&model.zero);
+    for &c in &model.tied {
+        let cluster = &model.clusters[c];
+        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        if crate::closure::close(cluster, bodies, &mut plan::local(cluster, ws), Level::Velocity)
+            .status
+            != Status::Ok
+        {
+            return false;
+        }
+    }
+    for &(i, q) in &model.free {
+        let (s, c) = ws.q[q].sin_cos();
+        ws.turn[i] = (c, s);
+    }
+    algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+    true
+}

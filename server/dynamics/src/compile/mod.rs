@@ -1,0 +1,262 @@
+//! From a description to a model in both precisions: the order of the steps.
+
+mod analysis;
+mod assemble;
+mod blocks;
+mod canonical;
+mod closed_forms;
+mod couplings;
+mod geometry;
+mod idle;
+mod masses;
+mod open;
+mod orders;
+mod spanning_tree;
+mod terms;
+
+use std::sync::Arc;
+
+use crate::closure::{Closure, Numerical};
+use crate::compile::analysis::Analysis;
+use crate::compile::assemble::Assembly;
+use crate::description::{Description, SubmechanismKind};
+use crate::diagnostic::{CompileError, Diagnostic, Site};
+use crate::model::{ClosureInfo, ClosureKind, Compiled, Meta, Model};
+use crate::scalar::{Dd, Scalar};
+pub(crate) use geometry::{pose as pose_of, unit_of};
+pub(crate) use masses::UNEQUAL;
+
+/// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.
+const ROUNDING: f64 = 1e-13;
+/// Scaled distance to singularity below which the zero pose is warned of.
+const SINGULAR: f64 = 1e-9;
+/// Misfit up to which a closed form starts Newton's method on the true rows.
+const POLISHABLE: f64 = 1e-3;
+
+impl Model<f64> {
+    /// Compiles a description: merges fixed joints, finds clusters, fixes rank, rows and order of
+    /// every closure, checks mobility, closure at zero and the reduced mass matrix. Allocates;
+    /// takes milliseconds.
+    ///
+    /// # Errors
+    /// All faults that were found, each with its place in the description.
+    pub fn compile(description: &Description) -> Result<Compiled, CompileError> {
+        let (mut errors, mut warnings) = (Vec::new(), Vec::new());
+        match build(description, &mut errors, &mut warnings) {
+            Some(compiled) if errors.is_empty() => Ok(Compiled { warnings, ..compiled }),
+            _ => Err(CompileError { errors, warnings }),
+        }
+    }
+}
+
+fn build(
+    description: &Description,
+    errors: &mut Vec<Diagnostic>,
+    warnings: &mut Vec<Diagnostic>,
+) -> Option<Compiled> {
+    let assembly = Assembly::new(description, errors)?;
+    let mut exact = assembly.model.clone();
+    let mut info = Vec::new();
+    for (s, submechanism) in description.submechanisms.iter().enumerate() {
+        let rows = assembly.row_owner.iter().filter(|owner| owner.0 == s).count();
+        info.push(ClosureInfo {
+            name: submechanism.name.clone(),
+            type_name: submechanism.type_name.clone(),
+            kind: if rows == 0 { ClosureKind::Serial } else { ClosureKind::Analytic },
+            rows,
+            rank: 0,
+            idle: Vec::new(),
+            length: 0.0,
+            misfit: 0.0,
+        });
+    }
+
+    // each tied cluster: rank and blocks, then its closed form if its type has one
+    let rough = exact.map(Dd::to_f64);
+    for c in exact.tied.clone() {
+        let cluster = &rough.clusters[c];
+        let bodies = &rough.bodies[cluster.body..cluster.body + cluster.n];
+        let names = assembly.names(c);
+        let site = Site::Submechanism(assembly.owner[c]);
+        let row_names =
+            cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
+        let carries: Vec<bool> = (0..cluster.n)
+            .map(|b| rough.clusters.iter().any(|of| of.parent == cluster.body + b))
+            .collect();
+        let analysis = analysis::analyse(
+            cluster, bodies, &carries, &names, &row_names, site, errors, warnings,
+        );
+        let Some(Analysis { used, blocks, locked }) = analysis else { continue };
+        for &r in &used {
+            info[assembly.row_owner[cluster.rows[r]].0].rank += 1;
+        }
+        let exact_bodies = exact.bodies[cluster.body..cluster.body + cluster.n].to_vec();
+        let mut numerical =
+            Numerical::new(blocks, exact.zero[cluster.q..cluster.q + cluster.n_q].to_vec());
+        exact.clusters[c].used = used;
+        for (s, _) in assembly.owners(c) {
+            info[s].length = f64::max(info[s].length, cluster.length);
+        }
+        info[assembly.owner[c]].idle.extend(locked.iter().map(|v| names[*v].clone()));
+        exact.clusters[c].dependent.retain(|v| !locked.contains(v));
+        exact.clusters[c].locked = locked;
+        if let Some(fault) =
+            analysis::close_zero(&exact.clusters[c], &exact_bodies, &mut numerical, site)
+        {
+            errors.push(fault);
+            continue;
+        }
+        let (q, n) = (cluster.q, cluster.n_q);
+        exact.zero[q..q + n].copy_from_slice(&numerical.zero);
+
+        // couplings are closed as they are; another closed form stands, starts Newton's method, or
+        // does not fit
+        if matches!(exact.clusters[c].closure, Closure::Coupling(_)) {
+            continue;
+        }
+        if exact.clusters[c].cuts.iter().flat_map(|cut| &cut.rows).all(|row| !row.terms.is_empty())
+        {
+            errors.push(contradicting_couplings(&names, site));
+            continue;
+        }
+        let kind = kind(&assembly, description, c);
+        let closure = match closed_forms::build(
+            kind,
+            &exact.clusters[c],
+            &exact_bodies,
+            &assembly.local_order(description, c),
+        ) {
+            None => {
+                if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
+                    warnings.push(fault);
+                }
+                Closure::Numerical(numerical)
+            }
+            Some(Err(why)) => {
+                warnings.push(Diagnostic {
+                    site,
+                    found: format!(
+                        "a {} whose {why}",
+                        description.submechanisms[assembly.owner[c]].type_name
+                    ),
+                    expected: "the geometry that the type's closed form assumes".into(),
+                    help: "it is closed numerically; write NUMERICAL to say so".into(),
+                });
+                Closure::Numerical(numerical)
+            }
+            Some(Ok(mut form)) => {
+                let of_bodies: Vec<String> =
+                    bodies.iter().map(|body| names[body.v - cluster.v].clone()).collect();
+                let (worst, misfit) = form.misfit(&of_bodies);
+                for (s, _) in assembly.owners(c) {
+                    info[s].misfit = f64::max(info[s].misfit, misfit);
+                }
+                if misfit > POLISHABLE && kind == SubmechanismKind::ParallelogramChain {
+                    warnings.push(Diagnostic {
+                        site,
+                        found: format!("{worst} by {misfit:.3e} of the mechanism's size"),
+                        expected: "opposite sides equal and axes parallel, or type FOURBAR".into(),
+                        help: "it is closed numerically".into(),
+                    });
+                    exact.clusters[c].closure = Closure::Numerical(numerical);
+                    set_numerical(&mut info, &assembly, c);
+                    continue;
+                }
+                if misfit > POLISHABLE {
+                    errors.push(Diagnostic {
+                        site,
+                        found: format!("{worst}: off by {misfit:.3e} of the mechanism's size"),
+                        expected: format!(
+                            "at most {POLISHABLE} for the closed form of {}",
+                            description.submechanisms[assembly.owner[c]].type_name
+                        ),
+                        help: "correct the axis or origin, or write type NUMERICAL".into(),
+                    });
+                    continue;
+                }
+                if misfit > ROUNDING {
+                    form.polish(numerical);
+                }
+                form.closure()
+            }
+        };
+        if matches!(closure, Closure::Numerical(_)) {
+            set_numerical(&mut info, &assembly, c);
+        }
+        exact.clusters[c].closure = closure;
+    }
+    if !errors.is_empty() {
+        return None;
+    }
+    exact.meta = Arc::new(Meta { closures: info, ..assembly.meta.clone() });
+    let mut model = exact.map(Dd::to_f64);
+    model.inertia = masses::check(&model, description, errors, warnings);
+    exact.inertia.clone_from(&model.inertia);
+    for (s, of) in
+        model.closures_at_zero().iter().enumerate().filter(|(_, of)| of.sigma_min < SINGULAR)
+    {
+        warnings.push(Diagnostic {
+            site: Site::Submechanism(s),
+            found: format!("loops that are singular at the zero pose (sigma {:.1e})", of.sigma_min),
+            expected: "a zero pose from which requests without a guess can go on".into(),
+            help:
+                "move the joints' origins away from the toggle, or give q_guess with every request"
+                    .into(),
+        });
+    }
+    Some(Compiled { model, exact, warnings: Vec::new() })
+}
+
+/// A cluster is of its submechanism's type where it is all of it; parallelograms of one chain may
+/// be clusters of their own.
+fn kind(assembly: &Assembly, description: &Description, c: usize) -> SubmechanismKind {
+    match assembly.owners(c).as_slice() {
+        [(s, _)] if description.submechanisms[*s].kind == SubmechanismKind::ParallelogramChain => {
+            SubmechanismKind::ParallelogramChain
+        }
+        _ => assembly.kind(description, c),
+    }
+}
+
+/// The submechanisms of this cluster are closed numerically.
+fn set_numerical(info: &mut [ClosureInfo], assembly: &Assembly, c: usize) {
+    for (s, _) in assembly.owners(c) {
+        if info[s].rows > 0 {
+            info[s].kind = ClosureKind::Numerical;
+        }
+    }
+}
+
+/// Couplings of full rank that no pose satisfies.
+fn contradicting_couplings(names: &[String], site: Site) -> Diagnostic {
+    Diagnostic {
+        site,
+        found: format!("couplings between {} that contradict each other", names.join(", ")),
+        expected: "as many couplings as dependent joints, or more that repeat them".into(),
+        help: "take out a coupling, or correct its multipliers and offset".into(),
+    }
+}
+
+/// A type that has no closed form, or whose closed form these loops are not.
+fn not_closed_form(
+    kind: SubmechanismKind,
+    description: &Description,
+    s: usize,
+) -> Option<Diagnostic> {
+    let (expected, help) = match kind {
+        SubmechanismKind::Numerical | SubmechanismKind::Serial => return None,
+        SubmechanismKind::Transmission | SubmechanismKind::Differential => {
+            ("couplings (<mimic>, <transmission>) and no loops", "write NUMERICAL to say so")
+        }
+        _ => (
+            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 6UPS, FOURBAR, SLIDERCRANK, PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
+            "nothing to do: it is closed numerically from its loops",
+        ),
+    };
+    Some(Diagnostic {
+        site: Site::Submechanism(s),
+        found: format!("type {}", description.submechanisms[s].type_name),
+        expected: expected.into(),
+        help: help.into(),
+    })
+}

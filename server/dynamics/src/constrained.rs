@@ -1,0 +1,370 @@
+//! The whole tree under its loops as constraints, at a state that need not be closed: for
+//! integration in all coordinates, and for what others do.
+
+use sarrus_proto::Status;
+
+use crate::algorithms;
+use crate::closure::{
+    column_unit, constraint_jacobian, constraint_residual, largest_residual, local_poses,
+    loses_rank, row_unit, scaled,
+};
+use crate::linalg::least_norm;
+use crate::mechanism::Motion;
+use crate::model::{Cluster, Model};
+use crate::plan::{Drift, drift_of, supports, tree_under_constraints, wrenches_on_bodies};
+use crate::scalar::Scalar;
+use crate::workspace::{Needs, Workspace};
+
+/// Steps of one projection, and the longest one, in radians or cluster lengths.
+const STEPS: u32 = 50;
+const LONGEST: f64 = 0.3;
+/// Residual, in cluster lengths, from which on a redundant row is another pose's.
+const APART: f64 = 1e-3;
+/// Lengths of a quaternion that count as rounding or an integrator's error.
+const LENGTHS: [f64; 2] = [0.5, 2.0];
+
+/// Forward dynamics in all tree coordinates, with Baumgarte's stabilisation, and the projection
+/// onto the closed states.
+///
+/// ```text
+///   M q̈ − Kᵀ λ = τ_q − C + Σ Jᵀ w        K q̈ = k − 2 α K q̇ − β² φ
+/// ```
+/// with the rows of K that were kept at load; the forces of the others are zero. Idle joints stand
+/// still. q and q̇ are those that users see, in the order of [`Model::tree_q_names`] and
+/// [`Model::tree_names`]; quaternions may be off unit length by a factor of up to two. Holds all
+/// scratch, so that nothing allocates after [`ImplicitForm::new`].
+///
+/// Source: Featherstone (2008), section 8.5; Baumgarte, *Stabilization of constraints and integrals
+/// of motion in dynamical systems* (1972).
+#[derive(Clone, Debug)]
+pub struct ImplicitForm<T> {
+    fingerprint: u64,
+    ws: Workspace<T>,
+    /// Links with wrenches, and the bodies on the way to them.
+    links: Vec<usize>,
+    bodies: Vec<usize>,
+    /// By the user's order of rows.
+    lambda: Vec<T>,
+    drift: Drift<T>,
+}
+
+impl<T: Scalar> ImplicitForm<T> {
+    /// Scratch for a model, without wrenches. Allocates; nothing after it does.
+    pub fn new(model: &Model<T>) -> ImplicitForm<T> {
+        ImplicitForm::with_wrenches(model, &[])
+    }
+
+    /// The same with wrenches on these links, each an index into [`Model::link_names`]; others than
+    /// those are left out. Allocates.
+    pub fn with_wrenches(model: &Model<T>, links: &[u16]) -> ImplicitForm<T> {
+        let links: Vec<usize> = links
+            .iter()
+            .map(|link| usize::from(*link))
+            .filter(|link| *link < model.frames.len())
+            .collect();
+        ImplicitForm {
+            fingerprint: model.fingerprint(),
+            ws: Workspace::sized(model, Needs { mass_matrix: false, dense: false, kkt: true }),
+            bodies: supports(model, &links),
+            links,
+            lambda: vec![T::ZERO; model.sizes().n_c],
+            drift: Drift { position: T::ZERO, velocity: T::ZERO },
+        }
+    }
+
+    /// q̈ from the state, the forces on the tree and those on links.
+    ///
+    /// `q` (n_q), `qd`, `tau_q` and `qdd` (n_v); `wrenches` holds `[n; f]` in world axes at the
+    /// origin of each link of [`ImplicitForm::with_wrenches`]; `stabilisation` is (α, β) `[1/s]`,
+    /// zero for none. Fails where K has lost rank or M is not positive along the loops; q̈ is then
+    /// NaN. Cost: a dense elimination of n_v plus kept rows. Allocates never.
+    pub fn accelerations(
+        &mut self,
+        model: &Model<T>,
+        q: &[T],
+        qd: &[T],
+        tau_q: &[T],
+        wrenches: &[T],
+        stabilisation: (T, T),
+        qdd: &mut [T],
+    ) -> Status {
+        let sizes = model.sizes();
+        let fits = (tau_q.len(), wrenches.len(), qdd.len())
+            == (sizes.n_v, 6 * self.links.len(), sizes.n_v);
+        let given = tau_q
+            .iter()
+            .chain(wrenches)
+            .chain([&stabilisation.0, &stabilisation.1])
+            .all(|x| x.is_finite());
+        let taken = self.take(model, q, qd).and(match (fits, given) {
+            (false, _) => Err(Status::WrongSize),
+            (_, false) => Err(Status::NonFiniteInput),
+            _ => Ok(()),
+        });
+        let ended = taken.and_then(|()| self.solve(model, tau_q, wrenches, stabilisation));
+        let status = match ended {
+            Ok(()) => Status::Ok,
+            Err(status) => status,
+        };
+        if status != Status::Ok {
+            qdd.fill(T::from_f64(f64::NAN));
+            self.lambda.fill(T::from_f64(f64::NAN));
+            return status;
+        }
+        for (qdd, v) in qdd.iter_mut().zip(&model.order.v) {
+            *qdd = self.ws.qdd[*v];
+        }
+        status
+    }
+
+    /// λ of the last [`ImplicitForm::accelerations`], in the order of [`Model::loop_names`] (n_c).
+    pub fn lambda(&self) -> &[T] {
+        &self.lambda
+    }
+
+    /// How far a state is from closed, into [`ImplicitForm::position_drift`] and
+    /// [`ImplicitForm::velocity_drift`], and nothing else. Allocates never.
+    pub fn measure_drift(&mut self, model: &Model<T>, q: &[T], qd: &[T]) -> Status {
+        match self.take(model, q, qd) {
+            Ok(()) => {
+                self.drift = drift_of(model, &mut self.ws);
+                Status::Ok
+            }
+            Err(status) => {
+                let nan = T::from_f64(f64::NAN);
+                self.drift = Drift { position: nan, velocity: nan };
+                status
+            }
+        }
+    }
+
+    /// The largest |φ| at the last state: lengths in lengths of the cluster, angles in radians,
+    /// couplings of unit norm.
+    pub fn position_drift(&self) -> T {
+        self.drift.position
+    }
+
+    /// The largest |K q̇| at the last state, likewise.
+    pub fn velocity_drift(&self) -> T {
+        self.drift.velocity
+    }
+
+    /// Moves q to a closed pose by Newton's method with steps of least norm, and takes off q̇ what
+    /// violates the loops.
+    ///
+    /// Norms are over radians and lengths of the cluster, so that near a closed pose the nearest
+    /// one is found to first order. Idle joints stay where they are and lose their velocity;
+    /// quaternions come back with unit length. Fails where the loops cannot be closed from here or
+    /// K has lost rank; q and q̇ are then NaN. Cost: a few small eliminations for each cluster.
+    /// Allocates never.
+    pub fn project(&mut self, model: &Model<T>, q: &mut [T], qd: &mut [T]) -> Status {
+        let ended = self.take(model, q, qd).and_then(|()| {
+            self.drift = Drift { position: T::ZERO, velocity: T::ZERO };
+            model.tied.iter().try_for_each(|c| close(model, &model.clusters[*c], &mut self.ws))
+        });
+        let nan = T::from_f64(f64::NAN);
+        let fine = ended.is_ok();
+        q.iter_mut()
+            .zip(&model.order.q)
+            .for_each(|(x, i)| *x = if fine { self.ws.q[*i] } else { nan });
+        qd.iter_mut()
+            .zip(&model.order.v)
+            .for_each(|(x, i)| *x = if fine { self.ws.qd[*i] } else { nan });
+        match ended {
+            Ok(()) => Status::Ok,
+            Err(status) => status,
+        }
+    }
+
+    /// q and q̇ in the order of the bodies, quaternions of unit length.
+    fn take(&mut self, model: &Model<T>, q: &[T], qd: &[T]) -> Result<(), Status> {
+        let ws = &mut self.ws;
+        let sizes = model.sizes();
+        if model.fingerprint() != self.fingerprint {
+            return Err(Status::WrongModel);
+        }
+        if (q.len(), qd.len()) != (sizes.n_q, sizes.n_v) {
+            return Err(Status::WrongSize);
+        }
+        if !q.iter().chain(qd).all(|x| x.is_finite()) {
+            return Err(Status::NonFiniteInput);
+        }
+        q.iter().zip(&model.order.q).for_each(|(x, i)| ws.q[*i] = *x);
+        qd.iter().zip(&model.order.v).for_each(|(x, i)| ws.qd[*i] = *x);
+        for body in model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
+            let four = &mut ws.q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
+            let length = four.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
+            if !(T::from_f64(LENGTHS[0]).lt(length) && length.lt(T::from_f64(LENGTHS[1]))) {
+                return Err(Status::BadRequest);
+            }
+            four.iter_mut().for_each(|x| *x = *x / length);
+        }
+        Ok(())
+    }
+
+    fn solve(
+        &mut self,
+        model: &Model<T>,
+        tau_q: &[T],
+        wrenches: &[T],
+        (alpha, beta): (T, T),
+    ) -> Result<(), Status> {
+        let ws = &mut self.ws;
+        // poses of all bodies in their parents
+        for (body, turn) in model.bodies.iter().zip(&mut ws.turn).skip(1) {
+            if body.motion == Motion::Revolute {
+                let (s, c) = ws.q[body.q].sin_cos();
+                *turn = (c, s);
+            }
+        }
+        algorithms::joint_poses(model, &ws.q, &ws.turn, &mut ws.motion);
+
+        // C less the wrenches, and the given forces
+        if !self.links.is_empty() {
+            wrenches_on_bodies(model, ws, &self.bodies, &self.links, wrenches);
+        }
+        let wrench = (!self.links.is_empty()).then_some(ws.wrench.as_slice());
+        ws.qdd.fill(T::ZERO);
+        algorithms::newton_euler(
+            model,
+            &ws.q,
+            &ws.qd,
+            &ws.qdd,
+            wrench,
+            &mut ws.motion,
+            &mut ws.tau_q,
+        );
+        tau_q.iter().zip(&model.order.v).for_each(|(x, v)| ws.loop_q[*v] = *x);
+
+        self.drift = Drift { position: T::ZERO, velocity: T::ZERO };
+        if let Err(status) =
+            tree_under_constraints(model, ws, Some(([alpha, beta], &mut self.drift)))
+        {
+            return Err(if rank_is_lost(model, ws) { Status::SingularClosure } else { status });
+        }
+        if !ws.kkt_rhs.iter().all(|x| x.is_finite()) {
+            return Err(Status::NonFiniteInput);
+        }
+        self.lambda.fill(T::ZERO);
+        let used = model
+            .tied
+            .iter()
+            .flat_map(|c| model.clusters[*c].used.iter().map(|r| model.clusters[*c].rows[*r]));
+        for (row, x) in used.zip(&ws.kkt_rhs[model.sizes().n_v..]) {
+            self.lambda[row] = -*x;
+        }
+        Ok(())
+    }
+}
+
+/// Poses and K of a cluster at q.
+fn jacobian<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    let Cluster { q, n_q, body, n, .. } = *cluster;
+    local_poses(
+        cluster,
+        &model.bodies[body..body + n],
+        &ws.q[q..q + n_q],
+        &mut ws.turn[body..body + n],
+        &mut ws.scratch.pose,
+    );
+    constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
+}
+
+fn rank_is_lost<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> bool {
+    model.tied.iter().map(|c| &model.clusters[*c]).any(|cluster| {
+        jacobian(model, cluster, ws);
+        loses_rank(cluster, &mut ws.scratch)
+    })
+}
+
+/// Closes one cluster, then projects its velocities: x −= D_c K_sᵀ (K_s K_sᵀ)⁻¹ b with b = φ_s,
+/// then b = K_s D_c⁻¹ q̇.
+fn close<T: Scalar>(
+    model: &Model<T>,
+    cluster: &Cluster<T>,
+    ws: &mut Workspace<T>,
+) -> Result<(), Status> {
+    let columns = || cluster.independent.iter().chain(&cluster.dependent).copied();
+    let last = T::from_f64(0.1 * T::EPSILON.sqrt());
+    let (floor, nearly) = (T::from_f64(8.0 * T::EPSILON), T::from_f64(T::EPSILON.sqrt()));
+    let (mut small, mut before) = (false, T::from_f64(f64::INFINITY));
+    for k in 0..=STEPS {
+        jacobian(model, cluster, ws);
+        let residual = residuals(cluster, ws);
+        // what the next step would leave of a small one is rounding, and so is what no step makes
+        // less
+        if small || residual.lt(floor) || residual.lt(nearly) && !residual.lt(before) {
+            break;
+        }
+        if k == STEPS {
+            return Err(Status::NotConverged);
+        }
+        before = residual;
+        least_step(cluster, ws)?;
+        // no longer than allowed
+        let size = ws.dense_spare[..columns().count()]
+            .iter()
+            .fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size));
+        let part = T::select(T::from_f64(LONGEST).lt(size), T::from_f64(LONGEST) / size, T::ONE);
+        for (a, v) in columns().enumerate() {
+            let step = -(ws.dense_spare[a] * part * T::from_f64(column_unit(cluster, v)));
+            cluster.freedoms[v].advance(&mut ws.q[cluster.q..], step);
+        }
+        small = size.lt(last);
+    }
+    // rows that were dropped at load tell another pose of those that were kept
+    if !largest_residual(cluster, &ws.scratch.phi).lt(T::from_f64(APART)) {
+        return Err(Status::NotConverged);
+    }
+
+    for &v in &cluster.locked {
+        ws.qd[cluster.v + v] = T::ZERO;
+    }
+    for (i, &r) in cluster.used.iter().enumerate() {
+        let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);
+        let unit = row.map_or(T::ONE, |row| T::from_f64(row_unit(cluster, row)));
+        let of_row = &ws.scratch.K[r * cluster.n_v..(r + 1) * cluster.n_v];
+        let qd = &ws.qd[cluster.v..cluster.v + cluster.n_v];
+        ws.dense_rhs[i] =
+            of_row.iter().zip(qd).fold(T::ZERO, |sum, (entry, qd)| entry.mul_add(*qd, sum)) * unit;
+    }
+    least_step(cluster, ws)?;
+    for (a, v) in columns().enumerate() {
+        ws.qd[cluster.v + v] -= ws.dense_spare[a] * T::from_f64(column_unit(cluster, v));
+    }
+    Ok(())
+}
+
+/// φ of all rows into the scratch, that of the kept ones, scaled, into `dense_rhs`; the largest of
+/// these.
+fn residuals<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
+    let scratch = &mut ws.scratch;
+    constraint_residual(
+        cluster,
+        &scratch.pose,
+        &ws.q[cluster.q..cluster.q + cluster.n_q],
+        &mut scratch.phi,
+    );
+    let mut largest = T::ZERO;
+    for (i, &r) in cluster.used.iter().enumerate() {
+        let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);
+        let phi = scratch.phi[r] * row.map_or(T::ONE, |row| T::from_f64(row_unit(cluster, row)));
+        ws.dense_rhs[i] = phi;
+        largest = T::select(largest.lt(phi.abs()), phi.abs(), largest);
+    }
+    largest
+}
+
+/// The solution of least norm of K_s x = b into `dense_spare`, b in `dense_rhs`, K in the scratch.
+fn least_step<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
+    let (m, n) = (cluster.used.len(), cluster.independent.len() + cluster.dependent.len());
+    let A = &mut ws.dense;
+    for (first, columns) in
+        [(0, &cluster.independent), (cluster.independent.len(), &cluster.dependent)]
+    {
+        scaled(cluster, &ws.scratch.K, cluster.used.iter().copied(), columns, |i, a, x| {
+            A[i * n + first + a] = x
+        });
+    }
+    least_norm(A, &mut ws.dense_rhs, &mut ws.dense_spare, m, n).ok_or(Status::SingularClosure)
+}

@@ -1,0 +1,226 @@
+//! The fingerprint of a description: FNV-1a over its canonical bytes.
+//!
+//! It travels with every request and every actuator command, and a command for another model is
+//! refused; so it depends on what is described alone: on no name in this source, no compiler, no
+//! machine. Two descriptions have equal canonical bytes exactly when they are equal, with 0 and −0
+//! taken as one number.
+//!
+//! # Canonical bytes
+//! [`VERSION`], then the fields of [`Description`] in the order of its declaration, recursively:
+//!
+//! | what | bytes |
+//! |---|---|
+//! | text | length in bytes, then UTF-8 |
+//! | number (`f64`) | its 64 bits, little-endian; −0 as 0 |
+//! | index, length | `u64`, little-endian |
+//! | array of fixed length | its elements |
+//! | list | length, then its elements in order |
+//! | option | 0, or 1 and the value |
+//! | variant | its number in this file, one byte, then its fields |
+//!
+//! Everything that a person can write is part of it: names (types as written too), orders, every
+//! constant, limits, gravity. Not part of it are what does not reach a description (the names of
+//! files, positions, comments, warnings, `--lenient`) and what a later version makes of it (closed
+//! forms, tolerances, order of elimination): it tells robots apart, not versions of sarrus.
+
+use crate::description::{
+    Coupling, Cut, Description, Inertial, Joint, JointKind, Limits, Link, Loop, Placement, Row,
+    Submechanism, SubmechanismKind, Terms,
+};
+
+/// Version of the canonical bytes, their first byte; another writing is another version.
+const VERSION: u8 = 1;
+
+impl Description {
+    /// A number that differs whenever any name, order or constant differs, up to collisions of 64
+    /// bits: FNV-1a 64 of [`Description::canonical_bytes`]. Stable across builds, machines and
+    /// versions. Allocates.
+    pub fn fingerprint(&self) -> u64 {
+        fnv1a_64(&self.canonical_bytes())
+    }
+
+    /// The description as bytes that are equal exactly when descriptions are, with 0 and −0 taken
+    /// as one number; the head of `fingerprint.rs` has the format. Allocates.
+    pub fn canonical_bytes(&self) -> Vec<u8> {
+        let mut bytes = CanonicalBytes(vec![VERSION]);
+        bytes.description(self);
+        bytes.0
+    }
+}
+
+/// FNV-1a of 64 bits: h ← (h ⊕ byte) · 0x100000001b3 from 0xcbf29ce484222325 (G. Fowler,
+/// L. C. Noll, K.-P. Vo; RFC 9923).
+fn fnv1a_64(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// The writer. Every structure is taken apart without `..`: a field that is added does not compile
+/// until it is written here.
+struct CanonicalBytes(Vec<u8>);
+
+impl CanonicalBytes {
+    // what everything is made of
+
+    fn variant(&mut self, number: u8) {
+        self.0.push(number);
+    }
+
+    fn index(&mut self, index: usize) {
+        self.0.extend((index as u64).to_le_bytes());
+    }
+
+    fn number(&mut self, number: f64) {
+        // −0 + 0 = 0, and any other number stays itself
+        self.0.extend((number + 0.0).to_bits().to_le_bytes());
+    }
+
+    fn numbers(&mut self, numbers: &[f64]) {
+        numbers.iter().for_each(|number| self.number(*number));
+    }
+
+    fn text(&mut self, text: &str) {
+        self.index(text.len());
+        self.0.extend(text.as_bytes());
+    }
+
+    fn list<T>(&mut self, list: &[T], element: impl Fn(&mut Self, &T)) {
+        self.index(list.len());
+        list.iter().for_each(|each| element(self, each));
+    }
+
+    fn indices(&mut self, indices: &[usize]) {
+        self.list(indices, |bytes, index| bytes.index(*index));
+    }
+
+    fn option<T>(&mut self, option: &Option<T>, value: impl Fn(&mut Self, &T)) {
+        self.variant(option.is_some().into());
+        option.iter().for_each(|some| value(self, some));
+    }
+
+    // the robot
+
+    fn description(&mut self, description: &Description) {
+        let Description { name, links, joints, submechanisms, gravity } = description;
+        self.text(name);
+        self.list(links, Self::link);
+        self.list(joints, Self::joint);
+        self.list(submechanisms, Self::submechanism);
+        self.numbers(gravity);
+    }
+
+    fn link(&mut self, Link { name, inertial }: &Link) {
+        self.text(name);
+        self.option(inertial, Self::inertial);
+    }
+
+    fn inertial(&mut self, Inertial { origin, mass, inertia }: &Inertial) {
+        self.placement(origin);
+        self.number(*mass);
+        self.numbers(inertia);
+    }
+
+    fn placement(&mut self, Placement { xyz, rpy }: &Placement) {
+        self.numbers(xyz);
+        self.numbers(rpy);
+    }
+
+    fn joint(&mut self, joint: &Joint) {
+        let Joint { name, kind, parent, child, origin, axis, limits, coupling, terms } = joint;
+        self.text(name);
+        self.variant(match kind {
+            JointKind::Fixed => 0,
+            JointKind::Revolute => 1,
+            JointKind::Continuous => 2,
+            JointKind::Prismatic => 3,
+            JointKind::Spherical => 4,
+            JointKind::Floating => 5,
+        });
+        self.index(*parent);
+        self.index(*child);
+        self.placement(origin);
+        self.numbers(axis);
+        self.option(limits, Self::limits);
+        self.option(coupling, Self::coupling);
+        self.terms(terms);
+    }
+
+    fn limits(&mut self, Limits { lower, upper, velocity, effort }: &Limits) {
+        self.numbers(&[*lower, *upper, *velocity, *effort]);
+    }
+
+    fn coupling(&mut self, Coupling { terms, offset }: &Coupling) {
+        self.list(terms, |bytes, (joint, multiplier)| {
+            bytes.index(*joint);
+            bytes.number(*multiplier);
+        });
+        self.number(*offset);
+    }
+
+    fn terms(&mut self, terms: &Terms) {
+        let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = terms;
+        self.numbers(&[*damping, *stiffness, *rest, *rotor_inertia, *gear_ratio]);
+    }
+
+    fn submechanism(&mut self, submechanism: &Submechanism) {
+        let Submechanism { name, kind, type_name, spanning_tree, independent, active, loops } =
+            submechanism;
+        self.text(name);
+        self.variant(match kind {
+            SubmechanismKind::Serial => 0,
+            SubmechanismKind::Rrpr => 1,
+            SubmechanismKind::Spu2U1 => 2,
+            SubmechanismKind::Sprr2U1 => 3,
+            SubmechanismKind::Surrpr2U1 => 4,
+            SubmechanismKind::Ups6 => 5,
+            SubmechanismKind::Rus3x2 => 6,
+            SubmechanismKind::ParallelogramChain => 7,
+            SubmechanismKind::Transmission => 8,
+            SubmechanismKind::FourBar => 9,
+            SubmechanismKind::SliderCrank => 10,
+            SubmechanismKind::Differential => 11,
+            SubmechanismKind::Numerical => 12,
+        });
+        self.text(type_name);
+        self.indices(spanning_tree);
+        self.indices(independent);
+        self.indices(active);
+        self.list(loops, Self::loop_);
+    }
+
+    fn loop_(&mut self, Loop { name, predecessor, successor, cut, rows }: &Loop) {
+        self.text(name);
+        self.index(*predecessor);
+        self.index(*successor);
+        self.cut(cut);
+        self.list(rows, Self::row);
+    }
+
+    fn cut(&mut self, cut: &Cut) {
+        match cut {
+            Cut::AtJoint(joint) => {
+                self.variant(0);
+                self.index(*joint);
+            }
+            Cut::AtLink(link) => {
+                self.variant(1);
+                self.index(*link);
+            }
+            Cut::Placed { predecessor, successor } => {
+                self.variant(2);
+                self.placement(predecessor);
+                self.placement(successor);
+            }
+        }
+    }
+
+    fn row(&mut self, Row { name, axis, against }: &Row) {
+        self.text(name);
+        self.numbers(axis);
+        self.option(against, |bytes, direction| bytes.numbers(direction));
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,112 @@
+//! Closing the rows: Levenberg and Marquardt's steps, which need no rank.
+
+use crate::initial_pose::problem::{Place, Problem};
+
+/// Steps from one start, and starts around the given pose where it leads nowhere.
+const STEPS: u32 = 300;
+const STARTS: usize = 12;
+/// Least damping, relative to the largest singular value: where rows are consistent, and where they
+/// may contradict each other.
+const DAMPING_OF_USED: f64 = 1e-9;
+const DAMPING_OF_ALL: f64 = 1e-3;
+/// Damping at which no step is left.
+const STUCK: f64 = 1e8;
+/// Largest step, in radians or lengths of the cluster.
+pub(super) const CLAMP: f64 = 0.5;
+
+impl Problem<'_> {
+    /// Closes the rows from a place, or from places around it; the place of least residual where
+    /// none is closed. Tells whether it is closed.
+    pub(super) fn close_somewhere(&self, place: &mut Place, count: &mut u32) -> bool {
+        let start = place.q.clone();
+        let mut best: Option<(f64, Place)> = None;
+        for k in 0..=STARTS {
+            // the given pose first, then farther and farther from it
+            let reach = 1.5 * k as f64 / STARTS as f64;
+            let mut trial = Place::new(self, self.moved(&start, |a| reach * noise(97 * k + a)));
+            if self.close(&mut trial, count) {
+                let cost = self.cost(&trial.q).0;
+                if k == 0 {
+                    *place = trial;
+                    return true;
+                }
+                if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                    best = Some((cost, trial));
+                }
+            } else if trial.square() < place.square() && best.is_none() {
+                *place = trial;
+            }
+        }
+        match best {
+            Some((_, closed)) => {
+                *place = closed;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Closes the rows downhill from a place; tells whether they are closed.
+    pub(super) fn close(&self, place: &mut Place, count: &mut u32) -> bool {
+        let floor = if self.all { DAMPING_OF_ALL } else { DAMPING_OF_USED };
+        let mut damping = 1e-2;
+        let n = self.free.len();
+        let mut last = f64::INFINITY;
+        'steps: for _ in 0..STEPS {
+            if n == 0 || place.largest() <= 2.0 * f64::EPSILON || !place.square().is_finite() {
+                break;
+            }
+            // J in the metric of the weights, so that a heavy joint moves little
+            let J = self.scaled_jacobian(&place.q);
+            let root: Vec<f64> = self.metric.iter().map(|w| w.sqrt()).collect();
+            let weighted = faer::Mat::from_fn(J.nrows(), n, |r, a| J[(r, a)] / root[a]);
+            let Ok(svd) = weighted.thin_svd() else { break };
+            let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
+            if S[0] <= 0.0 || S[0].is_nan() {
+                break;
+            }
+            let along: Vec<f64> = (0..S.nrows())
+                .map(|i| (0..J.nrows()).map(|r| U[(r, i)] * place.phi[r]).sum())
+                .collect();
+            loop {
+                *count += 1;
+                let mu = damping * S[0];
+                let mut x: Vec<f64> = (0..n)
+                    .map(|a| {
+                        -(0..S.nrows())
+                            .map(|i| V[(a, i)] * along[i] * S[i] / (S[i] * S[i] + mu * mu))
+                            .sum::<f64>()
+                            / root[a]
+                    })
+                    .collect();
+                let largest = x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+                if largest > CLAMP {
+                    x.iter_mut().for_each(|x| *x *= CLAMP / largest);
+                }
+                let next = Place::new(self, self.moved(&place.q, |a| x[a]));
+                if next.square() < place.square() {
+                    *place = next;
+                    damping = f64::max(floor, damping * if largest > CLAMP { 0.5 } else { 0.1 });
+                    // what rounding leaves
+                    if largest < 4.0 * f64::EPSILON || self.all && largest < 1e-13 && last < 1e-13 {
+                        break 'steps;
+                    }
+                    last = largest;
+                    break;
+                }
+                damping = f64::max(4.0 * damping, 1e-12);
+                if damping > STUCK || largest < f64::EPSILON {
+                    break 'steps;
+                }
+            }
+        }
+        place.largest() <= self.closed
+    }
+}
+
+/// The same numbers for the same start: a fixed sequence in [−1, 1].
+fn noise(k: usize) -> f64 {
+    let x = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ x >> 31).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}

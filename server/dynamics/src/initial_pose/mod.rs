@@ -1,0 +1,294 @@
+//! A closed pose near a given one.
+//!
+//! ```text
+//!   minimise  Σ w_j (d_j / l_j)²   subject to   φ(q) = 0        d = q − near
+//! ```
+//! cluster by cluster, since φ is. d_j is the way of a tree velocity from the given pose: a
+//! difference of coordinates, of a quaternion the rotation vector from the given turn and the
+//! difference of the positions. l_j is 1 rad for a turn and the cluster's length for a slide. First
+//! the rows are closed ([`close`]), then the pose goes down along the closed poses until the
+//! distance has no slope ([`descend`]).
+
+mod close;
+mod descend;
+mod open;
+mod problem;
+mod rezero;
+
+use problem::Place;
+
+use crate::mechanism::Motion;
+use crate::model::Model;
+use crate::model::judge;
+
+pub use open::OpenModel;
+use problem::Problem;
+pub use rezero::{closing_placements, rezeroed};
+
+/// A closed pose near a given one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assembled {
+    /// Tree coordinates `[m, rad]` (n_q).
+    pub q: Vec<f64>,
+    /// Largest scaled loop residual, as the field `residual` has it.
+    pub residual: f64,
+    /// The same at the given pose.
+    pub residual_before: f64,
+    /// √ Σ w_j (d_j / l_j)² over the joints that are not kept fixed.
+    pub distance: f64,
+    /// Steps taken, over all clusters.
+    pub iterations: u32,
+    /// Branch of each tied cluster that is not a pure coupling: the sign of det K_d, 1 or −1; empty
+    /// for an open model.
+    pub branch: Vec<f64>,
+}
+
+/// Why there is no closed pose.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AssembleError {
+    /// A list of another length than the model's.
+    #[error("{found} numbers in {what}, expected {expected}")]
+    WrongSize {
+        /// Which list.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length that the model needs.
+        expected: usize,
+    },
+    /// A coordinate of the given pose that is no number, or a quaternion that is not of unit
+    /// length.
+    #[error("the given pose has {found} at {name}, expected {expected}")]
+    BadPose {
+        /// The coordinate.
+        name: String,
+        /// What stands there.
+        found: f64,
+        /// What should.
+        expected: &'static str,
+    },
+    /// A weight that is negative or no number, or only a part of a quaternion joint kept fixed.
+    #[error("the weight of {name} is {found}, expected {expected}")]
+    BadWeights {
+        /// The tree velocity.
+        name: String,
+        /// What stands there.
+        found: f64,
+        /// What should.
+        expected: &'static str,
+    },
+    /// The loops cannot be closed by going downhill, from the given pose and from others around it.
+    #[error(
+        "no closed pose was found near the given one; the nearest still has a residual of {residual:.3e}"
+    )]
+    Unreachable {
+        /// Largest scaled loop residual of the nearest pose.
+        residual: f64,
+        /// The pose of least residual that was found (n_q).
+        nearest: Vec<f64>,
+    },
+    /// A closed pose was found, but not the nearest one around it within the steps that are
+    /// allowed.
+    #[error("a closed pose was found, but the distance still falls with a slope of {slope:.3e}")]
+    NotConverged {
+        /// What the distance falls by along the closed poses.
+        slope: f64,
+        /// Largest scaled loop residual of the pose.
+        residual: f64,
+        /// The closed pose that was found (n_q).
+        nearest: Vec<f64>,
+    },
+}
+
+impl Model<f64> {
+    /// Finds a closed pose near a given one: a local minimum of √ Σ w_j (d_j / l_j)² among the
+    /// closed poses.
+    ///
+    /// `near` `[m, rad]` (n_q) need not be closed. `weights` (n_v): what a turn by 1 rad, or a
+    /// slide by the length of the joint's mechanism, costs; 0 makes a joint free to go anywhere,
+    /// infinite keeps it fixed at the given pose (of a joint of several freedoms all or none).
+    /// Limits of joints are not looked at. What the loops do not tie stays as it is.
+    ///
+    /// Cost: singular value decompositions of each tied cluster's rows, some milliseconds.
+    /// Allocates.
+    ///
+    /// # Errors
+    /// Lists of a wrong length or with numbers that mean nothing; no closed pose; no minimum.
+    ///
+    /// # Example
+    /// ```
+    /// use sarrus_dynamics::{AssembleError, Assembled, Model};
+    /// /// The closed pose that moves the k-th joint not at all.
+    /// fn holding(model: &Model, near: &[f64], k: usize) -> Result<Assembled, AssembleError> {
+    ///     let mut weights = vec![1.0; model.sizes().n_v];
+    ///     weights[k] = f64::INFINITY;
+    ///     model.assemble(near, &weights)
+    /// }
+    /// ```
+    pub fn assemble(&self, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
+        assemble(self, near, weights)
+    }
+
+    /// The zero pose of the joints, closed or not; quaternions at rest (n_q).
+    pub fn tree_zero(&self) -> Vec<f64> {
+        zero(self)
+    }
+
+    /// What the way of each tree velocity is measured in by [`Model::assemble`]: 1 rad, or the
+    /// length of the joint's cluster `[m]` (n_v).
+    pub fn tree_units(&self) -> Vec<f64> {
+        units(self)
+    }
+}
+
+/// The zero pose in the order of users.
+fn zero(model: &Model<f64>) -> Vec<f64> {
+    let mut internal = vec![0.0; model.order.q.len()];
+    for body in model.bodies.iter().skip(1).filter(|body| body.motion.n_q() > 1) {
+        internal[body.q + body.motion.n_q() - 1] = 1.0;
+    }
+    model.order.q.iter().map(|at| internal[*at]).collect()
+}
+
+/// The units of all velocities in the order of users.
+fn units(model: &Model<f64>) -> Vec<f64> {
+    let mut units = vec![1.0; model.order.v.len()];
+    for cluster in &model.clusters {
+        problem::units(cluster).into_iter().enumerate().for_each(|(v, x)| units[cluster.v + v] = x);
+    }
+    model.order.v.iter().map(|at| units[*at]).collect()
+}
+
+/// Closes every tied cluster near a pose.
+fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
+    let order = &model.order;
+    let (near, weights) = checked(model, near, weights)?;
+    let mut q = near.clone();
+    let mut found = Assembled {
+        q: Vec::new(),
+        residual: 0.0,
+        residual_before: 0.0,
+        distance: 0.0,
+        iterations: 0,
+        branch: Vec::new(),
+    };
+    let (mut open, mut slope) = (false, 0.0);
+    // a cluster whose rows nobody judged has no branch
+    let judged = |c: &&usize| !model.clusters[**c].used.is_empty();
+    let branches: Vec<usize> = order.branches.iter().filter(judged).copied().collect();
+    found.branch = vec![0.0; branches.len()];
+
+    // one cluster does not know of another
+    for &c in &model.tied {
+        let cluster = &model.clusters[c];
+        let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+        let range = cluster.q..cluster.q + cluster.n_q;
+        let problem = Problem::new(
+            cluster,
+            bodies,
+            &near[range.clone()],
+            &weights[cluster.v..cluster.v + cluster.n_v],
+        );
+        let mut place = Place::new(&problem, near[range.clone()].to_vec());
+        found.residual_before = found.residual_before.max(place.residual);
+        let closed = problem.close_somewhere(&mut place, &mut found.iterations);
+        if closed {
+            slope = f64::max(slope, problem.descend(&mut place, &mut found.iterations));
+        }
+        open |= !closed;
+        found.residual = found.residual.max(place.residual);
+        q[range].copy_from_slice(&place.q);
+        if let Some(at) = branches.iter().position(|of| *of == c) {
+            found.branch[at] = judge(cluster, bodies, &place.q).1;
+        }
+        // the square of what the joints that may move have gone
+        let gone = problem.away(&place.q);
+        let square: f64 =
+            problem.free.iter().map(|v| weights[cluster.v + v] * gone[*v] * gone[*v]).sum();
+        found.distance = found.distance.hypot(square.sqrt());
+    }
+    found.q = order.q.iter().map(|at| q[*at]).collect();
+    if open {
+        return Err(AssembleError::Unreachable { residual: found.residual, nearest: found.q });
+    }
+    if slope > descend::FLAT {
+        return Err(AssembleError::NotConverged {
+            slope,
+            residual: found.residual,
+            nearest: found.q,
+        });
+    }
+    Ok(found)
+}
+
+/// The given pose and weights in the order of the bodies; quaternions to the last digit of unit
+/// length.
+fn checked(
+    model: &Model<f64>,
+    near: &[f64],
+    weights: &[f64],
+) -> Result<(Vec<f64>, Vec<f64>), AssembleError> {
+    let size = |what, found, expected| {
+        if found == expected {
+            Ok(())
+        } else {
+            Err(AssembleError::WrongSize { what, found, expected })
+        }
+    };
+    size("the given pose", near.len(), model.order.q.len())?;
+    size("the weights", weights.len(), model.order.v.len())?;
+    let (mut q, mut w) = (vec![0.0; near.len()], vec![0.0; weights.len()]);
+    for ((&x, &at), name) in near.iter().zip(&model.order.q).zip(model.tree_q_names()) {
+        if !x.is_finite() {
+            return Err(AssembleError::BadPose {
+                name: name.clone(),
+                found: x,
+                expected: "a finite number",
+            });
+        }
+        q[at] = x;
+    }
+    let names = model.tree_names();
+    for ((&x, &at), name) in weights.iter().zip(&model.order.v).zip(names) {
+        if x.is_nan() || x < 0.0 {
+            return Err(AssembleError::BadWeights {
+                name: name.clone(),
+                found: x,
+                expected: "0 (free) or more, infinite (fixed)",
+            });
+        }
+        w[at] = x;
+    }
+    for body in model
+        .bodies
+        .iter()
+        .skip(1)
+        .filter(|body| matches!(body.motion, Motion::Spherical | Motion::Floating))
+    {
+        let four = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
+        let length = four.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if (length - 1.0).abs() > 1e-6 {
+            let at = model.order.q.iter().position(|at| *at == body.q);
+            let name = at.and_then(|e| model.tree_q_names().get(e)).cloned().unwrap_or_default();
+            return Err(AssembleError::BadPose {
+                name,
+                found: length,
+                expected: "a quaternion of unit length",
+            });
+        }
+        four.iter_mut().for_each(|x| *x /= length);
+        // a part of a turn cannot be held while the rest goes on
+        let of = body.v..body.v + body.motion.n_v();
+        let fixed = w[of.clone()].iter().filter(|x| x.is_infinite()).count();
+        if fixed != 0 && fixed != of.len() {
+            let name = names[model.order.v_external[body.v]].clone();
+            return Err(AssembleError::BadWeights {
+                name,
+                found: w[body.v],
+                expected: "all freedoms of this joint fixed or none",
+            });
+        }
+    }
+    Ok((q, w))
+}

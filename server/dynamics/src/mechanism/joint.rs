@@ -1,0 +1,142 @@
+//! The freedoms of joints: what moves, along which axis, the pose that coordinates give, and how a
+//! step changes them.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::model::Body;
+use crate::scalar::Real;
+use crate::spatial::{
+    Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z,
+};
+
+/// What motion a body's joint allows, along or about its z axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Motion {
+    Revolute,
+    Prismatic,
+    Spherical,
+    Floating,
+}
+
+impl Motion {
+    /// How many velocities and coordinates it has.
+    pub(crate) const fn n_v(self) -> usize {
+        match self {
+            Motion::Revolute | Motion::Prismatic => 1,
+            Motion::Spherical => 3,
+            Motion::Floating => 6,
+        }
+    }
+    pub(crate) const fn n_q(self) -> usize {
+        match self {
+            Motion::Revolute | Motion::Prismatic => 1,
+            Motion::Spherical => 4,
+            Motion::Floating => 7,
+        }
+    }
+}
+
+/// One velocity of a cluster, with what kernels need of it at once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Freedom {
+    /// Local velocity, first local coordinate of its joint, local body.
+    pub(crate) v: usize,
+    pub(crate) q: usize,
+    pub(crate) body: usize,
+    /// Which freedom of the joint it is.
+    pub(crate) k: usize,
+    pub(crate) motion: Motion,
+    /// It is the only one of its joint, along or about z.
+    pub(crate) single: bool,
+}
+
+impl Freedom {
+    /// True where the velocity is that of a length.
+    #[inline(always)]
+    pub(crate) fn slides(&self) -> bool {
+        self.motion == Motion::Prismatic || self.k >= 3
+    }
+
+    /// The axis of its body along or about which it moves, from the body's axes.
+    #[inline(always)]
+    pub(crate) fn axis<T: Real>(&self, R: &Matrix3<T>) -> Vector3<T> {
+        if self.single { column(R, 2) } else { column(R, self.k % 3) }
+    }
+
+    /// Moves the freedom by a step in the cluster's coordinates.
+    #[inline(always)]
+    pub(crate) fn advance<T: Real>(&self, q: &mut [T], step: T) {
+        if self.single {
+            q[self.q] += step;
+        } else {
+            advance(self.motion, self.k, &mut q[self.q..], step);
+        }
+    }
+}
+
+/// Pose of a body in its parent from the turn and the coordinates of its joint, which come first in
+/// `q`.
+#[inline(always)]
+pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], turn: (T, T)) -> Pose<T> {
+    match body.motion {
+        Motion::Revolute | Motion::Prismatic => {
+            single_pose(body, &Pose { R: lift_mat(&body.E), p: lift(&body.r) }, q[0], turn)
+        }
+        Motion::Spherical | Motion::Floating => free_pose(body, q),
+    }
+}
+
+/// The same of a joint of several freedoms.
+#[inline(never)]
+fn free_pose<T: Real>(body: &Body<T::Const>, q: &[T]) -> Pose<T> {
+    let E: Matrix3<T> = lift_mat(&body.E);
+    if body.motion == Motion::Spherical {
+        return Pose { R: mul_mat(&E, &from_quaternion(q[0], q[1], q[2], q[3])), p: lift(&body.r) };
+    }
+    let p = mul_add(&E, &Vector3::new(q[0], q[1], q[2]), &lift(&body.r));
+    Pose { R: mul_mat(&E, &from_quaternion(q[3], q[4], q[5], q[6])), p }
+}
+
+/// Pose of a body with one freedom from that at zero of its joint.
+#[inline(always)]
+pub(crate) fn single_pose<T: Real>(
+    body: &Body<T::Const>,
+    base: &Pose<T>,
+    q: T,
+    turn: (T, T),
+) -> Pose<T> {
+    if body.motion == Motion::Revolute {
+        Pose { R: turn_z(&base.R, turn.0, turn.1), p: base.p }
+    } else {
+        Pose { R: base.R, p: scale_add(&column(&base.R, 2), q, &base.p) }
+    }
+}
+
+/// Moves one freedom of a joint by a step; `q` starts with the joint's coordinates. Quaternions
+/// stay of unit length.
+#[inline(never)]
+fn advance<T: Real>(motion: Motion, k: usize, q: &mut [T], step: T) {
+    match (motion, k) {
+        (Motion::Revolute | Motion::Prismatic, _) => q[0] += step,
+        (Motion::Spherical, _) => turn_quaternion(&mut q[..4], k, step),
+        (Motion::Floating, 0..3) => turn_quaternion(&mut q[3..7], k, step),
+        (Motion::Floating, _) => {
+            let R = from_quaternion(q[3], q[4], q[5], q[6]);
+            for i in 0..3 {
+                q[i] = R[(i, k - 3)].mul_add(step, q[i]);
+            }
+        }
+    }
+}
+
+/// x y z w ← x y z w · (e_k sin(step/2), cos(step/2)), to unit length.
+fn turn_quaternion<T: Real>(q: &mut [T], k: usize, step: T) {
+    let (s, c) = (step * T::from_f64(0.5)).sin_cos();
+    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+    // along k the product acts as two plane turns: (k, w) and (i, j)
+    let (x, w) = (c.mul_add(q[k], s * q[3]), c.mul_add(q[3], -(s * q[k])));
+    let (a, b) = (c.mul_add(q[i], s * q[j]), c.mul_add(q[j], -(s * q[i])));
+    let square = x.mul_add(x, w.mul_add(w, a.mul_add(a, b * b)));
+    let scale = T::ONE / square.sqrt();
+    (q[k], q[3], q[i], q[j]) = (x * scale, w * scale, a * scale, b * scale);
+}

@@ -1,0 +1,263 @@
+//! What is asked rarely about the loops of a closed state: K and k, residual, conditions,
+//! loop-closure forces.
+
+use sarrus_proto::{Field, Status};
+
+use crate::closure;
+use crate::closure::{
+    Scratch, column_unit, constraint_bias, constraint_jacobian, constraint_residual,
+    dependents_range, largest_residual, local_poses, local_rates, row_unit, scaled,
+};
+use crate::linalg::{column_square, decompose, singular_range, solve_pivoted};
+use crate::model::{Cluster, Model};
+use crate::plan::Plan;
+use crate::plan::diagnostics::singular;
+use crate::scalar::Scalar;
+use crate::workspace::Workspace;
+
+/// Component of a row's unit vector in the null space of K_dᵀ from which on redundant rows share
+/// its reaction; as rank is judged at load.
+const SHARED: f64 = 1e-4;
+
+/// The figures of a closed state.
+#[derive(Clone, Copy)]
+pub(in crate::plan) struct Conditions<T> {
+    pub(in crate::plan) residual: T,
+    pub(in crate::plan) cond_Kd: T,
+    pub(in crate::plan) cond_Gu: T,
+    pub(in crate::plan) sigma_min: T,
+    pub(in crate::plan) cond_My: T,
+}
+
+impl Plan {
+    /// Evaluates the rows of every tied cluster at the closed state; writes K, k and λ straight to
+    /// the output.
+    pub(in crate::plan) fn conditions<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        output: &mut [T],
+    ) -> Result<Conditions<T>, Status> {
+        let sizes = model.sizes();
+        let slot = |field| self.want().slot(field).map(|slot| slot.range());
+        let (K, k_bias, lambda) = (slot(Field::K), slot(Field::KBias), slot(Field::Lambda));
+        let (branch, determinate, good) =
+            (slot(Field::Branch), slot(Field::LambdaDeterminate), slot(Field::GoodIndependents));
+        if let Some(range) = &K {
+            output[range.clone()].fill(T::ZERO);
+        }
+        if let Some(range) = &good {
+            singular::declared_independents(model, &mut output[range.clone()]);
+        }
+        let mut residual = T::ZERO;
+        let (mut unscaled, mut scaled) = (Range::none(), Range::none());
+        for &c in &model.tied {
+            let cluster = &model.clusters[c];
+            let (n, v) = (cluster.n_v, cluster.v);
+            let bodies = &model.bodies[cluster.body..cluster.body + cluster.n];
+            let scratch = &mut ws.scratch;
+            let q = &ws.q[cluster.q..cluster.q + cluster.n_q];
+            local_poses(
+                cluster,
+                bodies,
+                q,
+                &mut ws.turn[cluster.body..cluster.body + cluster.n],
+                &mut scratch.pose,
+            );
+
+            constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
+            let of_cluster = largest_residual(cluster, &scratch.phi);
+            residual = T::select(residual.lt(of_cluster), of_cluster, residual);
+            constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+            if let Some(range) = &K {
+                let K = &mut output[range.clone()];
+                for (r, row) in cluster.rows.iter().enumerate() {
+                    for j in 0..n {
+                        K[row * sizes.n_v + model.order.v_external[v + j]] = scratch.K[r * n + j];
+                    }
+                }
+            }
+            if let Some(range) = &k_bias {
+                local_rates(cluster, bodies, &ws.qd[v..v + n], &scratch.pose, &mut scratch.rate);
+                constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
+                let k = &mut output[range.clone()];
+                cluster.rows.iter().enumerate().for_each(|(r, row)| k[*row] = scratch.phi[r]);
+            }
+            if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
+                unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
+                scaled.add(dependents_range(cluster, scratch));
+            }
+            if let (Some(range), Some(place)) =
+                (&branch, model.order.branches.iter().position(|of| *of == c))
+            {
+                output[range.start + place] = closure::branch(cluster, scratch);
+            }
+            if let Some(range) = &good {
+                // where none is good by this measure those declared stand, which did close the loop
+                let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
+                singular::good_independents(
+                    model,
+                    cluster,
+                    &scratch.K,
+                    dense,
+                    &mut output[range.clone()],
+                );
+            }
+            if let Some(range) = &lambda {
+                loop_forces(cluster, &ws.loop_q[v..v + n], scratch, &mut output[range.clone()])?;
+            }
+            if let Some(range) = &determinate {
+                determinate_forces(cluster, scratch, &mut output[range.clone()]);
+            }
+        }
+        if let Some(range) = slot(Field::Uncontrolled) {
+            singular::uncontrolled(model, ws, model.tied.len(), &mut output[range]);
+        }
+        Ok(Conditions {
+            residual,
+            cond_Kd: unscaled.ratio(),
+            sigma_min: if model.tied.is_empty() { T::ONE } else { scaled.least },
+            cond_Gu: if self.wants(Field::CondGu) { cond_Gu(model, ws) } else { T::ONE },
+            cond_My: if self.wants(Field::CondMy) { cond_My(model, ws) } else { T::ONE },
+        })
+    }
+}
+
+/// The largest and least of several ranges of singular values.
+struct Range<T> {
+    largest: T,
+    least: T,
+}
+
+impl<T: Scalar> Range<T> {
+    fn none() -> Range<T> {
+        Range { largest: T::ZERO, least: T::from_f64(f64::INFINITY) }
+    }
+
+    fn add(&mut self, (largest, least): (T, T)) {
+        self.largest = T::select(self.largest.lt(largest), largest, self.largest);
+        self.least = T::select(least.lt(self.least), least, self.least);
+    }
+
+    fn ratio(&self) -> T {
+        if self.largest == T::ZERO { T::ONE } else { self.largest / self.least }
+    }
+}
+
+/// Range of the singular values of K_d in the units of the model.
+fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
+    let m = cluster.dependent.len();
+    for (i, &r) in cluster.used.iter().enumerate() {
+        for (a, &j) in cluster.dependent.iter().enumerate() {
+            A[i * m + a] = K[r * cluster.n_v + j];
+        }
+    }
+    singular_range(A, m, m)
+}
+
+/// λ from K_dᵀ λ = rest_d, the tree forces of the dependents that nothing else supplies. Where rows
+/// are redundant λ is the one of least norm in the scaling: with K_d = U Σ Vᵀ scaled, λ_s = U Σ⁻¹
+/// Vᵀ rest.
+fn loop_forces<T: Scalar>(
+    cluster: &Cluster<T>,
+    rest: &[T],
+    scratch: &mut Scratch<T>,
+    lambda: &mut [T],
+) -> Result<(), Status> {
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    if rows == m {
+        for (a, &j) in cluster.dependent.iter().enumerate() {
+            for r in 0..rows {
+                scratch.A[a * m + r] = scratch.K[r * cluster.n_v + j];
+            }
+            scratch.B[a] = rest[j];
+        }
+        solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1).ok_or(Status::SingularClosure)?;
+        cluster.rows.iter().enumerate().for_each(|(r, row)| lambda[*row] = scratch.B[r]);
+        return Ok(());
+    }
+    decompose_dependents(cluster, scratch);
+    let (A, V) = (&scratch.A, &scratch.B);
+    // Σ⁻² Vᵀ rest
+    for a in 0..m {
+        let along = cluster.dependent.iter().enumerate().fold(T::ZERO, |sum, (b, &j)| {
+            let unit = T::from_f64(column_unit(cluster, j));
+            (V[b * m + a] * unit).mul_add(rest[j], sum)
+        });
+        let square = column_square(A, rows, m, a);
+        if !T::ZERO.lt(square) {
+            return Err(Status::SingularClosure);
+        }
+        scratch.step[a] = along / square;
+    }
+    for (r, (row, of)) in
+        cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate()
+    {
+        let x = (0..m).fold(T::ZERO, |sum, a| A[r * m + a].mul_add(scratch.step[a], sum));
+        lambda[*row] = x * T::from_f64(row_unit(cluster, of));
+    }
+    Ok(())
+}
+
+/// 1 for each row whose λ every solution of K_dᵀ λ = rest_d shares: its unit vector lies in the
+/// range of K_d.
+fn determinate_forces<T: Scalar>(
+    cluster: &Cluster<T>,
+    scratch: &mut Scratch<T>,
+    determinate: &mut [T],
+) {
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    if rows == m {
+        return cluster.rows.iter().for_each(|row| determinate[*row] = T::ONE);
+    }
+    decompose_dependents(cluster, scratch);
+    for (r, row) in cluster.rows.iter().enumerate() {
+        let inside = (0..m).fold(T::ZERO, |sum, a| {
+            let x = scratch.A[r * m + a];
+            sum + x * x / column_square(&scratch.A, rows, m, a)
+        });
+        let shared = T::from_f64(SHARED * SHARED).lt(T::ONE - inside);
+        determinate[*row] = if shared { T::ZERO } else { T::ONE };
+    }
+}
+
+/// The scaled K_d of all rows as U Σ in `A` and V in `B`.
+fn decompose_dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
+    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let A = &mut scratch.A;
+    scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * m + a] = x);
+    decompose(&mut scratch.A, &mut scratch.B, rows, m);
+}
+
+/// Condition of G_u over all clusters.
+fn cond_Gu<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
+    let mut range = Range::none();
+    for cluster in &model.clusters {
+        let (m, n_u) = (cluster.n_vy, cluster.active.len());
+        if n_u == 0 || m == 0 {
+            continue;
+        }
+        let tall = n_u >= m;
+        for (r, &(_, j)) in cluster.active.iter().enumerate() {
+            for k in 0..m {
+                ws.dense[if tall { r * m + k } else { k * n_u + r }] = ws.G[cluster.g + j * m + k];
+            }
+        }
+        range.add(singular_range(&mut ws.dense, n_u.max(m), n_u.min(m)));
+    }
+    range.ratio()
+}
+
+/// Condition of M_y.
+fn cond_My<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
+    let n = model.sizes().n_vy;
+    for i in 0..n {
+        for j in 0..=i {
+            // internal order, as the order does not matter here
+            let entry = model.branches.entry(i, j).map_or(T::ZERO, |at| ws.M_y[at]);
+            (ws.dense[i * n + j], ws.dense[j * n + i]) = (entry, entry);
+        }
+    }
+    let (largest, least) = singular_range(&mut ws.dense, n, n);
+    largest / least
+}

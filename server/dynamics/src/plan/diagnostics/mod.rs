@@ -1,0 +1,6 @@
+//! What is asked rarely: conditions of a closed state, and what a failure can still report.
+
+mod conditions;
+mod failure;
+mod nearest;
+pub(super) mod singular;

@@ -1,0 +1,107 @@
+//! What can be done at a singular pose: good independents, what no actuator controls.
+
+use crate::closure::{column_unit, scaled};
+use crate::linalg::{column_square, decompose};
+use crate::model::{Cluster, Model};
+use crate::scalar::{Real, Scalar};
+use crate::workspace::Workspace;
+
+/// Least size of a scaled pivot of K, against the first, with which a dependent is determined by
+/// the others.
+const DETERMINED: f64 = 1e-4;
+
+/// 1 at the tree velocities that are declared independent.
+pub(in crate::plan) fn declared_independents<T: Scalar>(model: &Model<T>, good: &mut [T]) {
+    good.fill(T::ZERO);
+    model.order.vy_v.iter().for_each(|v| good[model.order.v_external[*v]] = T::ONE);
+}
+
+/// A set of good independents of one cluster at a pose: those that pivoted QR of the scaled K
+/// leaves over when it takes, one after the other, the column that stands farthest off those before
+/// as a dependent. False where K has lost rank, so that no set is good; nothing is written then.
+pub(in crate::plan) fn good_independents<T: Scalar>(
+    model: &Model<T>,
+    cluster: &Cluster<T>,
+    K: &[T],
+    (A, taken): (&mut [T], &mut [T]),
+    good: &mut [T],
+) -> bool {
+    let (n, rows) = (cluster.n_v, cluster.rows.len());
+    // one column after the other; −1 marks a column that cannot be had
+    for v in 0..n {
+        scaled(cluster, K, 0..rows, &[v], |r, _, x| A[v * rows + r] = x);
+        taken[v] = if cluster.locked.contains(&v) { -T::ONE } else { T::ZERO };
+    }
+    let square = |A: &[T], v: usize| {
+        (0..rows).fold(T::ZERO, |sum, r| A[v * rows + r].mul_add(A[v * rows + r], sum))
+    };
+    let (mut first, mut sound) = (T::ZERO, true);
+    for k in 0..cluster.dependent.len() {
+        let mut best = 0;
+        let mut largest = -T::ONE;
+        for v in (0..n).filter(|v| taken[*v] == T::ZERO) {
+            let of = square(A, v);
+            if of > largest {
+                (best, largest) = (v, of);
+            }
+        }
+        if k == 0 {
+            first = largest;
+        }
+        sound &= (first * T::from_f64(DETERMINED * DETERMINED)).lt(largest);
+        taken[best] = T::ONE;
+        for v in (0..n).filter(|v| taken[*v] == T::ZERO) {
+            let share = (0..rows)
+                .fold(T::ZERO, |sum, r| A[best * rows + r].mul_add(A[v * rows + r], sum))
+                / largest;
+            for r in 0..rows {
+                A[v * rows + r] = (-share).mul_add(A[best * rows + r], A[v * rows + r]);
+            }
+        }
+    }
+    for v in (0..n).filter(|_| sound) {
+        good[model.order.v_external[cluster.v + v]] =
+            if taken[v] == T::ZERO { T::ONE } else { T::ZERO };
+    }
+    sound
+}
+
+/// The direction of ẏ, of unit length, that the actuators move least in the scaling: the last right
+/// singular vector of the scaled G_u of the cluster in which it is smallest, of those that nothing
+/// ties and the first `closed` of the tied ones.
+pub(in crate::plan) fn uncontrolled<T: Scalar>(
+    model: &Model<T>,
+    ws: &mut Workspace<T>,
+    closed: usize,
+    direction: &mut [T],
+) {
+    let mut least = T::from_f64(f64::INFINITY);
+    let open = &model.tied[closed.min(model.tied.len())..];
+    for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
+        let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
+        let unit = |v: usize| T::from_f64(column_unit(cluster, v));
+        ws.dense[..rows * m].fill(T::ZERO);
+        for (r, &(_, v)) in cluster.active.iter().enumerate() {
+            for (k, &y) in cluster.independent.iter().enumerate() {
+                ws.dense[r * m + k] = ws.G[cluster.g + v * m + k] * unit(y) / unit(v);
+            }
+        }
+        if !ws.dense[..rows * m].iter().all(|x| Real::is_finite(*x)) {
+            continue;
+        }
+        decompose(&mut ws.dense, &mut ws.dense_rhs, rows, m);
+        for a in 0..m {
+            let sigma = column_square(&ws.dense, rows, m, a);
+            if !sigma.lt(least) {
+                continue;
+            }
+            least = sigma;
+            direction.fill(T::ZERO);
+            let part = |k: usize| ws.dense_rhs[k * m + a] * unit(cluster.independent[k]);
+            let norm = (0..m).fold(T::ZERO, |sum, k| sum + part(k) * part(k)).sqrt();
+            for k in 0..m {
+                direction[model.order.vy_external[cluster.vy + k]] = part(k) / norm;
+            }
+        }
+    }
+}
