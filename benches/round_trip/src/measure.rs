@@ -106,9 +106,14 @@ impl Trip {
     pub(crate) fn value(&self) -> Value {
         let at = |quantile| self.samples.at(quantile);
         json!({
-            "case": name(self.way, self.what), "n_in": self.n_in, "n_out": self.n_out, "count": self.samples.count(),
+            "case": name(self.way, self.what),
+            "n_in": self.n_in,
+            "n_out": self.n_out,
+            "count": self.samples.count(),
             "p50_ns": at(0.5), "p90_ns": at(0.9), "p99_ns": at(0.99), "p99_9_ns": at(0.999),
-            "computation_ns": self.computation, "floor_ns": self.floor, "medians_of_starts_ns": [self.starts.0, self.starts.1],
+            "computation_ns": self.computation,
+            "floor_ns": self.floor,
+            "medians_of_starts_ns": [self.starts.0, self.starts.1],
         })
     }
 }
@@ -174,8 +179,8 @@ pub(crate) fn measure(
     Ok(asked.iter().flat_map(Asked::trips).filter(|trip| trip.samples.count() > 0).collect())
 }
 
-/// Round trips through a transport; every answer's status is looked at, and the bits of a first pass
-/// through the states.
+/// Round trips through a transport; every answer's status is looked at, and the bits of a first
+/// pass through the states.
 fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: PlanId) -> Outcome {
     let mut output = vec![0.0; asked.answers[0].len()];
     for (input, answer) in asked.inputs.iter().zip(&asked.answers) {

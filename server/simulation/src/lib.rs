@@ -11,17 +11,24 @@
 //!
 //! ```
 //! use sarrus_dynamics::Model;
-//! use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind};
+//! use sarrus_dynamics::description::{
+//!     Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind,
+//! };
 //! use sarrus_simulation::{Method, Settings, Setup, Start, simulate};
 //!
 //! // a pendulum: 1 kg, 1 m below a horizontal axis
-//! let bob = Inertial { origin: Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.0; 6] };
+//! let origin = Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] };
+//! let bob = Inertial { origin, mass: 1.0, inertia: [0.0; 6] };
 //! let description = Description {
 //!     name: "pendulum".into(),
-//!     links: vec![Link { name: "base".into(), inertial: None }, Link { name: "rod".into(), inertial: Some(bob) }],
+//!     links: vec![
+//!         Link { name: "base".into(), inertial: None },
+//!         Link { name: "rod".into(), inertial: Some(bob) },
+//!     ],
 //!     joints: vec![Joint {
-//!         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1, origin: Placement::default(),
-//!         axis: [0.0, 1.0, 0.0], limits: None, coupling: None, terms: Default::default(),
+//!         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1,
+//!         origin: Placement::default(), axis: [0.0, 1.0, 0.0],
+//!         limits: None, coupling: None, terms: Default::default(),
 //!     }],
 //!     submechanisms: vec![Submechanism {
 //!         name: "all".into(), kind: SubmechanismKind::Serial, type_name: "R".into(),

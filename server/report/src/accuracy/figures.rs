@@ -99,8 +99,9 @@ pub(super) fn figure<'a>(
         id: id(robot.subject, question),
         title: format!("{}: {name}", title(robot.subject)),
         caption: format!(
-            "{what}. The largest error of {} states, {of}, over the median of batches that take turns. Warm: from the closed pose 1 ms \
-             earlier; cold: from that at zero. Single precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
+            "{what}. The largest error of {} states, {of}, over the median of batches that take \
+            turns. Warm: from the closed pose 1 ms earlier; cold: from that at zero. Single \
+            precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
             robot.states.len()
         ),
         command: String::new(),

@@ -94,9 +94,12 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     section.tables.push(Table {
         id: "accuracy-defaults".into(),
         title: "What is used without asking".into(),
-        caption: "Time and error of the default methods, and the time against the fastest method of the figure that is no less exact."
+        caption: "Time and error of the default methods, and the time against the fastest method \
+            of the figure that is no less exact."
             .into(),
-        columns: ["robot", "asked", "method", "ns per call", "error", "loop residual", "place"].map(str::to_owned).into(),
+        columns: ["robot", "asked", "method", "ns per call", "error", "loop residual", "place"]
+            .map(str::to_owned)
+            .into(),
         rows,
     });
     Ok(section)

@@ -1,7 +1,7 @@
 //! Springs and dampers between two points of two links.
 //!
-//! With d the distance from the first point to the second, l = |d| and n = d / l, the first point is
-//! pulled along n by
+//! With d the distance from the first point to the second, l = |d| and n = d / l, the first point
+//! is pulled along n by
 //!
 //! ```text
 //!   f = k (l − l₀) + c l̇,   l̇ = n · (v_b − v_a)

@@ -1,7 +1,8 @@
 //! The classical method of Runge and Kutta: order 4.
 //!
 //! ```text
-//!   k₁ = f(t, x),   k₂ = f(t + h/2, x + h k₁/2),   k₃ = f(t + h/2, x + h k₂/2),   k₄ = f(t + h, x + h k₃)
+//!   k₁ = f(t, x),   k₂ = f(t + h/2, x + h k₁/2)
+//!   k₃ = f(t + h/2, x + h k₂/2),   k₄ = f(t + h, x + h k₃)
 //!   x₊ = x + h/6 (k₁ + 2 (k₂ + k₃) + k₄)
 //! ```
 

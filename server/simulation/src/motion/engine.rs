@@ -16,8 +16,8 @@ use crate::planned::Planned;
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
 
-/// Share of the fastest joint's distance in a step by which a smooth motion is not off the mean of its
-/// velocities.
+/// Share of the fastest joint's distance in a step by which a smooth motion is not off the mean of
+/// its velocities.
 const JUMP: f64 = 0.3;
 
 /// What was done.

@@ -53,7 +53,12 @@ pub(super) struct ForceFlags {
     control: SpaceFlag,
     /// A spring with a damper between two points of links, such as `--spring base:0,0,0.1 hand
     /// 500,5,0.2`: stiffness N/m, damping N s/m, rest length m; may stand several times.
-    #[arg(long, num_args = 3, value_names = ["LINK:X,Y,Z", "LINK:X,Y,Z", "K,C,L0"], allow_hyphen_values = true)]
+    #[arg(
+        long,
+        num_args = 3,
+        value_names = ["LINK:X,Y,Z", "LINK:X,Y,Z", "K,C,L0"],
+        allow_hyphen_values = true
+    )]
     spring: Vec<String>,
 }
 
@@ -128,7 +133,8 @@ impl ForceFlags {
                     rest: *rest,
                 }),
                 other => Err(format!(
-                    "--spring {constants}: found {} number(s), expected stiffness, damping and rest length",
+                    "--spring {constants}: found {} number(s), expected stiffness, damping and \
+                    rest length",
                     other.len()
                 )),
             }

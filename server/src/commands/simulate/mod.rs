@@ -68,19 +68,43 @@ pub(crate) struct Simulate {
 #[derive(Args)]
 struct StartFlags {
     /// Independent coordinates, separated by commas; the zero pose without them.
-    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, conflicts_with_all = ["q", "qd"])]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_parser = input::numbers,
+        allow_hyphen_values = true,
+        conflicts_with_all = ["q", "qd"]
+    )]
     y: Option<Numbers>,
     /// Independent velocities; at rest without them.
-    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, conflicts_with_all = ["q", "qd"])]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_parser = input::numbers,
+        allow_hyphen_values = true,
+        conflicts_with_all = ["q", "qd"]
+    )]
     yd: Option<Numbers>,
     /// Tree coordinates; a pose whose loops are open is closed, and how far it was moved is told.
     #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true)]
     q: Option<Numbers>,
     /// Tree velocities.
-    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, requires = "q")]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_parser = input::numbers,
+        allow_hyphen_values = true,
+        requires = "q"
+    )]
     qd: Option<Numbers>,
     /// A closed pose near y from which numerical closures continue.
-    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true, conflicts_with = "q")]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_parser = input::numbers,
+        allow_hyphen_values = true,
+        conflicts_with = "q"
+    )]
     q_guess: Option<Numbers>,
 }
 

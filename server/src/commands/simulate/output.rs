@@ -156,7 +156,8 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
         run.time
     ));
     line(format!(
-        "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), Jacobians {}, factorisations {}",
+        "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), \
+        Jacobians {}, factorisations {}",
         counts.steps,
         counts.rejected,
         counts.failed,
@@ -194,7 +195,8 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
 fn words(kind: &EventKind) -> String {
     match kind {
         EventKind::Switched { from, to, before, after } => format!(
-            "went on with the independents {} in place of {} (distance to singularity {before:.2e}, then {after:.2e})",
+            "went on with the independents {} in place of {} (distance to singularity \
+            {before:.2e}, then {after:.2e})",
             to.join(", "),
             from.join(", ")
         ),
