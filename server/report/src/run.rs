@@ -47,7 +47,7 @@ pub struct Options {
     pub out: PathBuf,
 }
 
-/// Runs the wanted sections in their order and writes the page and its data. A section that fails
+/// Runs the chosen sections in their order and writes the page and its data. A section that fails
 /// says so on the page.
 ///
 /// # Errors

@@ -10,7 +10,7 @@ pub(crate) struct Text {
     pub(crate) submechanisms: &'static str,
 }
 
-/// A joint and the link that it carries: name, kind, parent, origin, axis.
+/// A joint and its child link: name, kind, parent, origin, axis.
 struct Part(&'static str, &'static str, &'static str, &'static str, &'static str);
 
 /// Every one of them.

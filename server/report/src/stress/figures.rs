@@ -154,7 +154,7 @@ fn overview(families: &[&[Case]]) -> Table {
         id: "extremes-families".into(),
         title: "Every family".into(),
         caption: "Errors by size against the same robot in double-double, lengths in those of its \
-            loops; a closed form or a finer way where the cases say so. Chains are judged by the \
+            loops; a closed form or a finer way where the cases say so. Chains are assessed by the \
             backward error of forward dynamics, ‖M_y ÿ + C_y − τ_y‖ relative to its terms, by \
             inverse dynamics in double-double: the condition of their mass matrix grows with the \
             fourth power of their length."

@@ -36,7 +36,7 @@ pub struct Spring {
     pub rest: f64,
 }
 
-/// Springs with the links that they hang on.
+/// Springs with the links that they join.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Springs {
     springs: Vec<Spring>,

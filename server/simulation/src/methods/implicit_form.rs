@@ -19,7 +19,7 @@ pub(crate) struct Form<'a> {
     model: &'a Model<f64>,
     pub(crate) mechanism: Mechanism,
     pub(crate) form: ImplicitForm<f64>,
-    /// Frames of the links that springs hang on.
+    /// Frames of the links that springs join.
     frames: Option<Planned<f64>>,
     workspace: Workspace<f64>,
     tau_q: Vec<f64>,

@@ -19,7 +19,7 @@ use self::simulator::Simulator;
 use self::start::Start;
 use crate::error::SimulationError;
 
-/// Simulates. `progress` is told the time that has been reached, after each step. Allocates as
+/// Simulates. `progress` gets the time that has been reached, after each step. Allocates as
 /// samples need it.
 ///
 /// # Errors

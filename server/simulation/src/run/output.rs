@@ -26,7 +26,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Energy less work: constant in truth.
+    /// Energy less work: constant but for errors.
     pub fn balance(&self) -> f64 {
         self.energy.kinetic + self.energy.potential - self.work
     }

@@ -8,7 +8,7 @@ use crate::error::SimulationError;
 use crate::forces::inputs::{Input, OnTree};
 use crate::forces::springs::{Spring, Springs};
 
-/// A robot with what hangs on it.
+/// A robot with what acts on it.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a> {
     /// What the robot's files say: masses for the energy, and what is compiled anew with other

@@ -185,7 +185,7 @@ impl<T: Scalar> Answered<T> {
         self.answer.warnings
     }
 
-    /// The numbers of a field; none where it was not wanted.
+    /// The numbers of a field; none where it was not asked.
     pub(crate) fn get(&self, field: Field) -> &[T] {
         self.plan.want().slot(field).map_or(&[], |slot| &self.numbers[slot.range()])
     }
