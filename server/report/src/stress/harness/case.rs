@@ -129,7 +129,8 @@ impl Cases {
     ) -> Outcome<&mut Case> {
         let answer = ask.run(&robot.compiled.model)?;
         let ok = answer.status() == Status::Ok;
-        let (numbers, source) = if ok { reference_numbers(robot, ask, reference)? } else { (None, "-") };
+        let (numbers, source) =
+            if ok { reference_numbers(robot, ask, reference)? } else { (None, "-") };
         let error =
             ok.then(|| numbers.map_or(f64::INFINITY, |numbers| error(robot, &answer, &numbers)));
         let forward = ok
