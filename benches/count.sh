@@ -1,9 +1,10 @@
 #!/bin/sh
-# Instructions per call, the regression gate: unlike times they do not depend on what else the machine does.
+# Instructions per call, the regression gate: unlike times they do not depend on the load.
 #   benches/count.sh            print the table
-#   benches/count.sh --check    compare with benches/instructions.tsv; fails where a case needs 5 % more
+#   benches/count.sh --check    compare with benches/instructions.tsv; fails where one needs 5 % more
 #   benches/count.sh --update   write benches/instructions.tsv
-# Each case goes four times through 16 states under callgrind, which collects nothing while the robot is loaded.
+# Each case goes four times through 16 states under callgrind, which collects nothing while the
+# robot is loaded.
 set -eu
 cd "$(dirname "$0")/.."
 baseline=benches/instructions.tsv
@@ -34,7 +35,7 @@ chain/100/FD
 mode=${1:---print}
 case $mode in
 --print | --check | --update) ;;
-*) sed -n '2,6s/^# \{0,1\}//p' "$0" >&2 && exit 2 ;;
+*) sed -n '2,7s/^# \{0,1\}//p' "$0" >&2 && exit 2 ;;
 esac
 if ! command -v valgrind >/dev/null; then
     echo "not run: valgrind is missing (apt install valgrind)"
@@ -45,8 +46,11 @@ program=${CARGO_TARGET_DIR:-target}/release/sarrus-benches
 
 counts=$(
     for name in $cases; do
-        valgrind --tool=callgrind --callgrind-out-file=/dev/null --toggle-collect='*count::passes*' "$program" --count "$name" 4 2>&1 |
-            awk -v name="$name" '/Collected :/ && $NF > 0 { printf "%s\t%.0f\n", name, $NF / 64; found = 1 } { last = $0 }
+        valgrind --tool=callgrind --callgrind-out-file=/dev/null \
+            --toggle-collect='*count::passes*' "$program" --count "$name" 4 2>&1 |
+            awk -v name="$name" '
+                /Collected :/ && $NF > 0 { printf "%s\t%.0f\n", name, $NF / 64; found = 1 }
+                { last = $0 }
                 END { if (!found) { print name ": " last > "/dev/stderr"; exit 1 } }'
     done
 )
@@ -55,16 +59,23 @@ case $mode in
     printf 'case\tinstructions per call\n%s\n' "$counts" | column -t -s "$(printf '\t')"
     ;;
 --update)
-    printf '# instructions per call, written by benches/count.sh --update with %s\n%s\n' "$(rustc --version)" "$counts" >$baseline
+    printf '# instructions per call, written by benches/count.sh --update with %s\n%s\n' \
+        "$(rustc --version)" "$counts" >$baseline
     ;;
 --check)
     printf '%s\n' "$counts" | awk -F '\t' -v baseline=$baseline '
-        BEGIN { while ((getline line < baseline) > 0) { split(line, part, "\t"); expected[part[1]] = part[2] } }
+        BEGIN {
+            while ((getline line < baseline) > 0) {
+                split(line, part, "\t")
+                expected[part[1]] = part[2]
+            }
+        }
         !($1 in expected) { printf "%-40s %8d, not in the baseline\n", $1, $2; failed = 1; next }
         {
             change = 100 * ($2 / expected[$1] - 1)
-            verdict = change > 5 ? "MORE" : change < -5 ? "less: run benches/count.sh --update" : "ok"
-            printf "%-40s %8d, baseline %8d, %+6.1f %%  %s\n", $1, $2, expected[$1], change, verdict
+            word = change > 5 ? "MORE" : "ok"
+            if (change < -5) word = "less: run benches/count.sh --update"
+            printf "%-40s %8d, baseline %8d, %+6.1f %%  %s\n", $1, $2, expected[$1], change, word
             if (change > 5) failed = 1
         }
         END { exit failed }'
