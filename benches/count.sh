@@ -1,7 +1,7 @@
 #!/bin/sh
 # Instructions per call, the regression gate: unlike times they do not depend on the load.
 #   benches/count.sh            print the table
-#   benches/count.sh --check    compare with benches/instructions.tsv; fails where one needs 5 % more
+#   benches/count.sh --check    compare with benches/instructions.tsv; fails at 5 % more
 #   benches/count.sh --update   write benches/instructions.tsv
 # Each case goes four times through 16 states under callgrind, which collects nothing while the
 # robot is loaded.
