@@ -30,8 +30,8 @@ pub struct AssemblyReport {
     pub distance: f64,
     /// Steps taken.
     pub iterations: u32,
-    /// Branch of each tied cluster that is not a pure coupling; empty for files that are open at
-    /// zero.
+    /// Branch of each cluster with loops that is not a pure coupling; empty for files that are open
+    /// at zero.
     pub branch: Vec<f64>,
     /// Of files that are open at zero: what to write so that the found pose is the zero pose.
     #[serde(skip_serializing_if = "NewPlacements::is_empty")]

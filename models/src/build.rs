@@ -1,4 +1,4 @@
-//! From checked files to the [`Description`], and back from its parts to their places.
+//! From checked files to the [`Description`], and back from its parts to their positions.
 
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
@@ -15,54 +15,54 @@ use crate::urdf::{Urdf, Values};
 
 /// Where the parts of a description stand in the files.
 #[derive(Debug)]
-pub(crate) struct Places {
+pub(crate) struct Spans {
     robot: Span,
     links: Vec<Span>,
     joints: Vec<Span>,
-    submechanisms: Vec<SubmechanismPlace>,
+    submechanisms: Vec<SubmechanismSpan>,
 }
 
 #[derive(Debug)]
-struct SubmechanismPlace {
-    place: Span,
+struct SubmechanismSpan {
+    span: Span,
     loops: Vec<(Span, Vec<Span>)>,
 }
 
-impl Places {
-    /// The places of a robot's parts; submechanisms that nobody wrote stand at the robot.
-    pub(crate) fn new(urdf: &Urdf, submechanisms: Option<&Submechanisms>) -> Places {
-        let place_of = |entry: &Entry| SubmechanismPlace {
-            place: entry.name.as_ref().map_or(entry.place, |(_, place)| *place),
-            loops: entry.loops.iter().map(|each| (each.place, each.rows.clone())).collect(),
+impl Spans {
+    /// The positions of a robot's parts; submechanisms that nobody wrote stand at the robot.
+    pub(crate) fn new(urdf: &Urdf, submechanisms: Option<&Submechanisms>) -> Spans {
+        let span_of = |entry: &Entry| SubmechanismSpan {
+            span: entry.name.as_ref().map_or(entry.span, |(_, span)| *span),
+            loops: entry.loops.iter().map(|each| (each.span, each.rows.clone())).collect(),
         };
-        Places {
-            robot: submechanisms.map_or(urdf.place, |read| read.place),
-            links: urdf.links.iter().map(|link| link.place).collect(),
-            joints: urdf.joints.iter().map(|joint| joint.place).collect(),
+        Spans {
+            robot: submechanisms.map_or(urdf.span, |read| read.span),
+            links: urdf.links.iter().map(|link| link.span).collect(),
+            joints: urdf.joints.iter().map(|joint| joint.span).collect(),
             submechanisms: submechanisms
                 .into_iter()
                 .flat_map(|read| &read.entries)
-                .map(place_of)
+                .map(span_of)
                 .collect(),
         }
     }
 
-    /// Where a part stands; the nearest known part around it when it has no place of its own.
+    /// Where a part stands; the nearest known part around it when it has no position of its own.
     pub(crate) fn of(&self, site: Site) -> Span {
         let submechanism = |s: usize| self.submechanisms.get(s);
-        let place = match site {
+        let span = match site {
             Site::Link(link) => self.links.get(link).copied(),
             Site::Joint(joint) => self.joints.get(joint).copied(),
-            Site::Submechanism(s) => submechanism(s).map(|found| found.place),
+            Site::Submechanism(s) => submechanism(s).map(|found| found.span),
             Site::Loop(s, l) => submechanism(s)
-                .map(|found| found.loops.get(l).map_or(found.place, |(place, _)| *place)),
+                .map(|found| found.loops.get(l).map_or(found.span, |(span, _)| *span)),
             Site::Row(s, l, r) => {
                 let row = submechanism(s).and_then(|found| found.loops.get(l)?.1.get(r).copied());
-                row.or_else(|| submechanism(s).map(|found| found.place))
+                row.or_else(|| submechanism(s).map(|found| found.span))
             }
             _ => None,
         };
-        place.unwrap_or(self.robot)
+        span.unwrap_or(self.robot)
     }
 }
 

@@ -25,20 +25,24 @@ macro_rules! robots {
 static ROBOTS: [Bundled; 16] = robots! {
     "lambda": "elbow of a humanoid: one lambda loop (RRPR) driven by a linear actuator",
     "torso": "torso of a humanoid: a universal joint driven by two linear actuators (2SPU+1U)",
-    "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators (2SPRR+1U)",
+    "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators \
+     (2SPRR+1U)",
     "parallelogram": "parallelogram of crank, follower and coupler",
     "stewart": "Stewart platform: six free directions on six linear actuators (6UPS)",
     "wrist": "wrist of a humanoid: two actuators, rockers and rods; every loop numerical",
     "r3_lambda_r": "arm: three revolute joints, a lambda elbow, a roll joint",
-    "rh5v2_upper_body": "upper body of a humanoid with 23 joints: torso and two arms with lambda elbows",
-    "rh5v2_full": "upper body of a humanoid with head and parallel wrists: 50 joints, numerical and analytic loops side by side",
+    "rh5v2_upper_body": "upper body of a humanoid with 23 joints: torso and two arms with lambda \
+     elbows",
+    "rh5v2_full": "upper body of a humanoid with head and parallel wrists: 50 joints, numerical \
+     and analytic loops side by side",
     "four_bars_2": "two four-bars in a row, of unit cranks and couplers (IFToMM A02)",
     "five_bar": "planar five-bar on two motors",
     "squeezer": "Andrews' squeezing mechanism: seven bodies, one freedom (IVP test set)",
     "bricard": "Bricard's mechanism of five rods: overconstrained, one freedom (IFToMM A04)",
     "delta": "delta robot: three arms, six rods, a platform that keeps its orientation",
     "active_ankle": "ankle of three cranks and six rods, almost spherical (3RUS2)",
-    "stewart_floating": "Stewart platform whose platform is one floating joint of seven coordinates",
+    "stewart_floating": "Stewart platform whose platform is one floating joint of seven \
+     coordinates",
 };
 
 /// Names of the bundled robots, each with one line about it.

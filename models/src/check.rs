@@ -1,6 +1,7 @@
 //! What `check` prints about a robot.
 
-use serde::Serialize;
+use sarrus_dynamics::{ClosureInfo, ModelInfo};
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 use crate::assembly::AssemblyReport;
 use crate::closures;
@@ -9,70 +10,87 @@ use crate::report::{Diagnostic, Report};
 
 /// One robot as `check --format json` prints it. Of a faulty robot only the name, as far as it was
 /// read, and the diagnostics are there.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CheckReport {
     /// Name of the robot.
     pub robot: Option<String>,
     /// Fingerprint of the model, 16 hexadecimal digits.
     pub fingerprint: Option<String>,
-    /// Names in the order of q̇.
-    pub tree: Vec<String>,
-    /// Names in the order of q; a quaternion joint has one more.
-    pub tree_q: Vec<String>,
-    /// Names in the order of ẏ.
-    pub independent: Vec<String>,
-    /// Names in the order of u.
-    pub active: Vec<String>,
-    /// Names of the rows of K.
-    pub loops: Vec<String>,
+    /// Names, orders and sizes; none of a faulty robot.
+    pub model: Option<ModelInfo>,
     /// How each submechanism is closed.
     pub closures: Vec<ClosureReport>,
     /// What may stay.
     pub warnings: Vec<Diagnostic>,
-    /// What must be mended.
+    /// What must be corrected.
     pub errors: Vec<Diagnostic>,
     /// What came of an assembly, if one was asked for.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub assembled: Option<AssemblyReport>,
 }
 
-/// How a submechanism is closed.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// How a submechanism is closed, and what that means at the zero pose.
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClosureReport {
-    /// Contextual name.
-    pub name: String,
-    /// The type as it was written.
-    #[serde(rename = "type")]
-    pub type_name: String,
-    /// `analytic`, `numerical` or `serial`.
-    pub kind: &'static str,
-    /// Constraint rows.
-    pub rows: usize,
-    /// How many of them are independent.
-    pub rank: usize,
-    /// How far the geometry is from the closed form's assumptions, relative to the mechanism's
-    /// size.
-    pub misfit: f64,
+    /// Type, kind, rows and misfit.
+    pub closure: ClosureInfo,
     /// Rows that say nothing new.
     pub redundant: Vec<String>,
-    /// Idle joints, which keep the value that they start with.
-    pub idle: Vec<String>,
     /// Branch of each of its clusters at the zero pose, 1 or −1; 0 where that is singular.
     pub branch: Vec<f64>,
     /// Least singular value of the scaled K_d at the zero pose; 1 without loops.
     pub sigma_min: f64,
     /// Condition number of the scaled K_d at the zero pose; `null` where that is singular.
-    #[serde(rename = "cond_Kd", serialize_with = "finite")]
     pub cond: f64,
     /// Where a closure of this type is singular, in words; empty where nothing general can be said.
     pub singular: &'static str,
 }
 
-/// A number, or null for what JSON has no word for.
-fn finite<S: serde::Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-    number.is_finite().then_some(number).serialize(serializer)
+// the keys of `check --format json` are said here, once
+impl Serialize for CheckReport {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let CheckReport { robot, fingerprint, model, closures, warnings, errors, assembled } = self;
+        let names = |of: fn(&ModelInfo) -> &[String]| model.as_ref().map_or(&[][..], of);
+        let n = 10 + usize::from(assembled.is_some());
+        let mut object = serializer.serialize_struct("CheckReport", n)?;
+        object.serialize_field("robot", robot)?;
+        object.serialize_field("fingerprint", fingerprint)?;
+        object.serialize_field("tree", names(|model| &model.tree))?;
+        object.serialize_field("tree_q", names(|model| &model.tree_q))?;
+        object.serialize_field("independent", names(|model| &model.independent))?;
+        object.serialize_field("active", names(|model| &model.active))?;
+        object.serialize_field("loops", names(|model| &model.loops))?;
+        object.serialize_field("closures", closures)?;
+        object.serialize_field("warnings", warnings)?;
+        object.serialize_field("errors", errors)?;
+        if let Some(assembled) = assembled {
+            object.serialize_field("assembled", assembled)?;
+        }
+        object.end()
+    }
+}
+
+impl Serialize for ClosureReport {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let ClosureReport { closure, redundant, branch, sigma_min, cond, singular } = self;
+        let ClosureInfo { name, type_name, kind, rows, rank, idle, length: _, misfit } = closure;
+        let mut object = serializer.serialize_struct("ClosureReport", 12)?;
+        object.serialize_field("name", name)?;
+        object.serialize_field("type", type_name)?;
+        object.serialize_field("kind", kind.name())?;
+        object.serialize_field("rows", rows)?;
+        object.serialize_field("rank", rank)?;
+        object.serialize_field("misfit", misfit)?;
+        object.serialize_field("redundant", redundant)?;
+        object.serialize_field("idle", idle)?;
+        object.serialize_field("branch", branch)?;
+        object.serialize_field("sigma_min", sigma_min)?;
+        // JSON has no word for infinity
+        object.serialize_field("cond_Kd", &cond.is_finite().then_some(cond))?;
+        object.serialize_field("singular", singular)?;
+        object.end()
+    }
 }
 
 impl CheckReport {
@@ -104,14 +122,8 @@ impl CheckReport {
         let closures =
             model.closures().iter().zip(at_zero).zip(kinds).map(|((info, at_zero), kind)| {
                 ClosureReport {
-                    name: info.name.clone(),
-                    type_name: info.type_name.clone(),
-                    kind: info.kind.name(),
-                    rows: info.rows,
-                    rank: info.rank,
-                    misfit: info.misfit,
+                    closure: info.clone(),
                     redundant: at_zero.redundant,
-                    idle: info.idle.clone(),
                     branch: at_zero.branch,
                     sigma_min: at_zero.sigma_min,
                     cond: at_zero.cond_Kd,
@@ -121,11 +133,7 @@ impl CheckReport {
         CheckReport {
             robot: Some(model.name().to_owned()),
             fingerprint: Some(format!("{:016x}", model.fingerprint())),
-            tree: model.tree_names().to_vec(),
-            tree_q: model.tree_q_names().to_vec(),
-            independent: model.independent_names().to_vec(),
-            active: model.active_names().to_vec(),
-            loops: model.loop_names().to_vec(),
+            model: Some(model.info().clone()),
             closures: closures.collect(),
             ..CheckReport::of_diagnostics(&loaded.report)
         }

@@ -2,8 +2,8 @@
 
 use sarrus_dynamics::description::SubmechanismKind;
 
-/// Where the closure of a type is singular: its dependents cannot be told from its independents
-/// there.
+/// Where the closure of a type is singular: its dependents cannot be distinguished from its
+/// independents there.
 pub(crate) fn singular(kind: SubmechanismKind) -> &'static str {
     match kind {
         SubmechanismKind::Rrpr => "no length of slide between the stator's axis and the pin",
@@ -11,7 +11,8 @@ pub(crate) fn singular(kind: SubmechanismKind) -> &'static str {
             "a leg along its first axis, or of no length"
         }
         SubmechanismKind::Sprr2U1 => {
-            "a leg's pin in the plane of its first axis and of its second's direction, or a leg of no length"
+            "a leg's pin in the plane of its first axis and of its second's direction, or a leg \
+             of no length"
         }
         SubmechanismKind::ParallelogramChain => "all bars in one line",
         SubmechanismKind::FourBar => "coupler and rocker in one line",

@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_body_has_is_told_with_its_moments() {
+    fn what_no_body_has_is_reported_with_its_moments() {
         assert_eq!(
             check(&[1.0, 0.0, 0.0, 1.0, 0.0, 2.1]),
             Err(InertiaFault::Triangle { moments: [1.0, 1.0, 2.1] })

@@ -11,7 +11,7 @@
 //!
 //! Each text is walked as a tree with positions, which finds every fault of it at once; when there
 //! is none, its values are read by urdf-rs and serde, and [`load`] compiles them. Faults that only
-//! the compiler sees come back with their places too.
+//! the compiler sees come back with their positions too.
 //!
 //! # What is read beyond plain URDF
 //! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path`,
@@ -31,7 +31,7 @@
 //!   ones they need no axis and no limits.
 //! - On a joint `<dynamics damping spring_stiffness spring_reference/>`: the joint exerts −damping
 //!   q̇ − stiffness (q − reference), in N, m or N m, rad. `friction` is not modelled, and one that
-//!   is not zero is told.
+//!   is not zero is reported.
 //! - A rotor: `<rotor_inertia value/>` (kg m², about its own axis) and `<gear_ratio value/>` or
 //!   `<mechanicalReduction>` in the `<actuator>` of a `<transmission>` with one `<joint>`, with or
 //!   without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
-use crate::build::{self, Places};
+use crate::build::{self, Spans};
 use crate::report::{Diagnostics, Report};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
@@ -77,7 +77,10 @@ pub enum LoadError {
         reason: String,
     },
     /// No robot of this name is bundled.
-    #[error("there is no bundled robot `{name}`; expected one of {known}{}", near.as_ref().map(|near| format!("; did you mean `{near}`?")).unwrap_or_default())]
+    #[error(
+        "there is no bundled robot `{name}`; expected one of {known}{}",
+        near.as_ref().map(|near| format!("; did you mean `{near}`?")).unwrap_or_default()
+    )]
     UnknownRobot {
         /// The name that was asked for.
         name: String,
@@ -154,8 +157,8 @@ fn read(
     diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
 ) -> Option<(Description, Compiled)> {
-    let (description, places) = describe(contents, options, diagnostics, robot)?;
-    let compiled = compile(&description, &places, diagnostics)?;
+    let (description, spans) = describe(contents, options, diagnostics, robot)?;
+    let compiled = compile(&description, &spans, diagnostics)?;
     Some((description, compiled))
 }
 
@@ -165,7 +168,7 @@ pub(crate) fn describe(
     options: &Options,
     diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
-) -> Option<(Description, Places)> {
+) -> Option<(Description, Spans)> {
     // every check of the text, as far as each file goes
     let (urdf_name, bytes) = contents.urdf;
     let mut urdf_text = Text::new(&urdf_name, bytes, diagnostics);
@@ -188,7 +191,7 @@ pub(crate) fn describe(
         urdf.check_couplings(diagnostics);
     }
     let submechanisms: Option<Submechanisms> = root.zip(entries).map(|(root, entries)| {
-        submechanisms::check(root.place, entries, urdf.as_ref(), diagnostics)
+        submechanisms::check(root.span, entries, urdf.as_ref(), diagnostics)
     });
     if diagnostics.has_errors() || with_submechanisms != submechanisms.is_some() {
         return None;
@@ -203,7 +206,7 @@ pub(crate) fn describe(
     };
     let Some(description) = build::description(&urdf, values, entries, options.gravity) else {
         diagnostics.error(
-            urdf.place,
+            urdf.span,
             "two readers of these files see different names",
             "plain names",
             "use letters, digits, _ and / in names",
@@ -211,14 +214,14 @@ pub(crate) fn describe(
         return None;
     };
 
-    let places = Places::new(&urdf, submechanisms.as_ref());
-    Some((description, places))
+    let spans = Spans::new(&urdf, submechanisms.as_ref());
+    Some((description, spans))
 }
 
-/// The model; its faults go back to their places.
+/// The model; its faults go back to their positions.
 pub(crate) fn compile(
     description: &Description,
-    places: &Places,
+    spans: &Spans,
     diagnostics: &mut Diagnostics,
 ) -> Option<Compiled> {
     let (compiled, errors, warnings) = match Model::compile(description) {
@@ -229,10 +232,10 @@ pub(crate) fn compile(
         Err(error) => (None, error.errors, error.warnings),
     };
     for fault in errors {
-        diagnostics.error(places.of(fault.site), fault.found, fault.expected, fault.help);
+        diagnostics.error(spans.of(fault.site), fault.found, fault.expected, fault.help);
     }
     for fault in warnings {
-        diagnostics.warning(places.of(fault.site), fault.found, fault.expected, fault.help);
+        diagnostics.warning(spans.of(fault.site), fault.found, fault.expected, fault.help);
     }
     compiled
 }
@@ -254,7 +257,7 @@ fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, diagnostics:
         else {
             continue;
         };
-        // a file that is not there leaves the couplings missing, and that is told
+        // a file that is not there leaves the couplings missing, and that is reported
         let Ok(bytes) = text::read_named(&path) else { continue };
         if let Some(text) = Text::new(&path.display().to_string(), bytes, diagnostics) {
             urdf.couple_from(&text, &joints, diagnostics);

@@ -5,7 +5,7 @@
 const LONGEST: usize = 64;
 const MOST: usize = 4096;
 
-/// The known name with the least edit distance to `name`, letter case aside; `None` when all are
+/// The known name with the least edit distance to `name`, letter case ignored; `None` when all are
 /// far.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = folded(name)?;

@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::report::quoted;
 
-/// Why a text is not the wanted numbers.
+/// Why a text is not the expected numbers.
 #[derive(Debug, PartialEq)]
 pub(crate) enum NumberFault {
     NotANumber(String),

@@ -3,11 +3,11 @@
 use sarrus_dynamics::OpenModel;
 use sarrus_dynamics::description::Description;
 
-use crate::build::Places;
+use crate::build::Spans;
 use crate::load::{LoadError, Loaded, Options, Source, compile, contents, describe};
 use crate::report::{Diagnostics, Report};
 
-/// A robot that was read but not judged.
+/// A robot that was read but not assessed.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Opened {
@@ -16,28 +16,28 @@ pub struct Opened {
     /// The model, for assembly only.
     pub model: OpenModel,
     robot: Option<String>,
-    places: Places,
+    spans: Spans,
     diagnostics: Diagnostics,
 }
 
 /// Reads a robot whose loops may be open at its zero pose.
 ///
 /// # Errors
-/// As [`crate::load`], but for what can only be judged of closed loops: rank, mobility, masses.
+/// As [`crate::load`], but for what can only be assessed with closed loops: rank, mobility, masses.
 pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
     let mut diagnostics = Diagnostics::new(options.lenient);
     let mut robot = None;
     let described = contents(source, &mut diagnostics)?
         .and_then(|contents| describe(contents, options, &mut diagnostics, &mut robot));
-    if let Some((description, places)) = described
+    if let Some((description, spans)) = described
         && !diagnostics.has_errors()
     {
         match OpenModel::compile(&description) {
-            Ok(model) => return Ok(Opened { description, model, robot, places, diagnostics }),
+            Ok(model) => return Ok(Opened { description, model, robot, spans, diagnostics }),
             Err(error) => {
                 for fault in error.errors {
                     diagnostics.error(
-                        places.of(fault.site),
+                        spans.of(fault.site),
                         fault.found,
                         fault.expected,
                         fault.help,
@@ -57,7 +57,7 @@ impl Opened {
     /// [`LoadError::Faults`].
     pub fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
         let mut diagnostics = self.diagnostics.clone();
-        let compiled = compile(&description, &self.places, &mut diagnostics);
+        let compiled = compile(&description, &self.spans, &mut diagnostics);
         let report = Report { robot: self.robot.clone(), ..diagnostics.into_report() };
         match compiled {
             Some(compiled) if report.errors.is_empty() => {

@@ -1,5 +1,5 @@
-//! What is wrong with, or remarkable about, robot files: collected while they are read, told all at
-//! once.
+//! What is wrong with, or remarkable about, robot files: collected while they are read, reported
+//! all at once.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ use crate::nearest::nearest;
 /// Faults of one severity that a report holds; a hostile file could have millions.
 const MOST: usize = 1000;
 
-/// One fault or warning with its place in a file.
+/// One fault or warning with its position in a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Diagnostic {
@@ -44,7 +44,7 @@ pub struct Report {
     pub robot: Option<String>,
     /// What may stay.
     pub warnings: Vec<Diagnostic>,
-    /// What must be mended.
+    /// What must be corrected.
     pub errors: Vec<Diagnostic>,
 }
 
@@ -58,7 +58,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// A place in one of the files.
+/// A position in one of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span {
     pub(crate) file: u32,
@@ -101,46 +101,46 @@ impl Diagnostics {
         self.files.len() as u32 - 1
     }
 
-    /// Adds what must be mended.
+    /// Adds what must be corrected.
     pub fn error(
         &mut self,
-        place: Span,
+        span: Span,
         found: impl Into<String>,
         expected: impl Into<String>,
         help: impl Into<String>,
     ) {
-        let diagnostic = self.diagnostic(place, found.into(), expected.into(), help.into());
-        self.errors.push(place, diagnostic);
+        let diagnostic = self.diagnostic(span, found.into(), expected.into(), help.into());
+        self.errors.push(span, diagnostic);
     }
 
     /// Adds what may stay.
     pub fn warning(
         &mut self,
-        place: Span,
+        span: Span,
         found: impl Into<String>,
         expected: impl Into<String>,
         help: impl Into<String>,
     ) {
-        let diagnostic = self.diagnostic(place, found.into(), expected.into(), help.into());
-        self.warnings.push(place, diagnostic);
+        let diagnostic = self.diagnostic(span, found.into(), expected.into(), help.into());
+        self.warnings.push(span, diagnostic);
     }
 
     /// A fault of mass or inertia: a warning when the caller is lenient.
     pub fn inertia(
         &mut self,
-        place: Span,
+        span: Span,
         found: impl Into<String>,
         expected: impl Into<String>,
         help: impl Into<String>,
     ) {
         if self.lenient {
-            self.warning(place, found, expected, help);
+            self.warning(span, found, expected, help);
         } else {
-            self.error(place, found, expected, help);
+            self.error(span, found, expected, help);
         }
     }
 
-    /// Whether something must be mended.
+    /// Whether something must be corrected.
     pub fn has_errors(&self) -> bool {
         !self.errors.diagnostics.is_empty()
     }
@@ -161,7 +161,7 @@ impl Diagnostics {
         near.map_or_else(|| otherwise.into(), |near| format!("did you mean `{near}`?"))
     }
 
-    /// The report, sorted by place.
+    /// The report, sorted by position.
     pub fn into_report(self) -> Report {
         Report {
             robot: None,
@@ -170,12 +170,12 @@ impl Diagnostics {
         }
     }
 
-    fn diagnostic(&self, place: Span, found: String, expected: String, help: String) -> Diagnostic {
-        let file = self.files.get(place.file as usize).cloned().unwrap_or_default();
+    fn diagnostic(&self, span: Span, found: String, expected: String, help: String) -> Diagnostic {
+        let file = self.files.get(span.file as usize).cloned().unwrap_or_default();
         Diagnostic {
             file,
-            line: place.line as usize,
-            column: place.column as usize,
+            line: span.line as usize,
+            column: span.column as usize,
             found,
             expected,
             help,
@@ -188,16 +188,16 @@ impl Pile {
         self.diagnostics.len() >= MOST
     }
 
-    fn push(&mut self, place: Span, diagnostic: Diagnostic) {
+    fn push(&mut self, span: Span, diagnostic: Diagnostic) {
         if self.is_full() {
             self.dropped += 1;
         } else {
-            self.diagnostics.push((place, diagnostic));
+            self.diagnostics.push((span, diagnostic));
         }
     }
 
     fn sorted(mut self, what: &str) -> Vec<Diagnostic> {
-        self.diagnostics.sort_by_key(|(place, _)| *place);
+        self.diagnostics.sort_by_key(|(span, _)| *span);
         let mut diagnostics: Vec<Diagnostic> =
             self.diagnostics.into_iter().map(|(_, diagnostic)| diagnostic).collect();
         if self.dropped > 0
@@ -206,7 +206,7 @@ impl Pile {
             diagnostics.push(Diagnostic {
                 found: format!("{} further {what} are not listed", self.dropped),
                 expected: format!("at most {MOST}"),
-                help: "mend those above first".to_owned(),
+                help: "correct those above first".to_owned(),
                 ..last
             });
         }

@@ -26,7 +26,7 @@ pub(crate) fn contents(
     let Some(root) = yaml::parse(&text, yaml::SUBMECHANISMS, diagnostics) else { return Ok(None) };
     let Some(files) = root.get("files") else {
         diagnostics.error(
-            root.place,
+            root.span,
             "the file has no `files`",
             "a list of the robot's files",
             "add it",
@@ -42,7 +42,7 @@ pub(crate) fn contents(
     };
     let urdfs = named(&["urdf"]);
     let Some(urdf) = urdfs.first() else {
-        diagnostics.error(files.place, "`files` names no URDF", "one", "add it");
+        diagnostics.error(files.span, "`files` names no URDF", "one", "add it");
         return Ok(None);
     };
     let urdf = named_file(urdf)?;
@@ -64,7 +64,7 @@ fn named_file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
     Ok((path.display().to_string(), text::read_named(path)?))
 }
 
-/// A file that cannot be parsed may: its faults are then told with the rest.
+/// A file that cannot be parsed may: its faults are then reported with the rest.
 fn may_have_submechanisms(name: &str, bytes: Vec<u8>) -> bool {
     let mut unheard = Diagnostics::new(false);
     let root = Text::new(name, bytes, &mut unheard)

@@ -59,9 +59,9 @@ impl Text {
             content,
         };
         if let Some(bad) = fault {
-            let place = text.place(text.content.len());
+            let span = text.span(text.content.len());
             diagnostics.error(
-                place,
+                span,
                 format!("the byte 0x{bad:02x} is not UTF-8"),
                 "UTF-8 text",
                 "save the file as UTF-8",
@@ -72,7 +72,7 @@ impl Text {
     }
 
     /// Makes elements of a prefix that nobody declared readable: its colon becomes an underscore,
-    /// and every place stays where it is.
+    /// and every position stays where it is.
     pub(crate) fn join_stray_prefix(&mut self, prefix: &str, diagnostics: &mut Diagnostics) {
         if self.content.contains(&format!("xmlns:{prefix}")) {
             return;
@@ -83,7 +83,7 @@ impl Text {
         };
         let declaration = format!("xmlns:{prefix}=\"…\" on the outermost element");
         diagnostics.warning(
-            self.place(first),
+            self.span(first),
             format!("the prefix `{prefix}` is not declared"),
             declaration,
             "declare it",
@@ -94,7 +94,7 @@ impl Text {
     }
 
     /// Line and column of a byte.
-    pub(crate) fn place(&self, offset: usize) -> Span {
+    pub(crate) fn span(&self, offset: usize) -> Span {
         let offset = offset.min(self.content.len());
         let line = self.lines.partition_point(|start| *start <= offset).max(1);
         let start = self.lines.get(line - 1).copied().unwrap_or(0);
@@ -170,7 +170,7 @@ mod tests {
         let Some(text) = Text::new("f", content.into_bytes(), &mut diagnostics) else {
             return assert!(!diagnostics.has_errors());
         };
-        let at = |offset| (text.place(offset).line, text.place(offset).column);
+        let at = |offset| (text.span(offset).line, text.span(offset).column);
         assert_eq!(at(0), (1, 1));
         assert_eq!(at(3), (2, 1));
         assert_eq!(at(6), (2, 3));

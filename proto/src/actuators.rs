@@ -4,6 +4,8 @@
 //! The payloads are plain fixed-size values; with the feature `transport` they travel through the
 //! services of `bridge`.
 
+use crate::wire_enum::wire_enum;
+
 /// An operation as it travels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
@@ -19,39 +21,12 @@ pub struct OperatorRequest {
 /// Most actuators of a robot.
 pub const MAX_ACTUATORS: usize = 64;
 
-/// Names for numbers on the wire.
-macro_rules! codes {
-    ($(#[$doc:meta])* $name:ident { $($(#[$of:meta])* $variant:ident = $code:literal, $word:literal;)* }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[repr(u32)]
-        #[non_exhaustive]
-        pub enum $name { $($(#[$of])* $variant = $code,)* }
-
-        impl $name {
-            /// All of them, in the order of their numbers.
-            pub const ALL: &[$name] = &[$($name::$variant,)*];
-
-            /// The name that people and scripts see.
-            pub const fn name(self) -> &'static str {
-                match self { $($name::$variant => $word,)* }
-            }
-
-            /// The one of a number on the wire; `None` for a number that this version does not
-            /// know.
-            pub const fn from_code(code: u32) -> Option<$name> {
-                match code { $($code => Some($name::$variant),)* _ => None }
-            }
-        }
-    };
-}
-
-codes! {
-    /// Where a mechanism stands, and the bridge as a whole.
-    MechanismState {
+wire_enum! {
+    /// State of a mechanism, and of the bridge as a whole.
+    MechanismState: u32 {
         /// Its motors have no power.
         Disabled = 0, "disabled";
-        /// It was told to arm, and waits for what is missing or for its motors.
+        /// It was asked to arm, and waits for what is missing or for its motors.
         Arming = 1, "arming";
         /// Its motors follow the commands.
         Enabled = 2, "enabled";
@@ -60,10 +35,10 @@ codes! {
     }
 }
 
-codes! {
-    /// Why a mechanism stands where it does.
-    Reason {
-        /// There is nothing to tell.
+wire_enum! {
+    /// Why a mechanism is in its state.
+    Reason: u32 {
+        /// Nothing to report.
         None = 0, "none";
         /// An operator or a controller disarmed it.
         Disarmed = 1, "disarmed";
@@ -71,7 +46,7 @@ codes! {
         CommandLost = 2, "command_lost";
         /// The bridge itself was stopped for longer than T2.
         Stalled = 3, "stalled";
-        /// No command came since it was told to arm.
+        /// No command came since it was asked to arm.
         NoCommand = 4, "no_command";
         /// A motor has no offset in the configuration.
         NotCalibrated = 5, "not_calibrated";
@@ -83,7 +58,7 @@ codes! {
         FeedbackStale = 8, "feedback_stale";
         /// A motor reports a fault.
         MotorFault = 9, "motor_fault";
-        /// A motor lost its power although it was to have it.
+        /// A motor lost power while it was to be enabled.
         PowerLost = 10, "power_lost";
         /// Motors did not take power in time.
         ArmingTimeout = 11, "arming_timeout";
@@ -100,9 +75,9 @@ codes! {
     }
 }
 
-codes! {
+wire_enum! {
     /// What an operator asks of the bridge.
-    Operation {
+    Operation: u32 {
         /// Give the motors power as soon as everything is in order.
         Arm = 1, "arm";
         /// Take the power away.

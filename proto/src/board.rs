@@ -208,7 +208,7 @@ fn open_board(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Board, S
 const STATISTICS: u64 = 0;
 const HEARTBEAT: u64 = 1;
 
-/// Where the answering thread writes its sign of life.
+/// Where the answering thread writes its heartbeat.
 pub type HeartbeatEntry = EntryHandleMut<Threadsafe, u64, Heartbeat>;
 /// The writing port of a status board.
 pub type StatusPort = Writer<Threadsafe, u64>;
@@ -281,7 +281,7 @@ impl StatusReader {
         Ok(StatusReader { heartbeat, statistics })
     }
 
-    /// The last sign of life.
+    /// The last heartbeat.
     pub fn heartbeat(&self) -> Heartbeat {
         *self.heartbeat.get()
     }

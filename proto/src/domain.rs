@@ -30,7 +30,8 @@ pub struct Domain {
 pub enum DomainError {
     /// The root directory can neither be found nor made.
     #[error(
-        "{path}: {source}; make the directory writable for this user or name another one in SARRUS_ROOT"
+        "{path}: {source}; make the directory writable for this user or name another one in \
+         SARRUS_ROOT"
     )]
     Root {
         /// The directory.
@@ -40,7 +41,8 @@ pub enum DomainError {
     },
     /// The root directory belongs to somebody else.
     #[error(
-        "{path} belongs to user {owner}, expected {user}; remove it or name another directory in SARRUS_ROOT"
+        "{path} belongs to user {owner}, expected {user}; remove it or name another directory in \
+         SARRUS_ROOT"
     )]
     Foreign {
         /// The directory.
@@ -52,7 +54,8 @@ pub enum DomainError {
     },
     /// The path of the root directory cannot be used.
     #[error(
-        "{path} cannot be the root of shared memory; give an absolute path of at most 100 characters in SARRUS_ROOT"
+        "{path} cannot be the root of shared memory; give an absolute path of at most 100 \
+         characters in SARRUS_ROOT"
     )]
     Path {
         /// The directory.
@@ -68,7 +71,8 @@ pub enum DomainError {
     },
     /// The node of this process cannot be made.
     #[error(
-        "no node in shared memory under {path}: {reason}; check the free space of /dev/shm and the rights of the directory"
+        "no node in shared memory under {path}: {reason}; check the free space of /dev/shm and \
+         the rights of the directory"
     )]
     Node {
         /// The root directory.
@@ -260,14 +264,14 @@ impl ServerName {
     }
 }
 
-/// A lane: its place and how many lanes have been there before. A lane dies with its client and is
+/// A lane: its slot and how many lanes have been there before. A lane dies with its client and is
 /// never used again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(C)]
 pub struct LaneId {
-    /// Place among the server's lanes.
+    /// Index among the server's lanes.
     pub slot: u32,
-    /// Lanes made in this place so far.
+    /// Lanes made in this slot so far.
     pub generation: u32,
 }
 

@@ -1,129 +1,135 @@
+//! The named blocks of numbers that requests give and answers hold.
+
 use crate::Sizes;
+use crate::wire_enum::wire_enum;
 
-macro_rules! fields {
-    ($($(#[$doc:meta])* $variant:ident = $bit:literal, $name:literal, |$s:ident, $frames:ident, $wrenches:ident| $shape:expr;)*) => {
-        /// A named block of numbers in a request or an answer. The numbers are part of the wire
-        /// contract.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-        #[repr(u8)]
-        #[non_exhaustive]
-        pub enum Field { $($(#[$doc])* $variant = $bit,)* }
-
-        impl Field {
-            /// Every field, in the order of its number, which is also the order in which fields are
-            /// packed.
-            pub const ALL: &[Field] = &[$(Field::$variant,)*];
-
-            /// The name that scripts see.
-            pub const fn name(self) -> &'static str {
-                match self { $(Field::$variant => $name,)* }
-            }
-
-            /// (rows, columns) on a model of the given sizes; a vector has one column, matrices are
-            /// packed row by row.
-            pub const fn shape(self, sizes: &Sizes, n_frames: usize, n_wrenches: usize) -> (usize, usize) {
-                match self { $(Field::$variant => { let ($s, $frames, $wrenches) = (sizes, n_frames, n_wrenches); let _ = ($s, $frames, $wrenches); $shape })* }
-            }
-        }
-    };
-}
-
-fields! {
-    /// Independent coordinates y `[m, rad]` (n_qy).
-    Y = 0, "y", |s, f, w| (s.n_qy, 1);
-    /// Independent velocities ẏ (n_vy).
-    Yd = 1, "yd", |s, f, w| (s.n_vy, 1);
-    /// Independent accelerations ÿ (n_vy).
-    Ydd = 2, "ydd", |s, f, w| (s.n_vy, 1);
-    /// Tree coordinates q (n_q).
-    Q = 3, "q", |s, f, w| (s.n_q, 1);
-    /// Tree velocities q̇ (n_v).
-    Qd = 4, "qd", |s, f, w| (s.n_v, 1);
-    /// Tree accelerations q̈ (n_v).
-    Qdd = 5, "qdd", |s, f, w| (s.n_v, 1);
-    /// Actuator coordinates u (n_u).
-    U = 6, "u", |s, f, w| (s.n_u, 1);
-    /// Actuator velocities u̇ (n_u).
-    Ud = 7, "ud", |s, f, w| (s.n_u, 1);
-    /// Actuator accelerations ü (n_u).
-    Udd = 8, "udd", |s, f, w| (s.n_u, 1);
-    /// A closed pose near the answer from which numerical closures continue (n_q).
-    QGuess = 9, "q_guess", |s, f, w| (s.n_q, 1);
-    /// The tree velocity that goes with the guess: where branches cross, the numerical closure goes
-    /// on along it (n_v).
-    QdGuess = 10, "qd_guess", |s, f, w| (s.n_v, 1);
-    /// Generalised forces on the tree coordinates (n_v).
-    TauQ = 11, "tau_q", |s, f, w| (s.n_v, 1);
-    /// Generalised forces on the independent coordinates (n_vy).
-    TauY = 12, "tau_y", |s, f, w| (s.n_vy, 1);
-    /// Actuator forces (n_u).
-    TauU = 13, "tau_u", |s, f, w| (s.n_u, 1);
-    /// Wrenches `[n; f]` on the named links, world axes at the link's origin, acting on the robot
-    /// (n_wrenches × 6).
-    Wrenches = 14, "wrenches", |s, f, w| (w, 6);
-    /// The part of `tau_y` that no actuator can give (n_vy).
-    TauUnactuated = 15, "tau_unactuated", |s, f, w| (s.n_vy, 1);
-    /// Loop Jacobian, q̇ = G ẏ (n_v × n_vy).
-    G = 16, "G", |s, f, w| (s.n_v, s.n_vy);
-    /// q̈ = G ÿ + g (n_v).
-    GBias = 17, "g_bias", |s, f, w| (s.n_v, 1);
-    /// Actuator rows of G (n_u × n_vy).
-    GU = 18, "G_u", |s, f, w| (s.n_u, s.n_vy);
-    /// ü = G_u ÿ + g_u (n_u).
-    GUBias = 19, "g_u", |s, f, w| (s.n_u, 1);
-    /// Constraint Jacobian, K q̇ = 0 (n_c × n_v).
-    K = 20, "K", |s, f, w| (s.n_c, s.n_v);
-    /// K q̈ = k, k = −K̇ q̇ (n_c).
-    KBias = 21, "k_bias", |s, f, w| (s.n_c, 1);
-    /// Loop-closure forces (n_c).
-    Lambda = 22, "lambda", |s, f, w| (s.n_c, 1);
-    /// Reduced mass matrix GᵀMG (n_vy × n_vy).
-    MY = 23, "M_y", |s, f, w| (s.n_vy, s.n_vy);
-    /// Reduced bias force Gᵀ(C + M g) (n_vy).
-    CY = 24, "C_y", |s, f, w| (s.n_vy, 1);
-    /// Largest scaled loop residual (1).
-    Residual = 25, "residual", |s, f, w| (1, 1);
-    /// Newton steps taken (1).
-    Iterations = 26, "iterations", |s, f, w| (1, 1);
-    /// 2-norm condition number of K_d, unscaled (1).
-    CondKd = 27, "cond_Kd", |s, f, w| (1, 1);
-    /// 2-norm condition number of G_u, unscaled (1).
-    CondGu = 28, "cond_Gu", |s, f, w| (1, 1);
-    /// Distance to singularity: least singular value of the scaled K_d over all clusters (1).
-    SigmaMin = 29, "sigma_min", |s, f, w| (1, 1);
-    /// The closest reachable independent coordinates found (n_qy).
-    NearestY = 30, "nearest_y", |s, f, w| (s.n_qy, 1);
-    /// Pose of each asked frame in the root frame: position and quaternion x, y, z, w (n_frames ×
-    /// 7).
-    FramePose = 31, "frame_pose", |s, f, w| (f, 7);
-    /// Twist `[ω; v]` of each asked frame, world axes at the frame's origin (n_frames × 6).
-    FrameTwist = 32, "frame_twist", |s, f, w| (f, 6);
-    /// Classical acceleration of each asked frame, gravity not included (n_frames × 6).
-    FrameAcc = 33, "frame_acc", |s, f, w| (f, 6);
-    /// Frame Jacobians over the tree velocities (6 n_frames × n_v).
-    JacobianTree = 34, "jacobian_tree", |s, f, w| (6 * f, s.n_v);
-    /// Frame Jacobians over the independent velocities (6 n_frames × n_vy).
-    JacobianIndependent = 35, "jacobian_independent", |s, f, w| (6 * f, s.n_vy);
-    /// Frame Jacobians over the actuator velocities, where these determine the motion (6 n_frames ×
-    /// n_u).
-    JacobianActuator = 36, "jacobian_actuator", |s, f, w| (6 * f, s.n_u);
-    /// 2-norm condition number of M_y (1).
-    CondMy = 37, "cond_My", |s, f, w| (1, 1);
-    /// Branch of each tied cluster that is not a pure coupling: the sign of det K_d, 1 or −1
-    /// (n_branches).
-    Branch = 38, "branch", |s, f, w| (s.n_branches, 1);
-    /// 1 where a loop-closure force is determined by the motion, 0 where redundant rows share it
-    /// (n_c).
-    LambdaDeterminate = 39, "lambda_determinate", |s, f, w| (s.n_c, 1);
-    /// 1 where a tree velocity belongs to a set of independents that is good at this pose, else 0
-    /// (n_v).
-    GoodIndependents = 40, "good_independents", |s, f, w| (s.n_v, 1);
-    /// The direction of ẏ, of unit length, that the actuators control least; after a singular
-    /// actuation the one that none controls (n_vy).
-    Uncontrolled = 41, "uncontrolled", |s, f, w| (s.n_vy, 1);
+wire_enum! {
+    /// A named block of numbers in a request or an answer. Fields are packed in the order of their
+    /// numbers.
+    #[derive(PartialOrd, Ord)]
+    Field: u8 {
+        /// Independent coordinates y `[m, rad]` (n_qy).
+        Y = 0, "y";
+        /// Independent velocities ẏ (n_vy).
+        Yd = 1, "yd";
+        /// Independent accelerations ÿ (n_vy).
+        Ydd = 2, "ydd";
+        /// Tree coordinates q (n_q).
+        Q = 3, "q";
+        /// Tree velocities q̇ (n_v).
+        Qd = 4, "qd";
+        /// Tree accelerations q̈ (n_v).
+        Qdd = 5, "qdd";
+        /// Actuator coordinates u (n_u).
+        U = 6, "u";
+        /// Actuator velocities u̇ (n_u).
+        Ud = 7, "ud";
+        /// Actuator accelerations ü (n_u).
+        Udd = 8, "udd";
+        /// A closed pose near the answer from which numerical closures continue (n_q).
+        QGuess = 9, "q_guess";
+        /// The tree velocity that goes with the guess: where branches cross, the numerical closure
+        /// goes on along it (n_v).
+        QdGuess = 10, "qd_guess";
+        /// Generalised forces on the tree coordinates (n_v).
+        TauQ = 11, "tau_q";
+        /// Generalised forces on the independent coordinates (n_vy).
+        TauY = 12, "tau_y";
+        /// Actuator forces (n_u).
+        TauU = 13, "tau_u";
+        /// Wrenches `[n; f]` on the named links, world axes at the link's origin, acting on the
+        /// robot (n_wrenches × 6).
+        Wrenches = 14, "wrenches";
+        /// The part of `tau_y` that no actuator can give (n_vy).
+        TauUnactuated = 15, "tau_unactuated";
+        /// Loop Jacobian, q̇ = G ẏ (n_v × n_vy).
+        G = 16, "G";
+        /// q̈ = G ÿ + g (n_v).
+        GBias = 17, "g_bias";
+        /// Actuator rows of G (n_u × n_vy).
+        GU = 18, "G_u";
+        /// ü = G_u ÿ + g_u (n_u).
+        GUBias = 19, "g_u";
+        /// Constraint Jacobian, K q̇ = 0 (n_c × n_v).
+        K = 20, "K";
+        /// K q̈ = k, k = −K̇ q̇ (n_c).
+        KBias = 21, "k_bias";
+        /// Loop-closure forces (n_c).
+        Lambda = 22, "lambda";
+        /// Reduced mass matrix GᵀMG (n_vy × n_vy).
+        MY = 23, "M_y";
+        /// Reduced bias force Gᵀ(C + M g) (n_vy).
+        CY = 24, "C_y";
+        /// Largest scaled loop residual (1).
+        Residual = 25, "residual";
+        /// Newton steps taken (1).
+        Iterations = 26, "iterations";
+        /// 2-norm condition number of K_d, unscaled (1).
+        CondKd = 27, "cond_Kd";
+        /// 2-norm condition number of G_u, unscaled (1).
+        CondGu = 28, "cond_Gu";
+        /// Distance to singularity: least singular value of the scaled K_d over all clusters (1).
+        SigmaMin = 29, "sigma_min";
+        /// The closest reachable independent coordinates found (n_qy).
+        NearestY = 30, "nearest_y";
+        /// Pose of each asked frame in the root frame: position and quaternion x, y, z, w (n_frames
+        /// × 7).
+        FramePose = 31, "frame_pose";
+        /// Twist `[ω; v]` of each asked frame, world axes at the frame's origin (n_frames × 6).
+        FrameTwist = 32, "frame_twist";
+        /// Classical acceleration of each asked frame, gravity not included (n_frames × 6).
+        FrameAcc = 33, "frame_acc";
+        /// Frame Jacobians over the tree velocities (6 n_frames × n_v).
+        JacobianTree = 34, "jacobian_tree";
+        /// Frame Jacobians over the independent velocities (6 n_frames × n_vy).
+        JacobianIndependent = 35, "jacobian_independent";
+        /// Frame Jacobians over the actuator velocities, where these determine the motion (6
+        /// n_frames × n_u).
+        JacobianActuator = 36, "jacobian_actuator";
+        /// 2-norm condition number of M_y (1).
+        CondMy = 37, "cond_My";
+        /// Branch of each cluster with loops that is not a pure coupling: the sign of det K_d, 1 or
+        /// −1 (n_branches).
+        Branch = 38, "branch";
+        /// 1 where a loop-closure force is determined by the motion, 0 where redundant rows share
+        /// it (n_c).
+        LambdaDeterminate = 39, "lambda_determinate";
+        /// 1 where a tree velocity belongs to a set of independents that is good at this pose, else
+        /// 0 (n_v).
+        GoodIndependents = 40, "good_independents";
+        /// The direction of ẏ, of unit length, that the actuators control least; after a singular
+        /// actuation the one that none controls (n_vy).
+        Uncontrolled = 41, "uncontrolled";
+    }
 }
 
 impl Field {
+    /// (rows, columns) on a model of the given sizes; a vector has one column, matrices are packed
+    /// row by row.
+    pub const fn shape(self, s: &Sizes, n_frames: usize, n_wrenches: usize) -> (usize, usize) {
+        use Field::*;
+        match self {
+            Y | NearestY => (s.n_qy, 1),
+            Yd | Ydd | TauY | TauUnactuated | CY | Uncontrolled => (s.n_vy, 1),
+            Q | QGuess => (s.n_q, 1),
+            Qd | Qdd | QdGuess | TauQ | GBias | GoodIndependents => (s.n_v, 1),
+            U | Ud | Udd | TauU | GUBias => (s.n_u, 1),
+            Wrenches => (n_wrenches, 6),
+            G => (s.n_v, s.n_vy),
+            GU => (s.n_u, s.n_vy),
+            K => (s.n_c, s.n_v),
+            KBias | Lambda | LambdaDeterminate => (s.n_c, 1),
+            MY => (s.n_vy, s.n_vy),
+            Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy => (1, 1),
+            FramePose => (n_frames, 7),
+            FrameTwist | FrameAcc => (n_frames, 6),
+            JacobianTree => (6 * n_frames, s.n_v),
+            JacobianIndependent => (6 * n_frames, s.n_vy),
+            JacobianActuator => (6 * n_frames, s.n_u),
+            Branch => (s.n_branches, 1),
+        }
+    }
+
     /// The field of a name, as scripts write it.
     pub fn from_name(name: &str) -> Option<Field> {
         Field::ALL.iter().copied().find(|field| field.name() == name)

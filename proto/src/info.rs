@@ -1,18 +1,21 @@
-//! What a client learns about the model before it asks.
+//! Names, orders, sizes and limits of one robot: the same in its model, on the wire and in reports.
 
+#[cfg(feature = "transport")]
 use serde::{Deserialize, Serialize};
 
 use crate::Sizes;
 
-/// Names, order, sizes and limits of a served model. Travels as JSON.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Names, orders, sizes and limits of a compiled robot. Travels as JSON.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]
 pub struct ModelInfo {
     /// Name of the robot.
     pub robot: String,
-    /// Tells models apart; every request carries it.
+    /// A number that differs whenever any name, order or constant differs; every request carries
+    /// it.
     pub fingerprint: u64,
     /// Sizes that fix the shape of every field.
-    pub sizes: ModelSizes,
+    pub sizes: Sizes,
     /// Order of q̇ (n_v).
     pub tree: Vec<String>,
     /// Order of q (n_q).
@@ -27,49 +30,19 @@ pub struct ModelInfo {
     pub loops: Vec<String>,
     /// Clusters that have a branch (n_branches).
     pub branches: Vec<String>,
-    /// Links; a link's place is its number in [`crate::Query`].
+    /// Links; a link's index is its number in [`crate::Query`].
     pub links: Vec<String>,
     /// Limits of the tree coordinates, in the order of q̇ (n_v).
     pub limits: Vec<Option<JointLimits>>,
     /// One for each submechanism.
-    pub closures: Vec<Closure>,
-    /// What is remarkable about the files.
+    pub closures: Vec<ClosureInfo>,
+    /// What is remarkable about the files, one line each; a model alone has none.
     pub warnings: Vec<String>,
 }
 
-/// The sizes of a model, as they travel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ModelSizes {
-    /// Tree coordinates.
-    pub n_q: usize,
-    /// Tree velocities.
-    pub n_v: usize,
-    /// Independent coordinates.
-    pub n_qy: usize,
-    /// Independent velocities.
-    pub n_vy: usize,
-    /// Actuators.
-    pub n_u: usize,
-    /// Constraint rows.
-    pub n_c: usize,
-    /// Tied clusters that are not pure couplings.
-    pub n_branches: usize,
-}
-
-impl From<Sizes> for ModelSizes {
-    fn from(Sizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }: Sizes) -> ModelSizes {
-        ModelSizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }
-    }
-}
-
-impl From<ModelSizes> for Sizes {
-    fn from(ModelSizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }: ModelSizes) -> Sizes {
-        Sizes { n_q, n_v, n_qy, n_vy, n_u, n_c, n_branches }
-    }
-}
-
 /// Limits of a joint, in its own unit; `None` where there is none.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]
 pub struct JointLimits {
     /// Least position.
     pub lower: Option<f64>,
@@ -81,24 +54,62 @@ pub struct JointLimits {
     pub effort: Option<f64>,
 }
 
-/// How a submechanism is closed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Closure {
-    /// Name of the submechanism.
+/// How the loops of one submechanism are closed.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]
+pub struct ClosureInfo {
+    /// Contextual name.
     pub name: String,
     /// The type as it was written.
-    #[serde(rename = "type")]
+    #[cfg_attr(feature = "transport", serde(rename = "type"))]
     pub type_name: String,
-    /// `analytic`, `numerical` or `serial`.
-    pub kind: String,
+    /// How it is closed.
+    pub kind: ClosureKind,
     /// Constraint rows.
     pub rows: usize,
-    /// Rows that count.
+    /// How many of them are independent.
     pub rank: usize,
-    /// How far the file is from the closed form.
+    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value
+    /// that they start with.
+    pub idle: Vec<String>,
+    /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without
+    /// loops.
+    pub length: f64,
+    /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
     pub misfit: f64,
 }
 
+/// How loops are closed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "transport", derive(Serialize, Deserialize), serde(rename_all = "lowercase"))]
+pub enum ClosureKind {
+    /// By a closed form.
+    Analytic,
+    /// By Newton's method.
+    Numerical,
+    /// There are none.
+    Serial,
+}
+
+impl ClosureKind {
+    /// The name that scripts see.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ClosureKind::Analytic => "analytic",
+            ClosureKind::Numerical => "numerical",
+            ClosureKind::Serial => "serial",
+        }
+    }
+}
+
+impl ModelInfo {
+    /// The number of a link.
+    pub fn link(&self, name: &str) -> Option<u16> {
+        self.links.iter().position(|link| link == name).and_then(|index| u16::try_from(index).ok())
+    }
+}
+
+#[cfg(feature = "transport")]
 impl ModelInfo {
     /// The information as it travels.
     pub fn to_json(&self) -> Vec<u8> {
@@ -110,19 +121,9 @@ impl ModelInfo {
     pub fn from_json(bytes: &[u8]) -> Option<ModelInfo> {
         serde_json::from_slice(bytes).ok()
     }
-
-    /// The sizes as layouts need them.
-    pub fn sizes(&self) -> Sizes {
-        self.sizes.into()
-    }
-
-    /// The number of a link.
-    pub fn link(&self, name: &str) -> Option<u16> {
-        self.links.iter().position(|link| link == name).and_then(|index| u16::try_from(index).ok())
-    }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "transport"))]
 mod tests {
     use super::*;
 
@@ -134,12 +135,14 @@ mod tests {
             velocity: Some(1.0 / 3.0),
             effort: None,
         };
-        let closure = Closure {
+        let closure = ClosureInfo {
             name: "ankle".into(),
             type_name: "2SPU+1U".into(),
-            kind: "analytic".into(),
+            kind: ClosureKind::Analytic,
             rows: 4,
             rank: 4,
+            idle: vec!["rod".into()],
+            length: 0.1,
             misfit: 1e-9 / 3.0,
         };
         let info = ModelInfo {

@@ -40,17 +40,17 @@ macro_rules! plain {
 }
 
 plain! {
-    Entry<RequestHead, N> = "sarrus.LaneRequest.v2", const N;
-    Entry<ResponseHead, N> = "sarrus.LaneResponse.v2", const N;
+    Entry<RequestHead, N> = "sarrus.LaneRequest.v3", const N;
+    Entry<ResponseHead, N> = "sarrus.LaneResponse.v3", const N;
     ActuatorCommand = "sarrus.ActuatorCommand.v1";
     ActuatorState = "sarrus.ActuatorState.v1";
     BridgeStatistics = "sarrus.BridgeStatistics.v1";
     OperatorRequest = "sarrus.OperatorRequest.v1";
-    ComputeRequest = "sarrus.ComputeRequest.v2";
-    ControlRequest = "sarrus.ControlRequest.v2";
-    ControlResponse = "sarrus.ControlResponse.v2";
-    Heartbeat = "sarrus.Heartbeat.v2";
-    Statistics = "sarrus.Statistics.v2";
+    ComputeRequest = "sarrus.ComputeRequest.v3";
+    ControlRequest = "sarrus.ControlRequest.v3";
+    ControlResponse = "sarrus.ControlResponse.v3";
+    Heartbeat = "sarrus.Heartbeat.v3";
+    Statistics = "sarrus.Statistics.v3";
 }
 
 /// The reading end of a board.

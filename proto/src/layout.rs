@@ -1,7 +1,10 @@
+//! Sizes of a model, and how fields are packed in flat arrays.
+
 use crate::{Field, FieldSet, Query};
 
 /// The sizes of a model that fix the shape of every field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
 #[repr(C)]
 pub struct Sizes {
     /// Tree coordinates.
@@ -16,7 +19,7 @@ pub struct Sizes {
     pub n_u: usize,
     /// Constraint rows.
     pub n_c: usize,
-    /// Tied clusters that are not pure couplings.
+    /// Clusters with loops that are not pure couplings.
     pub n_branches: usize,
 }
 
@@ -46,8 +49,8 @@ impl Slot {
 pub struct Layout {
     slots: Vec<Slot>,
     len: usize,
-    /// Place of each field among the slots, by field number; [`ABSENT`] where it is not there.
-    place: [u8; Field::ALL.len()],
+    /// Index of each field among the slots, by field number; [`ABSENT`] where it is not there.
+    index: [u8; Field::ALL.len()],
 }
 
 const ABSENT: u8 = u8::MAX;
@@ -71,7 +74,7 @@ impl Layout {
     /// The slot of one field, if it is there.
     #[inline]
     pub fn slot(&self, field: Field) -> Option<&Slot> {
-        self.slots.get(self.place[field as usize] as usize)
+        self.slots.get(self.index[field as usize] as usize)
     }
 
     /// How many numbers the array holds.
@@ -85,12 +88,12 @@ impl Layout {
     }
 
     fn pack(set: FieldSet, query: &Query, sizes: &Sizes) -> Layout {
-        let (mut len, mut place) = (0, [ABSENT; Field::ALL.len()]);
+        let (mut len, mut index) = (0, [ABSENT; Field::ALL.len()]);
         let slots = set
             .iter()
             .enumerate()
             .map(|(k, field)| {
-                place[field as usize] = k as u8;
+                index[field as usize] = k as u8;
                 let (rows, columns) =
                     field.shape(sizes, query.n_frames as usize, query.n_wrenches as usize);
                 let slot = Slot { field, offset: len, rows, columns };
@@ -98,6 +101,6 @@ impl Layout {
                 slot
             })
             .collect();
-        Layout { slots, len, place }
+        Layout { slots, len, index }
     }
 }

@@ -2,15 +2,18 @@
 //!
 //! Without the feature `transport` this crate is the vocabulary that the mathematics and the wire
 //! share and depends on nothing: what can be asked ([`Request`], [`Field`], [`Query`]), how
-//! numbers are packed ([`Layout`]) and how an answer ends ([`Status`], [`Warnings`]). With it, it
-//! also holds the services over shared memory.
+//! numbers are packed ([`Layout`]), how an answer ends ([`Status`], [`Warnings`]) and what there is
+//! to know about a robot ([`ModelInfo`]). With it, it also holds the services over shared memory.
 
 pub mod actuators;
+pub mod counts;
 mod field;
+mod info;
 mod layout;
 mod query;
 mod status;
 pub mod watch;
+mod wire_enum;
 
 #[cfg(feature = "transport")]
 pub mod board;
@@ -19,8 +22,6 @@ pub mod bridge;
 #[cfg(feature = "transport")]
 mod domain;
 #[cfg(feature = "transport")]
-mod info;
-#[cfg(feature = "transport")]
 pub mod lane;
 #[cfg(feature = "transport")]
 pub mod message;
@@ -28,13 +29,12 @@ pub mod message;
 pub mod service;
 
 pub use field::{Field, FieldSet};
+pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo};
 pub use layout::{Layout, Sizes, Slot};
 pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, Request};
 pub use status::{Status, Warnings};
 
 #[cfg(feature = "transport")]
 pub use domain::{Domain, DomainError, LaneId, MAX_NAME, ServerName};
-#[cfg(feature = "transport")]
-pub use info::{Closure, JointLimits, ModelInfo, ModelSizes};
 #[cfg(feature = "transport")]
 pub use message::PROTOCOL_VERSION;

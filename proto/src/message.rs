@@ -2,11 +2,12 @@
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use crate::wire_enum::wire_enum;
 use crate::{LaneId, Query, Status, Warnings};
 
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
-pub const PROTOCOL_VERSION: u32 = 2;
+pub const PROTOCOL_VERSION: u32 = 3;
 /// Plans that one server holds.
 pub const MAX_PLANS: usize = 1024;
 /// Numbers that one request can carry through the service.
@@ -15,10 +16,12 @@ pub const MAX_NUMBERS_IN: usize = 2048;
 pub const MAX_NUMBERS_OUT: usize = 16384;
 /// Clients that the service takes at one time.
 pub const MAX_REQUEST_CLIENTS: usize = 32;
+/// Counters of statuses, more than there are.
+pub const N_STATUSES: usize = 32;
 /// Bytes of text in one control answer.
 pub const PAGE: usize = 4096;
 
-/// What every request begins with, through either door.
+/// What every request begins with, through either transport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct RequestHead {
@@ -33,7 +36,7 @@ pub struct RequestHead {
     pub sequence: u64,
 }
 
-/// What every answer begins with, through either door.
+/// What every answer begins with, through either transport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct ResponseHead {
@@ -114,80 +117,46 @@ impl ComputeRequest {
 /// An answer through the service.
 pub type ComputeResponse = Entry<ResponseHead, MAX_NUMBERS_OUT>;
 
-/// What a client asks of the control service.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-#[non_exhaustive]
-pub enum Call {
-    /// Who is there? Answers [`ControlResponse::instance`], `fingerprint` and, in `numbers[0]`, the
-    /// bytes of the model information.
-    Hello = 1,
-    /// A page of the model information as JSON; `arguments[0]` is the page's number.
-    Model = 2,
-    /// Register `wanted`; answers plan number, numbers in, numbers out.
-    Plan = 3,
-    /// A lane for plans of up to `arguments[0]` numbers in and `arguments[1]` out; answers a
-    /// [`LaneId`] and both classes.
-    Lane = 4,
-}
-
-impl Call {
-    /// The call of a number on the wire.
-    pub const fn from_code(code: u32) -> Option<Call> {
-        match code {
-            1 => Some(Call::Hello),
-            2 => Some(Call::Model),
-            3 => Some(Call::Plan),
-            4 => Some(Call::Lane),
-            _ => None,
-        }
+wire_enum! {
+    /// What a client asks of the control service.
+    Call: u32 {
+        /// Who is there? Answers [`ControlResponse::instance`], `fingerprint` and, in `numbers[0]`,
+        /// the bytes of the model information.
+        Hello = 1, "hello";
+        /// A page of the model information as JSON; `arguments[0]` is the page's number.
+        Model = 2, "model";
+        /// Register a query; answers plan number, numbers in, numbers out.
+        Plan = 3, "plan";
+        /// A lane for plans of up to `arguments[0]` numbers in and `arguments[1]` out; answers a
+        /// [`LaneId`] and both classes.
+        Lane = 4, "lane";
     }
 }
 
-/// Why the control service refuses a call. The numbers are part of the wire contract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-#[non_exhaustive]
-pub enum Refusal {
-    /// The client speaks another version of the protocol; the answer's `version` is the server's.
-    WrongVersion = 1,
-    /// The call's number is unknown.
-    UnknownCall = 2,
-    /// The client was made for a model with another fingerprint.
-    WrongModel = 3,
-    /// The query cannot be planned; the text says why.
-    BadWanted = 4,
-    /// The plan takes or gives more numbers than the door carries; `numbers` are its counts.
-    TooLarge = 5,
-    /// The table of plans is full.
-    TooManyPlans = 6,
-    /// Every lane is taken.
-    NoLane = 7,
-    /// The server is stopping.
-    Stopping = 8,
-    /// The model information has no such page.
-    NoSuchPage = 9,
-    /// The server could not make the lane; the text says why.
-    Failed = 10,
-}
-
-impl Refusal {
-    /// The refusal of a number on the wire; `None` when the call was granted or the number is
-    /// unknown.
-    pub const fn from_code(code: u32) -> Option<Refusal> {
-        match code {
-            1 => Some(Refusal::WrongVersion),
-            2 => Some(Refusal::UnknownCall),
-            3 => Some(Refusal::WrongModel),
-            4 => Some(Refusal::BadWanted),
-            5 => Some(Refusal::TooLarge),
-            6 => Some(Refusal::TooManyPlans),
-            7 => Some(Refusal::NoLane),
-            8 => Some(Refusal::Stopping),
-            9 => Some(Refusal::NoSuchPage),
-            10 => Some(Refusal::Failed),
-            _ => None,
-        }
+wire_enum! {
+    /// Why the control service refuses a call. The numbers are part of the wire contract.
+    Refusal: u32 {
+        /// The client speaks another version of the protocol; the answer's `version` is the
+        /// server's.
+        WrongVersion = 1, "wrong_version";
+        /// The call's number is unknown.
+        UnknownCall = 2, "unknown_call";
+        /// The client was made for a model with another fingerprint.
+        WrongModel = 3, "wrong_model";
+        /// The query cannot be planned; the text says why.
+        BadQuery = 4, "bad_query";
+        /// The plan takes or gives more numbers than the service carries; `numbers` are its counts.
+        TooLarge = 5, "too_large";
+        /// The table of plans is full.
+        TooManyPlans = 6, "too_many_plans";
+        /// Every lane is taken.
+        NoLane = 7, "no_lane";
+        /// The server is stopping.
+        Stopping = 8, "stopping";
+        /// The model information has no such page.
+        NoSuchPage = 9, "no_such_page";
+        /// The server could not make the lane; the text says why.
+        Failed = 10, "failed";
     }
 }
 
@@ -217,7 +186,7 @@ pub struct ControlResponse {
     pub refusal: u32,
     /// Fingerprint of the model.
     pub fingerprint: u64,
-    /// Tells the runs of a server apart.
+    /// Distinguishes the runs of a server.
     pub instance: u64,
     /// What the call answers.
     pub numbers: [u64; 4],
@@ -254,6 +223,31 @@ pub struct Heartbeat {
     pub stopped: u64,
 }
 
+/// What the thread that answers counts, every counter once: a `u64` as it travels, an atomic
+/// integer where it is counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct Counts<N = u64> {
+    /// Requests answered through lanes.
+    pub lane_requests: N,
+    /// Requests answered through the service.
+    pub service_requests: N,
+    /// Answers by number of the [`Status`].
+    pub statuses: [N; N_STATUSES],
+}
+
+impl<N> Counts<N> {
+    /// Every counter converted.
+    pub fn map<M>(&self, f: impl Fn(&N) -> M) -> Counts<M> {
+        let Counts { lane_requests, service_requests, statuses } = self;
+        Counts {
+            lane_requests: f(lane_requests),
+            service_requests: f(service_requests),
+            statuses: statuses.each_ref().map(f),
+        }
+    }
+}
+
 /// The state of a run of the server, written a few times each second beside the thread that
 /// answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -261,12 +255,8 @@ pub struct Heartbeat {
 pub struct Statistics {
     /// Seconds since the server was ready.
     pub uptime: f64,
-    /// Requests answered through lanes.
-    pub lane_requests: u64,
-    /// Requests answered through the service.
-    pub service_requests: u64,
-    /// Answers by number of the [`Status`].
-    pub statuses: [u64; 32],
+    /// What the thread that answers counted.
+    pub counts: Counts,
     /// Time from finding a request to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the
     /// largest, to about 6 %.
     pub latency_ns: [u64; 5],
@@ -289,7 +279,7 @@ pub struct Statistics {
 impl Statistics {
     /// How many answers had a status.
     pub fn answered(&self, status: Status) -> u64 {
-        self.statuses[status as usize]
+        self.counts.statuses[status as usize]
     }
 }
 
@@ -298,8 +288,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn payloads_keep_the_sizes_of_version_2() {
-        assert_eq!(PROTOCOL_VERSION, 2);
+    fn payloads_keep_the_sizes_of_version_3() {
+        assert_eq!(PROTOCOL_VERSION, 3);
         assert_eq!(size_of::<RequestHead>(), 24);
         assert_eq!(size_of::<ResponseHead>(), 16);
         assert_eq!(size_of::<LaneRequest<16>>(), 24 + 8 * 16);
@@ -307,6 +297,7 @@ mod tests {
         assert_eq!(size_of::<ComputeResponse>(), 16 + 8 * MAX_NUMBERS_OUT);
         assert_eq!(size_of::<ControlRequest>(), 32 + size_of::<Query>());
         assert_eq!(size_of::<ControlResponse>(), 64 + PAGE);
+        assert_eq!(size_of::<Statistics>(), 8 * (1 + 2 + N_STATUSES + 5 + 7));
     }
 
     #[test]
@@ -316,6 +307,6 @@ mod tests {
             assert_eq!(Refusal::from_code(code).map_or(code, |refusal| refusal as u32), code);
         }
         assert_eq!((Call::from_code(0), Refusal::from_code(0)), (None, None));
-        assert!(Status::ALL.len() <= Statistics::default().statuses.len());
+        assert!(Status::ALL.len() < N_STATUSES);
     }
 }

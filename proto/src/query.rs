@@ -1,5 +1,6 @@
 use core::fmt;
 
+use crate::wire_enum::wire_enum;
 use crate::{Field, FieldSet};
 
 /// Frames that one plan can name.
@@ -7,47 +8,21 @@ pub const MAX_FRAMES: usize = 32;
 /// Links that one plan can put wrenches on.
 pub const MAX_WRENCHES: usize = 16;
 
-/// What is asked. The numbers are part of the wire contract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
-#[non_exhaustive]
-pub enum Request {
-    /// Positions, velocities, accelerations, closures, frames.
-    Kinematics = 1,
-    /// Motion to forces.
-    InverseDynamics = 2,
-    /// Forces to motion.
-    ForwardDynamics = 3,
-    /// Positions, velocities, accelerations and forces from one space to another.
-    Map = 4,
+wire_enum! {
+    /// What is asked.
+    Request: u32 {
+        /// Positions, velocities, accelerations, closures, frames.
+        Kinematics = 1, "kinematics";
+        /// Motion to forces.
+        InverseDynamics = 2, "inverse-dynamics";
+        /// Forces to motion.
+        ForwardDynamics = 3, "forward-dynamics";
+        /// Positions, velocities, accelerations and forces from one space to another.
+        Map = 4, "map";
+    }
 }
 
 impl Request {
-    /// Every request, in the order of its number.
-    pub const ALL: &[Request] =
-        &[Request::Kinematics, Request::InverseDynamics, Request::ForwardDynamics, Request::Map];
-
-    /// The name that scripts see.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Request::Kinematics => "kinematics",
-            Request::InverseDynamics => "inverse-dynamics",
-            Request::ForwardDynamics => "forward-dynamics",
-            Request::Map => "map",
-        }
-    }
-
-    /// The request of a number on the wire.
-    pub const fn from_code(code: u32) -> Option<Request> {
-        match code {
-            1 => Some(Request::Kinematics),
-            2 => Some(Request::InverseDynamics),
-            3 => Some(Request::ForwardDynamics),
-            4 => Some(Request::Map),
-            _ => None,
-        }
-    }
-
     /// What is answered when a script names no query.
     pub const fn default_want(self) -> FieldSet {
         match self {

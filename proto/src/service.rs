@@ -37,7 +37,8 @@ const MAX_CONTROL_CLIENTS: usize = 32;
 pub enum ServiceError {
     /// Nobody serves under this name.
     #[error(
-        "`{service}` is not there: no server runs under this name; start one with `sarrus serve --name NAME`"
+        "`{service}` is not there: no server runs under this name; start one with `sarrus serve \
+         --name NAME`"
     )]
     Absent {
         /// Name of the service.
@@ -45,7 +46,8 @@ pub enum ServiceError {
     },
     /// No bridge runs under this name.
     #[error(
-        "`{service}` is not there: no bridge runs under this name; start one with `sarrus-can run CONFIG --name NAME`"
+        "`{service}` is not there: no bridge runs under this name; start one with `sarrus-can run \
+         CONFIG --name NAME`"
     )]
     NoBridge {
         /// Name of the service.
@@ -69,7 +71,8 @@ pub enum ServiceError {
     },
     /// The service was made by another version of sarrus.
     #[error(
-        "`{service}` has other payloads, expected those of protocol version {version}; use client and server of one version"
+        "`{service}` has other payloads, expected those of protocol version {version}; use client \
+         and server of one version"
     )]
     OtherVersion {
         /// Name of the service.
@@ -85,7 +88,8 @@ pub enum ServiceError {
     },
     /// Something else is wrong with the shared memory.
     #[error(
-        "`{service}`: {reason}; if it stays so, stop all servers and clients and remove what is left in /dev/shm"
+        "`{service}`: {reason}; if it stays so, stop all servers and clients and remove what is \
+         left in /dev/shm"
     )]
     Memory {
         /// Name of the service.

@@ -1,69 +1,62 @@
-use core::fmt;
+//! How an answer ends: its status, and the warnings beside it.
 
-macro_rules! statuses {
-    ($($(#[$doc:meta])* $variant:ident = $code:literal, $name:literal;)*) => {
-        /// How a request ended. The numbers are part of the wire contract and never change.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[repr(u32)]
-        #[non_exhaustive]
-        pub enum Status { $($(#[$doc])* $variant = $code,)* }
+use crate::wire_enum::wire_enum;
 
-        impl Status {
-            /// Every status, in the order of its number.
-            pub const ALL: &[Status] = &[$(Status::$variant,)*];
+wire_enum! {
+    /// How a request ended. The numbers are part of the wire contract and never change.
+    ///
+    /// The last two are set by a client and sent by no server.
+    Status: u32 {
+        /// The answer is complete.
+        Ok = 0, "ok";
+        /// The request itself is malformed: a field missing, two that exclude each other, a
+        /// quaternion not of unit length.
+        BadRequest = 1, "bad_request";
+        /// An input number is NaN or infinite, or so large that the answer would be.
+        NonFiniteInput = 2, "non_finite_input";
+        /// The number of input or output numbers does not fit the plan.
+        WrongSize = 3, "wrong_size";
+        /// The request was made for a model with another fingerprint.
+        WrongModel = 4, "wrong_model";
+        /// The request or plan number is not known.
+        UnknownRequest = 5, "unknown_request";
+        /// Newton's method ran out of steps although the target seems reachable.
+        NotConverged = 6, "not_converged";
+        /// The straight path from the guess to the target crosses a singularity onto another
+        /// branch.
+        BranchChanged = 7, "branch_changed";
+        /// No closed pose has these coordinates.
+        Unreachable = 8, "unreachable";
+        /// The closure loses rank at the answer: the mechanism gains a freedom.
+        SingularClosure = 9, "singular_closure";
+        /// The declared independent coordinates do not determine the motion at the answer.
+        SingularIndependents = 10, "singular_independents";
+        /// The actuators do not determine the motion (or a force cannot be mapped to them) at the
+        /// answer.
+        SingularActuation = 11, "singular_actuation";
+        /// The reduced mass matrix is not positive definite.
+        MassNotPositive = 12, "mass_not_positive";
+        /// The server has more work than it accepts.
+        Overloaded = 13, "overloaded";
+        /// The server is stopping.
+        ShuttingDown = 14, "shutting_down";
+        /// The answer is not what the server sent: its checksum fails. Kept for that; answers of
+        /// this version have no checksum.
+        CorruptAnswer = 15, "corrupt_answer";
+        /// The request ended in a way that this client does not know: the server is of another
+        /// version. The numbers are NaN.
+        UnknownStatus = 16, "unknown_status";
+    }
+}
 
-            /// The name that scripts see.
-            pub const fn name(self) -> &'static str {
-                match self { $(Status::$variant => $name,)* }
-            }
-
-            /// The status of a number on the wire; `None` for a number that this version does not
-            /// know.
-            pub const fn from_code(code: u32) -> Option<Status> {
-                match code { $($code => Some(Status::$variant),)* _ => None }
-            }
+impl Status {
+    /// The status of an answer by its number; one that this version does not know is
+    /// [`Status::UnknownStatus`] and never another.
+    pub const fn of_answer(code: u32) -> Status {
+        match Status::from_code(code) {
+            Some(status) => status,
+            None => Status::UnknownStatus,
         }
-    };
-}
-
-statuses! {
-    /// The answer is complete.
-    Ok = 0, "ok";
-    /// The request itself is malformed: a field missing, two that exclude each other, a quaternion
-    /// not of unit length.
-    BadRequest = 1, "bad_request";
-    /// An input number is NaN or infinite, or so large that the answer would be.
-    NonFiniteInput = 2, "non_finite_input";
-    /// The number of input or output numbers does not fit the plan.
-    WrongSize = 3, "wrong_size";
-    /// The request was made for a model with another fingerprint.
-    WrongModel = 4, "wrong_model";
-    /// The request or plan number is not known.
-    UnknownRequest = 5, "unknown_request";
-    /// Newton's method ran out of steps although the target seems reachable.
-    NotConverged = 6, "not_converged";
-    /// The straight path from the guess to the target crosses a singularity onto another branch.
-    BranchChanged = 7, "branch_changed";
-    /// No closed pose has these coordinates.
-    Unreachable = 8, "unreachable";
-    /// The closure loses rank at the answer: the mechanism gains a freedom.
-    SingularClosure = 9, "singular_closure";
-    /// The declared independent coordinates do not determine the motion at the answer.
-    SingularIndependents = 10, "singular_independents";
-    /// The actuators do not determine the motion (or a force cannot be mapped to them) at the
-    /// answer.
-    SingularActuation = 11, "singular_actuation";
-    /// The reduced mass matrix is not positive definite.
-    MassNotPositive = 12, "mass_not_positive";
-    /// The server has more work than it accepts.
-    Overloaded = 13, "overloaded";
-    /// The server is stopping.
-    ShuttingDown = 14, "shutting_down";
-}
-
-impl fmt::Display for Status {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 
@@ -114,7 +107,11 @@ mod tests {
             assert_eq!(*status as usize, code);
             assert_eq!(Status::from_code(code as u32), Some(*status));
         }
-        assert_eq!(Status::from_code(15), None);
+        for code in [17, 1 << 31, u32::MAX] {
+            assert_eq!(Status::from_code(code), None);
+            assert_eq!(Status::of_answer(code), Status::UnknownStatus);
+        }
+        assert_eq!(Status::of_answer(8), Status::Unreachable);
         assert_eq!(Status::Unreachable as u32, 8);
         assert_eq!(Status::ShuttingDown.name(), "shutting_down");
     }

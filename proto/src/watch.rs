@@ -1,10 +1,11 @@
-//! What a running CAN bridge tells those who watch it.
+//! Statistics of a running CAN bridge.
 
 use crate::actuators::MAX_ACTUATORS;
+use crate::counts::{BusCounts, CommandCounts};
 
 /// Most buses of a bridge.
 pub const MAX_BUSES: usize = 16;
-/// Longest name of an actuator or a bus that is told `[byte]`; longer ones are cut.
+/// Longest name of an actuator or a bus that is published `[byte]`; longer ones are cut.
 pub const MAX_LABEL: usize = 32;
 
 /// A name as it travels: UTF-8, filled up with zeros.
@@ -62,27 +63,15 @@ pub struct BusStatistics {
     pub load: f64,
     /// Frames sent.
     pub sent: u64,
-    /// Frames received.
-    pub received: u64,
-    /// Frames of nobody's.
-    pub unknown: u64,
-    /// Frames that cannot be what they claim to be.
-    pub malformed: u64,
-    /// Frames that were not sent.
-    pub dropped: u64,
-    /// Frames that were lost on the way in.
-    pub overrun: u64,
-    /// Times that the bus became error-passive.
-    pub passive: u64,
-    /// Times that it went off.
-    pub off: u64,
+    /// What was counted on it.
+    pub counts: BusCounts,
 }
 
 /// Counts and times of a bridge since its start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BridgeStatistics {
-    /// When this was told, by the monotonic clock of this machine `[ns]`.
+    /// When this was published, by the monotonic clock of this machine `[ns]`.
     pub stamp_ns: u64,
     /// When the bridge started `[ns]`.
     pub started_ns: u64,
@@ -90,20 +79,8 @@ pub struct BridgeStatistics {
     pub process: u64,
     /// Cycles.
     pub cycles: u64,
-    /// Commands that were taken.
-    pub accepted: u64,
-    /// Commands with NaN or infinity.
-    pub not_finite: u64,
-    /// Commands with a negative gain.
-    pub negative: u64,
-    /// Commands that were not newer than the one before.
-    pub old: u64,
-    /// Commands from the future.
-    pub ahead: u64,
-    /// Commands for another model.
-    pub wrong_model: u64,
-    /// Commands for another number of actuators.
-    pub wrong_size: u64,
+    /// Commands, by verdict.
+    pub commands: CommandCounts,
     /// From the time of a cycle to its begin.
     pub wake: Times,
     /// From the begin of a cycle to its last frame.
@@ -129,13 +106,7 @@ impl Default for BridgeStatistics {
             started_ns: 0,
             process: 0,
             cycles: 0,
-            accepted: 0,
-            not_finite: 0,
-            negative: 0,
-            old: 0,
-            ahead: 0,
-            wrong_model: 0,
-            wrong_size: 0,
+            commands: CommandCounts::default(),
             wake: Times::default(),
             work: Times::default(),
             age: Times::default(),

@@ -72,9 +72,7 @@ impl Control {
                 Ok(Registered { plan, n_in, n_out }) => {
                     Ok(([plan.into(), n_in as u64, n_out as u64, 0], Vec::new()))
                 }
-                Err(Unplanned::Query(error)) => {
-                    Err((Refusal::BadWanted, error.to_string(), [0; 4]))
-                }
+                Err(Unplanned::Query(error)) => Err((Refusal::BadQuery, error.to_string(), [0; 4])),
                 Err(Unplanned::TooLarge { n_in, n_out }) => {
                     Err((Refusal::TooLarge, String::new(), [n_in as u64, n_out as u64, 0, 0]))
                 }

@@ -8,7 +8,7 @@
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
 //! each other client. A client that gives up a request and asks again before the server took it is
-//! told `overloaded` by its own side of the service; through a lane its newer request
+//! answered `overloaded` by its own side of the service; through a lane its newer request
 //! replaces the one that it gave up. Nothing else is ever dropped.
 
 use std::sync::Arc;
@@ -28,7 +28,7 @@ use crate::Wait;
 use crate::counters::{Counters, Transport};
 use crate::engine::{Engine, Input};
 
-/// Sweeps between two looks at what the maintenance thread wants.
+/// Sweeps between two looks at the orders of the maintenance thread.
 const SWEEPS_BETWEEN_MAIL: u32 = 32;
 /// How long a heartbeat may be old.
 const BEAT: Duration = Duration::from_millis(1);
@@ -50,7 +50,7 @@ pub(crate) struct HotLane {
     pub(crate) outbox: Box<dyn Outbox<ResponseHead>>,
 }
 
-/// What the maintenance thread tells the answering thread.
+/// Orders of the maintenance thread to the answering thread.
 pub(crate) enum Order {
     /// Poll this lane from now on.
     Serve { slot: usize, lane: HotLane },
@@ -58,7 +58,7 @@ pub(crate) enum Order {
     Retire { slot: usize },
 }
 
-/// A lane given back, with its place.
+/// A lane given back, with its slot.
 pub(crate) type Retired = (usize, HotLane);
 
 /// What both threads see.
@@ -112,7 +112,7 @@ impl Hot {
                 std::hint::spin_loop();
             }
 
-            // now and then: sign of life, orders, stop
+            // now and then: heartbeat, orders, stop
             if napped || sweeps.is_multiple_of(SWEEPS_BETWEEN_MAIL) {
                 self.obey();
                 let now = self.clock.raw();
@@ -136,10 +136,10 @@ impl Hot {
         // answer
         let found = self.clock.raw();
         let mut n_waiting = 0;
-        while let Some(place) = self.waiting.get_mut(n_waiting) {
+        while let Some(slot) = self.waiting.get_mut(n_waiting) {
             // an error concerns a client that is about to go: the others are served
             let Ok(Some(request)) = self.transport.receive() else { break };
-            *place = Some(request);
+            *slot = Some(request);
             n_waiting += 1;
         }
 

@@ -1,9 +1,10 @@
 //! The sarrus server: one process holds a model and answers over shared memory.
 //!
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
-//! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes (`lanes.rs`),
-//! answers the control service (`control.rs`) and publishes statistics (`counters.rs`). They meet
-//! in counters, in the table of plans and in bounded channels, never in a lock.
+//! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
+//! (`lanes.rs`), answers the control service (`control.rs`) and publishes statistics
+//! (`counters.rs`). They meet in counters, in the table of plans and in bounded channels, never in
+//! a lock.
 
 mod control;
 mod counters;

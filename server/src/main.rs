@@ -20,10 +20,10 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// See it work: a server process, a controller that asks it, and the truth about every answer.
+    /// See it work: a server process, a controller that asks it, and every answer checked.
     ///
     /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and
-    /// within 1e-12 of the truth.
+    /// within 1e-12 of double-double arithmetic.
     Demo(commands::demo::Demo),
     /// Read a robot's files: every fault of them, or what the robot is.
     ///
@@ -73,7 +73,8 @@ fn main() -> ExitCode {
     // before anything that may need it
     if let Err(missing) = commands::processor::check() {
         eprintln!(
-            "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and AVX2, processors from 2015 on)"
+            "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and \
+             AVX2, processors from 2015 on)"
         );
         return ExitCode::from(2);
     }

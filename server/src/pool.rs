@@ -5,7 +5,7 @@
 //! global allocator serves them, on a thread that called [`adopt_thread`], from memory that is
 //! reserved and mapped beforehand; every other thread uses the system's allocator. A block may be
 //! freed on any thread. Should the pool ever run out, the system's allocator steps in and
-//! [`counts`] tells.
+//! [`counts`] reports.
 // lint: a global allocator cannot be written in safe Rust; this file holds all unsafe code of the
 // server
 #![allow(unsafe_code)]
@@ -143,7 +143,7 @@ fn count_system_call() {
 // SAFETY: blocks of the arena do not overlap, are as large as their class and aligned to ALIGNMENT
 // (sizes and offsets of all classes are multiples of it, the arena is aligned to more); a block has
 // one owner between `pop` and `push`. Everything else is the system's allocator unchanged: an
-// address tells which of the two a block came from.
+// address says which of the two a block came from.
 unsafe impl GlobalAlloc for Pool {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if adopted() {
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exhausted_pool_falls_through_to_the_system_and_tells() {
+    fn an_exhausted_pool_falls_through_to_the_system_and_counts_it() {
         let _alone = ALONE.lock().unwrap();
         let mut blocks = Vec::with_capacity(9);
         let before = counts();

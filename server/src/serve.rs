@@ -90,9 +90,10 @@ pub enum ServeError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// The answering thread ended without being told to.
+    /// The answering thread ended without an order to stop.
     #[error(
-        "the answering thread ended by itself; this is a defect of sarrus, please report it with the model"
+        "the answering thread ended by itself; this is a defect of sarrus, please report it with \
+         the model"
     )]
     Died,
 }
@@ -212,7 +213,7 @@ fn take_name(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControlServer
     }
 }
 
-/// Tells runs apart: the time of the start and the process.
+/// Distinguishes runs: the time of the start and the process.
 fn instance() -> u64 {
     let now =
         SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
@@ -333,9 +334,7 @@ impl Upkeep {
         let pool = pool::counts();
         self.statistics.update_with_copy(Statistics {
             uptime: self.since.elapsed().as_secs_f64(),
-            lane_requests: counters.lane_requests(),
-            service_requests: counters.service_requests(),
-            statuses: counters.statuses(),
+            counts: counters.counts(),
             latency_ns: self.latency.percentiles(),
             lanes_taken: self.lanes.taken() as u64,
             lanes: self.lanes.len() as u64,

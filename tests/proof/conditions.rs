@@ -112,10 +112,11 @@ fn chain(n: usize, weight: f64) -> Description {
     }
     let active: Vec<usize> = joints.iter().map(|x| x.0).collect();
     draft.roles(&joints, &active);
-    let last = draft.description.links[link].inertial.as_mut().unwrap();
+    let mut description = draft.description();
+    let last = description.links[link].inertial.as_mut().unwrap();
     (last.mass, last.inertia, last.origin) =
         (weight, [0.0; 6], Placement { xyz: [1.0, 0.0, 0.0], rpy: [0.0; 3] });
-    draft.description
+    description
 }
 
 #[test]

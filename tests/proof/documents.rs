@@ -151,7 +151,9 @@ fn long_files_are_listed_with_their_reason() {
 fn commands_on_the_pages_name_what_exists() {
     let (packages, robots) =
         (packages(), sarrus_models::bundled().map(|(name, _)| name.to_owned()).collect::<Vec<_>>());
-    for name in ["README.md", "CONTRIBUTING.md"] {
+    for name in
+        ["README.md", "CONTRIBUTING.md", "models/README.md", "proto/README.md", "server/README.md"]
+    {
         let page = page(name);
         let lines = blocks(&page, "sh").into_iter().flat_map(str::lines).chain(quoted(&page));
         for command in lines.flat_map(|line| line.split('|')).map(str::trim) {
@@ -216,7 +218,20 @@ fn versions_agree() {
     let newest = page("CHANGELOG.md")
         .lines()
         .find_map(|line| line.strip_prefix("## [")?.split(']').next().map(str::to_owned));
-    assert_eq!(newest, Some(version), "the newest entry of the changelog is another version");
+    assert_eq!(
+        newest.as_ref(),
+        Some(&version),
+        "the newest entry of the changelog is another version"
+    );
+    assert!(
+        page("CITATION.cff").contains(&format!("\nversion: {version}\n")),
+        "CITATION.cff is of another version than {version}"
+    );
+    for line in workspace.lines().filter(|line| line.starts_with("sarrus-")) {
+        let other =
+            line.contains("version = ") && !line.contains(&format!("version = \"{version}\""));
+        assert!(!other, "a crate of the workspace is asked for in another version: {line}");
+    }
     for path in files("Cargo.toml").iter().filter(|path| *path != "Cargo.toml") {
         let manifest = page(path);
         for line in [
@@ -231,8 +246,8 @@ fn versions_agree() {
 }
 
 #[test]
-fn the_robot_on_the_first_page_is_a_good_one() {
-    let page = page("README.md");
+fn the_robot_on_the_page_of_model_files_is_a_good_one() {
+    let page = page("models/README.md");
     let [urdf, submechanisms] =
         ["xml", "yaml"].map(|language| blocks(&page, language).concat().into_bytes());
     let source = Source::Text { urdf, submechanisms: Some(submechanisms) };
@@ -240,4 +255,24 @@ fn the_robot_on_the_first_page_is_a_good_one() {
     assert!(loaded.report.warnings.is_empty(), "{:?}", loaded.report.warnings);
     let sizes = loaded.compiled.model.sizes();
     assert_eq!((sizes.n_v, sizes.n_vy, sizes.n_u, sizes.n_c), (3, 1, 1, 2));
+}
+
+#[test]
+fn the_page_of_model_files_lists_every_bundled_robot_type_and_cut_joint() {
+    let page = page("models/README.md");
+    for (name, about) in sarrus_models::bundled() {
+        let sizes = load(&Source::Bundled(name.into()), &Options::default())
+            .unwrap_or_else(|error| panic!("{error}"))
+            .compiled
+            .model
+            .sizes();
+        let row = format!(
+            "| `{name}` | {} | {} | {} | {} | {about} |",
+            sizes.n_v, sizes.n_vy, sizes.n_u, sizes.n_c
+        );
+        assert!(page.contains(&row), "no row `{row}`");
+    }
+    for word in ["spherical", "weld", "revolute", "planar_revolute", "prismatic", "cylindrical"] {
+        assert!(page.contains(&format!("| `{word}` |")), "no cut joint {word}");
+    }
 }

@@ -24,7 +24,7 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
     }
     draft.roles(&[(first, 0.2), (second, 0.2)], &sliders);
     let model =
-        Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}")).model;
+        Model::compile(&draft.description()).unwrap_or_else(|errors| panic!("{errors:?}")).model;
 
     let mut robot = Robot::new(model);
     let [one, other] = [[0.11, -0.07], [-0.05, 0.13]]
@@ -63,7 +63,8 @@ fn a_loop_that_is_singular_at_zero_is_warned_of_and_called_singular() {
     let (_, rocker) = draft.turn(0, [0.5, 0.125, 0.0], up);
     draft.cut(rod, rocker, along, &[], &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     draft.roles(&[(crank, 0.2)], &[crank]);
-    let compiled = Model::compile(&draft.description).unwrap_or_else(|errors| panic!("{errors:?}"));
+    let compiled =
+        Model::compile(&draft.description()).unwrap_or_else(|errors| panic!("{errors:?}"));
     assert!(
         compiled.warnings.iter().any(|warning| warning.found.contains("singular at the zero pose")),
         "{:?}",

@@ -3,9 +3,12 @@
 use std::mem::{align_of, offset_of, size_of};
 
 use sarrus_dynamics::{Field, FieldSet, Layout, Query, Request, Sizes, Status};
+use sarrus_proto::PROTOCOL_VERSION;
+use sarrus_proto::actuators::{MechanismState, Operation, Reason};
+use sarrus_proto::message::{Call, Counts, Refusal, Statistics};
 
 #[test]
-fn a_wish_is_120_bytes_with_its_fields_at_fixed_places() {
+fn a_query_is_120_bytes_with_its_fields_at_fixed_places() {
     assert_eq!((size_of::<Query>(), align_of::<Query>()), (120, 8));
     let offsets = [
         offset_of!(Query, request),
@@ -79,7 +82,7 @@ fn fields_keep_their_numbers_and_names() {
 
 #[test]
 fn statuses_and_requests_keep_their_numbers_and_names() {
-    const NAMES: [&str; 15] = [
+    const NAMES: [&str; 17] = [
         "ok",
         "bad_request",
         "non_finite_input",
@@ -95,6 +98,8 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
         "mass_not_positive",
         "overloaded",
         "shutting_down",
+        "corrupt_answer",
+        "unknown_status",
     ];
     for (code, name) in NAMES.into_iter().enumerate() {
         assert_eq!(Status::from_code(code as u32).map(Status::name), Some(name));
@@ -104,6 +109,77 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
         assert_eq!(Request::from_code(code).map(Request::name), Some(name));
     }
     assert_eq!((Request::from_code(0), Request::from_code(5)), (None, None));
+}
+
+#[test]
+fn calls_refusals_and_what_a_bridge_says_keep_their_numbers_and_names() {
+    assert_eq!(PROTOCOL_VERSION, 3);
+    let calls = Call::ALL.iter().map(|call| (*call as u32, call.name()));
+    assert!(calls.eq([(1, "hello"), (2, "model"), (3, "plan"), (4, "lane")]));
+    const REFUSALS: [&str; 10] = [
+        "wrong_version",
+        "unknown_call",
+        "wrong_model",
+        "bad_query",
+        "too_large",
+        "too_many_plans",
+        "no_lane",
+        "stopping",
+        "no_such_page",
+        "failed",
+    ];
+    let refusals = Refusal::ALL.iter().map(|refusal| (*refusal as u32, refusal.name()));
+    assert!(refusals.eq((1..).zip(REFUSALS)));
+
+    let states = MechanismState::ALL.iter().map(|state| (*state as u32, state.name()));
+    assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault"])));
+    let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
+    assert!(operations.eq((1..).zip(["arm", "disarm", "reset"])));
+    const REASONS: [&str; 17] = [
+        "none",
+        "disarmed",
+        "command_lost",
+        "stalled",
+        "no_command",
+        "not_calibrated",
+        "watchdog_off",
+        "watchdog_unknown",
+        "feedback_stale",
+        "motor_fault",
+        "power_lost",
+        "arming_timeout",
+        "bus_passive",
+        "bus_off",
+        "backlog",
+        "other_mechanism",
+        "watchdog_long",
+    ];
+    for (code, name) in (0..).zip(REASONS) {
+        assert_eq!(Reason::from_code(code).map(Reason::name), Some(name));
+    }
+}
+
+#[test]
+fn a_number_that_this_version_does_not_know_has_no_meaning() {
+    for code in [17, 18, 1 << 16, u32::MAX] {
+        assert_eq!((Status::from_code(code), Status::name_of(code)), (None, "unknown"));
+        assert_eq!(Status::of_answer(code), Status::UnknownStatus);
+    }
+    for code in [99, u32::MAX] {
+        assert_eq!((Call::from_code(code), Refusal::from_code(code)), (None, None));
+        assert_eq!((Request::name_of(code), Operation::name_of(code)), ("unknown", "unknown"));
+        assert_eq!((Reason::name_of(code), MechanismState::name_of(code)), ("unknown", "unknown"));
+    }
+    assert_eq!((Call::from_code(0), Refusal::from_code(0)), (None, None));
+}
+
+#[test]
+fn counters_travel_in_statistics_behind_the_uptime() {
+    assert_eq!(
+        (offset_of!(Statistics, counts), size_of::<Counts>(), size_of::<Statistics>()),
+        (8, 8 * 34, 8 * 47)
+    );
+    assert_eq!(offset_of!(Counts, statuses), 16);
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! One mechanism as a description, drawn in a frame that is put anywhere.
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
-    SubmechanismKind as Kind, Terms,
+    Description, Inertial, JointKind, Placement, SubmechanismKind as Kind,
 };
+use sarrus_dynamics::{DescriptionBuilder, LinkId};
 
 use crate::rigid::{Pose, Vector};
 use crate::seed::Seeded;
@@ -20,9 +20,11 @@ pub struct Draft {
     /// Where its frame is.
     pub at: Pose,
     /// What is drawn.
-    pub description: Description,
-    /// Pose of each link.
-    pub poses: Vec<Pose>,
+    pub robot: DescriptionBuilder,
+    /// Each link and its pose.
+    links: Vec<(LinkId, Pose)>,
+    /// What each joint allows.
+    pub kinds: Vec<JointKind>,
     /// How far each independent joint may go.
     pub reach: Vec<f64>,
 }
@@ -33,31 +35,26 @@ impl Draft {
         let mut seeded = Seeded::new(seed);
         let scale = if straight { 1.0 } else { 10f64.powi(seeded.below(7) as i32 - 3) };
         let at = if straight { Pose::IDENTITY } else { seeded.pose(scale) };
-        let part = Submechanism {
-            name: "part".into(),
-            kind,
-            type_name: format!("{kind:?}"),
-            spanning_tree: vec![],
-            independent: vec![],
-            active: vec![],
-            loops: vec![],
-        };
-        let description = Description {
-            name: format!("seed {seed}"),
-            links: vec![Link { name: "base".into(), inertial: None }],
-            joints: vec![],
-            submechanisms: vec![part],
-            gravity: [0.0, 0.0, -9.81],
-        };
-        Draft {
-            seeded,
-            scale,
-            straight,
-            at,
-            description,
-            poses: vec![Pose::IDENTITY],
-            reach: vec![],
-        }
+        let mut robot = DescriptionBuilder::new(format!("seed {seed}"));
+        let inertia = [scale * scale, 0.0, 0.0, scale * scale, 0.0, scale * scale];
+        let centre = [0.1 * scale, 0.0, 0.05 * scale];
+        robot.default_inertial(Inertial::new(1.0, centre, inertia)).submechanism("part", kind);
+        let links = vec![(LinkId::BASE, Pose::IDENTITY)];
+        Draft { seeded, scale, straight, at, robot, links, kinds: vec![], reach: vec![] }
+    }
+
+    /// What is drawn, as it is.
+    ///
+    /// # Panics
+    /// On a faulty drawing.
+    #[allow(clippy::expect_used, reason = "a drawing of a test")]
+    pub fn description(&self) -> Description {
+        self.robot.build().expect("a faulty drawing")
+    }
+
+    /// The link that a joint moves.
+    pub fn moved_by(&self, joint: usize) -> LinkId {
+        self.links[joint + 1].0
     }
 
     /// A joint on a link through a point along an axis, either way round, both in the mechanism's
@@ -69,34 +66,24 @@ impl Draft {
         point: Vector,
         axis: Vector,
     ) -> (usize, usize) {
-        let (n, s) = (self.description.joints.len(), self.scale);
+        let (n, s) = (self.links.len() - 1, self.scale);
         let sense = self.seeded.sign();
         let turn = if self.straight { Pose::IDENTITY } else { self.seeded.pose(0.0) };
         let placed = Pose { p: self.at.point(point.map(|x| x * s)), ..turn };
-        let origin = self.poses[parent].inverse().then(&placed);
+        let (parent, x_root_parent) = self.links[parent];
+        let origin = x_root_parent.inverse().then(&placed);
         let along = self.at.direction(axis.map(|x| x * sense));
-        let inertial = Inertial {
-            origin: Placement { xyz: [0.1 * s, 0.0, 0.05 * s], rpy: [0.0; 3] },
-            mass: 1.0,
-            inertia: [s * s, 0.0, 0.0, s * s, 0.0, s * s],
-        };
-        self.description.links.push(Link { name: format!("link{n}"), inertial: Some(inertial) });
-        self.description.joints.push(Joint {
-            name: format!("joint{n}"),
-            kind,
-            parent,
-            child: n + 1,
-            origin: Placement {
-                xyz: origin.p,
-                rpy: if self.straight { [0.0; 3] } else { origin.rpy() },
-            },
-            axis: placed.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(along),
-            limits: None,
-            coupling: None,
-            terms: Terms::default(),
-        });
-        self.poses.push(placed);
-        self.description.submechanisms[0].spanning_tree.push(n);
+        let axis = placed.inverse().then(&Pose { p: [0.0; 3], ..Pose::IDENTITY }).direction(along);
+        let link = self
+            .robot
+            .joint(format!("joint{n}"), kind, parent)
+            .origin(origin.p)
+            .rpy(if self.straight { [0.0; 3] } else { origin.rpy() })
+            .axis(axis)
+            .link_name(format!("link{n}"))
+            .link();
+        self.links.push((link, placed));
+        self.kinds.push(kind);
         (n, n + 1)
     }
 
@@ -124,7 +111,7 @@ impl Draft {
             ..if self.straight { Pose::IDENTITY } else { self.seeded.pose(0.0) }
         };
         let on = |link: usize| {
-            let x = self.poses[link].inverse().then(&x_cut);
+            let x = self.links[link].1.inverse().then(&x_cut);
             Placement { xyz: x.p, rpy: if self.straight { [0.0; 3] } else { x.rpy() } }
         };
         let back = |v: &Vector| {
@@ -134,21 +121,14 @@ impl Draft {
                 .direction(self.at.direction(*v))
         };
         let angular = angular.iter().map(|v| (back(v), [0.0; 3]));
-        let rows = angular.chain(linear.iter().map(|v| ([0.0; 3], back(v)))).enumerate().map(
-            |(k, (w, v))| Row {
-                name: format!("row{k}"),
-                axis: [w[0], w[1], w[2], v[0], v[1], v[2]],
-                against: None,
-            },
-        );
-        let of = Loop {
-            name: format!("cut{predecessor}"),
-            predecessor,
-            successor,
-            cut: Cut::Placed { predecessor: on(predecessor), successor: on(successor) },
-            rows: rows.collect(),
-        };
-        self.description.submechanisms[0].loops.push(of);
+        let rows = angular.chain(linear.iter().map(|v| ([0.0; 3], back(v)))).enumerate();
+        let cut = self
+            .robot
+            .cut(format!("cut{predecessor}"), self.links[predecessor].0, self.links[successor].0)
+            .placements(on(predecessor), on(successor));
+        rows.fold(cut, |cut, (k, (w, v))| {
+            cut.row(format!("row{k}"), [w[0], w[1], w[2], v[0], v[1], v[2]])
+        });
     }
 
     /// Independent and active joints, and how far each independent one may go.
@@ -157,18 +137,18 @@ impl Draft {
         if self.seeded.chance(0.5) {
             independent.reverse();
         }
-        let part = &mut self.description.submechanisms[0];
-        part.independent = independent.iter().map(|x| x.0).collect();
-        part.active = active.to_vec();
+        let leading: Vec<LinkId> = independent.iter().map(|x| self.moved_by(x.0)).collect();
+        let driven: Vec<LinkId> = active.iter().map(|j| self.moved_by(*j)).collect();
+        self.robot.independent(leading).active(driven);
         self.reach = independent.iter().map(|x| x.1).collect();
     }
 
     /// The joints of the list in any order; a joint's place in it says nothing to a form that reads
     /// the tree.
     pub fn shuffled(mut self) -> Draft {
-        let tree = self.description.submechanisms[0].spanning_tree.clone();
-        let order = self.seeded.order(tree.len());
-        self.description.submechanisms[0].spanning_tree = order.iter().map(|k| tree[*k]).collect();
+        let order = self.seeded.order(self.links.len() - 1);
+        let order: Vec<LinkId> = order.into_iter().map(|j| self.moved_by(j)).collect();
+        self.robot.order(order);
         self
     }
 }

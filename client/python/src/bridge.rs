@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sarrus_can_core::bridge::{Bridge, BusEvent, Verdict};
+use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::bus_load::{Load, loads};
 use sarrus_can_core::log::{Line, What, sent};
 use sarrus_proto::actuators::{
@@ -18,7 +18,7 @@ use crate::frames::{PyFrame, list};
 use crate::log::Log;
 use crate::service::operation_of;
 
-/// The rules, of one robot: what its motors are told in each cycle. Times are nanoseconds of the
+/// The rules, of one robot: what its motors are given in each cycle. Times are nanoseconds of the
 /// monotonic clock.
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {
@@ -80,7 +80,7 @@ impl PyBridge {
             fingerprint,
             [&position, &velocity, &effort, &stiffness, &damping],
         )?;
-        Ok(verdict(self.obey(now_ns, &command)))
+        Ok(self.obey(now_ns, &command).name())
     }
 
     /// Does what an operator asks: `arm`, `disarm` or `reset`.
@@ -153,35 +153,19 @@ impl PyBridge {
         let bridge = self.lock();
         let counters = bridge.counters();
         let dict = PyDict::new(py);
-        for (name, count) in [
-            ("cycles", counters.cycles),
-            ("accepted", counters.accepted),
-            ("not_finite", counters.not_finite),
-            ("negative", counters.negative),
-            ("old", counters.old),
-            ("ahead", counters.ahead),
-            ("wrong_model", counters.wrong_model),
-            ("wrong_size", counters.wrong_size),
-            ("replies", counters.replies),
-        ] {
-            dict.set_item(name, count)?;
+        dict.set_item("cycles", counters.cycles)?;
+        for verdict in CommandVerdict::ALL {
+            dict.set_item(verdict.name(), counters.commands.of(*verdict))?;
         }
+        dict.set_item("replies", counters.replies)?;
         let mut buses = Vec::new();
         while let Some((state, counters)) = bridge.bus_counters(buses.len()) {
             let bus = PyDict::new(py);
             bus.set_item("state", state.name())?;
-            for (name, count) in [
-                ("received", counters.received),
-                ("unknown", counters.unknown),
-                ("malformed", counters.malformed),
-                ("dropped", counters.dropped),
-                ("overrun", counters.overrun),
-                ("passive", counters.passive),
-                ("off", counters.off),
-                ("restarted", counters.restarted),
-            ] {
+            for (name, count) in counters.counts.each() {
                 bus.set_item(name, count)?;
             }
+            bus.set_item("restarted", counters.restarted)?;
             buses.push(bus);
         }
         dict.set_item("buses", buses)?;
@@ -199,7 +183,7 @@ impl PyBridge {
     }
 
     /// Gives the bridge a command.
-    pub(crate) fn obey(&self, now_ns: u64, command: &ActuatorCommand) -> Verdict {
+    pub(crate) fn obey(&self, now_ns: u64, command: &ActuatorCommand) -> CommandVerdict {
         self.note(now_ns, || What::Command(Box::new(*command)));
         self.lock().command(now_ns, command)
     }
@@ -305,18 +289,6 @@ fn fill(numbers: &[f64], n: usize, into: &mut [f64; MAX_ACTUATORS]) -> PyResult<
 
 fn event(name: &str, count: u32) -> PyResult<BusEvent> {
     BusEvent::named(name, count).ok_or_else(|| PyValueError::new_err(format!("no event `{name}`")))
-}
-
-fn verdict(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Accepted => "accepted",
-        Verdict::NotFinite => "not_finite",
-        Verdict::Negative => "negative",
-        Verdict::Old => "old",
-        Verdict::Ahead => "ahead",
-        Verdict::WrongModel => "wrong_model",
-        Verdict::WrongSize => "wrong_size",
-    }
 }
 
 fn state_name(code: u32) -> &'static str {

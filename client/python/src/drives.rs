@@ -31,7 +31,7 @@ impl PyDrives {
         Ok(PyDrives { configuration: Mutex::new(configuration.take()?) })
     }
 
-    /// Frames that ask for a sign of life without giving power or changing anything.
+    /// Frames that ask for a heartbeat without giving power or changing anything.
     fn probe(&self, motor: usize) -> PyResult<Vec<PyFrame>> {
         self.frames(motor, |motor, out| motor.drive.probe(out))
     }

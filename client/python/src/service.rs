@@ -27,10 +27,10 @@ impl PyService {
     /// an `OSError`.
     #[new]
     fn new(name: &str) -> PyResult<PyService> {
-        let domain = Domain::of_user().map_err(told)?;
-        let name = ServerName::new(name).map_err(told)?;
-        let node = domain.node::<Threadsafe>().map_err(told)?;
-        let end = BridgeEnd::create(&node, &name).map_err(told)?;
+        let domain = Domain::of_user().map_err(runtime_error)?;
+        let name = ServerName::new(name).map_err(runtime_error)?;
+        let node = domain.node::<Threadsafe>().map_err(runtime_error)?;
+        let end = BridgeEnd::create(&node, &name).map_err(runtime_error)?;
         Ok(PyService { end: Some(end), node: Some(node), domain })
     }
 
@@ -94,13 +94,13 @@ impl PyController {
     #[new]
     #[pyo3(signature = (name = "default", *, watch = false))]
     fn new(name: &str, watch: bool) -> PyResult<PyController> {
-        let domain = Domain::of_user().map_err(told)?;
-        let name = ServerName::new(name).map_err(told)?;
-        let node = domain.node::<Threadsafe>().map_err(told)?;
+        let domain = Domain::of_user().map_err(runtime_error)?;
+        let name = ServerName::new(name).map_err(runtime_error)?;
+        let node = domain.node::<Threadsafe>().map_err(runtime_error)?;
         let end = if watch {
-            End::Observer(ObserverEnd::open(&node, &name).map_err(told)?)
+            End::Observer(ObserverEnd::open(&node, &name).map_err(runtime_error)?)
         } else {
-            End::Controller(ControllerEnd::open(&node, &name).map_err(told)?)
+            End::Controller(ControllerEnd::open(&node, &name).map_err(runtime_error)?)
         };
         Ok(PyController { end: Some(end), node: Some(node), domain })
     }
@@ -174,6 +174,6 @@ pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
     })
 }
 
-fn told(error: impl std::fmt::Display) -> PyErr {
+fn runtime_error(error: impl std::fmt::Display) -> PyErr {
     PyOSError::new_err(error.to_string())
 }

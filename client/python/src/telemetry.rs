@@ -37,11 +37,14 @@ impl PyTelemetry {
     /// The distributions `wake`, `work`, `age` (of the command) and `reply` (of motors): `{count,
     /// p50, p99, p999, max}` each.
     fn times<'py>(&self, py: Python<'py>, bridge: &PyBridge) -> PyResult<Bound<'py, PyDict>> {
-        let told = self.telemetry.statistics(&bridge.lock(), 0);
+        let statistics = self.telemetry.statistics(&bridge.lock(), 0);
         let dict = PyDict::new(py);
-        for (name, times) in
-            [("wake", told.wake), ("work", told.work), ("age", told.age), ("reply", told.reply)]
-        {
+        for (name, times) in [
+            ("wake", statistics.wake),
+            ("work", statistics.work),
+            ("age", statistics.age),
+            ("reply", statistics.reply),
+        ] {
             let of_one = PyDict::new(py);
             for (key, value) in [
                 ("count", times.count),

@@ -29,31 +29,31 @@ def many():
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 try:
     if kind == "loop":
-        with ending() as told, at_the_end(safe):
+        with ending() as stop, at_the_end(safe):
             print("ready", flush=True)
-            while not told:
+            while not stop:
                 time.sleep(0.01)
     elif kind == "people":
-        with ending(patient=False) as told:
+        with ending(deferred=False) as stop:
             try:
                 print("ready", flush=True)
                 time.sleep(60)
             finally:
                 safe()
     elif kind == "several":
-        with ending(patient=False) as told:
+        with ending(deferred=False) as stop:
             try:
                 many()
                 time.sleep(60)
             finally:
                 safe()
     elif kind == "several under power":
-        with ending(patient=False) as told:
-            told.be_patient()
+        with ending(deferred=False) as stop:
+            stop.defer()
             with at_the_end(safe):
                 many()
                 many()
-                told.check()
+                stop.check()
     elif kind == "exception":
         with at_the_end(safe):
             raise RuntimeError

@@ -9,8 +9,8 @@ from unittest import mock
 
 from sarrus.can import Address, Bridge, BusError, Configuration, Frame
 from sarrus.can import run as running
-from sarrus.can.aside import Aside
-from sarrus.can.run import Front
+from sarrus.can.run import Frontend
+from sarrus.can.worker import Worker
 
 MOTOR = """
 - actuator: {bus}
@@ -43,7 +43,7 @@ def configuration():
 
 
 class Bus:
-    """A bus that keeps what it is given, and fails as it is told."""
+    """A bus that keeps what it is given, and fails as a test says."""
 
     def __init__(self, name):
         self.address = Address(name, "virtual", name)
@@ -81,12 +81,12 @@ class Losses(unittest.TestCase):
     def setUp(self):
         self.buses = [Bus(name) for name in BUSES]
         self.said = []
-        self.front = Front(Bridge(configuration()), self.buses, self.said.append)
-        self.addCleanup(self.front.close)
-        self.front.bridge.cycle(time.monotonic_ns())
+        self.frontend = Frontend(Bridge(configuration()), self.buses, self.said.append)
+        self.addCleanup(self.frontend.close)
+        self.frontend.bridge.cycle(time.monotonic_ns())
 
     def state(self, bus):
-        return self.front.bridge.counters()["buses"][bus]["state"]
+        return self.frontend.bridge.counters()["buses"][bus]["state"]
 
     def test_a_bus_that_fails_in_any_way_keeps_no_other_from_its_disable_frames(self):
         for error in (OSError("Broken pipe"), BusError("gone"), RuntimeError("anything")):
@@ -94,10 +94,10 @@ class Losses(unittest.TestCase):
                 self.buses[0].error = error
                 for bus in self.buses:
                     bus.sent.clear()
-                self.front.disable()
+                self.frontend.disable()
                 for bus in self.buses[1:]:
                     self.assertEqual(
-                        [frame.data for frame in bus.sent], [DISABLE] * running.LAST_WORDS
+                        [frame.data for frame in bus.sent], [DISABLE] * running.SHUTDOWN_REPEATS
                     )
                 self.assertEqual([line.partition(":")[0] for line in self.said], ["one"])
                 self.said.clear()
@@ -113,23 +113,25 @@ class Losses(unittest.TestCase):
             return send(frames)
 
         bus.send = sometimes
-        self.front.disable()
-        self.assertEqual([frame.data for frame in bus.sent], [DISABLE] * (running.LAST_WORDS - 2))
+        self.frontend.disable()
+        self.assertEqual(
+            [frame.data for frame in bus.sent], [DISABLE] * (running.SHUTDOWN_REPEATS - 2)
+        )
         self.assertEqual(self.said, [])
 
     def test_a_bus_that_cannot_be_closed_keeps_no_other_open(self):
         self.buses[0].error = OSError("Input/output error")
-        self.front.close()
+        self.frontend.close()
         self.assertEqual([bus.closed for bus in self.buses], [1, 1, 1])
 
-    def test_the_core_knows_of_a_lost_bus_before_anybody_is_told(self):
-        told = []
-        self.front._say = lambda line: told.append((line, self.state(0)))
+    def test_the_core_knows_of_a_lost_bus_before_anybody_hears_of_it(self):
+        seen = []
+        self.frontend._say = lambda line: seen.append((line, self.state(0)))
         self.buses[0].error = BusError("one is gone")
-        self.front.receive()
-        self.assertEqual(told, [("one is gone", "off")])
+        self.frontend.receive()
+        self.assertEqual(seen, [("one is gone", "off")])
         # and the others go on
-        self.front.send()
+        self.frontend.send()
         self.assertTrue(all(bus.sent for bus in self.buses[1:]))
 
     def test_a_lost_bus_comes_back(self):
@@ -147,43 +149,43 @@ class Losses(unittest.TestCase):
             mock.patch.object(running, "REOPEN", 0.01),
         ):
             self.buses[0].error = BusError("one is gone")
-            self.front.send()
+            self.frontend.send()
             self.assertEqual(self.state(0), "off")
             end = time.monotonic() + 10
-            while self.front.adapters[0] is not again and time.monotonic() < end:
-                self.front.receive()
+            while self.frontend.adapters[0] is not again and time.monotonic() < end:
+                self.frontend.receive()
                 time.sleep(0.005)
         self.assertEqual([address.name for address in tries], ["one"] * 4)
         self.assertEqual(self.buses[0].closed, 1)
         self.assertEqual(self.state(0), "active")
-        self.assertEqual(self.front.bridge.counters()["buses"][0]["restarted"], 1)
+        self.assertEqual(self.frontend.bridge.counters()["buses"][0]["restarted"], 1)
         self.assertEqual(self.said, ["one is gone", "not there", "not up", "one: open again"])
-        self.front.bridge.cycle(time.monotonic_ns())
-        self.front.send()
+        self.frontend.bridge.cycle(time.monotonic_ns())
+        self.frontend.send()
         self.assertTrue(again.sent)
 
-    def test_a_bus_that_came_back_in_the_last_moment_has_the_last_words_too(self):
+    def test_a_bus_that_came_back_in_the_last_moment_has_the_shutdown_frames_too(self):
         again = Bus("one")
-        self.front.adapters[0] = None
-        self.front._back.append((0, again))
-        self.front.disable()
-        self.assertEqual([frame.data for frame in again.sent], [DISABLE] * running.LAST_WORDS)
+        self.frontend.adapters[0] = None
+        self.frontend._back.append((0, again))
+        self.frontend.disable()
+        self.assertEqual([frame.data for frame in again.sent], [DISABLE] * running.SHUTDOWN_REPEATS)
 
 
 class Backlogs(unittest.TestCase):
     def test_only_what_still_waits_in_the_next_cycle_is_a_backlog(self):
         bridge = mock.Mock(wraps=Bridge(configuration()))
         bus = Bus("one")
-        front = Front(bridge, [bus], print)
-        told = []
+        frontend = Frontend(bridge, [bus], print)
+        seen = []
         # echoes come between two cycles, then stay away once, and come again
         for echoes in (1, 2, 2, 4, 5):
             bridge.cycle(time.monotonic_ns())
-            front.send()
+            frontend.send()
             bus.echoes = echoes
-            told.append([call.args[3] for call in bridge.bus_event.call_args_list])
+            seen.append([call.args[3] for call in bridge.bus_event.call_args_list])
             bridge.bus_event.reset_mock()
-        self.assertEqual(told, [[], [], [], [1], [0]])
+        self.assertEqual(seen, [[], [], [], [1], [0]])
 
 
 class Records:
@@ -201,15 +203,15 @@ class Recording(unittest.TestCase):
         self.buses = [Bus(name) for name in BUSES]
         self.records = Records()
 
-    def front(self, **other):
-        front = Front(Bridge(configuration()), self.buses, print, **other)
-        front.recorder = self.records
-        self.addCleanup(front.close)
-        front.bridge.cycle(time.monotonic_ns())
-        return front
+    def frontend(self, **other):
+        frontend = Frontend(Bridge(configuration()), self.buses, print, **other)
+        frontend.recorder = self.records
+        self.addCleanup(frontend.close)
+        frontend.bridge.cycle(time.monotonic_ns())
+        return frontend
 
     def test_what_was_sent_is_recorded_after_it_was_sent_and_what_was_dropped_is_not(self):
-        front = self.front()
+        frontend = self.frontend()
         self.buses[1].room = 0
         put = self.records.put
 
@@ -218,26 +220,26 @@ class Recording(unittest.TestCase):
             put(bus, frame, received=received)
 
         self.records.put = after
-        front.send()
+        frontend.send()
         self.assertEqual([bus for bus, _, _ in self.records.kept], [0, 2])
 
-    def test_the_last_words_are_recorded(self):
-        self.front().disable()
+    def test_the_shutdown_frames_are_recorded(self):
+        self.frontend().disable()
         of_bus = [
             frame.data for bus, frame, received in self.records.kept if bus == 2 and not received
         ]
-        self.assertEqual(of_bus, [DISABLE] * running.LAST_WORDS)
+        self.assertEqual(of_bus, [DISABLE] * running.SHUTDOWN_REPEATS)
 
     def test_what_came_is_recorded(self):
-        front = self.front()
+        frontend = self.frontend()
         self.buses[2].heard = [Frame(5, b"\1\2")]
-        front.receive()
+        frontend.receive()
         self.assertEqual(self.records.kept, [(2, Frame(5, b"\1\2"), True)])
 
     def test_a_dry_run_sends_nothing_and_records_what_it_would_send(self):
-        front = self.front(dry_run=True)
-        front.send()
-        front.disable()
+        frontend = self.frontend(dry_run=True)
+        frontend.send()
+        frontend.disable()
         self.assertEqual([bus.sent for bus in self.buses], [[], [], []])
         self.assertEqual([bus for bus, _, _ in self.records.kept], [0, 1, 2])
 
@@ -252,26 +254,26 @@ class Asides(unittest.TestCase):
                 raise OSError("disk full")
             done.append(item)
 
-        aside = Aside(work, 5)
+        worker = Worker(work, 5)
         begin = time.monotonic()
         for item in range(1000):
-            aside.put(item)
+            worker.put(item)
         self.assertLess(time.monotonic() - begin, 5)
         go.set()
-        aside.end(10)
+        worker.end(10)
         self.assertEqual(done, sorted(done))
         self.assertLessEqual(len(done), 6)
-        self.assertEqual((len(done), str(aside.error)), (aside.done, "disk full"))
-        self.assertEqual(aside.done + aside.lost, 1000)
+        self.assertEqual((len(done), str(worker.error)), (worker.done, "disk full"))
+        self.assertEqual(worker.done + worker.lost, 1000)
 
     def test_who_works_for_ever_holds_up_no_end(self):
-        aside = Aside(lambda _: threading.Event().wait(), 5)
+        worker = Worker(lambda _: threading.Event().wait(), 5)
         for item in range(3):
-            aside.put(item)
+            worker.put(item)
         begin = time.monotonic()
-        aside.end(0.1)
+        worker.end(0.1)
         self.assertLess(time.monotonic() - begin, 5)
-        self.assertEqual(aside.lost, 2)
+        self.assertEqual(worker.lost, 2)
 
 
 if __name__ == "__main__":

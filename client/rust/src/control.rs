@@ -81,7 +81,7 @@ impl<'a> Control<'a> {
                 Ok(number as u32)
             }
             None => Err(ConnectError::BadAnswer { what: "for a plan" }.into()),
-            Some(Refusal::BadWanted) => Err(Error::NotPlanned {
+            Some(Refusal::BadQuery) => Err(Error::NotPlanned {
                 reason: String::from_utf8_lossy(response.text()).into_owned(),
             }),
             Some(Refusal::TooLarge) => {

@@ -129,7 +129,11 @@ impl Remote {
             };
             match session.exchange(&head, input, output, &self.options, &mut deadline) {
                 Exchange::Answered(head) => {
-                    let status = Status::from_code(head.status).unwrap_or(Status::BadRequest);
+                    let status = Status::of_answer(head.status);
+                    if status == Status::UnknownStatus {
+                        // numbers without a known meaning
+                        output.fill(f64::NAN);
+                    }
                     return Ok(Answer { status, warnings: Warnings(head.warnings) });
                 }
                 Exchange::Lost => self.session = None,

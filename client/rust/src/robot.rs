@@ -141,7 +141,7 @@ impl Robot {
             return Ok(PlanId(index));
         }
         query.check(self.info.links.len()).map_err(Error::Query)?;
-        let sizes = self.info.sizes();
+        let sizes = self.info.sizes;
         let (given, want) = (Layout::of_given(query, &sizes), Layout::of_want(query, &sizes));
         let (n_in, n_out) = (given.len(), want.len());
         if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {

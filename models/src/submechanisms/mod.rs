@@ -24,22 +24,22 @@ const MOST_ROWS: usize = 1024;
 
 /// A submechanism file as it stands, checked against the robot.
 pub(crate) struct Submechanisms {
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     pub(crate) entries: Vec<Entry>,
 }
 
 /// Checks the entries of a file and, where there is a robot, their names.
 pub(crate) fn check(
-    place: Span,
+    span: Span,
     entries: Vec<Entry>,
     urdf: Option<&Urdf>,
     diagnostics: &mut Diagnostics,
 ) -> Submechanisms {
     let mut names: HashSet<&str> = HashSet::new();
-    for (name, place) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
+    for (name, span) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
         if !names.insert(name) {
             let found = format!("a second submechanism is named {}", quoted(name));
-            diagnostics.error(*place, found, "a contextual_name of its own", "rename one of them");
+            diagnostics.error(*span, found, "a contextual_name of its own", "rename one of them");
         }
     }
     let mut owner: HashMap<&str, &Entry> = HashMap::new();
@@ -47,7 +47,7 @@ pub(crate) fn check(
         let kind = entry
             .type_name
             .as_ref()
-            .and_then(|(written, place)| kind_of(written, *place, diagnostics));
+            .and_then(|(written, span)| kind_of(written, *span, diagnostics));
         Check { urdf, entry, kind, diagnostics }.run(&mut owner);
     }
     let all_read = !entries.is_empty() && entries.iter().all(|entry| entry.tree.is_some());
@@ -57,7 +57,7 @@ pub(crate) fn check(
             let found =
                 format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
             diagnostics.error(
-                joint.place,
+                joint.span,
                 found,
                 "every moving joint in one",
                 "add it to a jointnames_spanningtree or make it fixed",
@@ -69,13 +69,13 @@ pub(crate) fn check(
     if rows > MOST_ROWS {
         let found = format!("the loops have {rows} constraint_axes");
         diagnostics.error(
-            place,
+            span,
             found,
             format!("at most {MOST_ROWS}"),
             "split the robot into robots of their own",
         );
     }
-    Submechanisms { place, entries }
+    Submechanisms { span, entries }
 }
 
 /// The values of a file whose walk found no error; `None` after an error.
@@ -83,16 +83,16 @@ pub(crate) fn values(text: &Text, diagnostics: &mut Diagnostics) -> Option<Vec<E
     match serde_yaml::from_str::<Document>(&text.content) {
         Ok(document) => Some(document.submechanisms),
         Err(error) => {
-            let place = error.location().map_or(Span::start(text.file), |at| Span {
+            let span = error.location().map_or(Span::start(text.file), |at| Span {
                 file: text.file,
                 line: at.line() as u32,
                 column: at.column() as u32,
             });
             diagnostics.error(
-                place,
+                span,
                 format!("the values cannot be read: {error}"),
                 "a submechanism file",
-                "mend it at this place",
+                "correct it at this position",
             );
             None
         }
@@ -105,7 +105,7 @@ pub(crate) fn kind_named(written: &str) -> Option<(SubmechanismKind, Option<Lett
     known.or_else(|| letters(written).map(|letters| (SubmechanismKind::Serial, Some(letters))))
 }
 
-fn kind_of(written: &str, place: Span, diagnostics: &mut Diagnostics) -> Option<SubmechanismKind> {
+fn kind_of(written: &str, span: Span, diagnostics: &mut Diagnostics) -> Option<SubmechanismKind> {
     let kind = kind_named(written).map(|(kind, _)| kind);
     if kind.is_none() {
         let names = KNOWN.iter().map(|known| known.name);
@@ -117,7 +117,7 @@ fn kind_of(written: &str, place: Span, diagnostics: &mut Diagnostics) -> Option<
             "use NUMERICAL with loop_constraints for any other mechanism",
         );
         diagnostics.error(
-            place,
+            span,
             format!("the submechanism type {} is not known", quoted(written)),
             expected,
             help,
@@ -146,7 +146,7 @@ impl<'a> Check<'a, '_> {
         self.names(entry.tree.as_deref(), "jointnames_spanningtree", true);
         self.within_tree(entry.independent.as_deref(), "jointnames_independent");
         self.within_tree(entry.active.as_deref(), "jointnames_active");
-        for (name, place) in entry.tree.iter().flatten() {
+        for (name, span) in entry.tree.iter().flatten() {
             match owner.get(name.as_str()) {
                 Some(first) if !core::ptr::eq(*first, entry) => {
                     let other =
@@ -156,7 +156,7 @@ impl<'a> Check<'a, '_> {
                         quoted(name)
                     );
                     self.diagnostics.error(
-                        *place,
+                        *span,
                         found,
                         "each joint in one",
                         "remove it from one of them",
@@ -178,7 +178,7 @@ impl<'a> Check<'a, '_> {
                     "a second loop is cut at {} between the same bodies",
                     quoted(cut[0].unwrap_or_default())
                 );
-                self.diagnostics.error(each.place, found, "one", "join their constraint_axes");
+                self.diagnostics.error(each.span, found, "one", "join their constraint_axes");
             }
         }
     }
@@ -186,10 +186,10 @@ impl<'a> Check<'a, '_> {
     /// Each name exists, moves where it must, and is there once.
     fn names(&mut self, names: Option<&'a [Named]>, key: &str, must_move: bool) {
         let mut seen: HashSet<&str> = HashSet::new();
-        for (name, place) in names.into_iter().flatten() {
+        for (name, span) in names.into_iter().flatten() {
             if !seen.insert(name) {
                 self.diagnostics.error(
-                    *place,
+                    *span,
                     format!("{} is in `{key}` twice", quoted(name)),
                     "once",
                     "remove one of them",
@@ -206,12 +206,12 @@ impl<'a> Check<'a, '_> {
                     );
                     let found =
                         format!("`{key}` names the joint {}, which does not exist", quoted(name));
-                    self.diagnostics.error(*place, found, "a joint of the URDF", help);
+                    self.diagnostics.error(*span, found, "a joint of the URDF", help);
                 }
                 Some(joint) if must_move && !urdf.moves(*joint) => {
                     let found = format!("`{key}` names the joint {}, which is fixed", quoted(name));
                     self.diagnostics.error(
-                        *place,
+                        *span,
                         found,
                         "joints that move",
                         "remove it from the list",
@@ -230,10 +230,10 @@ impl<'a> Check<'a, '_> {
             .tree
             .as_ref()
             .map(|tree| tree.iter().map(|(name, _)| name.as_str()).collect());
-        for (name, place) in names.into_iter().flatten() {
+        for (name, span) in names.into_iter().flatten() {
             if !seen.insert(name) {
                 self.diagnostics.error(
-                    *place,
+                    *span,
                     format!("{} is in `{key}` twice", quoted(name)),
                     "once",
                     "remove one of them",
@@ -248,7 +248,7 @@ impl<'a> Check<'a, '_> {
                 );
                 let found =
                     format!("`{key}` names {}, which is not in the spanning tree", quoted(name));
-                self.diagnostics.error(*place, found, "names of jointnames_spanningtree", help);
+                self.diagnostics.error(*span, found, "names of jointnames_spanningtree", help);
             }
         }
     }
@@ -260,10 +260,10 @@ impl<'a> Check<'a, '_> {
         else {
             return;
         };
-        let (written, place) = (quoted(&type_name.0), type_name.1);
+        let (written, span) = (quoted(&type_name.0), type_name.1);
         if tree.is_empty() {
             self.diagnostics.error(
-                place,
+                span,
                 "the submechanism has no joint",
                 "at least one in jointnames_spanningtree",
                 "add joints or remove it",
@@ -278,7 +278,7 @@ impl<'a> Check<'a, '_> {
                 let expected =
                     known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
                 self.diagnostics.error(
-                    place,
+                    span,
                     found,
                     expected,
                     "correct jointnames_spanningtree or use NUMERICAL",
@@ -288,7 +288,7 @@ impl<'a> Check<'a, '_> {
                 let found =
                     format!("{written} with {}", counted(in_independent, "independent joint"));
                 self.diagnostics.error(
-                    place,
+                    span,
                     found,
                     count.to_string(),
                     "correct jointnames_independent",
@@ -300,7 +300,7 @@ impl<'a> Check<'a, '_> {
             && self.coupled(tree) == 0
         {
             self.diagnostics.error(
-                self.entry.place,
+                self.entry.span,
                 "NUMERICAL without `loop_constraints`",
                 "at least one loop",
                 "add loop_constraints",
@@ -310,7 +310,7 @@ impl<'a> Check<'a, '_> {
             self.transmission(tree, independent);
         }
         if kind == SubmechanismKind::Serial {
-            self.serial(&type_name.0, place, tree, independent);
+            self.serial(&type_name.0, span, tree, independent);
         }
     }
 
@@ -318,7 +318,7 @@ impl<'a> Check<'a, '_> {
     /// for it.
     fn transmission(&mut self, tree: &'a [Named], independent: &'a [Named]) {
         let needed = tree.len().saturating_sub(independent.len());
-        let Some((name, place)) = self
+        let Some((name, span)) = self
             .entry
             .type_name
             .as_ref()
@@ -334,16 +334,16 @@ impl<'a> Check<'a, '_> {
         );
         let help =
             "add <mimic> or <transmission> with <depends_on> to it, or to the file of `file_path`";
-        self.diagnostics.error(*place, found, "a coupling for each", help);
+        self.diagnostics.error(*span, found, "a coupling for each", help);
     }
 
     /// A serial submechanism has no loop, every joint of it is independent or coupled, and its
     /// letters fit.
-    fn serial(&mut self, written: &str, place: Span, tree: &'a [Named], independent: &'a [Named]) {
+    fn serial(&mut self, written: &str, span: Span, tree: &'a [Named], independent: &'a [Named]) {
         if let Some(first) = self.entry.loops.first() {
             let found = format!("the serial type {} has loop constraints", quoted(written));
             self.diagnostics.error(
-                first.place,
+                first.span,
                 found,
                 "none",
                 "use NUMERICAL or the type of the mechanism",
@@ -358,7 +358,7 @@ impl<'a> Check<'a, '_> {
                 tree.len()
             );
             self.diagnostics.error(
-                place,
+                span,
                 found,
                 "all of them",
                 "list every joint in jointnames_independent",
@@ -393,14 +393,14 @@ impl<'a> Check<'a, '_> {
         let expected = format!("{} and {}", letters.rotations, letters.translations);
         if actual.rotations + actual.translations == letters.rotations + letters.translations {
             self.diagnostics.warning(
-                place,
+                span,
                 found,
                 expected,
                 "correct the type; it is read as serial",
             );
         } else {
             self.diagnostics.error(
-                place,
+                span,
                 found,
                 expected,
                 "correct the type or jointnames_spanningtree",
@@ -429,31 +429,31 @@ impl<'a> Check<'a, '_> {
             .count()
     }
 
-    /// The bodies of a loop exist and differ; a cut joint without a frame is told.
+    /// The bodies of a loop exist and differ; a cut joint without a frame is reported.
     fn loop_names(&mut self, each: &LoopEntry) {
         let Some(urdf) = self.urdf else { return };
         for (end, key) in
             [(&each.predecessor, "predecessor_body"), (&each.successor, "successor_body")]
         {
-            let Some((name, place)) = end else { continue };
+            let Some((name, span)) = end else { continue };
             if !urdf.link_index.contains_key(name) {
                 let help =
                     self.diagnostics.did_you_mean(name, urdf.link_names(), "correct the name");
                 let found =
                     format!("`{key}` names the link {}, which does not exist", quoted(name));
-                self.diagnostics.error(*place, found, "a link of the URDF", help);
+                self.diagnostics.error(*span, found, "a link of the URDF", help);
             }
         }
-        let (Some((predecessor, _)), Some((successor, place))) =
+        let (Some((predecessor, _)), Some((successor, span))) =
             (&each.predecessor, &each.successor)
         else {
             return;
         };
         if predecessor == successor {
             let found = format!("{} is both predecessor and successor", quoted(successor));
-            self.diagnostics.error(*place, found, "two bodies", "correct one of them");
+            self.diagnostics.error(*span, found, "two bodies", "correct one of them");
         }
-        if let Some((cut, place)) = each
+        if let Some((cut, span)) = each
             .cut_joint
             .as_ref()
             .filter(|(cut, _)| !each.is_placed && !urdf.joint_index.contains_key(cut))
@@ -465,7 +465,7 @@ impl<'a> Check<'a, '_> {
             );
             let otherwise = "name a joint, or give predecessor_placement and successor_placement";
             let help = self.diagnostics.did_you_mean(cut, urdf.joint_names(), otherwise);
-            self.diagnostics.warning(*place, found, "the frame of a joint", help);
+            self.diagnostics.warning(*span, found, "the frame of a joint", help);
         }
     }
 }

@@ -7,9 +7,9 @@ use crate::report::{Diagnostics, Span, quoted};
 use crate::yaml::{Named, Node, Value, keys, list, number, numbers, word, words};
 
 /// A submechanism as it stands in the file; `None` for what is absent or malformed, which has been
-/// told.
+/// reported.
 pub(crate) struct Entry {
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     pub(crate) name: Option<Named>,
     pub(crate) type_name: Option<Named>,
     pub(crate) file_path: Option<Named>,
@@ -22,7 +22,7 @@ pub(crate) struct Entry {
 
 /// A loop constraint as it stands in the file.
 pub(crate) struct LoopEntry {
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     pub(crate) cut_joint: Option<Named>,
     pub(crate) predecessor: Option<Named>,
     pub(crate) successor: Option<Named>,
@@ -65,7 +65,7 @@ pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
     if let Some(exoskeletons) = root.get("exoskeletons").filter(|node| !node.items().is_empty()) {
         let help = "couple their joints by <mimic> in the URDF";
         diagnostics.warning(
-            exoskeletons.place,
+            exoskeletons.span,
             "`exoskeletons` is not used",
             "submechanisms only",
             help,
@@ -73,7 +73,7 @@ pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
     }
     let Some(list) = root.get("submechanisms") else {
         diagnostics.error(
-            root.place,
+            root.span,
             "the file has no `submechanisms`",
             "a list of at least one",
             "add it",
@@ -84,14 +84,14 @@ pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
         || matches!(&list.value, Value::List(items) if items.is_empty())
     {
         diagnostics.error(
-            list.place,
+            list.span,
             "`submechanisms` is empty",
             "at least one",
             "list the joints in submechanisms",
         );
     } else if !matches!(list.value, Value::List(_)) {
         diagnostics.error(
-            list.place,
+            list.span,
             format!("`submechanisms` is {}", list.describe()),
             "a list",
             "write each submechanism as a list item",
@@ -108,7 +108,7 @@ fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
     let other_name = word(node, "name", diagnostics);
     if node.get("contextual_name").is_none() && node.get("name").is_none() {
         diagnostics.error(
-            node.place,
+            node.span,
             "the submechanism has no `contextual_name`",
             "a name of its own",
             "add it",
@@ -117,7 +117,7 @@ fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
     let type_name = word(node, "type", diagnostics);
     if node.get("type").is_none() {
         diagnostics.error(
-            node.place,
+            node.span,
             "the submechanism has no `type`",
             "a type as 3R, RRPR or NUMERICAL",
             "add it",
@@ -127,7 +127,7 @@ fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
     for key in ["jointnames_spanningtree", "jointnames_independent", "jointnames_active"] {
         if node.get(key).is_none() {
             diagnostics.error(
-                node.place,
+                node.span,
                 format!("the submechanism has no `{key}`"),
                 "a list of joints, which may be empty",
                 "add it",
@@ -135,7 +135,7 @@ fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
         }
     }
     Some(Entry {
-        place: node.place,
+        span: node.span,
         name: contextual_name.or(other_name),
         type_name,
         file_path,
@@ -158,7 +158,7 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
         .map(|key| {
             if node.get(key).is_none() {
                 diagnostics.error(
-                    node.place,
+                    node.span,
                     format!("the loop constraint has no `{key}`"),
                     format!("`{key}: NAME`"),
                     "add it",
@@ -183,7 +183,7 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     | [(missing, None), (given, Some(placement))] = placements
     {
         diagnostics.error(
-            placement.place,
+            placement.span,
             format!("the loop has `{given}` but no `{missing}`"),
             "both or neither",
             format!("add `{missing}`"),
@@ -200,7 +200,7 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     {
         let help = "list the constrained directions, or give a cut_joint_type";
         diagnostics.error(
-            node.place,
+            node.span,
             "the loop constraint has no `constraint_axes`",
             "at least one",
             help,
@@ -208,20 +208,15 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     }
     if let Some(seventh) = axes.get(6) {
         let found = format!("the loop constraint has {} constraint_axes", axes.len());
-        diagnostics.error(
-            seventh.place,
-            found,
-            "at most six",
-            "remove those that the others imply",
-        );
+        diagnostics.error(seventh.span, found, "at most six", "remove those that the others imply");
     }
     let mut names: HashSet<String> = HashSet::new();
     for axis in axes {
         row(axis, &mut names, diagnostics);
     }
     let is_placed = placements.iter().all(|(_, placement)| placement.is_some());
-    let rows = axes.iter().map(|axis| axis.place).chain(of_type).collect();
-    Some(LoopEntry { place: node.place, cut_joint, predecessor, successor, is_placed, rows })
+    let rows = axes.iter().map(|axis| axis.span).chain(of_type).collect();
+    Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, is_placed, rows })
 }
 
 fn row(node: &Node, names: &mut HashSet<String>, diagnostics: &mut Diagnostics) {
@@ -231,18 +226,18 @@ fn row(node: &Node, names: &mut HashSet<String>, diagnostics: &mut Diagnostics) 
     for key in ["name", "axis"] {
         if node.get(key).is_none() {
             diagnostics.error(
-                node.place,
+                node.span,
                 format!("the constraint axis has no `{key}`"),
                 "name and axis",
                 "add it",
             );
         }
     }
-    if let Some((name, place)) = word(node, "name", diagnostics)
+    if let Some((name, span)) = word(node, "name", diagnostics)
         && !names.insert(name.clone())
     {
         diagnostics.error(
-            place,
+            span,
             format!("a second axis of this loop is named {}", quoted(&name)),
             "a name of its own",
             "rename one of them",
@@ -250,11 +245,11 @@ fn row(node: &Node, names: &mut HashSet<String>, diagnostics: &mut Diagnostics) 
     }
     baumgarte(node, diagnostics);
     let axis = numbers::<6>(node, "a constraint axis", "axis", diagnostics);
-    if let Some(place) =
-        axis.filter(|axis| *axis == [0.0; 6]).and_then(|_| node.get("axis")).map(|node| node.place)
+    if let Some(span) =
+        axis.filter(|axis| *axis == [0.0; 6]).and_then(|_| node.get("axis")).map(|node| node.span)
     {
         diagnostics.error(
-            place,
+            span,
             "the constraint axis is zero",
             "a direction [wx, wy, wz, vx, vy, vz]",
             "correct it",

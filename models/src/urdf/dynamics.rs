@@ -24,7 +24,7 @@ const DYNAMICS: Shape = Shape {
 /// The rotor of an actuator.
 pub(crate) struct Rotor {
     pub(crate) joint: String,
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     inertia: f64,
     ratio: f64,
 }
@@ -63,18 +63,13 @@ pub(super) fn read<'t>(
     ] {
         if value < 0.0 {
             let found = format!("`{name}` of `dynamics` is {value}");
-            reader.diagnostics.error(
-                reader.place(node),
-                found,
-                "zero or more",
-                "correct the value",
-            );
+            reader.diagnostics.error(reader.span(node), found, "zero or more", "correct the value");
         }
     }
     if friction > 0.0 {
         let found = format!("the joint {} has dry friction, which is not modelled", quoted(joint));
         reader.diagnostics.warning(
-            reader.place(node),
+            reader.span(node),
             found,
             "`damping`",
             "add it to the forces of the actuators, or remove it",
@@ -82,7 +77,7 @@ pub(super) fn read<'t>(
     }
     let rotor_inertia = rotor(reader, node, rotor_inertia, ratio);
     let terms = Terms { damping, stiffness, rest, rotor_inertia, gear_ratio: ratio };
-    if accepts(reader, reader.place(node), kind, joint, &terms) { terms } else { Terms::default() }
+    if accepts(reader, reader.span(node), kind, joint, &terms) { terms } else { Terms::default() }
 }
 
 /// The rotors that the actuators of a transmission have; most have none, and are not looked at.
@@ -102,7 +97,7 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
                 joints.len()
             );
             reader.diagnostics.error(
-                reader.place(*second),
+                reader.span(*second),
                 found,
                 "one of each",
                 "write a transmission for each rotor",
@@ -120,28 +115,28 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
         } else {
             reader.number_of_text(found)
         };
-        number.map(|number| (number, reader.place(found)))
+        number.map(|number| (number, reader.span(found)))
     };
     let inertia = value(&["rotor_inertia"]);
     let ratio = value(&["gear_ratio", "mechanicalReduction"]).map_or(1.0, |(ratio, _)| ratio);
     let name = reader.required(*joint, "name");
-    let (Some((inertia, place)), Some((joint, _))) = (inertia, name) else { return Vec::new() };
+    let (Some((inertia, span)), Some((joint, _))) = (inertia, name) else { return Vec::new() };
     if inertia < 0.0 {
         reader.diagnostics.error(
-            place,
+            span,
             format!("the rotor inertia is {inertia}"),
             "zero or more",
             "correct the value",
         );
     }
     let inertia = rotor(reader, *actuator, inertia, ratio);
-    Vec::from_iter((inertia > 0.0).then_some(Rotor { joint, place, inertia, ratio }))
+    Vec::from_iter((inertia > 0.0).then_some(Rotor { joint, span, inertia, ratio }))
 }
 
-/// Whether a joint of this kind can have these terms; tells it if not.
+/// Whether a joint of this kind can have these terms; reports it if not.
 pub(super) fn accepts(
     reader: &mut Reader<'_, '_>,
-    place: Span,
+    span: Span,
     kind: Option<JointKind>,
     joint: &str,
     terms: &Terms,
@@ -155,7 +150,7 @@ pub(super) fn accepts(
                 "the fixed joint {} has damping, a spring or a rotor, which is not read",
                 quoted(joint)
             );
-            reader.diagnostics.warning(place, found, "a joint that moves", help);
+            reader.diagnostics.warning(span, found, "a joint that moves", help);
             false
         }
         Some(JointKind::Floating | JointKind::Spherical) => {
@@ -163,7 +158,7 @@ pub(super) fn accepts(
                 "the joint {} of several freedoms has damping, a spring or a rotor",
                 quoted(joint)
             );
-            reader.diagnostics.error(place, found, "a joint of one freedom", help);
+            reader.diagnostics.error(span, found, "a joint of one freedom", help);
             false
         }
         _ => true,
@@ -176,7 +171,7 @@ fn rotor<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, inertia: f64, rati
     if inertia > 0.0 && ratio == 0.0 {
         let found = "the gear ratio of a rotor is zero";
         reader.diagnostics.error(
-            reader.place(node),
+            reader.span(node),
             found,
             "how often it turns while the joint turns once",
             "correct the value",

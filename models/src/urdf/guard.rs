@@ -27,7 +27,7 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
         } else if rest.starts_with("<!") {
             let help = "remove it; the five entities of XML itself need none";
             diagnostics.error(
-                text.place(open),
+                text.span(open),
                 "a document type declaration (DTD)",
                 "a file without one",
                 help,
@@ -41,7 +41,7 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
                     quoted(tag.name)
                 );
                 diagnostics.error(
-                    text.place(open),
+                    text.span(open),
                     found,
                     format!("at most {MOST_ATTRIBUTES}"),
                     "remove those that no reader knows",
@@ -56,7 +56,7 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
             };
             if depth > DEEPEST {
                 diagnostics.error(
-                    text.place(open),
+                    text.span(open),
                     "elements are nested too deep",
                     format!("at most {DEEPEST} levels"),
                     "flatten the file",

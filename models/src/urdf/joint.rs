@@ -48,10 +48,10 @@ const BALL: &str = "ball";
 
 /// A joint as it stands in the file.
 pub(crate) struct JointEntry {
-    /// Empty when it is missing, which has been told.
+    /// Empty when it is missing, which has been reported.
     pub(crate) name: String,
-    pub(crate) place: Span,
-    /// `None` when the type is not known, which has been told.
+    pub(crate) span: Span,
+    /// `None` when the type is not known, which has been reported.
     pub(crate) kind: Option<JointKind>,
     pub(crate) parent: Option<(String, Span)>,
     pub(crate) child: Option<(String, Span)>,
@@ -64,16 +64,16 @@ pub(crate) struct JointEntry {
 #[derive(Clone, Debug)]
 pub(crate) struct Master {
     pub(crate) joint: String,
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     pub(crate) multiplier: f64,
     pub(crate) offset: f64,
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
-    let place = reader.place(node);
+    let span = reader.span(node);
     let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
     let kind =
-        reader.required(node, "type").and_then(|(written, place)| kind_of(reader, &written, place));
+        reader.required(node, "type").and_then(|(written, span)| kind_of(reader, &written, span));
     if let Some(written) = node.attribute_node("type").filter(|written| written.value() == BALL) {
         reader.replaced.push((written.range_value(), "spherical"));
     }
@@ -89,7 +89,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
         }
         None => {
             reader.diagnostics.error(
-                place,
+                span,
                 format!("the joint has no `{end}`"),
                 format!("<{end} link=\"…\"/>"),
                 "add it",
@@ -112,7 +112,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
                 "add them"
             };
             reader.diagnostics.error(
-                place,
+                span,
                 found,
                 "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>",
                 help,
@@ -123,19 +123,10 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
     let terms =
         find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
-    JointEntry {
-        name,
-        place,
-        kind,
-        parent,
-        child,
-        has_limits: limit_node.is_some(),
-        masters,
-        terms,
-    }
+    JointEntry { name, span, kind, parent, child, has_limits: limit_node.is_some(), masters, terms }
 }
 
-fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Span) -> Option<JointKind> {
+fn kind_of(reader: &mut Reader<'_, '_>, written: &str, span: Span) -> Option<JointKind> {
     let names = TYPES.map(|(name, _)| name);
     let kind = TYPES.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind);
     if kind.is_none() {
@@ -149,7 +140,7 @@ fn kind_of(reader: &mut Reader<'_, '_>, written: &str, place: Span) -> Option<Jo
                 (format!("the joint type {} is not known", quoted(written)), help)
             }
         };
-        reader.diagnostics.error(place, found, names.join(", "), help);
+        reader.diagnostics.error(span, found, names.join(", "), help);
     }
     kind
 }
@@ -160,11 +151,11 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     reader.numbers::<3>(node, "xyz");
     reader.numbers::<3>(node, "rpy");
     let Some(quaternion) = reader.numbers::<4>(node, "quat_xyzw") else { return };
-    let place = reader.place(node);
+    let span = reader.span(node);
     if !reader.version.has_quaternions() {
         let help = "write version=\"1.1\" on `robot` or use `rpy`";
         return reader.diagnostics.error(
-            place,
+            span,
             "`quat_xyzw` in a file of version 1.0",
             "`rpy`",
             help,
@@ -172,7 +163,7 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     }
     if node.has_attribute("rpy") {
         reader.diagnostics.error(
-            place,
+            span,
             "`origin` has both `rpy` and `quat_xyzw`",
             "one of them",
             "remove the other",
@@ -181,7 +172,7 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (length - 1.0).abs() >= 1e-3 {
         reader.diagnostics.error(
-            place,
+            span,
             format!("the quaternion of `origin` has the length {length}"),
             "1",
             "normalise it",
@@ -193,7 +184,7 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
     reader.children(node, &AXIS);
     if node.attribute_node("xyz").is_none() {
         reader.diagnostics.error(
-            reader.place(node),
+            reader.span(node),
             "`axis` has no `xyz`",
             "a direction as 0 0 1",
             "add it",
@@ -211,7 +202,7 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
                 format!("the axis of joint {} has a length near {length:e}", quoted(joint))
             };
             reader.diagnostics.error(
-                reader.place(node),
+                reader.span(node),
                 found,
                 "a direction as 0 0 1",
                 "correct it",
@@ -222,7 +213,7 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
 
 fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>) {
     reader.children(node, &LIMIT);
-    let place = reader.place(node);
+    let span = reader.span(node);
     let [lower, upper] =
         ["lower", "upper"].map(|name| reader.numbers::<1>(node, name).map(|[number]| number));
     for name in ["effort", "velocity", "acceleration", "deceleration", "jerk"] {
@@ -234,7 +225,7 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
         };
         if value.is_some_and(|value| value < 0.0) {
             reader.diagnostics.error(
-                place,
+                span,
                 format!("the limit `{name}` is negative"),
                 "zero or more",
                 "correct the value",
@@ -248,7 +239,7 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
         && !node.has_attribute("upper")
     {
         reader.diagnostics.error(
-            place,
+            span,
             "`limit` has neither `lower` nor `upper`",
             "the range of the joint",
             "add them",
@@ -257,7 +248,7 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
     let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));
     if has_range && lower > upper {
         reader.diagnostics.error(
-            place,
+            span,
             format!("the lower limit {lower} is above the upper limit {upper}"),
             "lower ≤ upper",
             "swap them",
@@ -279,6 +270,6 @@ pub(super) fn master<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opt
             None => Some(default),
         }
     });
-    let (joint, place) = joint?;
-    Some(Master { joint, place, multiplier: multiplier?, offset: offset? })
+    let (joint, span) = joint?;
+    Some(Master { joint, span, multiplier: multiplier?, offset: offset? })
 }

@@ -34,9 +34,9 @@ const INERTIA: Shape = Shape {
 
 /// A link as it stands in the file.
 pub(crate) struct LinkEntry {
-    /// Empty when it is missing, which has been told.
+    /// Empty when it is missing, which has been reported.
     pub(crate) name: String,
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     pub(crate) inertial: Weight,
 }
 
@@ -45,10 +45,10 @@ pub(crate) struct LinkEntry {
 pub(crate) enum Weight {
     /// No inertial.
     Absent,
-    /// Something of it is malformed, which has been told.
+    /// Something of it is malformed, which has been reported.
     Malformed,
     /// Both can be read.
-    Given { place: Span, mass: f64, inertia: [f64; 6] },
+    Given { span: Span, mass: f64, inertia: [f64; 6] },
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
@@ -59,13 +59,13 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkE
     }
     LinkEntry {
         name: name.map(|(name, _)| name).unwrap_or_default(),
-        place: reader.place(node),
+        span: reader.span(node),
         inertial,
     }
 }
 
 fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
-    let place = reader.place(node);
+    let span = reader.span(node);
     let children = reader.children(node, &INERTIAL);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
     if let Some(origin) = find("origin") {
@@ -84,7 +84,7 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     for (name, absent) in [("mass", mass.is_none()), ("inertia", inertia.is_none())] {
         if absent {
             reader.diagnostics.error(
-                place,
+                span,
                 format!("`inertial` has no `{name}`"),
                 format!("<{name} …/>"),
                 "add it or remove the inertial",
@@ -92,12 +92,12 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
         }
     }
     match (mass.flatten(), inertia.flatten()) {
-        (Some(mass), Some(inertia)) => Weight::Given { place, mass, inertia },
+        (Some(mass), Some(inertia)) => Weight::Given { span, mass, inertia },
         _ => Weight::Malformed,
     }
 }
 
-/// Tells what cannot be the mass and inertia of a body; the root needs none.
+/// Reports what cannot be the mass and inertia of a body; the root needs none.
 pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool) {
     let name = quoted(&link.name);
     let diagnostics = &mut *reader.diagnostics;
@@ -106,17 +106,17 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
         Weight::Absent if is_root => {}
         Weight::Absent => {
             diagnostics.warning(
-                link.place,
+                link.span,
                 format!("link {name} has no inertial: a massless body"),
                 "mass and inertia",
                 "add them if it has any",
             );
         }
-        Weight::Given { place, mass, inertia } => {
+        Weight::Given { span, mass, inertia } => {
             let no_inertia = inertia == [0.0; 6];
             if mass < 0.0 {
                 diagnostics.inertia(
-                    place,
+                    span,
                     format!("the mass of link {name} is {mass}"),
                     "zero or more",
                     "correct the value",
@@ -124,21 +124,21 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
             } else if mass == 0.0 && !no_inertia {
                 let found = format!("link {name} has inertia but no mass");
                 diagnostics.inertia(
-                    place,
+                    span,
                     found,
                     "a mass, or zero inertia too",
                     "correct one of them",
                 );
             } else if mass == 0.0 && !is_root {
                 diagnostics.warning(
-                    place,
+                    span,
                     format!("link {name} has zero mass: a massless body"),
                     "mass and inertia",
                     "add them if it has any",
                 );
             } else if no_inertia && !is_root {
                 diagnostics.warning(
-                    place,
+                    span,
                     format!("link {name} has zero inertia: a point mass"),
                     "an inertia",
                     "add it if it is known",
@@ -151,7 +151,7 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
                         "the inertia of link {name} has the negative principal moment {least:.6e}"
                     );
                     diagnostics.inertia(
-                        place,
+                        span,
                         found,
                         "moments of zero or more",
                         "correct the inertia about the centre of mass",
@@ -159,10 +159,11 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
                 }
                 Err(InertiaFault::Triangle { moments: [a, b, c] }) => {
                     let found = format!(
-                        "the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, break the triangle inequality"
+                        "the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, \
+                         break the triangle inequality"
                     );
                     diagnostics.inertia(
-                        place,
+                        span,
                         found,
                         "none above the sum of the others",
                         "correct the inertia about the centre of mass",

@@ -42,10 +42,10 @@ const ROBOT: Shape = Shape {
 const MOST_LINKS: usize = 4096;
 const MOST_JOINTS: usize = 1024;
 
-/// A URDF file as it stands, with places; the numbers follow in [`Values`].
+/// A URDF file as it stands, with positions; the numbers follow in [`Values`].
 pub(crate) struct Urdf {
     pub(crate) name: String,
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     pub(crate) links: Vec<LinkEntry>,
     pub(crate) joints: Vec<JointEntry>,
     pub(crate) link_index: HashMap<String, usize>,
@@ -78,16 +78,16 @@ impl Version {
 }
 
 impl Urdf {
-    /// Walks the text; `None` when it is no URDF file at all, which has been told.
+    /// Walks the text; `None` when it is no URDF file at all, which has been reported.
     pub(crate) fn read(text: &Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
         let document = xml::parse(text, diagnostics)?;
         let mut reader = Reader::new(text, diagnostics, Version(1, 0));
         let root = document.root_element();
-        let place = reader.place(root);
+        let span = reader.span(root);
         if !root.has_tag_name("robot") {
             let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
             reader.diagnostics.error(
-                place,
+                span,
                 found,
                 "`robot`",
                 "give a URDF file (expand xacro files, convert SDF or MJCF first)",
@@ -102,12 +102,12 @@ impl Urdf {
                     "the version {} of `robot`",
                     quoted(root.attribute("version").unwrap_or_default())
                 );
-                reader.diagnostics.error(place, found, "1.0, 1.1 or 1.2", "correct it");
+                reader.diagnostics.error(span, found, "1.0, 1.1 or 1.2", "correct it");
                 Version(1, 0)
             });
         let mut urdf = Urdf {
             name,
-            place,
+            span,
             links: Vec::new(),
             joints: Vec::new(),
             link_index: HashMap::new(),
@@ -138,7 +138,7 @@ impl Urdf {
             if count > most {
                 let help = "split it into robots of their own, or leave out what does not move";
                 reader.diagnostics.error(
-                    place,
+                    span,
                     format!("the robot has {count} {what}"),
                     format!("at most {most}"),
                     help,
@@ -203,7 +203,7 @@ impl Urdf {
         for (i, link) in self.links.iter().enumerate().filter(|(_, link)| !link.name.is_empty()) {
             if self.link_index.contains_key(&link.name) {
                 diagnostics.error(
-                    link.place,
+                    link.span,
                     format!("a second link is named {}", quoted(&link.name)),
                     "a name of its own",
                     "rename one of them",
@@ -216,7 +216,7 @@ impl Urdf {
         {
             if self.joint_index.contains_key(&joint.name) {
                 let found = format!("a second joint is named {}", quoted(&joint.name));
-                diagnostics.error(joint.place, found, "a name of its own", "rename one of them");
+                diagnostics.error(joint.span, found, "a name of its own", "rename one of them");
             } else {
                 self.joint_index.insert(joint.name.clone(), i);
             }
@@ -238,13 +238,13 @@ impl Urdf {
                         self.joint_names(),
                         "correct the name",
                     );
-                    diagnostics.error(dependence.place, found, "a joint of this file", help);
+                    diagnostics.error(dependence.span, found, "a joint of this file", help);
                 }
                 Some(joint) if !joint.masters.is_empty() => {
                     let found =
                         format!("the joint {} is coupled a second time", quoted(&joint.name));
                     diagnostics.error(
-                        dependence.place,
+                        dependence.span,
                         found,
                         "one mimic or one transmission",
                         "remove one of them",
@@ -269,19 +269,19 @@ impl Urdf {
                     self.joint_names(),
                     "correct the name",
                 );
-                reader.diagnostics.error(rotor.place, found, "a joint of this file", help);
+                reader.diagnostics.error(rotor.span, found, "a joint of this file", help);
                 continue;
             };
             let mut terms = joint.terms;
             if !rotor.join(&mut terms) {
                 let found = format!("the joint {} has a second rotor", quoted(&joint.name));
                 reader.diagnostics.error(
-                    rotor.place,
+                    rotor.span,
                     found,
                     "one",
                     "add both inertias up, each times its ratio squared",
                 );
-            } else if dynamics::accepts(reader, rotor.place, joint.kind, &joint.name, &terms) {
+            } else if dynamics::accepts(reader, rotor.span, joint.kind, &joint.name, &terms) {
                 joint.terms = terms;
             }
         }
@@ -311,7 +311,7 @@ impl Urdf {
                     }
                     Some(_) => continue,
                 };
-                diagnostics.error(master.place, found, "another moving joint of this robot", help);
+                diagnostics.error(master.span, found, "another moving joint of this robot", help);
             }
             if !joint.masters.is_empty()
                 && matches!(
@@ -321,7 +321,7 @@ impl Urdf {
             {
                 let found = format!("the joint {} is coupled", quoted(&joint.name));
                 diagnostics.error(
-                    joint.place,
+                    joint.span,
                     found,
                     "a coupling of joints with one axis",
                     "remove the mimic or change the type",

@@ -6,7 +6,7 @@ use crate::report::{Diagnostics, quoted};
 /// Checks the tree and returns for each link whether no joint has it as its child.
 pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
     if urdf.links.is_empty() {
-        diagnostics.error(urdf.place, "the robot has no link", "at least one", "add links");
+        diagnostics.error(urdf.span, "the robot has no link", "at least one", "add links");
     }
     // the joint above each link
     let mut above: Vec<Option<usize>> = vec![None; urdf.links.len()];
@@ -14,7 +14,7 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
     for (j, joint) in urdf.joints.iter().enumerate() {
         let [parent, child] =
             [(&joint.parent, "parent"), (&joint.child, "child")].map(|(end, what)| {
-                let (name, place) = end.as_ref()?;
+                let (name, span) = end.as_ref()?;
                 let index = urdf.link_index.get(name).copied();
                 if index.is_none() {
                     let found = format!(
@@ -27,7 +27,7 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
                         urdf.link_names(),
                         "correct the name or add the link",
                     );
-                    diagnostics.error(*place, found, "a link of this file", help);
+                    diagnostics.error(*span, found, "a link of this file", help);
                 }
                 index
             });
@@ -38,7 +38,7 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
         match slot.and_then(|first| urdf.joints.get(first)) {
             None => *slot = Some(j),
             Some(first) => {
-                let (name, place) = joint.child.clone().unwrap_or((String::new(), joint.place));
+                let (name, span) = joint.child.clone().unwrap_or((String::new(), joint.span));
                 let found = format!(
                     "the link {} has two parents, by the joints {} and {}",
                     quoted(&name),
@@ -46,7 +46,7 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
                     quoted(&joint.name)
                 );
                 diagnostics.error(
-                    place,
+                    span,
                     found,
                     "one",
                     "cut the loop here and write it as a loop constraint",
@@ -69,13 +69,13 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
         && whole
     {
         let first = urdf.links.get(*first).map(|link| quoted(&link.name)).unwrap_or_default();
-        // a link of a second name cannot be connected and has been told
+        // a link of a second name cannot be connected and has been reported
         let named = |i: &&usize| {
             urdf.links.get(**i).is_some_and(|link| urdf.link_index.get(&link.name) == Some(*i))
         };
         for link in others.iter().filter(named).filter_map(|other| urdf.links.get(*other)) {
             let found = format!("the link {} is a second root beside {first}", quoted(&link.name));
-            diagnostics.error(link.place, found, "one root", "connect it by a joint or remove it");
+            diagnostics.error(link.span, found, "one root", "connect it by a joint or remove it");
         }
     }
 
@@ -96,7 +96,7 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
         {
             let found = format!("the joint {} closes a cycle of links", quoted(&joint.name));
             diagnostics.error(
-                joint.place,
+                joint.span,
                 found,
                 "a tree",
                 "cut the loop and write it as a loop constraint",

@@ -17,15 +17,15 @@ const DEPENDS_ON: Shape =
 /// What one joint of a transmission depends on.
 pub(crate) struct Dependence {
     pub(crate) joint: String,
-    pub(crate) place: Span,
+    pub(crate) span: Span,
     pub(crate) masters: Vec<Master>,
 }
 
 /// The dependence that a joint states by `<mimic>`.
 pub(super) fn of_mimic<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Dependence> {
     let mimic = node.children().find(|child| child.has_tag_name("mimic"))?;
-    let (joint, place) = reader.required(node, "name")?;
-    Some(Dependence { joint, place, masters: vec![master(reader, mimic)?] })
+    let (joint, span) = reader.required(node, "name")?;
+    Some(Dependence { joint, span, masters: vec![master(reader, mimic)?] })
 }
 
 /// The dependences of a transmission; the transmissions of other programs have none.
@@ -41,8 +41,8 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<D
             reader.children(term, &DEPENDS_ON);
             masters.extend(master(reader, term));
         }
-        if let Some((joint, place)) = name.filter(|_| !masters.is_empty()) {
-            dependences.push(Dependence { joint, place, masters });
+        if let Some((joint, span)) = name.filter(|_| !masters.is_empty()) {
+            dependences.push(Dependence { joint, span, masters });
         }
     }
     dependences

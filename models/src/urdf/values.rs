@@ -25,10 +25,10 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) ->
         Ok(robot) => robot,
         Err(error) => {
             diagnostics.error(
-                urdf.place,
+                urdf.span,
                 format!("urdf-rs cannot read the file: {error}"),
                 "a URDF file",
-                "mend what it names",
+                "correct what it names",
             );
             return None;
         }
@@ -42,7 +42,7 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) ->
                 .eq(urdf.joints.iter().map(|joint| &joint.name));
     if !same_names {
         diagnostics.error(
-            urdf.place,
+            urdf.span,
             "two readers of this file see different names",
             "plain names",
             "use letters, digits, _ and / in names",

@@ -1,4 +1,4 @@
-//! Elements and attributes with their places, read strictly.
+//! Elements and attributes with their positions, read strictly.
 
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
@@ -32,25 +32,25 @@ pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
     match Document::parse_with_options(&text.content, options) {
         Ok(document) => Some(document),
         Err(error) => {
-            let place = place_of(&error, text);
+            let span = span_of(&error, text);
             let full = error.to_string();
-            // the parser repeats the place at the end of its message
+            // the parser repeats the position at the end of its message
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
             diagnostics.error(
-                place,
+                span,
                 format!("this is not XML: {what}"),
                 "a well-formed URDF file",
-                "mend the file at this place",
+                "correct the file at this position",
             );
             None
         }
     }
 }
 
-fn place_of(error: &roxmltree::Error, text: &Text) -> Span {
+fn span_of(error: &roxmltree::Error, text: &Text) -> Span {
     match error {
         roxmltree::Error::UnclosedRootNode | roxmltree::Error::UnexpectedEndOfStream => {
-            text.place(text.content.len())
+            text.span(text.content.len())
         }
         _ => {
             let at = error.pos();
@@ -81,12 +81,12 @@ impl<'t, 'f> Reader<'t, 'f> {
         Reader { text, diagnostics, version, unread: Vec::new(), replaced: Vec::new() }
     }
 
-    pub(super) fn place(&self, node: Node<'_, 't>) -> Span {
-        self.text.place(node.range().start)
+    pub(super) fn span(&self, node: Node<'_, 't>) -> Span {
+        self.text.span(node.range().start)
     }
 
-    pub(super) fn place_of_value(&self, attribute: &Attribute<'_, 't>) -> Span {
-        self.text.place(attribute.range_value().start)
+    pub(super) fn span_of_value(&self, attribute: &Attribute<'_, 't>) -> Span {
+        self.text.span(attribute.range_value().start)
     }
 
     /// The elements of `node` that are read. Warns about unknown elements and attributes, and
@@ -106,7 +106,7 @@ impl<'t, 'f> Reader<'t, 'f> {
                     "remove it if it is a slip",
                 );
                 self.diagnostics.warning(
-                    self.text.place(attribute.range().start),
+                    self.text.span(attribute.range().start),
                     found,
                     expected,
                     help,
@@ -125,7 +125,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             if is_ours && shape.once.contains(&name) {
                 if seen.contains(&name) {
                     let found = format!("`{of}` has a second `{name}`");
-                    self.diagnostics.error(self.place(child), found, "one", "remove one of them");
+                    self.diagnostics.error(self.span(child), found, "one", "remove one of them");
                 }
                 seen.push(name);
                 children.push(child);
@@ -138,7 +138,7 @@ impl<'t, 'f> Reader<'t, 'f> {
                 let help = self.diagnostics.did_you_mean(name, known, "remove it if it is a slip");
                 let found =
                     format!("the element {} in `{of}` is not known and not read", quoted(name));
-                self.diagnostics.warning(self.place(child), found, expected, help);
+                self.diagnostics.warning(self.span(child), found, expected, help);
             }
         }
         children
@@ -154,24 +154,24 @@ impl<'t, 'f> Reader<'t, 'f> {
         let Some(found) = node.attribute_node(attribute) else {
             let example = format!("{attribute}=\"…\"");
             self.diagnostics.error(
-                self.place(node),
+                self.span(node),
                 format!("`{of}` has no `{attribute}`"),
                 example,
                 "add it",
             );
             return None;
         };
-        let place = self.place_of_value(&found);
+        let span = self.span_of_value(&found);
         if found.value().trim().is_empty() {
             self.diagnostics.error(
-                place,
+                span,
                 format!("`{attribute}` of `{of}` is empty"),
                 "a name",
                 "fill it in",
             );
             return None;
         }
-        Some((found.value().to_owned(), place))
+        Some((found.value().to_owned(), span))
     }
 
     /// `N` finite numbers; `None` when the attribute is absent or after an error.
@@ -187,7 +187,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             Err(fault) => {
                 let what = format!("`{attribute}` of `{of}`: {fault}");
                 self.diagnostics.error(
-                    self.place_of_value(&found),
+                    self.span_of_value(&found),
                     what,
                     number::expected(N),
                     "correct the value",
@@ -204,7 +204,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             Err(fault) => {
                 let what = format!("`{}`: {fault}", node.tag_name().name());
                 self.diagnostics.error(
-                    self.place(node),
+                    self.span(node),
                     what,
                     number::expected(1),
                     "correct the value",
@@ -223,7 +223,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         if node.attribute_node(attribute).is_none() {
             let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
             self.diagnostics.error(
-                self.place(node),
+                self.span(node),
                 found,
                 format!("{attribute}=\"a number\""),
                 "add it",

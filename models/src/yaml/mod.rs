@@ -1,5 +1,5 @@
-//! YAML files with the place of every value, so that all their faults can be told at once: for
-//! submechanism files, and for others that tell faults in the same way.
+//! YAML files with the position of every value, so that all their faults can be reported at once:
+//! for submechanism files, and for others that report faults in the same way.
 
 mod read;
 mod tree;

@@ -1,4 +1,4 @@
-//! What stands under a key: names, numbers and lists, each fault with its place.
+//! What stands under a key: names, numbers and lists, each fault with its position.
 
 use super::tree::{Node, Value};
 use crate::number as strict;
@@ -13,7 +13,7 @@ pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics
     let Value::Map(entries) = &node.value else {
         let found = format!("{of} is {}", node.describe());
         diagnostics.error(
-            node.place,
+            node.span,
             found,
             format!("a mapping with the keys {}", known.join(", ")),
             "correct it",
@@ -24,7 +24,7 @@ pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics
     for (key, _) in entries {
         let Value::Scalar { text, .. } = &key.value else {
             diagnostics.error(
-                key.place,
+                key.span,
                 format!("a key of {of} is {}", key.describe()),
                 known.join(", "),
                 "use a word",
@@ -34,14 +34,14 @@ pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics
         if !known.contains(&text.as_str()) {
             let help = diagnostics.did_you_mean(text, known.iter().copied(), "remove it");
             diagnostics.error(
-                key.place,
+                key.span,
                 format!("the key {} of {of} is not known", quoted(text)),
                 known.join(", "),
                 help,
             );
         } else if seen.contains(&text.as_str()) {
             diagnostics.error(
-                key.place,
+                key.span,
                 format!("the key {} of {of} is there twice", quoted(text)),
                 "one",
                 "remove one of them",
@@ -61,10 +61,10 @@ pub fn word(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Nam
 
 fn word_of(value: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Named> {
     match &value.value {
-        Value::Scalar { text, .. } if !text.trim().is_empty() => Some((text.clone(), value.place)),
+        Value::Scalar { text, .. } if !text.trim().is_empty() => Some((text.clone(), value.span)),
         _ => {
             diagnostics.error(
-                value.place,
+                value.span,
                 format!("`{key}` holds {}", value.describe()),
                 "a name",
                 "write a name",
@@ -88,7 +88,7 @@ pub fn list<'a>(node: &'a Node, key: &str, diagnostics: &mut Diagnostics) -> &'a
     let Some(value) = node.get(key) else { return &[] };
     if !matches!(value.value, Value::List(_) | Value::Null) {
         diagnostics.error(
-            value.place,
+            value.span,
             format!("`{key}` is {}", value.describe()),
             "a list",
             format!("write `{key}: [...]`"),
@@ -107,7 +107,7 @@ pub fn numbers<const N: usize>(
     let value = node.get(key)?;
     let Value::List(items) = &value.value else {
         diagnostics.error(
-            value.place,
+            value.span,
             format!("`{key}` of {of} is {}", value.describe()),
             strict::expected(N),
             "write them as a list",
@@ -116,7 +116,7 @@ pub fn numbers<const N: usize>(
     };
     if items.len() != N {
         diagnostics.error(
-            value.place,
+            value.span,
             format!("`{key}` of {of} holds {} values", items.len()),
             strict::expected(N),
             "correct the list",
@@ -144,7 +144,7 @@ pub fn number(item: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<f
         _ => format!("{} is not a number", item.describe()),
     };
     diagnostics.error(
-        item.place,
+        item.span,
         format!("`{key}`: {fault}"),
         strict::expected(1),
         "correct the value",

@@ -13,7 +13,7 @@ const MOST_NODES: usize = 1_000_000;
 #[derive(Debug)]
 pub struct Node {
     /// Its first character.
-    pub place: Span,
+    pub span: Span,
     /// What it is.
     pub value: Value,
 }
@@ -72,7 +72,7 @@ struct Open {
 /// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error
 /// that leaves no tree.
 pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) -> Option<Node> {
-    let place = |mark: &Marker| Span {
+    let span_of = |mark: &Marker| Span {
         file: text.file,
         line: mark.line().max(1) as u32,
         column: mark.col() as u32 + 1,
@@ -81,25 +81,25 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
     let mut root: Option<Node> = None;
     let mut n_nodes = 0;
     for event in Parser::new_from_str(&text.content) {
-        let (event, span) = match event {
+        let (event, marks) = match event {
             Ok(event) => event,
             Err(error) => {
                 // the scanner looks ahead of our own limit and has a higher one
                 if error.info() == "recursion limit exceeded" {
-                    too_deep(place(error.marker()), diagnostics);
+                    too_deep(span_of(error.marker()), diagnostics);
                     return None;
                 }
                 let found = format!("this is not YAML: {}", error.info());
                 diagnostics.error(
-                    place(error.marker()),
+                    span_of(error.marker()),
                     found,
                     expected,
-                    "mend the file at this place",
+                    "correct the file at this position",
                 );
                 return None;
             }
         };
-        let here = place(&span.start);
+        let here = span_of(&marks.start);
         let (anchor, tag) = match &event {
             Event::Scalar(_, _, anchor, tag)
             | Event::SequenceStart(anchor, tag)
@@ -118,7 +118,7 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
             diagnostics.error(here, "a tag (`!…`)", "plain values", "remove it");
         }
         let node = match event {
-            Event::Scalar(value, style, ..) => Node { place: here, value: scalar(&value, style) },
+            Event::Scalar(value, style, ..) => Node { span: here, value: scalar(&value, style) },
             Event::Alias(_) => {
                 diagnostics.error(
                     here,
@@ -126,7 +126,7 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
                     "a file without anchors and aliases",
                     "write the value out",
                 );
-                Node { place: here, value: Value::Null }
+                Node { span: here, value: Value::Null }
             }
             Event::SequenceStart(..) | Event::MappingStart(..) => {
                 if open.len() >= DEEPEST {
@@ -138,7 +138,7 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
                 } else {
                     Value::Map(Vec::new())
                 };
-                open.push(Open { node: Node { place: here, value }, key: None });
+                open.push(Open { node: Node { span: here, value }, key: None });
                 continue;
             }
             Event::SequenceEnd | Event::MappingEnd => match open.pop() {
@@ -166,12 +166,12 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
             None => root = Some(node),
         }
     }
-    Some(root.unwrap_or(Node { place: Span::start(text.file), value: Value::Null }))
+    Some(root.unwrap_or(Node { span: Span::start(text.file), value: Value::Null }))
 }
 
-fn too_deep(place: Span, diagnostics: &mut Diagnostics) {
+fn too_deep(span: Span, diagnostics: &mut Diagnostics) {
     diagnostics.error(
-        place,
+        span,
         "lists and mappings are nested too deep",
         format!("at most {DEEPEST} levels"),
         "flatten the file",

@@ -35,15 +35,15 @@ fn a_hinge_of_the_plane_has_the_two_rows_across_its_axis() {
     );
 }
 
-/// What is told about these lines.
-fn told_of_cut(lines: &str) -> Vec<String> {
-    told(URDF, &cut(lines)).lines().map(str::to_owned).collect()
+/// What is reported about these lines.
+fn reported_of_cut(lines: &str) -> Vec<String> {
+    reported(URDF, &cut(lines)).lines().map(str::to_owned).collect()
 }
 
 #[test]
-fn an_unknown_cut_joint_is_told_with_the_nearest() {
+fn an_unknown_cut_joint_is_reported_with_the_nearest() {
     let expected = "submechanisms.yml:14:21: the cut joint type `revolut` is not known, expected spherical, weld, revolute, planar_revolute, prismatic, cylindrical, universal, did you mean `revolute`?";
-    assert_eq!(told_of_cut("cut_joint_type: revolut\n    axis: [0, 0, 1]"), [expected]);
+    assert_eq!(reported_of_cut("cut_joint_type: revolut\n    axis: [0, 0, 1]"), [expected]);
 }
 
 #[test]
@@ -54,51 +54,51 @@ fn a_type_beside_axes_is_an_error() {
         "    cut_joint_type: spherical\n    constraint_axes:\n",
     );
     let expected = "submechanisms.yml:16:7: the loop has `constraint_axes` and a `cut_joint_type`, expected one of them, remove one of them";
-    assert_eq!(told(URDF, &yaml).lines().collect::<Vec<_>>(), [expected]);
+    assert_eq!(reported(URDF, &yaml).lines().collect::<Vec<_>>(), [expected]);
 }
 
 #[test]
 fn an_axis_without_a_type_is_an_error() {
     let yaml = with(YAML, "    constraint_axes:\n", "    axis: [0, 0, 1]\n    constraint_axes:\n");
     let expected = "submechanisms.yml:14:11: `axis` without a `cut_joint_type`, expected both or neither, add `cut_joint_type`, or write the axis in constraint_axes";
-    assert_eq!(told(URDF, &yaml).lines().collect::<Vec<_>>(), [expected]);
+    assert_eq!(reported(URDF, &yaml).lines().collect::<Vec<_>>(), [expected]);
 }
 
 #[test]
 fn missing_and_needless_axes_are_errors() {
     let missing = "submechanisms.yml:14:21: a revolute cut without `axis`, expected `axis: [x, y, z]` in the cut frame, add it";
-    assert_eq!(told_of_cut("cut_joint_type: revolute"), [missing]);
+    assert_eq!(reported_of_cut("cut_joint_type: revolute"), [missing]);
     let second = "submechanisms.yml:14:21: a universal cut without `axis2`, expected `axis2: [x, y, z]` in the cut frame, add it";
-    assert_eq!(told_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]"), [second]);
+    assert_eq!(reported_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]"), [second]);
     let needless = "submechanisms.yml:15:11: a weld cut with `axis`, expected none, remove it";
-    assert_eq!(told_of_cut("cut_joint_type: weld\n    axis: [1, 0, 0]"), [needless]);
+    assert_eq!(reported_of_cut("cut_joint_type: weld\n    axis: [1, 0, 0]"), [needless]);
 }
 
 #[test]
 fn the_axes_of_a_universal_cut_are_perpendicular() {
     let parallel = "submechanisms.yml:16:12: the two axes of a universal cut have the cosine 1.000e0, expected perpendicular axes, correct one of them, or write the cut as revolute joints in the tree and a spherical cut";
     assert_eq!(
-        told_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [2, 0, 0]"),
+        reported_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [2, 0, 0]"),
         [parallel]
     );
     let tilted =
-        told_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [0.01, 1, 0]");
+        reported_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [0.01, 1, 0]");
     assert!(tilted[0].contains("have the cosine 1.000e-2"), "{tilted:?}");
 }
 
 #[test]
 fn axes_without_direction_or_of_the_wrong_count_are_errors() {
     let zero = "submechanisms.yml:15:11: `axis` of the loop constraint has a length near 0e0, expected a direction as [0, 0, 1], correct it";
-    assert_eq!(told_of_cut("cut_joint_type: revolute\n    axis: [0, 0, 0]"), [zero]);
+    assert_eq!(reported_of_cut("cut_joint_type: revolute\n    axis: [0, 0, 0]"), [zero]);
     let two = "submechanisms.yml:15:11: `axis` of the loop constraint holds 2 values, expected 3 finite numbers, correct the list";
-    assert_eq!(told_of_cut("cut_joint_type: revolute\n    axis: [0, 1]"), [two]);
+    assert_eq!(reported_of_cut("cut_joint_type: revolute\n    axis: [0, 1]"), [two]);
 }
 
 #[test]
 fn a_fault_of_a_named_cut_stands_at_its_type() {
     // a weld leaves the lambda no freedom
-    let told = told_of_cut("cut_joint_type: weld");
-    assert!(told.iter().all(|line| line.starts_with("submechanisms.yml:")), "{told:?}");
+    let reported = reported_of_cut("cut_joint_type: weld");
+    assert!(reported.iter().all(|line| line.starts_with("submechanisms.yml:")), "{reported:?}");
 }
 
 #[test]
@@ -111,15 +111,15 @@ fn the_types_with_closed_forms_of_their_own_count_their_joints() {
             "jointnames_spanningtree: [elbow, swing, slide]",
             "jointnames_spanningtree: [elbow, swing]",
         );
-        let told = told(URDF, &yaml);
+        let reported = reported(URDF, &yaml);
         assert!(
-            told.contains(&format!("`{name}` with 2 spanning-tree joints, expected {trees}, ")),
-            "{told}"
+            reported.contains(&format!("`{name}` with 2 spanning-tree joints, expected {trees}, ")),
+            "{reported}"
         );
-        let wrong =
-            told.contains(&format!("`{name}` with 1 independent joint, expected {independents}"));
-        assert_eq!(wrong, independents != 1, "{told}");
+        let wrong = reported
+            .contains(&format!("`{name}` with 1 independent joint, expected {independents}"));
+        assert_eq!(wrong, independents != 1, "{reported}");
     }
-    let slip = told(URDF, &with(YAML, "NUMERICAL", "FOUR_BAR"));
+    let slip = reported(URDF, &with(YAML, "NUMERICAL", "FOUR_BAR"));
     assert!(slip.contains("did you mean `FOURBAR`?"), "{slip}");
 }

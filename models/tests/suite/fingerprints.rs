@@ -4,7 +4,7 @@ use sarrus_models::bundled;
 
 use super::*;
 
-const FINGERPRINTS: [(&str, u64); 16] = [];
+const FINGERPRINTS: &[(&str, u64)] = &[];
 
 #[test]
 fn every_bundled_robot_keeps_its_fingerprint() {

@@ -1,4 +1,4 @@
-//! Files that mean harm, and files that were damaged: told or read, never a panic, never a wait.
+//! Files that mean harm, and files that were damaged: reported or read, never a panic, never a wait.
 
 use super::*;
 
@@ -19,7 +19,7 @@ impl Random {
 fn deep_nesting_is_refused_before_a_parser_sees_it() {
     let urdf = format!("<robot name=\"r\">{}", "<link>".repeat(1_000_000));
     let expected = "robot.urdf:1:395: elements are nested too deep, expected at most 64 levels, flatten the file\n";
-    assert_eq!(told_of(urdf.as_bytes(), None, false), expected);
+    assert_eq!(reported_of(urdf.as_bytes(), None, false), expected);
     for (yaml, expected) in [
         (
             "[".repeat(1_000_000),
@@ -38,66 +38,66 @@ fn deep_nesting_is_refused_before_a_parser_sees_it() {
             "submechanisms.yml:1:129: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
         ),
     ] {
-        assert_eq!(told_of(URDF.as_bytes(), Some(yaml.as_bytes()), false), expected);
+        assert_eq!(reported_of(URDF.as_bytes(), Some(yaml.as_bytes()), false), expected);
     }
     let levels = format!(
         "<robot name=\"r\"><link name=\"a\">{}{}</link></robot>",
         "<visual>".repeat(62),
         "</visual>".repeat(62)
     );
-    assert_eq!(told_of(levels.as_bytes(), None, false), "");
+    assert_eq!(reported_of(levels.as_bytes(), None, false), "");
 }
 
 #[test]
 fn a_bomb_of_entities_is_refused() {
     let bomb = "<?xml version=\"1.0\"?>\n<!DOCTYPE lolz [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;\">]>\n<robot name=\"&b;\"/>";
     let expected = "robot.urdf:2:1: a document type declaration (DTD), expected a file without one, remove it; the five entities of XML itself need none\n";
-    assert_eq!(told_of(bomb.as_bytes(), None, false), expected);
+    assert_eq!(reported_of(bomb.as_bytes(), None, false), expected);
 }
 
 #[test]
 fn a_bomb_of_aliases_is_refused() {
     let bomb = "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n";
-    let told = told_of(URDF.as_bytes(), Some(bomb.as_bytes()), false);
-    assert_eq!(told.matches("an alias").count(), 4);
-    assert_eq!(told.matches("an anchor").count(), 2);
+    let reported = reported_of(URDF.as_bytes(), Some(bomb.as_bytes()), false);
+    assert_eq!(reported.matches("an alias").count(), 4);
+    assert_eq!(reported.matches("an anchor").count(), 2);
 }
 
 #[test]
 fn a_file_too_large_is_refused() {
     let large = vec![b' '; (64 << 20) + 1];
     let expected = "robot.urdf:1:1: the file is larger than 64 MiB, expected a robot of ordinary size, leave out what a robot does not need\n";
-    assert_eq!(told_of(&large, None, false), expected);
+    assert_eq!(reported_of(&large, None, false), expected);
 }
 
 #[test]
 fn names_of_a_megabyte_are_shortened_in_messages() {
     let long = "x".repeat(1 << 20);
     let urdf = URDF.replace("\"rod\"", &format!("\"{long}\""));
-    let told = told(&urdf, YAML);
-    assert_eq!(told.lines().count(), 1);
-    assert!(told.starts_with(
+    let reported = reported(&urdf, YAML);
+    assert_eq!(reported.lines().count(), 1);
+    assert!(reported.starts_with(
         "submechanisms.yml:13:21: `successor_body` names the link `rod`, which does not exist"
     ));
-    let fine = told_of(
+    let fine = reported_of(
         urdf.as_bytes(),
         Some(YAML.replace(": rod", &format!(": {long}")).as_bytes()),
         false,
     );
     assert_eq!(fine, "");
-    let told = super::told(URDF, &YAML.replace("elbow", &long));
-    assert!(told.len() < 2000, "{}", told.len());
+    let reported = super::reported(URDF, &YAML.replace("elbow", &long));
+    assert!(reported.len() < 2000, "{}", reported.len());
 }
 
 #[test]
 fn control_characters_are_made_visible() {
-    let told = told(URDF, &with(YAML, "[slide]", "[\"sli\\0\\e[31mde\"]"));
+    let reported = reported(URDF, &with(YAML, "[slide]", "[\"sli\\0\\e[31mde\"]"));
     let expected = "submechanisms.yml:9:23: `jointnames_active` names `sli\\u{0}\\u{1b}[31mde`, which is not in the spanning tree, \
         expected names of jointnames_spanningtree, add it to jointnames_spanningtree or remove it\n";
-    assert_eq!(told, expected);
-    assert!(told_of(b"<robot name=\"a\0b\"/>", None, false).starts_with("robot.urdf:1:"));
+    assert_eq!(reported, expected);
+    assert!(reported_of(b"<robot name=\"a\0b\"/>", None, false).starts_with("robot.urdf:1:"));
     assert!(
-        told_of(URDF.as_bytes(), Some(b"submechanisms: \0"), false)
+        reported_of(URDF.as_bytes(), Some(b"submechanisms: \0"), false)
             .starts_with("submechanisms.yml:1:")
     );
 }
@@ -105,8 +105,8 @@ fn control_characters_are_made_visible() {
 #[test]
 fn thousands_of_faults_are_listed_up_to_a_thousand() {
     let urdf = format!("<robot name=\"r\">{}</robot>", "<link/>".repeat(50_000));
-    let told = told_of(urdf.as_bytes(), None, false);
-    let errors: Vec<&str> = told.lines().filter(|line| !line.contains("no inertial")).collect();
+    let reported = reported_of(urdf.as_bytes(), None, false);
+    let errors: Vec<&str> = reported.lines().filter(|line| !line.contains("no inertial")).collect();
     assert_eq!(errors.len(), 1001);
     assert!(errors[1000].contains("further errors are not listed"), "{}", errors[1000]);
 }
@@ -114,12 +114,12 @@ fn thousands_of_faults_are_listed_up_to_a_thousand() {
 #[test]
 fn many_attributes_and_namespaces_are_refused() {
     let attributes: String = (0..300).map(|i| format!(" a{i}=\"\"")).collect();
-    let told = told_of(format!("<robot{attributes}/>").as_bytes(), None, false);
+    let reported = reported_of(format!("<robot{attributes}/>").as_bytes(), None, false);
     let expected = "robot.urdf:1:1: the element `robot` has too many attributes or namespaces, expected at most 256, remove those that no reader knows\n";
-    assert_eq!(told, expected);
+    assert_eq!(reported, expected);
     let many = "<a xmlns:b=\"c\"/>".repeat(2000);
     assert!(
-        told_of(format!("<robot name=\"r\">{many}</robot>").as_bytes(), None, false)
+        reported_of(format!("<robot name=\"r\">{many}</robot>").as_bytes(), None, false)
             .contains("too many attributes or namespaces")
     );
 }
@@ -128,27 +128,29 @@ fn many_attributes_and_namespaces_are_refused() {
 fn a_long_list_costs_no_more_than_its_length() {
     let axes: String =
         (0..20_000).map(|i| format!("    - {{name: a{i}, axis: [0, 0, 0, 0, 1, 0]}}\n")).collect();
-    let told = told(URDF, &with(YAML, "    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n", &axes));
+    let reported =
+        reported(URDF, &with(YAML, "    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n", &axes));
     let expected = "submechanisms.yml:1:1: the loops have 20001 constraint_axes, expected at most 1024, split the robot into robots of their own\n\
         submechanisms.yml:21:7: the loop constraint has 20001 constraint_axes, expected at most six, remove those that the others imply\n";
-    assert_eq!(told, expected);
+    assert_eq!(reported, expected);
 }
 
 #[test]
-fn a_file_cut_anywhere_is_told_or_read() {
+fn a_file_cut_anywhere_is_reported_or_read() {
     for end in (0..URDF.len()).step_by(3) {
         assert!(
-            told_of(&URDF.as_bytes()[..end], Some(YAML.as_bytes()), false).contains("robot.urdf:")
+            reported_of(&URDF.as_bytes()[..end], Some(YAML.as_bytes()), false)
+                .contains("robot.urdf:")
                 || end + 1 >= URDF.len()
         );
     }
     for end in 0..YAML.len() {
-        told_of(URDF.as_bytes(), Some(&YAML.as_bytes()[..end]), false);
+        reported_of(URDF.as_bytes(), Some(&YAML.as_bytes()[..end]), false);
     }
 }
 
 #[test]
-fn damaged_files_are_told_or_read() {
+fn damaged_files_are_reported_or_read() {
     const SEED: u64 = 0x5a44;
     println!("seed {SEED:#x}");
     let mut random = Random(SEED);
@@ -174,6 +176,6 @@ fn damaged_files_are_told_or_read() {
                 file.push(b'x');
             }
         }
-        told_of(&files[0], Some(&files[1]), random.below(2) == 0);
+        reported_of(&files[0], Some(&files[1]), random.below(2) == 0);
     }
 }

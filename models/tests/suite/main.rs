@@ -2,10 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
 /// One test for each kind of fault: a text of the good file, what it becomes, and every line that
-/// is told.
+/// is reported.
 macro_rules! faults {
-    (@file urdf $from:literal $to:literal) => { told(&with(URDF, $from, $to), YAML) };
-    (@file yaml $from:literal $to:literal) => { told(URDF, &with(YAML, $from, $to)) };
+    (@file urdf $from:literal $to:literal) => { reported(&with(URDF, $from, $to), YAML) };
+    (@file yaml $from:literal $to:literal) => { reported(URDF, &with(YAML, $from, $to)) };
     ($file:ident: $($name:ident: $from:literal => $to:literal, $($line:literal),+;)*) => {
         $(#[test]
         fn $name() {
@@ -35,12 +35,12 @@ fn with(text: &str, from: &str, to: &str) -> String {
     text.replace(from, to)
 }
 
-fn told(urdf: &str, yaml: &str) -> String {
-    told_of(urdf.as_bytes(), Some(yaml.as_bytes()), false)
+fn reported(urdf: &str, yaml: &str) -> String {
+    reported_of(urdf.as_bytes(), Some(yaml.as_bytes()), false)
 }
 
-/// Everything that is told about a robot, a line each; nothing about a good one.
-fn told_of(urdf: &[u8], yaml: Option<&[u8]>, lenient: bool) -> String {
+/// Everything that is reported about a robot, a line each; nothing about a good one.
+fn reported_of(urdf: &[u8], yaml: Option<&[u8]>, lenient: bool) -> String {
     let source = Source::Text { urdf: urdf.into(), submechanisms: yaml.map(Into::into) };
     match load(&source, &Options { lenient, ..Options::default() }) {
         Ok(loaded) => {

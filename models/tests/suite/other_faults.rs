@@ -18,53 +18,53 @@ fn remove(path: &std::path::Path) {
 }
 
 #[test]
-fn bytes_that_are_not_utf8_are_told_with_their_place() {
+fn bytes_that_are_not_utf8_are_reported_with_their_position() {
     let mut urdf = URDF.as_bytes().to_vec();
     let at = URDF.find("rocker").unwrap();
     urdf[at] = 0xe9;
     let expected = "robot.urdf:3:15: the byte 0xe9 is not UTF-8, expected UTF-8 text, save the file as UTF-8\n";
-    assert_eq!(told_of(&urdf, Some(YAML.as_bytes()), false), expected);
-    let told = told_of(URDF.as_bytes(), Some(b"a: \xff\xfe"), false);
+    assert_eq!(reported_of(&urdf, Some(YAML.as_bytes()), false), expected);
+    let reported = reported_of(URDF.as_bytes(), Some(b"a: \xff\xfe"), false);
     assert_eq!(
-        told,
+        reported,
         "submechanisms.yml:1:4: the byte 0xff is not UTF-8, expected UTF-8 text, save the file as UTF-8\n"
     );
 }
 
 #[test]
-fn another_format_is_told() {
+fn another_format_is_reported() {
     let expected = "robot.urdf:1:1: the outermost element is `sdf`, expected `robot`, give a URDF file (expand xacro files, convert SDF or MJCF first)\n";
-    assert_eq!(told_of(b"<sdf version=\"1.7\"/>", None, false), expected);
+    assert_eq!(reported_of(b"<sdf version=\"1.7\"/>", None, false), expected);
     assert_eq!(
-        told_of(b"name: robot", None, false),
-        "robot.urdf:1:1: this is not XML: unknown token, expected a well-formed URDF file, mend the file at this place\n"
+        reported_of(b"name: robot", None, false),
+        "robot.urdf:1:1: this is not XML: unknown token, expected a well-formed URDF file, correct the file at this position\n"
     );
     assert_eq!(
-        told_of(b"", None, false),
-        "robot.urdf:1:1: this is not XML: the document does not have a root node, expected a well-formed URDF file, mend the file at this place\n"
+        reported_of(b"", None, false),
+        "robot.urdf:1:1: this is not XML: the document does not have a root node, expected a well-formed URDF file, correct the file at this position\n"
     );
 }
 
 #[test]
-fn an_empty_robot_and_an_empty_list_are_told() {
-    let told = told_of(b"<robot name=\"r\"/>", Some(b""), false);
+fn an_empty_robot_and_an_empty_list_are_reported() {
+    let reported = reported_of(b"<robot name=\"r\"/>", Some(b""), false);
     let expected = "robot.urdf:1:1: the robot has no link, expected at least one, add links\n\
         submechanisms.yml:1:1: the file is nothing, expected a mapping with the keys submechanisms, exoskeletons, correct it\n";
-    assert_eq!(told, expected);
-    let told = told_of(URDF.as_bytes(), Some(b"submechanisms: []"), false);
+    assert_eq!(reported, expected);
+    let reported = reported_of(URDF.as_bytes(), Some(b"submechanisms: []"), false);
     assert_eq!(
-        told,
+        reported,
         "submechanisms.yml:1:16: `submechanisms` is empty, expected at least one, list the joints in submechanisms\n"
     );
-    let told = told_of(URDF.as_bytes(), Some(b"submechanisms: {a: b}"), false);
+    let reported = reported_of(URDF.as_bytes(), Some(b"submechanisms: {a: b}"), false);
     assert_eq!(
-        told,
+        reported,
         "submechanisms.yml:1:16: `submechanisms` is a mapping, expected a list, write each submechanism as a list item\n"
     );
 }
 
 #[test]
-fn faults_of_both_files_are_told_at_once_in_the_order_of_their_places() {
+fn faults_of_both_files_are_reported_at_once_in_the_order_of_their_positions() {
     let urdf = with(
         &with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"x\"/>"),
         "<axis xyz=\"0 1 0\"/>",
@@ -75,8 +75,10 @@ fn faults_of_both_files_are_told_at_once_in_the_order_of_their_places() {
         "  type: NUMERICAL",
         "  typ: NUMERICAL",
     );
-    let places: Vec<String> =
-        told(&urdf, &yaml).lines().map(|line| line.split(' ').next().unwrap().to_owned()).collect();
+    let spans: Vec<String> = reported(&urdf, &yaml)
+        .lines()
+        .map(|line| line.split(' ').next().unwrap().to_owned())
+        .collect();
     let expected = [
         "robot.urdf:6:20:",
         "robot.urdf:39:5:",
@@ -84,7 +86,7 @@ fn faults_of_both_files_are_told_at_once_in_the_order_of_their_places() {
         "submechanisms.yml:3:3:",
         "submechanisms.yml:13:21:",
     ];
-    assert_eq!(places, expected);
+    assert_eq!(spans, expected);
 }
 
 #[test]
@@ -100,7 +102,7 @@ fn a_file_that_cannot_be_opened_is_no_fault_of_its_content() {
 }
 
 #[test]
-fn an_unknown_robot_is_told_with_the_nearest() {
+fn an_unknown_robot_is_reported_with_the_nearest() {
     let Err(error) = load(&Source::Bundled("stewert".into()), &Options::default()) else {
         panic!()
     };
@@ -110,7 +112,7 @@ fn an_unknown_robot_is_told_with_the_nearest() {
 }
 
 #[test]
-fn a_smurf_file_without_a_robot_is_told() {
+fn a_smurf_file_without_a_robot_is_reported() {
     for (name, content, what) in [
         (
             "a.smurf",

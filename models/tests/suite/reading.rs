@@ -18,14 +18,14 @@ fn every_bundled_robot_reads_without_an_error() {
     for (name, about) in bundled() {
         let loaded = load(&Source::Bundled(name.into()), &Options::default())
             .unwrap_or_else(|error| panic!("{error}"));
-        let told = loaded.report.to_string();
+        let reported = loaded.report.to_string();
         // an overconstrained mechanism says so
-        let may_be_told = if name == "bricard" {
+        let may_be_reported = if name == "bricard" {
             "redundant constraint axes: P5/"
         } else {
             "it is closed numerically from its loops"
         };
-        assert!(told.lines().all(|line| line.contains(may_be_told)), "{name}\n{told}");
+        assert!(reported.lines().all(|line| line.contains(may_be_reported)), "{name}\n{reported}");
         assert!(!about.is_empty());
     }
 }
@@ -79,7 +79,7 @@ fn line_ends_of_windows_and_a_byte_order_mark_change_nothing() {
     assert_eq!(there, good(URDF, Some(YAML)).description);
     let fault = windows(&with(YAML, "[slide]", "[slid]"));
     assert!(
-        told(&windows(URDF), &fault)
+        reported(&windows(URDF), &fault)
             .starts_with("submechanisms.yml:9:23: `jointnames_active` names `slid`")
     );
 }
@@ -210,7 +210,7 @@ fn what_other_programs_read_may_be_faulty() {
 #[test]
 fn a_lenient_reader_warns_of_inertias_and_reads_on() {
     let urdf = with(URDF, "izz=\"0.02\"", "izz=\"0.5\"");
-    let strict = told_of(urdf.as_bytes(), Some(YAML.as_bytes()), false);
+    let strict = reported_of(urdf.as_bytes(), Some(YAML.as_bytes()), false);
     let lenient = load(
         &Source::Text { urdf: urdf.into(), submechanisms: Some(YAML.into()) },
         &Options { lenient: true, ..Options::default() },
@@ -219,7 +219,7 @@ fn a_lenient_reader_warns_of_inertias_and_reads_on() {
 }
 
 #[test]
-fn a_finding_as_json_has_the_names_that_scripts_see() {
+fn a_diagnostic_as_json_has_the_names_that_scripts_see() {
     let Err(LoadError::Faults(report)) = load(
         &Source::Text {
             urdf: with(URDF, "<mass value=\"1.5\"/>", "<mass value=\"heavy\"/>").into(),

@@ -31,20 +31,20 @@ fn on_a_ball(kind: &str, inside: &str) -> String {
 
 #[test]
 fn the_names_of_sdf_are_read_from_dynamics() {
-    let (terms, told) = elbow(&with_dynamics(
+    let (terms, reported) = elbow(&with_dynamics(
         "<dynamics damping=\"0.5\" friction=\"0\" spring_stiffness=\"20\" spring_reference=\"-0.25\"/>",
     ));
     assert_eq!(terms, Terms { damping: 0.5, stiffness: 20.0, rest: -0.25, ..Terms::default() });
-    assert_eq!(told, "");
+    assert_eq!(reported, "");
     assert_eq!(elbow(URDF).0, Terms::default());
 }
 
 #[test]
-fn dry_friction_is_told_and_not_read() {
-    let (terms, told) = elbow(&with_dynamics("<dynamics damping=\"0\" friction=\"0.1\"/>"));
+fn dry_friction_is_reported_and_not_read() {
+    let (terms, reported) = elbow(&with_dynamics("<dynamics damping=\"0\" friction=\"0.1\"/>"));
     assert_eq!(terms, Terms::default());
     let expected = "robot.urdf:27:5: the joint `elbow` has dry friction, which is not modelled, expected `damping`, add it to the forces of the actuators, or remove it\n";
-    assert_eq!(told, expected);
+    assert_eq!(reported, expected);
 }
 
 #[test]
@@ -55,10 +55,10 @@ fn a_rotor_is_read_from_a_transmission_or_from_dynamics() {
     let declared =
         with(&with_transmission(drake), "<robot ", "<robot xmlns:drake=\"http://drake.mit.edu\" ");
     assert_eq!(elbow(&declared), (expected, String::new()));
-    let (terms, told) = elbow(&with_transmission(drake));
+    let (terms, reported) = elbow(&with_transmission(drake));
     assert_eq!(terms, expected);
     let warning = "robot.urdf:42:34: the prefix `drake` is not declared, expected xmlns:drake=\"…\" on the outermost element, declare it\n";
-    assert_eq!(told, warning);
+    assert_eq!(reported, warning);
     let reduction = "<transmission><actuator name=\"m\"><mechanicalReduction>50</mechanicalReduction><rotor_inertia value=\"1e-4\"/></actuator>\
         <joint name=\"elbow\"/></transmission>";
     assert_eq!(elbow(&with_transmission(reduction)), (expected, String::new()));
@@ -90,16 +90,17 @@ fn a_ball_joint_has_four_coordinates_and_needs_neither_axis_nor_limits() {
 fn a_serial_type_counts_three_rotations_for_a_ball_joint() {
     let yaml = "submechanisms:\n- {type: 3R, contextual_name: b, jointnames_spanningtree: [ball], jointnames_independent: [ball], jointnames_active: []}\n";
     let yaml = with(YAML, "submechanisms:\n", yaml);
-    assert_eq!(told(&on_a_ball("ball", ""), &yaml), "");
-    let wrong = told(&on_a_ball("ball", ""), &yaml.replace("3R", "2R"));
+    assert_eq!(reported(&on_a_ball("ball", ""), &yaml), "");
+    let wrong = reported(&on_a_ball("ball", ""), &yaml.replace("3R", "2R"));
     let expected = "submechanisms.yml:2:10: the type `2R` stands over 3 rotations and 0 translations, expected 2 and 0, correct the type or jointnames_spanningtree\n";
     assert_eq!(wrong, expected);
 }
 
 #[test]
 fn joints_of_several_freedoms_and_fixed_ones_have_no_terms() {
-    let at =
-        |kind: &str| told_of(on_a_ball(kind, "<dynamics damping=\"1\"/>").as_bytes(), None, false);
+    let at = |kind: &str| {
+        reported_of(on_a_ball(kind, "<dynamics damping=\"1\"/>").as_bytes(), None, false)
+    };
     for (kind, column) in [("floating", 98), ("spherical", 99)] {
         let expected = format!(
             "robot.urdf:42:{column}: the joint `ball` of several freedoms has damping, a spring or a rotor, expected a joint of one freedom, remove it, or change the type of the joint\n"
@@ -112,7 +113,7 @@ fn joints_of_several_freedoms_and_fixed_ones_have_no_terms() {
             .contains("the fixed joint `ball` has damping, a spring or a rotor, which is not read"),
         "{fixed}"
     );
-    let harmless = told_of(
+    let harmless = reported_of(
         on_a_ball("fixed", "<dynamics damping=\"0\" friction=\"0\"/>").as_bytes(),
         None,
         false,

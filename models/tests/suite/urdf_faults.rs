@@ -7,25 +7,25 @@ faults! { urdf:
     a_document_type_declaration_is_refused:
         r#"<robot name="lambda">"# => "<!DOCTYPE robot [<!ENTITY x \"1\">]>\n<robot name=\"lambda\">",
         "robot.urdf:1:1: a document type declaration (DTD), expected a file without one, remove it; the five entities of XML itself need none";
-    what_is_not_xml_is_told_where_it_breaks:
+    what_is_not_xml_is_reported_where_it_breaks:
         "</robot>" => "</robt>",
-        "robot.urdf:42:1: this is not XML: expected 'robot' tag, not 'robt', expected a well-formed URDF file, mend the file at this place";
-    a_file_that_ends_early_is_told_at_its_end:
+        "robot.urdf:42:1: this is not XML: expected 'robot' tag, not 'robt', expected a well-formed URDF file, correct the file at this position";
+    a_file_that_ends_early_is_reported_at_its_end:
         "</robot>\n" => "",
-        "robot.urdf:42:1: this is not XML: the root node was opened but never closed, expected a well-formed URDF file, mend the file at this place";
-    a_faulty_attribute_is_told:
+        "robot.urdf:42:1: this is not XML: the root node was opened but never closed, expected a well-formed URDF file, correct the file at this position";
+    a_faulty_attribute_is_reported:
         r#"<mass value="1.5"/>"# => "<mass value=1.5/>",
-        "robot.urdf:6:19: this is not XML: expected a quote not '1', expected a well-formed URDF file, mend the file at this place";
-    another_robot_format_is_told:
+        "robot.urdf:6:19: this is not XML: expected a quote not '1', expected a well-formed URDF file, correct the file at this position";
+    another_robot_format_is_reported:
         r#"<robot name="lambda">"# => r#"<sdf name="lambda"><robot/></sdf><robot>"#,
-        "robot.urdf:1:34: this is not XML: unknown token, expected a well-formed URDF file, mend the file at this place";
+        "robot.urdf:1:34: this is not XML: unknown token, expected a well-formed URDF file, correct the file at this position";
     a_robot_needs_a_name:
         r#"<robot name="lambda">"# => "<robot>",
         r#"robot.urdf:1:1: `robot` has no `name`, expected name="…", add it"#;
     a_quaternion_needs_version_one_point_one:
         r#"rpy="1.1 0 0""# => r#"quat_xyzw="0 0 0 1""#,
         r#"robot.urdf:32:5: `quat_xyzw` in a file of version 1.0, expected `rpy`, write version="1.1" on `robot` or use `rpy`"#;
-    an_unknown_version_is_told:
+    an_unknown_version_is_reported:
         r#"<robot name="lambda">"# => r#"<robot name="lambda" version="2.0">"#,
         "robot.urdf:1:1: the version `2.0` of `robot`, expected 1.0, 1.1 or 1.2, correct it";
     an_unknown_element_is_a_warning_with_the_nearest:

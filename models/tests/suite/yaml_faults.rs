@@ -4,9 +4,9 @@
 use super::*;
 
 faults! { yaml:
-    what_is_not_yaml_is_told_where_it_breaks:
+    what_is_not_yaml_is_reported_where_it_breaks:
         "[elbow, swing, slide]\n  jointnames_spanningtree" => "[elbow, swing, slide\n  jointnames_spanningtree",
-        "submechanisms.yml:7:26: this is not YAML: illegal placement of ':' indicator, expected a submechanism file, mend the file at this place";
+        "submechanisms.yml:7:26: this is not YAML: illegal placement of ':' indicator, expected a submechanism file, correct the file at this position";
     an_anchor_and_its_alias_are_errors:
         "[elbow]\n" => "&one [elbow]\n  jointnames_other: *one\n",
         "submechanisms.yml:8:27: an anchor (`&…`), expected a file without anchors and aliases, write the value out where it is used",
@@ -122,7 +122,7 @@ faults! { yaml:
     an_unknown_submechanism_type_is_an_error_with_the_nearest:
         "NUMERICAL" => "NUMERIC",
         "submechanisms.yml:3:9: the submechanism type `NUMERIC` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, FOURBAR, SLIDERCRANK, DIFFERENTIAL, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, did you mean `NUMERICAL`?";
-    a_type_far_from_all_is_told_what_to_do:
+    a_type_far_from_all_is_reported_with_what_to_do:
         "NUMERICAL" => "4-bar",
         "submechanisms.yml:3:9: the submechanism type `4-bar` is not known, expected SERIAL, RRPR, rrPr, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, 3RUS2, 3RUS2_ANKLE, PARALLELOGRAMCHAIN, FOURBAR, SLIDERCRANK, DIFFERENTIAL, TRANSMISSION, NUMERICAL, or joints in letters as 3R or 3T+3R, use NUMERICAL with loop_constraints for any other mechanism";
     a_lambda_has_three_joints_and_one_of_them_independent:
@@ -196,7 +196,7 @@ faults! { yaml:
     a_mobility_that_differs_from_the_independents_is_an_error:
         "[elbow]\n" => "[elbow, swing]\n",
         "submechanisms.yml:4:20: mobility 1 (3 joints less rank 2 of 2 rows), expected mobility 2 as declared by jointnames_independent, change jointnames_independent or loop_constraints";
-    redundant_rows_are_told_and_idle_joints_named:
+    redundant_rows_are_reported_and_idle_joints_named:
         "    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n" => "    - {name: x, axis: [0, 0, 0, 1, 0, 0]}\n",
         "submechanisms.yml:4:20: mobility 2 (3 joints less rank 1 of 2 rows); redundant rows: slide/x; joints that the independents do not determine: swing, slide, expected mobility 1 as declared by jointnames_independent, change jointnames_independent or loop_constraints";
     placements_that_leave_a_loop_open_are_an_error:

@@ -34,8 +34,7 @@ const LENGTHS: [f64; 2] = [0.5, 2.0];
 /// [`Model::tree_names`]; quaternions may be off unit length by a factor of up to two. Holds all
 /// scratch, so that nothing allocates after [`ImplicitForm::new`].
 ///
-/// Source: Featherstone (2008), section 8.5; Baumgarte, *Stabilization of constraints and integrals
-/// of motion in dynamical systems* (1972).
+/// Source: [F08, 8.5]; \[B72\], see [`crate::guide::bibliography`].
 #[derive(Clone, Debug)]
 pub struct ImplicitForm<T> {
     fingerprint: u64,

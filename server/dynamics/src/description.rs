@@ -4,6 +4,8 @@
 //! Whoever reads files fills a [`Description`]; [`crate::Model::compile`] turns it into the arrays
 //! that the kernels run on.
 
+use sarrus_proto::JointLimits;
+
 /// One robot, as written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {
@@ -122,6 +124,16 @@ pub struct Limits {
     pub velocity: f64,
     /// Greatest force or moment.
     pub effort: f64,
+}
+
+impl Limits {
+    /// The limits that are numbers: an infinite one is none.
+    pub fn finite(self) -> JointLimits {
+        let Limits { lower, upper, velocity, effort } = self;
+        let [lower, upper, velocity, effort] =
+            [lower, upper, velocity, effort].map(|limit| limit.is_finite().then_some(limit));
+        JointLimits { lower, upper, velocity, effort }
+    }
 }
 
 /// q = Σ multiplier · q_master + offset.

@@ -42,7 +42,7 @@ impl fmt::Display for Diagnostic {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{} fault(s) in the description; the first: {}", errors.len(), errors.first().map(ToString::to_string).unwrap_or_default())]
 pub struct CompileError {
-    /// What must be mended.
+    /// What must be corrected.
     pub errors: Vec<Diagnostic>,
     /// What may stay.
     pub warnings: Vec<Diagnostic>,

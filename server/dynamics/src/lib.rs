@@ -42,12 +42,14 @@ For processors without FMA turn on the feature `portable`: the same results, slo
 );
 
 mod algorithms;
+mod builder;
 mod closure;
 mod compile;
 mod constrained;
 pub mod description;
 mod diagnostic;
 mod fingerprint;
+pub mod guide;
 mod initial_pose;
 mod linalg;
 mod mechanism;
@@ -57,12 +59,14 @@ pub mod scalar;
 mod spatial;
 mod workspace;
 
+pub use builder::{CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId};
 pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
-pub use model::{ClosureAtZero, ClosureInfo, ClosureKind, Compiled, Model};
+pub use model::{ClosureAtZero, Compiled, Model};
 pub use plan::{Answer, Method, Plan};
 pub use sarrus_proto::{
-    Field, FieldSet, Layout, Query, QueryError, Request, Sizes, Slot, Status, Warnings,
+    ClosureInfo, ClosureKind, Field, FieldSet, JointLimits, Layout, ModelInfo, Query, QueryError,
+    Request, Sizes, Slot, Status, Warnings,
 };
 pub use workspace::Workspace;

@@ -10,32 +10,15 @@
 //! `planned`; `forces`; `motion`, the right-hand side; `methods`, one a file; `run`.
 //!
 //! ```
-//! use sarrus_dynamics::Model;
-//! use sarrus_dynamics::description::{
-//!     Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind,
-//! };
+//! use sarrus_dynamics::description::{Inertial, JointKind};
+//! use sarrus_dynamics::{DescriptionBuilder, LinkId, Model};
 //! use sarrus_simulation::{Method, Settings, Setup, Start, simulate};
 //!
 //! // a pendulum: 1 kg, 1 m below a horizontal axis
-//! let origin = Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] };
-//! let bob = Inertial { origin, mass: 1.0, inertia: [0.0; 6] };
-//! let description = Description {
-//!     name: "pendulum".into(),
-//!     links: vec![
-//!         Link { name: "base".into(), inertial: None },
-//!         Link { name: "rod".into(), inertial: Some(bob) },
-//!     ],
-//!     joints: vec![Joint {
-//!         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1,
-//!         origin: Placement::default(), axis: [0.0, 1.0, 0.0],
-//!         limits: None, coupling: None, terms: Default::default(),
-//!     }],
-//!     submechanisms: vec![Submechanism {
-//!         name: "all".into(), kind: SubmechanismKind::Serial, type_name: "R".into(),
-//!         spanning_tree: vec![0], independent: vec![0], active: vec![0], loops: vec![],
-//!     }],
-//!     gravity: [0.0, 0.0, -9.81],
-//! };
+//! let mut robot = DescriptionBuilder::new("pendulum");
+//! let bob = Inertial::point(1.0, [0.0, 0.0, -1.0]);
+//! robot.joint("pivot", JointKind::Continuous, LinkId::BASE).axis([0.0, 1.0, 0.0]).inertial(bob);
+//! let description = robot.build()?;
 //! let compiled = Model::compile(&description)?;
 //! let setup = Setup { description: &description, compiled: &compiled, springs: &[], inputs: &[] };
 //! let start = Start::Independent { y: vec![0.1], yd: vec![0.0], guess: None };

@@ -16,7 +16,13 @@ pub(crate) struct RobotFlags {
     #[arg(long, value_name = "FILE", requires = "urdf", conflicts_with = "robot")]
     submechanisms: Option<PathBuf>,
     /// Gravity in root axes, m/s².
-    #[arg(long, value_name = "X,Y,Z", value_parser = gravity, default_value = "0,0,-9.81", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_parser = gravity,
+        default_value = "0,0,-9.81",
+        allow_hyphen_values = true
+    )]
     gravity: Gravity,
     /// Faults of mass and inertia are warnings.
     #[arg(long)]
@@ -91,7 +97,7 @@ pub(crate) fn refuse(command: &str, error: &LoadError) -> ExitCode {
     }
 }
 
-/// One diagnostic a line, its place first.
+/// One diagnostic a line, its position first.
 pub(crate) fn diagnostics(errors: &[Diagnostic], warnings: &[Diagnostic]) -> String {
     let warning = |diagnostic: &Diagnostic| {
         let Diagnostic { file, line, column, found, expected, help, .. } = diagnostic;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_models::{Options, Source, bundled, load};
-use sarrus_proto::ModelSizes;
+use sarrus_proto::Sizes;
 use serde::Serialize;
 
 use super::output::{Format, FormatFlag, finish, json_line, table};
@@ -21,7 +21,7 @@ pub(crate) struct Robots {
 struct Line {
     robot: &'static str,
     about: &'static str,
-    sizes: ModelSizes,
+    sizes: Sizes,
 }
 
 impl Robots {
@@ -30,7 +30,7 @@ impl Robots {
         for (robot, about) in bundled() {
             match load(&Source::Bundled(robot.to_owned()), &Options::default()) {
                 Ok(loaded) => {
-                    lines.push(Line { robot, about, sizes: loaded.compiled.model.sizes().into() })
+                    lines.push(Line { robot, about, sizes: loaded.compiled.model.sizes() })
                 }
                 Err(error) => return refuse("robots", &error),
             }
@@ -45,7 +45,7 @@ impl Robots {
 
 fn in_words(lines: &[Line]) -> String {
     let row = |line: &Line| {
-        let ModelSizes { n_v, n_vy, n_u, n_c, .. } = line.sizes;
+        let Sizes { n_v, n_vy, n_u, n_c, .. } = line.sizes;
         let mut row = vec![line.robot.to_owned()];
         row.extend([n_v, n_vy, n_u, n_c].map(|n| n.to_string()));
         row.push(line.about.to_owned());

@@ -5,30 +5,30 @@ use std::time::{Duration, Instant};
 
 use sarrus_client::{ConnectError, Error, Status, Transport};
 
-use crate::support::{Asker, Place};
+use crate::support::{Asker, Sandbox};
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
 #[test]
 fn a_clean_stop_leaves_nothing() {
     for signal in ["-TERM", "-INT"] {
-        let place = Place::new();
-        let server = place.serve("tidy", &[]);
+        let sandbox = Sandbox::new();
+        let server = sandbox.serve("tidy", &[]);
         let mut askers = [Transport::Lane, Transport::Service]
-            .map(|transport| Asker::new(place.connect("tidy", transport).unwrap()));
+            .map(|transport| Asker::new(sandbox.connect("tidy", transport).unwrap()));
         askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
         drop(askers);
         assert_eq!(server.stop(signal).code(), Some(0));
-        assert_eq!(place.leftovers(), NOTHING);
+        assert_eq!(sandbox.leftovers(), NOTHING);
     }
 }
 
 #[test]
 fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
-    let place = Place::new();
-    let server = place.serve("under", &[]);
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("under", &[]);
     let mut askers = [Transport::Lane, Transport::Service]
-        .map(|transport| Asker::new(place.connect("under", transport).unwrap()));
+        .map(|transport| Asker::new(sandbox.connect("under", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
     assert!(server.stop("-TERM").success());
     for asker in &mut askers {
@@ -39,15 +39,15 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
         assert!(asker.output.iter().all(|number| number.is_nan()));
     }
     drop(askers);
-    assert_eq!(place.leftovers(), NOTHING);
+    assert_eq!(sandbox.leftovers(), NOTHING);
 }
 
 #[test]
 fn requests_during_a_stop_are_refused_not_lost() {
-    let place = Place::new();
-    let server = place.serve("closing", &[]);
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("closing", &[]);
     let [mut lane, mut requests] = [Transport::Lane, Transport::Service]
-        .map(|transport| Asker::new(place.connect("closing", transport).unwrap()));
+        .map(|transport| Asker::new(sandbox.connect("closing", transport).unwrap()));
     let stop = std::thread::spawn(move || server.stop("-TERM"));
     let mut last = [Status::Ok; 2];
     let start = Instant::now();
@@ -66,18 +66,18 @@ fn requests_during_a_stop_are_refused_not_lost() {
 
 #[test]
 fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
-    let place = Place::new();
-    let server = place.serve("widow", &["--lanes", "1"]);
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("widow", &["--lanes", "1"]);
     for _ in 0..3 {
-        let client = place.client("widow", Transport::Lane);
+        let client = sandbox.client("widow", Transport::Lane);
         assert!(matches!(
-            place.connect("widow", Transport::Lane),
+            sandbox.connect("widow", Transport::Lane),
             Err(ConnectError::NoFreeSlot { .. })
         ));
         client.kill();
         let start = Instant::now();
         let robot = loop {
-            match place.connect("widow", Transport::Lane) {
+            match sandbox.connect("widow", Transport::Lane) {
                 Ok(robot) => break robot,
                 Err(ConnectError::NoFreeSlot { .. })
                     if start.elapsed() < Duration::from_secs(1) => {}
@@ -89,26 +89,26 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
         assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
     }
     // and through the other transport
-    place.client("widow", Transport::Service).kill();
+    sandbox.client("widow", Transport::Service).kill();
     assert_eq!(
-        Asker::new(place.connect("widow", Transport::Service).unwrap()).ask().unwrap().status,
+        Asker::new(sandbox.connect("widow", Transport::Service).unwrap()).ask().unwrap().status,
         Status::Ok
     );
     assert!(server.stop("-TERM").success());
-    assert_eq!(place.leftovers(), NOTHING);
+    assert_eq!(sandbox.leftovers(), NOTHING);
 }
 
 #[test]
-fn a_killed_server_is_told_and_a_new_one_is_found() {
+fn a_killed_server_is_reported_and_a_new_one_is_found() {
     for transport in [Transport::Lane, Transport::Service] {
-        let place = Place::new();
-        let server = place.serve("phoenix", &[]);
-        let mut asker = Asker::new(place.connect("phoenix", transport).unwrap());
+        let sandbox = Sandbox::new();
+        let server = sandbox.serve("phoenix", &[]);
+        let mut asker = Asker::new(sandbox.connect("phoenix", transport).unwrap());
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         let bits = asker.bits();
         server.kill();
 
-        // nobody there: told in the stated time
+        // nobody there: reported in the stated time
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{transport:?}: {error}");
@@ -119,50 +119,54 @@ fn a_killed_server_is_told_and_a_new_one_is_found() {
         );
 
         // a new one: the next request finds it
-        let server = place.serve("phoenix", &[]);
+        let server = sandbox.serve("phoenix", &[]);
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         assert_eq!(asker.bits(), bits);
 
         // a new one while the request is under way
         server.kill();
         let server = std::thread::scope(|scope| {
-            let restart = scope.spawn(|| place.serve("phoenix", &[]));
+            let restart = scope.spawn(|| sandbox.serve("phoenix", &[]));
             assert_eq!(asker.ask().unwrap().status, Status::Ok, "{transport:?}");
             restart.join().unwrap()
         });
         assert_eq!(asker.bits(), bits);
         drop(asker);
         assert!(server.stop("-TERM").success());
-        assert_eq!(place.leftovers(), NOTHING, "{transport:?}");
+        assert_eq!(sandbox.leftovers(), NOTHING, "{transport:?}");
     }
 }
 
 #[test]
 fn a_server_that_comes_back_with_another_model_is_refused() {
-    let place = Place::new();
-    let server = place.serve("changeling", &[]);
-    let mut asker = Asker::new(place.connect("changeling", Transport::Lane).unwrap());
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("changeling", &[]);
+    let mut asker = Asker::new(sandbox.connect("changeling", Transport::Lane).unwrap());
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
     server.kill();
-    let _other = place.serve_robot("lambda", "changeling", &[]);
+    let _other = sandbox.serve_robot("lambda", "changeling", &[]);
     let error = asker.ask().unwrap_err();
     assert!(matches!(error, Error::Connect(ConnectError::WrongModel { .. })), "{error}");
     assert!(asker.output.iter().all(|number| number.is_nan()));
     // nor with other gravity, which is part of the model
     drop(_other);
-    let _other = place.serve("changeling", &["--gravity", "0,0,-1.62"]);
+    let _other = sandbox.serve("changeling", &["--gravity", "0,0,-1.62"]);
     assert!(matches!(asker.ask(), Err(Error::Connect(ConnectError::WrongModel { .. }))));
 }
 
 #[test]
 fn a_new_start_clears_what_a_crash_left() {
-    let place = Place::new();
-    let server = place.serve("crash", &[]);
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("crash", &[]);
     let clients =
-        [Transport::Lane, Transport::Service].map(|transport| place.client("crash", transport));
+        [Transport::Lane, Transport::Service].map(|transport| sandbox.client("crash", transport));
     server.kill();
     let _ = clients.map(|client| client.kill());
-    assert_ne!(place.leftovers(), NOTHING, "a crash leaves something, or this test tests nothing");
-    assert!(place.serve("crash", &[]).stop("-TERM").success());
-    assert_eq!(place.leftovers(), NOTHING);
+    assert_ne!(
+        sandbox.leftovers(),
+        NOTHING,
+        "a crash leaves something, or this test tests nothing"
+    );
+    assert!(sandbox.serve("crash", &[]).stop("-TERM").success());
+    assert_eq!(sandbox.leftovers(), NOTHING);
 }

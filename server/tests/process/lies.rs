@@ -12,7 +12,7 @@ use sarrus_proto::message::{
 use sarrus_proto::service::{ControlClient, open_compute, open_control};
 use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, ServerName};
 
-use crate::support::{Asker, Place, STATE};
+use crate::support::{Asker, STATE, Sandbox};
 
 fn call(client: &ControlClient, request: ControlRequest) -> ControlResponse {
     let pending = client.send_copy(request).unwrap();
@@ -80,10 +80,10 @@ fn lies(fingerprint: u64, n_in: usize) -> Vec<(RequestHead, Vec<f64>, Status)> {
 
 #[test]
 fn lies_through_the_control_service_are_refused() {
-    let place = Place::new();
-    let _server = place.serve("liar", &["--lanes", "1"]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("liar", &["--lanes", "1"]);
     let name = ServerName::new("liar").unwrap();
-    let node = place.domain.node::<Threadsafe>().unwrap();
+    let node = sandbox.domain.node::<Threadsafe>().unwrap();
     let client = open_control(&node, &name).unwrap();
 
     let refusal = |request| Refusal::from_code(call(&client, request).refusal);
@@ -101,13 +101,13 @@ fn lies_through_the_control_service_are_refused() {
 
     // queries
     let plan = |query: Query| refusal(ControlRequest { query, ..request(Call::Plan as u32) });
-    assert_eq!(plan(Query { request: 99, ..STATE }), Some(Refusal::BadWanted));
-    assert_eq!(plan(Query { want: FieldSet(u64::MAX), ..STATE }), Some(Refusal::BadWanted));
-    assert_eq!(plan(Query { n_frames: u16::MAX, ..STATE }), Some(Refusal::BadWanted));
-    assert_eq!(plan(Query { n_wrenches: 17, ..STATE }), Some(Refusal::BadWanted));
+    assert_eq!(plan(Query { request: 99, ..STATE }), Some(Refusal::BadQuery));
+    assert_eq!(plan(Query { want: FieldSet(u64::MAX), ..STATE }), Some(Refusal::BadQuery));
+    assert_eq!(plan(Query { n_frames: u16::MAX, ..STATE }), Some(Refusal::BadQuery));
+    assert_eq!(plan(Query { n_wrenches: 17, ..STATE }), Some(Refusal::BadQuery));
     assert_eq!(
         plan(Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE }),
-        Some(Refusal::BadWanted)
+        Some(Refusal::BadQuery)
     );
     assert_eq!(plan(STATE), None);
 
@@ -124,13 +124,13 @@ fn lies_through_the_control_service_are_refused() {
 
 #[test]
 fn lies_through_a_lane_get_their_status() {
-    let place = Place::new();
-    let server = place.serve("lane", &[]);
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("lane", &[]);
     let name = ServerName::new("lane").unwrap();
-    let mut honest = Asker::new(place.connect("lane", Transport::Lane).unwrap());
+    let mut honest = Asker::new(sandbox.connect("lane", Transport::Lane).unwrap());
     let n_in = honest.input.len();
 
-    let node = place.domain.node::<Threadsafe>().unwrap();
+    let node = sandbox.domain.node::<Threadsafe>().unwrap();
     let client = open_control(&node, &name).unwrap();
     let hello = call(&client, request(Call::Hello as u32));
     let granted = call(
@@ -200,13 +200,13 @@ fn lies_through_a_lane_get_their_status() {
 }
 
 #[test]
-fn lies_through_the_requests_door_get_their_status() {
-    let place = Place::new();
-    let _server = place.serve("transport", &[]);
+fn lies_through_the_service_get_their_status() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("transport", &[]);
     let name = ServerName::new("transport").unwrap();
-    let mut honest = Asker::new(place.connect("transport", Transport::Service).unwrap());
+    let mut honest = Asker::new(sandbox.connect("transport", Transport::Service).unwrap());
     let n_in = honest.input.len();
-    let node = place.domain.node::<Threadsafe>().unwrap();
+    let node = sandbox.domain.node::<Threadsafe>().unwrap();
     let hello = call(&open_control(&node, &name).unwrap(), request(Call::Hello as u32));
     let client = open_compute(&node, &name, hello.instance).unwrap();
 
@@ -234,7 +234,7 @@ fn lies_through_the_requests_door_get_their_status() {
         );
     }
 
-    // one request at a time: a second one is not taken, and that is told
+    // one request at a time: a second one is not taken, and that is reported
     let head = RequestHead {
         version: PROTOCOL_VERSION,
         plan: 0,

@@ -13,14 +13,14 @@ use sarrus_proto::service::open_compute;
 use sarrus_proto::{PROTOCOL_VERSION, ServerName};
 use sarrus_server::pool;
 
-use crate::support::{Asker, Place, ROBOT};
+use crate::support::{Asker, ROBOT, Sandbox};
 
 #[test]
 fn no_request_reaches_the_systems_allocator() {
-    let place = Place::new();
-    let _server = place.serve("frugal", &["--wait", "busy"]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("frugal", &["--wait", "busy"]);
     for transport in [Transport::Lane, Transport::Service] {
-        let mut asker = Asker::new(place.connect("frugal", transport).unwrap());
+        let mut asker = Asker::new(sandbox.connect("frugal", transport).unwrap());
         for _ in 0..20_000 {
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
@@ -33,9 +33,9 @@ fn no_request_reaches_the_systems_allocator() {
         let statistics = asker.robot.statistics().unwrap();
         assert_eq!(statistics.system_allocations, 0, "{transport:?}: {statistics:?}");
         let served = if transport == Transport::Lane {
-            statistics.lane_requests
+            statistics.counts.lane_requests
         } else {
-            statistics.service_requests
+            statistics.counts.service_requests
         };
         assert_eq!(served, 20_001, "{transport:?}: {statistics:?}");
         assert_eq!(
@@ -49,12 +49,12 @@ fn no_request_reaches_the_systems_allocator() {
 
 #[test]
 fn asking_allocates_nothing_through_a_lane_and_in_process() {
-    let place = Place::new();
-    let _server = place.serve("sparing", &[]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("sparing", &[]);
     // the transport itself makes one small block for each request through the other transport
     let local = Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap();
     let [lane, requests] = [Transport::Lane, Transport::Service]
-        .map(|transport| place.connect("sparing", transport).unwrap());
+        .map(|transport| sandbox.connect("sparing", transport).unwrap());
     for (robot, blocks) in [(local, 0), (lane, 0), (requests, 1)] {
         let mut asker = Asker::new(robot);
         asker.ask().unwrap();
@@ -77,10 +77,10 @@ fn the_busy_loop_makes_no_system_call() {
     if Command::new("strace").arg("-V").stdout(Stdio::null()).status().is_err() {
         return println!("not run: strace is missing");
     }
-    let place = Place::new();
-    let server = place.serve("silent", &["--wait", "busy"]);
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("silent", &["--wait", "busy"]);
     let mut askers = [Transport::Lane, Transport::Service]
-        .map(|transport| Asker::new(place.connect("silent", transport).unwrap()));
+        .map(|transport| Asker::new(sandbox.connect("silent", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
 
     let tasks = fs::read_dir(format!("/proc/{}/task", server.id()))
@@ -119,8 +119,8 @@ fn the_busy_loop_makes_no_system_call() {
     std::thread::sleep(Duration::from_millis(200));
     let after = askers[0].robot.statistics().unwrap();
     assert!(
-        after.lane_requests >= before.lane_requests + 5_000
-            && after.service_requests >= before.service_requests + 5_000
+        after.counts.lane_requests >= before.counts.lane_requests + 5_000
+            && after.counts.service_requests >= before.counts.service_requests + 5_000
     );
     let calls = fs::read_to_string(&trace).unwrap();
     fs::remove_file(&trace).unwrap();
@@ -164,14 +164,14 @@ impl Pusher {
 
 #[test]
 fn no_client_starves_another() {
-    let place = Place::new();
-    let _server = place.serve("fair", &["--wait", "busy"]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("fair", &["--wait", "busy"]);
     let name = ServerName::new("fair").unwrap();
-    let asker = Asker::new(place.connect("fair", Transport::Service).unwrap());
+    let asker = Asker::new(sandbox.connect("fair", Transport::Service).unwrap());
     let numbers = asker.input.clone();
 
     // three clients of the service and two lanes, all backlogged, driven by one thread
-    let node = place.domain.node::<Threadsafe>().unwrap();
+    let node = sandbox.domain.node::<Threadsafe>().unwrap();
     let hello = crate::lies::hello(&node, &name);
     let head = RequestHead {
         version: PROTOCOL_VERSION,

@@ -15,7 +15,7 @@ use sarrus_client::{
     Transport,
 };
 
-use support::{Asker, Place, ROBOT, STATE, options};
+use support::{Asker, ROBOT, STATE, Sandbox, options};
 
 /// Counts what a thread takes from an allocator while it is adopted.
 #[global_allocator]
@@ -44,18 +44,18 @@ fn the_other_process() {
 
 #[test]
 fn ready_is_one_line_with_name_and_fingerprint() {
-    let place = Place::new();
-    let server = place.serve("here", &[]);
-    let robot = place.connect("here", Transport::Lane).unwrap();
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("here", &[]);
+    let robot = sandbox.connect("here", Transport::Lane).unwrap();
     assert_eq!(server.ready, format!("ready here {:016x}\n", robot.model().fingerprint));
 }
 
 #[test]
 fn both_transports_give_the_same_bits_as_in_process() {
-    let place = Place::new();
-    let _server = place.serve("same", &[]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("same", &[]);
     let [mut lane, mut requests] = [Transport::Lane, Transport::Service]
-        .map(|transport| Asker::new(place.connect("same", transport).unwrap()));
+        .map(|transport| Asker::new(sandbox.connect("same", transport).unwrap()));
     let mut local =
         Asker::new(Robot::load(&Source::Bundled(ROBOT.into()), &Options::default()).unwrap());
     assert_eq!(lane.robot.model(), local.robot.model());
@@ -75,10 +75,10 @@ fn both_transports_give_the_same_bits_as_in_process() {
 
 #[test]
 fn a_larger_plan_gets_a_larger_lane() {
-    let place = Place::new();
+    let sandbox = Sandbox::new();
     // one lane only: the small one must be given up for the large one
-    let _server = place.serve("grow", &["--lanes", "1"]);
-    let mut robot = place.connect("grow", Transport::Lane).unwrap();
+    let _server = sandbox.serve("grow", &["--lanes", "1"]);
+    let mut robot = sandbox.connect("grow", Transport::Lane).unwrap();
     let small = robot
         .prepare(&Query::new(
             Request::Kinematics,
@@ -104,35 +104,36 @@ fn a_larger_plan_gets_a_larger_lane() {
 }
 
 #[test]
-fn no_server_is_told_at_once() {
-    let place = Place::new();
+fn no_server_is_reported_at_once() {
+    let sandbox = Sandbox::new();
     let start = Instant::now();
-    let error = place.connect("nobody", Transport::Lane).err().unwrap();
+    let error = sandbox.connect("nobody", Transport::Lane).err().unwrap();
     assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
     assert_eq!(
         error.to_string(),
         "no server named `nobody` runs; start one with `sarrus serve --name nobody`"
     );
     assert!(start.elapsed() < Duration::from_secs(1));
-    assert!(matches!(place.connect("no/body", Transport::Lane), Err(ConnectError::Domain(_))));
-    assert_eq!(place.leftovers(), Vec::<std::path::PathBuf>::new());
+    assert!(matches!(sandbox.connect("no/body", Transport::Lane), Err(ConnectError::Domain(_))));
+    assert_eq!(sandbox.leftovers(), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
 fn a_second_server_of_the_name_is_refused() {
-    let place = Place::new();
-    let server = place.serve("twice", &[]);
-    let second = place.command(ROBOT, "twice", &[]).output().unwrap();
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("twice", &[]);
+    let second = sandbox.command(ROBOT, "twice", &[]).output().unwrap();
     assert_eq!((second.status.code(), second.stdout.len()), (Some(2), 0));
     let words = String::from_utf8(second.stderr).unwrap();
     assert_eq!(
         words,
-        "sarrus serve: a server named `twice` is running already; stop it or choose another name with --name\n"
+        "sarrus serve: a server named `twice` is running already; stop it or choose another name \
+         with --name\n"
     );
     // the first one goes on, and others have their own names
-    let _other = place.serve("thrice", &[]);
+    let _other = sandbox.serve("thrice", &[]);
     assert_eq!(
-        Asker::new(place.connect("twice", Transport::Lane).unwrap()).ask().unwrap().status,
+        Asker::new(sandbox.connect("twice", Transport::Lane).unwrap()).ask().unwrap().status,
         Status::Ok
     );
     assert!(server.stop("-TERM").success());
@@ -140,9 +141,9 @@ fn a_second_server_of_the_name_is_refused() {
 
 #[test]
 fn another_model_than_expected_is_refused() {
-    let place = Place::new();
-    let _server = place.serve("other", &[]);
-    let error = place
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("other", &[]);
+    let error = sandbox
         .connect_with("other", ConnectOptions { fingerprint: Some(42), ..options() })
         .err()
         .unwrap();
@@ -150,18 +151,18 @@ fn another_model_than_expected_is_refused() {
 }
 
 #[test]
-fn no_free_slot_is_told_and_the_requests_door_stays_open() {
-    let place = Place::new();
-    let _server = place.serve("full", &["--lanes", "2"]);
-    let first = Asker::new(place.connect("full", Transport::Lane).unwrap());
-    let _second = Asker::new(place.connect("full", Transport::Lane).unwrap());
-    let error = place.connect("full", Transport::Lane).err().unwrap();
+fn no_free_slot_is_reported_and_the_service_stays_open() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("full", &["--lanes", "2"]);
+    let first = Asker::new(sandbox.connect("full", Transport::Lane).unwrap());
+    let _second = Asker::new(sandbox.connect("full", Transport::Lane).unwrap());
+    let error = sandbox.connect("full", Transport::Lane).err().unwrap();
     assert!(matches!(error, ConnectError::NoFreeSlot { limit: 2, .. }), "{error}");
-    let mut third = Asker::new(place.connect("full", Transport::Service).unwrap());
+    let mut third = Asker::new(sandbox.connect("full", Transport::Service).unwrap());
     assert_eq!(third.ask().unwrap().status, Status::Ok);
     // who leaves makes room
     drop(first);
-    let mut fourth = Asker::new(place.connect("full", Transport::Lane).unwrap());
+    let mut fourth = Asker::new(sandbox.connect("full", Transport::Lane).unwrap());
     assert_eq!(fourth.ask().unwrap().status, Status::Ok);
     assert_eq!(fourth.robot.prepare(&STATE).unwrap(), fourth.plan);
 }

@@ -28,20 +28,20 @@ static ALONE: Mutex<()> = Mutex::new(());
 static DOMAINS: AtomicU32 = AtomicU32::new(0);
 
 /// A domain of one test; tests run one at a time as long as they hold it.
-pub(crate) struct Place {
+pub(crate) struct Sandbox {
     pub(crate) domain: Domain,
     _alone: MutexGuard<'static, ()>,
 }
 
-impl Place {
-    pub(crate) fn new() -> Place {
+impl Sandbox {
+    pub(crate) fn new() -> Sandbox {
         let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let number = DOMAINS.fetch_add(1, Relaxed);
         let domain = Domain::at(
             &std::env::temp_dir().join(format!("sarrus-test-{}-{number}", std::process::id())),
         )
         .unwrap();
-        Place { domain, _alone: alone }
+        Sandbox { domain, _alone: alone }
     }
 
     /// What is there under the root and in shared memory.
@@ -123,7 +123,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for Sandbox {
     fn drop(&mut self) {
         // a test that failed or killed leaves things: they are this test's alone
         for path in self.leftovers().into_iter().rev() {

@@ -6,22 +6,22 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::harness::{BUSES, Front, N_U, Process, Stage, TIMES, sarrus_can, wait_for};
+use super::harness::{BUSES, Frontend, N_U, Process, Stage, TIMES, sarrus_can, wait_for};
 
 #[test]
 fn motors_go_safe_when_the_server_is_stopped_or_killed() {
     for signal in ["-STOP", "-KILL"] {
-        // both fronts at once, each in a world of its own
+        // both frontends at once, each in a world of its own
         let stage = Stage::new();
         let other = stage.beside();
         std::thread::scope(|scope| {
-            scope.spawn(|| rehearse(Front::Rust, &stage, signal));
-            scope.spawn(|| rehearse(Front::Python, &other, signal));
+            scope.spawn(|| rehearse(Frontend::Rust, &stage, signal));
+            scope.spawn(|| rehearse(Frontend::Python, &other, signal));
         });
     }
 }
 
-fn rehearse(front: Front, stage: &Stage, signal: &str) {
+fn rehearse(frontend: Frontend, stage: &Stage, signal: &str) {
     let command = |program: &str, arguments: &[&str]| {
         let mut command = Command::new(sarrus_can().with_file_name(program));
         command.args(arguments);
@@ -34,14 +34,14 @@ fn rehearse(front: Front, stage: &Stage, signal: &str) {
     BUSES.iter().for_each(|_| assert!(motors.line().starts_with("ready ")));
     let server = Process::start(
         "server",
-        command("sarrus", &["serve", "--name", "rehearsal", "--robot", "rh5v2_upper_body"]),
+        command("sarrus", &["serve", "--name", "end_to_end", "--robot", "rh5v2_upper_body"]),
     );
     assert!(server.line().starts_with("ready "));
-    let _bridge = stage.bridge(front);
+    let _bridge = stage.bridge(frontend);
     let _controller =
-        Process::start("controller", command("examples/follow", &["rehearsal", "rehearsal"]));
+        Process::start("controller", command("examples/follow", &["end_to_end", "end_to_end"]));
     let armed = || {
-        command("sarrus-can", &["arm", "rehearsal"])
+        command("sarrus-can", &["arm", "end_to_end"])
             .output()
             .unwrap()
             .status
@@ -49,7 +49,7 @@ fn rehearse(front: Front, stage: &Stage, signal: &str) {
             .then_some(())
     };
     wait_for("power", armed);
-    assert!(powers(&mut motors).iter().all(|power| *power), "{front:?} {signal}");
+    assert!(powers(&mut motors).iter().all(|power| *power), "{frontend:?} {signal}");
 
     server.signal(signal);
     let report = wait_for("motors without power", || {
@@ -60,10 +60,10 @@ fn rehearse(front: Front, stage: &Stage, signal: &str) {
     let took = |motor: &Value| {
         motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD")
     };
-    assert!(report.len() == N_U && report.iter().all(took), "{front:?} {signal}: {report:?}");
+    assert!(report.len() == N_U && report.iter().all(took), "{frontend:?} {signal}: {report:?}");
     let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
     while Instant::now() < end {
-        assert!(powers(&mut motors).iter().all(|power| !*power), "{front:?} {signal}");
+        assert!(powers(&mut motors).iter().all(|power| !*power), "{frontend:?} {signal}");
     }
 }
 

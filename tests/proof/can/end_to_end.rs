@@ -1,4 +1,4 @@
-//! The rehearsal: 13 simulated motors on three buses, a bridge and a controller, each a process of
+//! End to end: 13 simulated motors on three buses, a bridge and a controller, each a process of
 //! its own. What counts is what the motors say: what they were told last, and when they went safe.
 
 use std::time::{Duration, Instant};
@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::harness::{
-    BUSES, FRONTS, Front, N_U, PATIENCE, Process, Stage, TIMES, gear, sign, wait_for,
+    BUSES, FRONTENDS, Frontend, N_U, Process, Stage, TIMEOUT, TIMES, gear, sign, wait_for,
 };
 
 /// Motors, a bridge and a controller, with power on all motors.
-struct Rehearsal {
+struct System {
     // in the order in which they end
     controller: Process,
     bridge: Process,
@@ -18,19 +18,19 @@ struct Rehearsal {
     stage: Stage,
 }
 
-impl Rehearsal {
-    fn new(front: Front) -> Rehearsal {
+impl System {
+    fn new(frontend: Frontend) -> System {
         let stage = Stage::new();
         let motors = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
-        let bridge = stage.bridge(front);
+        let bridge = stage.bridge(frontend);
         let controller = stage.controller();
-        Rehearsal { controller, bridge, motors, stage }
+        System { controller, bridge, motors, stage }
     }
 
-    fn armed(front: Front) -> Rehearsal {
-        let mut rehearsal = Rehearsal::new(front);
-        rehearsal.arm();
-        rehearsal
+    fn armed(frontend: Frontend) -> System {
+        let mut system = System::new(frontend);
+        system.arm();
+        system
     }
 
     fn arm(&mut self) {
@@ -43,7 +43,7 @@ impl Rehearsal {
     fn controller_sees(&mut self, expected: &str) {
         let mut state = Value::Null;
         let begin = Instant::now();
-        while begin.elapsed() < PATIENCE {
+        while begin.elapsed() < TIMEOUT {
             state = self.controller.state();
             if state["state"] == expected {
                 return;
@@ -86,21 +86,21 @@ fn takes_power(motor: &Value) -> bool {
 
 #[test]
 fn motors_get_power_only_when_armed_and_first_where_they_are() {
-    for front in FRONTS {
-        let mut rehearsal = Rehearsal::new(front);
+    for frontend in FRONTENDS {
+        let mut system = System::new(frontend);
         // commands alone give no power
-        rehearsal.controller_sees("disabled");
-        rehearsal.stays_safe();
-        for motors in &rehearsal.motors {
-            assert!(motors.said().iter().all(|event| event["event"] != "power"), "{front:?}");
+        system.controller_sees("disabled");
+        system.stays_safe();
+        for motors in &system.motors {
+            assert!(motors.said().iter().all(|event| event["event"] != "power"), "{frontend:?}");
         }
-        rehearsal.controller.tell("target 0.02");
-        rehearsal.controller.tell("arm");
-        rehearsal.controller_sees("enabled");
+        system.controller.tell("target 0.02");
+        system.controller.tell("arm");
+        system.controller_sees("enabled");
         // no motor jumps: the way from where it is and the gains grow together, so that a motor
         // that is busy when power comes sees the same share
         let mut place = 0;
-        for (motors, (bus, actuators)) in rehearsal.motors.iter().zip(BUSES) {
+        for (motors, (bus, actuators)) in system.motors.iter().zip(BUSES) {
             for actuator in actuators {
                 let is_first = |event: &Value| {
                     event["event"] == "first_setpoint" && event["motor"] == *actuator
@@ -112,7 +112,7 @@ fn motors_get_power_only_when_armed_and_first_where_they_are() {
                     / (if gear > 50.0 { 5000.0 } else { 20.0 } / (gear * gear));
                 assert!(
                     (way - gain).abs() < 0.05 && (-0.01..=1.01).contains(&way),
-                    "{front:?} {bus} {actuator}: {way} {gain} {first}"
+                    "{frontend:?} {bus} {actuator}: {way} {gain} {first}"
                 );
                 assert!(number(&first["torque"]).abs() <= 20.0 / 4095.0, "{first}");
                 place += 1;
@@ -123,31 +123,32 @@ fn motors_get_power_only_when_armed_and_first_where_they_are() {
 
 #[test]
 fn motors_follow_the_commands_of_the_actuators() {
-    for front in FRONTS {
-        let mut rehearsal = Rehearsal::armed(front);
+    for frontend in FRONTENDS {
+        let mut system = System::armed(frontend);
         for target in [0.03, -0.02] {
-            rehearsal.controller.tell(&format!("target {target}"));
+            system.controller.tell(&format!("target {target}"));
             // gear, sign and codec say the same on both sides: what motors are told is the command
             // within half a step of the codec, and another half for the start that was measured
             let actuators: Vec<&str> =
                 BUSES.iter().flat_map(|(_, actuators)| actuators.iter().copied()).collect();
             wait_for("motors at the target", || {
-                let report = rehearsal.report();
+                let report = system.report();
                 let good = |(place, motor): (usize, &Value)| {
                     assert_eq!(motor["motor"], actuators[place]);
-                    let wanted = sign(place) * gear(actuators[place]) * target;
-                    let told = motor["setpoint"]["position"].as_f64();
-                    let is_told = told.is_some_and(|told| (told - wanted).abs() <= 25.1 / 65535.0);
-                    is_told && (number(&motor["actuator_position"]) - target).abs() < 2e-3
+                    let desired = sign(place) * gear(actuators[place]) * target;
+                    let given = motor["setpoint"]["position"].as_f64();
+                    let is_given =
+                        given.is_some_and(|given| (given - desired).abs() <= 25.1 / 65535.0);
+                    is_given && (number(&motor["actuator_position"]) - target).abs() < 2e-3
                 };
                 report.iter().enumerate().all(good).then_some(())
             });
             // and the controller sees what the motors did
-            let state = rehearsal.controller.state();
+            let state = system.controller.state();
             for place in 0..N_U {
                 assert!(
                     (number(&state["position"][place]) - target).abs() < 4e-3,
-                    "{front:?} {state}"
+                    "{frontend:?} {state}"
                 );
             }
         }
@@ -156,13 +157,13 @@ fn motors_follow_the_commands_of_the_actuators() {
 
 #[test]
 fn commands_that_are_none_bring_damping_then_no_power_and_never_reach_a_motor() {
-    for front in FRONTS {
+    for frontend in FRONTENDS {
         for order in ["nan 7", "old", "quiet"] {
-            let mut rehearsal = Rehearsal::armed(front);
-            rehearsal.controller.tell(order);
+            let mut system = System::armed(frontend);
+            system.controller.tell(order);
             // on the way every motor is damped: no stiffness, some damping
             let report = wait_for("damping", || {
-                let report = rehearsal.report();
+                let report = system.report();
                 report
                     .iter()
                     .any(|motor| {
@@ -186,136 +187,142 @@ fn commands_that_are_none_bring_damping_then_no_power_and_never_reach_a_motor() 
                 }
             }
             // the bridge did it, by its frames: no watchdog had to
-            let report = rehearsal.safe();
+            let report = system.safe();
             assert!(
                 report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
-                "{front:?} {order}: {report:?}"
+                "{frontend:?} {order}: {report:?}"
             );
             // good commands give no power back
-            rehearsal.controller.tell("good");
-            rehearsal.stays_safe();
-            rehearsal.controller_sees("disabled");
+            system.controller.tell("good");
+            system.stays_safe();
+            system.controller_sees("disabled");
             // an operator does
-            rehearsal.arm();
+            system.arm();
         }
     }
 }
 
 #[test]
 fn motors_go_safe_when_the_controller_is_stopped_or_killed() {
-    for front in FRONTS {
-        let mut rehearsal = Rehearsal::armed(front);
-        rehearsal.controller.signal("-STOP");
-        let report = rehearsal.safe();
+    for frontend in FRONTENDS {
+        let mut system = System::armed(frontend);
+        system.controller.signal("-STOP");
+        let report = system.safe();
         assert!(
             report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
-            "{front:?}: {report:?}"
+            "{frontend:?}: {report:?}"
         );
-        rehearsal.controller.signal("-CONT");
-        rehearsal.stays_safe();
-        rehearsal.arm();
-        rehearsal.controller.signal("-KILL");
-        let report = rehearsal.safe();
+        system.controller.signal("-CONT");
+        system.stays_safe();
+        system.arm();
+        system.controller.signal("-KILL");
+        let report = system.safe();
         assert!(
             report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
-            "{front:?}: {report:?}"
+            "{frontend:?}: {report:?}"
         );
         // another controller may take its place, and an operator may arm again
-        rehearsal.controller = rehearsal.stage.controller();
-        rehearsal.stays_safe();
-        rehearsal.arm();
+        system.controller = system.stage.controller();
+        system.stays_safe();
+        system.arm();
     }
 }
 
 #[test]
 fn motors_go_safe_by_themselves_when_the_bridge_is_stopped_or_killed() {
-    for front in FRONTS {
-        let mut rehearsal = Rehearsal::armed(front);
-        rehearsal.bridge.signal("-STOP");
-        let report = rehearsal.safe();
-        assert!(report.iter().all(|motor| motor["tripped"] == true), "{front:?}: {report:?}");
+    for frontend in FRONTENDS {
+        let mut system = System::armed(frontend);
+        system.bridge.signal("-STOP");
+        let report = system.safe();
+        assert!(report.iter().all(|motor| motor["tripped"] == true), "{frontend:?}: {report:?}");
         for motor in &report {
             assert!(number(&motor["watchdog_ms"]) == TIMES[2] as f64, "{motor}");
         }
-        rehearsal.bridge.signal("-CONT");
-        rehearsal.stays_safe();
-        let mut rehearsal = Rehearsal::armed({
-            drop(rehearsal);
-            front
+        system.bridge.signal("-CONT");
+        system.stays_safe();
+        let mut system = System::armed({
+            drop(system);
+            frontend
         });
-        rehearsal.bridge.signal("-KILL");
-        let report = rehearsal.safe();
+        system.bridge.signal("-KILL");
+        let report = system.safe();
         assert!(
             report.iter().all(|motor| motor["tripped"] == true && !takes_power(motor)),
-            "{front:?}: {report:?}"
+            "{frontend:?}: {report:?}"
         );
     }
 }
 
 #[test]
 fn the_bridge_takes_the_power_on_every_way_out() {
-    for front in FRONTS {
+    for frontend in FRONTENDS {
         for signal in ["-INT", "-TERM", "-HUP", "-QUIT", "-TSTP"] {
-            let mut rehearsal = Rehearsal::armed(front);
-            rehearsal.bridge.signal(signal);
-            assert_eq!(rehearsal.bridge.end().code(), Some(0), "{front:?} {signal}");
-            let report = rehearsal.report();
+            let mut system = System::armed(frontend);
+            system.bridge.signal(signal);
+            assert_eq!(system.bridge.end().code(), Some(0), "{frontend:?} {signal}");
+            let report = system.report();
             let taken = |motor: &Value| {
                 motor["power"] == false && motor["tripped"] == false && takes_power(motor)
             };
-            assert!(report.iter().all(taken), "{front:?} {signal}: {report:?}");
+            assert!(report.iter().all(taken), "{frontend:?} {signal}: {report:?}");
         }
         // the parent's death: a shell that started it is killed
         let stage = Stage::new();
         let motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
-        let inner = stage.bridge_command(front);
+        let inner = stage.bridge_command(frontend);
         let mut shell = std::process::Command::new("sh");
         shell.args(["-c", "\"$@\" & wait", "sh"]).arg(inner.get_program()).args(inner.get_args());
         shell.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
         let bridge = Process::start("shell", shell);
         assert!(bridge.line().starts_with("ready "));
         let controller = stage.controller();
-        let mut rehearsal = Rehearsal { controller, bridge, motors, stage };
-        rehearsal.arm();
-        rehearsal.bridge.signal("-KILL");
-        let report = rehearsal.safe();
+        let mut system = System { controller, bridge, motors, stage };
+        system.arm();
+        system.bridge.signal("-KILL");
+        let report = system.safe();
         assert!(
             report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
-            "{front:?}: {report:?}"
+            "{frontend:?}: {report:?}"
         );
     }
 }
 
 #[test]
 fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
-    for front in FRONTS {
+    for frontend in FRONTENDS {
         for signal in ["-STOP", "-KILL"] {
-            let mut rehearsal = Rehearsal::armed(front);
+            let mut system = System::armed(frontend);
             let [torso, left, right] = [0, 1, 2];
-            rehearsal.motors[torso].signal(signal);
-            rehearsal.controller_sees("fault");
+            system.motors[torso].signal(signal);
+            system.controller_sees("fault");
             // the torso's mechanisms are in fault, those of the arms follow
-            let state = rehearsal.controller.state();
+            let state = system.controller.state();
             let states = state["states"].as_array().unwrap();
             let (of_torso, of_arms) = states.split_at(BUSES[torso].1.len());
-            assert!(of_torso.iter().all(|state| state == "fault"), "{front:?} {signal}: {state}");
-            assert!(of_arms.iter().all(|state| state == "enabled"), "{front:?} {signal}: {state}");
-            rehearsal.controller.tell("target 0.03");
+            assert!(
+                of_torso.iter().all(|state| state == "fault"),
+                "{frontend:?} {signal}: {state}"
+            );
+            assert!(
+                of_arms.iter().all(|state| state == "enabled"),
+                "{frontend:?} {signal}: {state}"
+            );
+            system.controller.tell("target 0.03");
             for bus in [left, right] {
                 wait_for("arms at the target", || {
                     let near = |motor: &Value| {
                         motor["power"] == true
                             && (number(&motor["actuator_position"]) - 0.03).abs() < 2e-3
                     };
-                    rehearsal.motors[bus].report().iter().all(near).then_some(())
+                    system.motors[bus].report().iter().all(near).then_some(())
                 });
             }
             if signal == "-STOP" {
                 // what comes back has tripped its watchdog meanwhile, and gets no power
-                rehearsal.motors[torso].signal("-CONT");
+                system.motors[torso].signal("-CONT");
                 let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
                 wait_for("the torso without power", || {
-                    rehearsal.motors[torso]
+                    system.motors[torso]
                         .report()
                         .iter()
                         .all(|motor| motor["power"] == false)
@@ -323,10 +330,7 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
                 });
                 while Instant::now() < end {
                     assert!(
-                        rehearsal.motors[torso]
-                            .report()
-                            .iter()
-                            .all(|motor| motor["power"] == false)
+                        system.motors[torso].report().iter().all(|motor| motor["power"] == false)
                     );
                 }
             }
@@ -336,50 +340,50 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
 
 #[test]
 fn a_fault_and_a_silent_motor_stop_their_mechanism_and_wait_for_a_reset() {
-    for front in FRONTS {
-        for (break_it, mend_it) in [
+    for frontend in FRONTENDS {
+        for (break_it, fix_it) in [
             ("fault ALElbowAct 0xA", "fault ALElbowAct 0"),
             ("silence ALElbowAct on", "silence ALElbowAct off"),
         ] {
-            let mut rehearsal = Rehearsal::armed(front);
-            rehearsal.motors[1].tell(break_it);
-            rehearsal.controller_sees("fault");
-            let state = rehearsal.controller.state();
+            let mut system = System::armed(frontend);
+            system.motors[1].tell(break_it);
+            system.controller_sees("fault");
+            let state = system.controller.state();
             for (place, state) in state["states"].as_array().unwrap().iter().enumerate() {
                 assert_eq!(
                     *state,
                     if place == 6 { "fault" } else { "enabled" },
-                    "{front:?} {break_it} {place}: {state}"
+                    "{frontend:?} {break_it} {place}: {state}"
                 );
             }
-            rehearsal.motors[1].tell(mend_it);
-            rehearsal.controller.tell("arm");
+            system.motors[1].tell(fix_it);
+            system.controller.tell("arm");
             std::thread::sleep(Duration::from_millis(200));
             assert_eq!(
-                rehearsal.controller.state()["states"][6],
+                system.controller.state()["states"][6],
                 "fault",
-                "{front:?}: an arming does not reset"
+                "{frontend:?}: an arming does not reset"
             );
-            rehearsal.controller.tell("reset");
+            system.controller.tell("reset");
             wait_for("the reset", || {
-                (rehearsal.controller.state()["states"][6] == "disabled").then_some(())
+                (system.controller.state()["states"][6] == "disabled").then_some(())
             });
-            rehearsal.arm();
+            system.arm();
         }
     }
 }
 
 #[test]
 fn a_bus_has_one_owner() {
-    for front in FRONTS {
-        let rehearsal = Rehearsal::new(front);
-        for other in FRONTS {
-            let mut command = rehearsal.stage.bridge_command(other);
-            command.env("SARRUS_ROOT", rehearsal.stage.folder.join("elsewhere"));
+    for frontend in FRONTENDS {
+        let system = System::new(frontend);
+        for other in FRONTENDS {
+            let mut command = system.stage.bridge_command(other);
+            command.env("SARRUS_ROOT", system.stage.folder.join("elsewhere"));
             let output = command.output().unwrap();
-            assert_eq!(output.status.code(), Some(2), "{front:?} {other:?}");
-            let told = String::from_utf8(output.stderr).unwrap();
-            assert!(told.contains("in use by another program"), "{front:?} {other:?}: {told}");
+            assert_eq!(output.status.code(), Some(2), "{frontend:?} {other:?}");
+            let text = String::from_utf8(output.stderr).unwrap();
+            assert!(text.contains("in use by another program"), "{frontend:?} {other:?}: {text}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Processes of a rehearsal: motors of each bus, a bridge, a controller. One test at a time.
+//! Processes of the end-to-end tests: motors of each bus, a bridge, a controller. One test at a time.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use sarrus_proto::Domain;
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
-/// Buses of the rehearsal, and the actuators of the upper body on them.
+/// Buses of the end-to-end tests, and the actuators of the upper body on them.
 pub(super) const BUSES: [(&str, &[&str]); 3] = [
     ("torso", &["BodyActL", "BodyActR", "BodyYaw"]),
     ("left", &["ALShoulder1", "ALShoulder2", "ALShoulder3", "ALElbowAct", "ALWristRoll"]),
@@ -23,7 +23,7 @@ pub(super) const N_U: usize = 13;
 /// T1, T2 and the motors' watchdog `[ms]`; long, since computers that test are busy.
 pub(super) const TIMES: [u64; 3] = [200, 800, 2000];
 /// How long something may take that takes no time of its own.
-pub(super) const PATIENCE: Duration = Duration::from_secs(15);
+pub(super) const TIMEOUT: Duration = Duration::from_secs(15);
 
 /// Motor's turn for the actuator's: rad/m for the linear ones, rad/rad for the others.
 pub(super) fn gear(actuator: &str) -> f64 {
@@ -72,7 +72,7 @@ pub(super) fn sarrus_can() -> &'static Path {
 
 /// Which program bridges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Front {
+pub(super) enum Frontend {
     /// `python -m sarrus.can run`.
     Python,
     /// `sarrus-can run`.
@@ -80,9 +80,9 @@ pub(super) enum Front {
 }
 
 /// All of them.
-pub(super) const FRONTS: [Front; 2] = [Front::Rust, Front::Python];
+pub(super) const FRONTENDS: [Frontend; 2] = [Frontend::Rust, Frontend::Python];
 
-/// A folder, a domain and a configuration of one test; no other test rehearses meanwhile.
+/// A folder, a domain and a configuration of one test; no other end-to-end test runs meanwhile.
 pub(super) struct Stage {
     pub(super) folder: PathBuf,
     pub(super) configuration: String,
@@ -135,28 +135,28 @@ impl Stage {
     }
 
     /// The command that runs a bridge.
-    pub(super) fn bridge_command(&self, front: Front) -> Command {
-        self.at_home(match front {
-            Front::Python => environment().can(&[
+    pub(super) fn bridge_command(&self, frontend: Frontend) -> Command {
+        self.at_home(match frontend {
+            Frontend::Python => environment().can(&[
                 "run",
                 &self.configuration,
                 "--name",
-                "rehearsal",
+                "end_to_end",
                 "--no-realtime",
             ]),
-            Front::Rust => {
+            Frontend::Rust => {
                 let mut command = Command::new(sarrus_can());
-                command.args(["run", &self.configuration, "--name", "rehearsal"]);
+                command.args(["run", &self.configuration, "--name", "end_to_end"]);
                 command
             }
         })
     }
 
     /// A bridge that is ready.
-    pub(super) fn bridge(&self, front: Front) -> Process {
-        let bridge = Process::start("bridge", self.bridge_command(front));
+    pub(super) fn bridge(&self, frontend: Frontend) -> Process {
+        let bridge = Process::start("bridge", self.bridge_command(frontend));
         let ready = bridge.line();
-        assert!(ready.starts_with("ready rehearsal "), "{ready}");
+        assert!(ready.starts_with("ready end_to_end "), "{ready}");
         bridge
     }
 
@@ -169,7 +169,7 @@ impl Stage {
         };
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/can/controller.py");
         let arguments =
-            [script.to_str().unwrap(), "rehearsal", &numbers(5000.0, 20.0), &numbers(1400.0, 5.0)];
+            [script.to_str().unwrap(), "end_to_end", &numbers(5000.0, 20.0), &numbers(1400.0, 5.0)];
         let controller =
             Process::start("controller", self.at_home(environment().command(&arguments)));
         assert_eq!(controller.line(), "ready");
@@ -252,17 +252,17 @@ impl Process {
 
     /// Its next line.
     pub(super) fn line(&self) -> String {
-        self.lines.recv_timeout(PATIENCE).unwrap_or_else(|_| panic!("{} says nothing", self.name)).1
+        self.lines.recv_timeout(TIMEOUT).unwrap_or_else(|_| panic!("{} says nothing", self.name)).1
     }
 
     /// Its next line as JSON that a reader wants; others are passed over.
-    pub(super) fn until(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub(super) fn until(&self, desired: impl Fn(&Value) -> bool) -> Value {
         let begin = Instant::now();
-        while begin.elapsed() < PATIENCE {
+        while begin.elapsed() < TIMEOUT {
             let line = self.line();
             let value: Value = serde_json::from_str(&line)
                 .unwrap_or_else(|error| panic!("{}: {error}: {line}", self.name));
-            if wanted(&value) {
+            if desired(&value) {
                 return value;
             }
         }
@@ -313,7 +313,7 @@ impl Drop for Process {
 /// Waits until there is something.
 pub(super) fn wait_for<T>(what: &str, mut there: impl FnMut() -> Option<T>) -> T {
     let begin = Instant::now();
-    while begin.elapsed() < PATIENCE {
+    while begin.elapsed() < TIMEOUT {
         if let Some(found) = there() {
             return found;
         }

@@ -3,7 +3,7 @@
 
 mod chain;
 mod end_to_end;
-mod fronts;
+mod frontends;
 mod harness;
 mod kernel;
 mod peers;

@@ -84,9 +84,9 @@ fn drive_of(name: &str, text: &str, mode: Mode, file: &str) -> Box<dyn Drive> {
     drive.unwrap_or_else(|| panic!("{}", diagnostics.into_report()))
 }
 
-fn encode(drive: &dyn Drive, wanted: Setpoint) -> Vec<Frame> {
+fn encode(drive: &dyn Drive, setpoint: Setpoint) -> Vec<Frame> {
     let mut queue = FrameQueue::new(8);
-    drive.encode(&wanted, &mut queue);
+    drive.encode(&setpoint, &mut queue);
     queue.frames().to_vec()
 }
 
@@ -109,11 +109,11 @@ impl Random {
     }
 }
 
-fn near(found: &Value, wanted: f64, by: f64, what: &str) {
+fn near(found: &Value, setpoint: f64, by: f64, what: &str) {
     let found = found.as_f64().unwrap_or_else(|| panic!("{what}: {found}"));
     assert!(
-        (found - wanted).abs() <= by * (1.0 + 1e-9) + wanted.abs() * 1e-7,
-        "{what}: {found} is not {wanted}"
+        (found - setpoint).abs() <= by * (1.0 + 1e-9) + setpoint.abs() * 1e-7,
+        "{what}: {found} is not {setpoint}"
     );
 }
 
@@ -130,24 +130,29 @@ fn cantools_reads_mit_cybergear_and_odrive_commands() {
     let cybergear = drive("cybergear", "{id: 1, position_range: 12.5}", Mode::Impedance);
     let odrive = drive("odrive", "{node: 1}", Mode::Position);
     for _ in 0..ROUNDS {
-        let wanted = random.setpoint([12.5, 45.0, 18.0, 500.0, 5.0]);
-        let read = peers.decode("mit", &encode(&*mit, wanted)[0]);
-        near(&read["position"], wanted.position, 12.5 / 65535.0, "MIT position");
-        near(&read["velocity"], wanted.velocity, 45.0 / 4095.0, "MIT velocity");
-        near(&read["torque"], wanted.torque, 18.0 / 4095.0, "MIT torque");
-        near(&read["stiffness"], wanted.stiffness, 250.0 / 4095.0, "MIT stiffness");
-        near(&read["damping"], wanted.damping, 2.5 / 4095.0, "MIT damping");
-        let wanted = random.setpoint([12.5, 30.0, 12.0, 500.0, 5.0]);
-        let read = peers.decode("cybergear", &encode(&*cybergear, wanted)[0]);
-        near(&read["position"], wanted.position, 12.5 / 65535.0, "CyberGear position");
-        near(&read["velocity"], wanted.velocity, 30.0 / 65535.0, "CyberGear velocity");
-        near(&read["stiffness"], wanted.stiffness, 250.0 / 65535.0, "CyberGear stiffness");
-        near(&read["damping"], wanted.damping, 2.5 / 65535.0, "CyberGear damping");
-        let wanted = random.setpoint([100.0, 200.0, 30.0, 0.0, 0.0]);
-        let read = peers.decode("odrive", &encode(&*odrive, wanted)[0]);
-        near(&read["position"], wanted.position / std::f64::consts::TAU, 0.0, "ODrive position");
-        near(&read["velocity"], wanted.velocity / std::f64::consts::TAU, 0.0005, "ODrive velocity");
-        near(&read["torque"], wanted.torque, 0.0005, "ODrive torque");
+        let setpoint = random.setpoint([12.5, 45.0, 18.0, 500.0, 5.0]);
+        let read = peers.decode("mit", &encode(&*mit, setpoint)[0]);
+        near(&read["position"], setpoint.position, 12.5 / 65535.0, "MIT position");
+        near(&read["velocity"], setpoint.velocity, 45.0 / 4095.0, "MIT velocity");
+        near(&read["torque"], setpoint.torque, 18.0 / 4095.0, "MIT torque");
+        near(&read["stiffness"], setpoint.stiffness, 250.0 / 4095.0, "MIT stiffness");
+        near(&read["damping"], setpoint.damping, 2.5 / 4095.0, "MIT damping");
+        let setpoint = random.setpoint([12.5, 30.0, 12.0, 500.0, 5.0]);
+        let read = peers.decode("cybergear", &encode(&*cybergear, setpoint)[0]);
+        near(&read["position"], setpoint.position, 12.5 / 65535.0, "CyberGear position");
+        near(&read["velocity"], setpoint.velocity, 30.0 / 65535.0, "CyberGear velocity");
+        near(&read["stiffness"], setpoint.stiffness, 250.0 / 65535.0, "CyberGear stiffness");
+        near(&read["damping"], setpoint.damping, 2.5 / 65535.0, "CyberGear damping");
+        let setpoint = random.setpoint([100.0, 200.0, 30.0, 0.0, 0.0]);
+        let read = peers.decode("odrive", &encode(&*odrive, setpoint)[0]);
+        near(&read["position"], setpoint.position / std::f64::consts::TAU, 0.0, "ODrive position");
+        near(
+            &read["velocity"],
+            setpoint.velocity / std::f64::consts::TAU,
+            0.0005,
+            "ODrive velocity",
+        );
+        near(&read["torque"], setpoint.torque, 0.0005, "ODrive torque");
     }
 }
 
@@ -160,14 +165,14 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
     for _ in 0..ROUNDS {
         let stiffness = 4.0 / tau * random.next().abs();
         let damping = 0.05 / 4.0 * stiffness * random.next().abs();
-        let wanted =
+        let setpoint =
             Setpoint { stiffness, damping, ..random.setpoint([50.0, 100.0, 300.0, 0.0, 0.0]) };
-        let frame = encode(&*moteus, wanted)[0];
+        let frame = encode(&*moteus, setpoint)[0];
         let read = peers.decode("moteus", &frame);
         assert_eq!(read["0"], 10);
-        near(&read["32"], wanted.position / tau, 0.0, "position");
-        near(&read["33"], wanted.velocity / tau, 0.0, "velocity");
-        near(&read["34"], wanted.torque, 0.005, "torque");
+        near(&read["32"], setpoint.position / tau, 0.0, "position");
+        near(&read["33"], setpoint.velocity / tau, 0.0, "velocity");
+        near(&read["34"], setpoint.torque, 0.005, "torque");
         near(&read["35"], stiffness * tau / 4.0, 0.5 / 32767.0, "stiffness");
         near(&read["36"], damping * tau / 0.05, 0.5 / 32767.0, "damping");
         assert!(read["37"].is_null(), "the controller's own largest torque");
@@ -193,9 +198,9 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
         let read = peers.ask(&json!({"ask": "moteus_reply", "data": hex(&bytes)}));
         let frame = Frame::fd(Id::Standard(0x100), true, &bytes).unwrap();
         let Receipt::Measured(measured) = moteus.receive(0, &frame) else { panic!("{frame}") };
-        near(&read["1"], measured.position / tau, 1e-9, "told position");
-        near(&read["2"], measured.velocity / tau, 1e-9, "told velocity");
-        near(&read["3"], measured.torque, 1e-9, "told torque");
+        near(&read["1"], measured.position / tau, 1e-9, "reported position");
+        near(&read["2"], measured.velocity / tau, 1e-9, "reported velocity");
+        near(&read["3"], measured.torque, 1e-9, "reported torque");
     }
 }
 
@@ -293,15 +298,15 @@ fn cantools_reads_what_is_sent_by_a_dbc_file() {
                 measured_position: Command.Position}";
     let drive = drive("dbc", text, Mode::Torque);
     for _ in 0..ROUNDS {
-        let wanted = random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0]);
-        let read = decode_dbc(&mut peers, DBC, &encode(&*drive, wanted));
+        let setpoint = random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0]);
+        let read = decode_dbc(&mut peers, DBC, &encode(&*drive, setpoint));
         assert_eq!(
             (&read[0]["Mux"], &read[0]["Enable"], &read[1]["Mux"]),
             (&json!(1), &json!(1), &json!(2))
         );
-        near(&read[0]["Torque"], wanted.torque, 0.005, "torque");
-        near(&read[1]["Position"], wanted.position, 0.001, "position");
-        near(&read[1]["Velocity"], wanted.velocity, 0.025, "velocity");
+        near(&read[0]["Torque"], setpoint.torque, 0.005, "torque");
+        near(&read[1]["Position"], setpoint.position, 0.001, "position");
+        near(&read[1]["Velocity"], setpoint.velocity, 0.025, "velocity");
     }
     // power whatever the switch says: it is in both frames
     let file = DBC.replace("Enable m1", "Enable");

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use sarrus_tests::python::environment;
 
-use super::harness::{BUSES, Front, Process, Stage, wait_for};
+use super::harness::{BUSES, Frontend, Process, Stage, wait_for};
 
 #[test]
 fn the_package_loads_and_has_the_protocols_of_the_core() {
@@ -27,12 +27,12 @@ fn its_own_tests_pass() {
         .command(&["-W", "error", "-m", "unittest", "discover", "--start-directory", folder])
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
-    let count = told
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{text}");
+    let count = text
         .lines()
         .find_map(|line| line.strip_prefix("Ran ")?.split(' ').next()?.parse::<usize>().ok());
-    assert!(count > Some(15) && !told.contains("skipped"), "{told}");
+    assert!(count > Some(15) && !text.contains("skipped"), "{text}");
 }
 
 #[test]
@@ -121,17 +121,17 @@ fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
 fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
     let stage = Stage::new();
     let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
-    let _bridge = stage.bridge(Front::Python);
+    let _bridge = stage.bridge(Frontend::Python);
     let readme =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../client/python/README.md"))
             .unwrap();
     let script =
         readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
-    let script = script.replace("Controller()", "Controller(\"rehearsal\")");
+    let script = script.replace("Controller()", "Controller(\"end_to_end\")");
     let _controller =
         Process::start("controller", stage.at_home(environment().command(&["-c", &script])));
-    let mut all = |wanted: &dyn Fn(&Value) -> bool| {
-        motors.iter_mut().flat_map(Process::report).all(|motor| wanted(&motor))
+    let mut all = |desired: &dyn Fn(&Value) -> bool| {
+        motors.iter_mut().flat_map(Process::report).all(|motor| desired(&motor))
     };
     wait_for("power", || all(&|motor| motor["power"] == true).then_some(()));
     let end = Instant::now() + Duration::from_secs(1);
@@ -171,9 +171,9 @@ fn a_motor_is_not_moved_before_its_own_watchdog_is_known_to_be_on() {
     std::fs::write(&stage.configuration, &text).unwrap();
     let motors = stage.motors("left");
     let output = direction(&stage, "0.2").output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{told}");
-    assert!(told.contains("ALElbowAct gets no power: watchdog_unknown"), "{told}");
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("ALElbowAct gets no power: watchdog_unknown"), "{text}");
     assert!(motors.said().iter().all(|event| event["event"] != "power"));
     // its owner set it by other means and says so
     std::fs::write(

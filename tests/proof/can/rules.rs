@@ -1,7 +1,7 @@
 //! The rules with every protocol that has a simulated motor, in this process: nothing allocates,
 //! and power is the same on both sides.
 
-use sarrus_can_core::bridge::{Bridge, Verdict};
+use sarrus_can_core::bridge::{Bridge, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Surroundings};
 use sarrus_can_core::drive::Measurement;
 use sarrus_can_core::frame::FrameQueue;
@@ -94,7 +94,7 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
         let before = calls();
         if !(1000..1200).contains(&step) {
             let verdict = bridge.command(now_ns, &command);
-            assert_eq!(verdict == Verdict::NotFinite, step % 500 == 499);
+            assert_eq!(verdict == CommandVerdict::NotFinite, step % 500 == 499);
         }
         bridge.cycle(now_ns);
         calls_of_bridge += calls() - before;

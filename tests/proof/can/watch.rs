@@ -10,11 +10,11 @@ use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 use serde_json::Value;
 
-use super::harness::{BUSES, FRONTS, Front, N_U, Process, Stage, sarrus_can, wait_for};
+use super::harness::{BUSES, FRONTENDS, Frontend, N_U, Process, Stage, sarrus_can, wait_for};
 
 fn top(stage: &Stage, format: &str) -> Output {
     let mut top = Command::new(sarrus_can());
-    top.args(["top", "rehearsal", "--once", "--format", format]);
+    top.args(["top", "end_to_end", "--once", "--format", format]);
     stage.at_home(top).output().unwrap()
 }
 
@@ -36,10 +36,10 @@ fn count(value: &Value) -> u64 {
 
 #[test]
 fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
-    for front in FRONTS {
+    for frontend in FRONTENDS {
         let stage = Stage::new();
         let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
-        let bridge = stage.bridge(front);
+        let bridge = stage.bridge(frontend);
         let mut controller = stage.controller();
         controller.tell("nan 7");
         let first =
@@ -50,22 +50,22 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
         let seen = until(&stage, "accepted commands", |seen| {
             count(&seen["commands"]["accepted"]) > accepted
         });
-        assert_eq!(seen["process"], bridge.id(), "{front:?}");
+        assert_eq!(seen["process"], bridge.id(), "{frontend:?}");
         let cycles = count(&seen["cycles"]);
         assert!(
             cycles >= count(&first["cycles"]) + 50
                 && count(&seen["stamp_ns"]) > count(&first["stamp_ns"]),
-            "{front:?} {seen}"
+            "{frontend:?} {seen}"
         );
 
         let times = &seen["times_ns"];
         for (name, least) in [("wake", cycles), ("work", cycles), ("age", 50), ("reply", 50)] {
             let [n, p50, p99, p999, max] =
                 ["count", "p50", "p99", "p999", "max"].map(|key| count(&times[name][key]));
-            assert!((least..=cycles).contains(&n), "{front:?} {name}: {n} of {cycles}");
+            assert!((least..=cycles).contains(&n), "{frontend:?} {name}: {n} of {cycles}");
             assert!(
                 0 < p50 && p50 <= p99 && p99 <= p999 && p999 <= max,
-                "{front:?} {name}: {times}"
+                "{frontend:?} {name}: {times}"
             );
         }
 
@@ -75,7 +75,7 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
             assert_eq!(
                 (&bus["name"], &bus["state"]),
                 (&name.into(), &"active".into()),
-                "{front:?}"
+                "{frontend:?}"
             );
             // each motor has a frame in each cycle, and answers what it hears
             let [sent, received, dropped] =
@@ -83,13 +83,13 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
             let all = cycles * actuators.len() as u64;
             assert!(
                 sent + dropped >= all && received > 50 && received <= sent,
-                "{front:?} {cycles} cycles: {bus}"
+                "{frontend:?} {cycles} cycles: {bus}"
             );
             assert!(
                 ["unknown", "malformed", "off"].iter().all(|key| bus[*key] == 0),
-                "{front:?}: {bus}"
+                "{frontend:?}: {bus}"
             );
-            assert!((0.01..0.9).contains(&bus["load"].as_f64().unwrap()), "{front:?}: {bus}");
+            assert!((0.01..0.9).contains(&bus["load"].as_f64().unwrap()), "{frontend:?}: {bus}");
         }
         let names: Vec<&str> = seen["actuators"]
             .as_array()
@@ -100,7 +100,7 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
         assert_eq!(
             (names.len(), names),
             (N_U, BUSES.iter().flat_map(|(_, actuators)| *actuators).copied().collect()),
-            "{front:?}"
+            "{frontend:?}"
         );
 
         let text = look(&stage, "text");
@@ -116,7 +116,7 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
             "right",
             "ARWristRoll",
         ] {
-            assert!(text.contains(word), "{front:?}: no `{word}` in\n{text}");
+            assert!(text.contains(word), "{frontend:?}: no `{word}` in\n{text}");
         }
 
         // what cannot be sent any more does not count as sent
@@ -134,10 +134,10 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
 fn a_dry_run_has_sent_nothing() {
     let stage = Stage::new();
     let _motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
-    let mut command = stage.bridge_command(Front::Python);
+    let mut command = stage.bridge_command(Frontend::Python);
     command.arg("--dry-run");
     let bridge = Process::start("bridge", command);
-    assert!(bridge.line().starts_with("ready rehearsal "));
+    assert!(bridge.line().starts_with("ready end_to_end "));
     let seen =
         until(&stage, "frames that were not sent", |seen| count(&seen["buses"][0]["dropped"]) > 0);
     assert!(
@@ -154,7 +154,7 @@ fn a_dry_run_has_sent_nothing() {
 fn a_bridge_without_statistics_is_not_waited_for_for_ever() {
     let stage = Stage::new();
     let node = Domain::at(&stage.root()).unwrap().node::<Threadsafe>().unwrap();
-    let end = BridgeEnd::create(&node, &ServerName::new("rehearsal").unwrap()).unwrap();
+    let end = BridgeEnd::create(&node, &ServerName::new("end_to_end").unwrap()).unwrap();
     let over = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let looking = scope.spawn(|| {

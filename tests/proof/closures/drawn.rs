@@ -78,7 +78,7 @@ fn ring(
     };
     draft.cut(predecessor, successor, points[on_first], angular, linear);
     let independent = draft.seeded.below(3);
-    let slides = draft.description.joints[joints[independent]].kind == JointKind::Prismatic;
+    let slides = draft.kinds[joints[independent]] == JointKind::Prismatic;
     let reach = if slides { 0.1 * draft.scale } else { 0.2 };
     // an actuator that hardly moves would make forces of any size
     let active = joints[independent];
@@ -242,11 +242,11 @@ fn ankles_with_arms_on_the_foot_close_in_closed_form() {
 fn an_ankle_with_arms_defines_its_loops_by_its_type() {
     for seed in 0..20 {
         // slider's origin for pin, listed as roll, pitch, arms, then leg by leg
-        let mut draft = ankle(seed, false, true);
-        draft.description.submechanisms[0].loops.clear();
-        let part = &mut draft.description.submechanisms[0];
+        let mut description = ankle(seed, false, true).description();
+        let part = &mut description.submechanisms[0];
+        part.loops.clear();
         part.spanning_tree = vec![0, 1, 5, 9, 2, 3, 4, 6, 7, 8];
-        let form = compile(&draft.description);
+        let form = compile(&description);
         let sizes = form.model.sizes();
         assert_eq!(
             (sizes.n_c, sizes.n_vy, form.model.closures()[0].kind),

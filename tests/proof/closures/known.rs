@@ -1,7 +1,7 @@
 //! Mechanisms whose answers are known: parallelograms, couplings, the lambda's table, poses that
 //! cannot be reached or determine nothing.
 
-use sarrus_dynamics::description::{Coupling, Description, SubmechanismKind as Kind};
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{ClosureKind, Compiled, Field, Model, Request, Status};
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::draft::Draft;
@@ -56,7 +56,7 @@ fn parallelograms(seed: u64, straight: bool, off: f64) -> Draft {
 fn parallelograms_are_linear_and_only_parallelograms_are() {
     for seed in 0..20 {
         let draft = parallelograms(seed, seed % 4 == 0, 0.0);
-        let (form, newton) = (compile(&draft.description), numerical(&draft.description));
+        let (form, newton) = (compile(&draft.description()), numerical(&draft.description()));
         assert_eq!(form.model.closures()[0].kind, ClosureKind::Analytic);
         let (y, yd) = ([0.4, -0.3], [1.0, -2.0]);
         let (mine, reference) =
@@ -76,7 +76,7 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
             );
         }
         // a little off starts Newton's method, more is closed by it and reported
-        let polished = compile(&parallelograms(seed, seed % 4 == 0, 1e-5).description);
+        let polished = compile(&parallelograms(seed, seed % 4 == 0, 1e-5).description());
         assert_eq!(polished.model.closures()[0].kind, ClosureKind::Analytic);
         let state = answers(&polished.model, &y, &yd).unwrap();
         assert!(
@@ -84,7 +84,7 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
             "{:?}",
             state.0.get(Residual)
         );
-        let spoilt = compile(&parallelograms(seed, seed % 4 == 0, 0.2).description);
+        let spoilt = compile(&parallelograms(seed, seed % 4 == 0, 0.2).description());
         assert_eq!(spoilt.model.closures()[0].kind, ClosureKind::Numerical);
         assert!(
             spoilt.warnings.iter().any(|x| x.to_string().contains("no parallelogram")),
@@ -106,12 +106,13 @@ fn geared(
         draft.turn(0, [k as f64, 0.0, 0.0], Z);
     });
     for (j, terms, offset) in couplings {
-        draft.description.joints[*j].coupling =
-            Some(Coupling { terms: terms.to_vec(), offset: *offset });
+        let masters: Vec<_> = terms.iter().map(|term| (draft.moved_by(term.0), term.1)).collect();
+        draft.robot.couple(draft.moved_by(*j), masters, *offset);
     }
-    let part = &mut draft.description.submechanisms[0];
-    (part.independent, part.active) = (independent.to_vec(), active.to_vec());
-    draft.description
+    let links = |joints: &[usize]| joints.iter().map(|j| draft.moved_by(*j)).collect::<Vec<_>>();
+    let (independent, active) = (links(independent), links(active));
+    draft.robot.independent(independent).active(active);
+    draft.description()
 }
 
 #[test]
@@ -183,10 +184,11 @@ fn table_lambda(arm: f64, base: f64, out_of_plane: f64) -> Compiled {
     let (slider, slider_link) = draft.slide(stator_link, pin, along);
     draft.cut(0, slider_link, pivot, &[], &[X, Y_AXIS]);
     draft.roles(&[(rocker, 1.0)], &[slider]);
+    let mut description = draft.description();
     for (j, axis) in [(0, Z), (1, [0.0, 0.0, -1.0]), (2, along)] {
-        draft.description.joints[j].axis = axis;
+        description.joints[j].axis = axis;
     }
-    compile(&draft.description)
+    compile(&description)
 }
 
 #[allow(clippy::excessive_precision, reason = "published numbers stand as they were published")]
@@ -305,7 +307,7 @@ fn what_a_plane_loop_cannot_reach_or_determine_is_told() {
     };
     // a crank of 2 on a base of 1 with short links: 3 is farther than they reach
     let bar = compile(
-        &four_bar([[0.0; 3], [1.5, 1.0, 0.0], [1.75, 0.0, 0.0], [1.0, 0.0, 0.0]]).description,
+        &four_bar([[0.0; 3], [1.5, 1.0, 0.0], [1.75, 0.0, 0.0], [1.0, 0.0, 0.0]]).description(),
     );
     assert_eq!(status(&bar, 0.0), Status::Ok);
     assert_eq!(status(&bar, 2.0), Status::Unreachable);
@@ -316,8 +318,9 @@ fn what_a_plane_loop_cannot_reach_or_determine_is_told() {
     let (_, second) = draft.turn(0, [1.0, 0.0, 0.0], Z);
     draft.cut(first, second, [0.5, 1.0, 0.0], &[], &[X, Y_AXIS]);
     draft.roles(&[(slider, 1.0)], &[slider]);
-    draft.description.joints[0].axis = X;
-    let toggle = compile(&draft.description);
+    let mut description = draft.description();
+    description.joints[0].axis = X;
+    let toggle = compile(&description);
     assert_eq!(status(&toggle, 0.25), Status::Ok);
     assert_eq!(status(&toggle, -2.0), Status::Unreachable);
     // both links along each other: the first joint meets the second's, and the links may turn
@@ -330,6 +333,6 @@ fn what_a_plane_loop_cannot_reach_or_determine_is_told() {
     let (slider, block) = draft.slide(0, [0.0; 3], Y_AXIS);
     draft.cut(rod, block, [0.0, 4.0, 0.0], &[], &[X, Y_AXIS]);
     draft.roles(&[(crank, 1.0)], &[slider]);
-    let slider_crank = compile(&draft.description);
+    let slider_crank = compile(&draft.description());
     assert_eq!(status(&slider_crank, 1.0), Status::Ok);
 }

@@ -94,7 +94,7 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
     for seed in 0..40 {
         let straight = seed % 4 == 0;
         let draft = draft(seed, straight);
-        let description = &draft.description;
+        let description = &draft.description();
         let (form, newton) = (compile(description), numerical(description));
         let info = &form.model.closures()[0];
         assert!(form.warnings.is_empty(), "seed {seed}: {:?}", form.warnings);

@@ -55,39 +55,20 @@ fn a_chain_of_a_thousand_loops_is_solved_and_gives_its_forces_back() {
 /// Spherical joints in a row, and one that a loop's cluster has as parent.
 #[test]
 fn the_methods_agree_on_spherical_joints() {
-    let mut robot = lambdas(2);
+    let (mut robot, sliders) = lambdas_under_way(2);
+    let inertial = Inertial {
+        origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.3, 0.2, 0.1] },
+        mass: 1.5,
+        inertia: [0.02, 0.001, 0.0, 0.03, 0.0, 0.04],
+    };
+    // on the slider of the first lambda, then on itself
+    let mut on = sliders[0];
     for k in 0..2 {
-        let (link, j) = (robot.links.len(), robot.joints.len());
-        let inertial = Inertial {
-            origin: at([0.1, 0.2, -0.1], [0.3, 0.2, 0.1]),
-            mass: 1.5,
-            inertia: [0.02, 0.001, 0.0, 0.03, 0.0, 0.04],
-        };
-        robot.links.push(Link { name: format!("ball{k}"), inertial: Some(inertial) });
-        // on the slider of the first lambda, then on itself
-        let parent = if k == 0 { 3 } else { link - 1 };
-        let origin = at([0.1, 0.0, 0.2], [0.1, 0.5, 0.0]);
-        robot.joints.push(joint(
-            format!("ball{k}"),
-            JointKind::Spherical,
-            parent,
-            link,
-            origin,
-            [0.0, 0.0, 1.0],
-            Terms::default(),
-        ));
-        robot.submechanisms.push(Submechanism {
-            name: format!("ball{k}"),
-            kind: SubmechanismKind::Serial,
-            type_name: "S".into(),
-            spanning_tree: vec![j],
-            independent: vec![j],
-            active: vec![],
-            loops: vec![],
-        });
+        robot.submechanism(format!("ball{k}"), SubmechanismKind::Serial);
+        let ball = robot.spherical(format!("ball{k}"), on).origin([0.1, 0.0, 0.2]);
+        on = ball.rpy([0.1, 0.5, 0.0]).inertial(inertial).link();
     }
-    let Compiled { model, exact, .. } =
-        Model::compile(&robot).unwrap_or_else(|error| panic!("{error}"));
+    let Compiled { model, exact, .. } = robot.compile().unwrap_or_else(|error| panic!("{error}"));
     fn check<T: Scalar>(model: &Model<T>, allowed: f64) {
         let half = T::from_f64(0.5);
         let y =

@@ -5,12 +5,12 @@ mod chains;
 mod terms;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
-    SubmechanismKind, Terms,
+    Description, Inertial, JointKind, Placement, SubmechanismKind, Terms,
 };
 use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{
-    Compiled, Field, FieldSet, Method, Model, Plan, Query, Request, Status, Workspace,
+    Compiled, DescriptionBuilder, Field, FieldSet, LinkId, Method, Model, Plan, Query, Request,
+    Status, Workspace,
 };
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{assert_close, largest};
@@ -236,99 +236,35 @@ fn a_workspace_without_room_is_refused() {
     assert_eq!([&recursion, &projection, &kkt].map(|plan| status(&mut all, plan)), [Status::Ok; 3]);
 }
 
-fn at(xyz: [f64; 3], rpy: [f64; 3]) -> Placement {
-    Placement { xyz, rpy }
-}
-
-fn joint(
-    name: String,
-    kind: JointKind,
-    parent: usize,
-    child: usize,
-    origin: Placement,
-    axis: [f64; 3],
-    terms: Terms,
-) -> Joint {
-    Joint { name, kind, parent, child, origin, axis, limits: None, coupling: None, terms }
-}
-
-fn robot(name: &str) -> Description {
-    Description {
-        name: name.into(),
-        links: vec![Link { name: "base".into(), inertial: None }],
-        joints: Vec::new(),
-        submechanisms: Vec::new(),
-        gravity: [0.0, 0.0, -9.81],
-    }
-}
-
 /// Lambdas in a row, every second one on the slider of the one before, the others on its rocker.
 fn lambdas(n: usize) -> Description {
-    let mut robot = robot("lambdas");
-    let mut on = 0;
+    lambdas_under_way(n).0.build().unwrap()
+}
+
+/// The same before it is built, and its sliders.
+fn lambdas_under_way(n: usize) -> (DescriptionBuilder, Vec<LinkId>) {
+    let inertial = |y: f64, mass: f64| {
+        Inertial::new(mass, [0.0, y, 0.01], [0.004, 0.0, 0.0, 0.002, 0.0, 0.005])
+    };
+    let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let (sine, cosine) = f64::sin_cos(0.3);
+    let mut robot = DescriptionBuilder::new("lambdas");
+    let (mut on, mut sliders) = (LinkId::BASE, Vec::new());
     for k in 0..n {
-        let (link, first) = (robot.links.len(), robot.joints.len());
-        for (name, y, mass) in [("rocker", 0.1, 1.2), ("stator", 0.1, 0.5), ("slider", -0.1, 0.4)] {
-            let inertial = Inertial {
-                origin: at([0.0, y, 0.01], [0.0; 3]),
-                mass,
-                inertia: [0.004, 0.0, 0.0, 0.002, 0.0, 0.005],
-            };
-            robot.links.push(Link { name: format!("{name}{k}"), inertial: Some(inertial) });
-        }
-        let (sine, cosine) = f64::sin_cos(0.3);
         let from = if k == 0 { [0.0; 3] } else { [0.1, 0.2, 0.05] };
-        let stator = [from[0] - 0.114 * sine, from[1] + 0.114 * cosine, from[2]];
-        let (x, none) = ([1.0, 0.0, 0.0], Terms::default());
-        let (turn, slide) = (JointKind::Revolute, JointKind::Prismatic);
-        robot.joints.push(joint(
-            format!("rocker{k}"),
-            turn,
-            on,
-            link,
-            at(from, [0.8, 0.0, 0.3]),
-            x,
-            none,
-        ));
-        robot.joints.push(joint(
-            format!("stator{k}"),
-            turn,
-            on,
-            link + 1,
-            at(stator, [1.08, 0.0, 0.3]),
-            x,
-            none,
-        ));
-        robot.joints.push(joint(
-            format!("slider{k}"),
-            slide,
-            link + 1,
-            link + 2,
-            at([0.0, 0.3, 0.0], [0.0; 3]),
-            [0.0, 1.0, 0.0],
-            none,
-        ));
-        let row = |name: &str, axis: usize| Row {
-            name: name.into(),
-            axis: std::array::from_fn(|i| f64::from(u8::from(i == axis))),
-            against: None,
-        };
-        robot.submechanisms.push(Submechanism {
-            name: format!("lambda{k}"),
-            kind: SubmechanismKind::Rrpr,
-            type_name: "RRPR".into(),
-            spanning_tree: vec![first, first + 1, first + 2],
-            independent: vec![first],
-            active: vec![first + 2],
-            loops: vec![Loop {
-                name: format!("pin{k}"),
-                predecessor: link,
-                successor: link + 2,
-                cut: Cut::AtJoint(first + 2),
-                rows: vec![row("y", 4), row("z", 5)],
-            }],
-        });
-        on = if k % 2 == 0 { link } else { link + 2 };
+        let pivot = [from[0] - 0.114 * sine, from[1] + 0.114 * cosine, from[2]];
+        robot.submechanism(format!("lambda{k}"), SubmechanismKind::Rrpr);
+        let rocker = robot.revolute(format!("rocker{k}"), on, x).origin(from).rpy([0.8, 0.0, 0.3]);
+        let rocker = rocker.inertial(inertial(0.1, 1.2)).link();
+        let stator = robot.revolute(format!("stator{k}"), on, x).origin(pivot);
+        let stator = stator.rpy([1.08, 0.0, 0.3]).inertial(inertial(0.1, 0.5)).link();
+        let slider = robot.prismatic(format!("slider{k}"), stator, y).origin([0.0, 0.3, 0.0]);
+        let slider = slider.inertial(inertial(-0.1, 0.4)).link();
+        let pin = robot.cut(format!("pin{k}"), rocker, slider).at_frame_of(slider);
+        pin.row("y", [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]).row("z", [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        robot.independent([rocker]).active([slider]);
+        sliders.push(slider);
+        on = if k % 2 == 0 { rocker } else { slider };
     }
-    robot
+    (robot, sliders)
 }

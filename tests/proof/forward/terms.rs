@@ -8,33 +8,15 @@ use super::*;
 /// A rod of point masses on revolute joints about y, each in the direction z of its link turned by
 /// an angle at zero.
 fn rods(bends: &[f64], terms: &[Terms]) -> Description {
-    let mut robot = robot("rods");
+    let mut robot = DescriptionBuilder::new("rods");
+    robot.default_inertial(Inertial::point(1.0, [0.0, 0.0, 1.0]));
+    let mut on = LinkId::BASE;
     for (k, (bend, terms)) in bends.iter().zip(terms).enumerate() {
-        let inertial =
-            Inertial { origin: at([0.0, 0.0, 1.0], [0.0; 3]), mass: 1.0, inertia: [0.0; 6] };
-        robot.links.push(Link { name: format!("rod{k}"), inertial: Some(inertial) });
-        let origin = at([0.0, 0.0, if k == 0 { 0.0 } else { 1.0 }], [0.0, *bend, 0.0]);
-        robot.joints.push(joint(
-            format!("pivot{k}"),
-            JointKind::Continuous,
-            k,
-            k + 1,
-            origin,
-            [0.0, 1.0, 0.0],
-            *terms,
-        ));
+        let pivot = robot.joint(format!("pivot{k}"), JointKind::Continuous, on);
+        let pivot = pivot.origin([0.0, 0.0, if k == 0 { 0.0 } else { 1.0 }]).rpy([0.0, *bend, 0.0]);
+        on = pivot.axis([0.0, 1.0, 0.0]).terms(*terms).link();
     }
-    let joints: Vec<usize> = (0..bends.len()).collect();
-    robot.submechanisms.push(Submechanism {
-        name: "all".into(),
-        kind: SubmechanismKind::Serial,
-        type_name: "R".into(),
-        spanning_tree: joints.clone(),
-        independent: joints.clone(),
-        active: joints,
-        loops: vec![],
-    });
-    robot
+    robot.build().unwrap()
 }
 
 #[test]

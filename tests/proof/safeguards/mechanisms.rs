@@ -1,11 +1,8 @@
 //! Mechanisms in code: every frame parallel to the root's at zero, so that a joint is a point, a
 //! kind and an axis.
 
-use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism,
-    SubmechanismKind,
-};
-use sarrus_dynamics::{CompileError, Compiled, Model};
+use sarrus_dynamics::description::{Inertial, JointKind, SubmechanismKind};
+use sarrus_dynamics::{CompileError, Compiled, DescriptionBuilder, LinkId};
 use sarrus_tests::seed::Seeded;
 
 pub(super) const X: [f64; 3] = [1.0, 0.0, 0.0];
@@ -23,29 +20,19 @@ pub(super) fn rows(which: &str) -> Vec<[f64; 6]> {
 
 /// A mechanism under way; link 0 is the base, link k + 1 is moved by joint k.
 pub(super) struct Mechanism {
-    at: Vec<[f64; 3]>,
-    description: Description,
+    robot: DescriptionBuilder,
+    links: Vec<LinkId>,
 }
 
 impl Mechanism {
     pub(super) fn new() -> Mechanism {
-        let submechanism = Submechanism {
-            name: "loop".into(),
-            kind: SubmechanismKind::Numerical,
-            type_name: "NUMERICAL".into(),
-            spanning_tree: vec![],
-            independent: vec![],
-            active: vec![],
-            loops: vec![],
-        };
-        let description = Description {
-            name: "mechanism".into(),
-            links: vec![Link { name: "base".into(), inertial: None }],
-            joints: vec![],
-            submechanisms: vec![submechanism],
-            gravity: [0.3, -9.7, 1.1],
-        };
-        Mechanism { at: vec![[0.0; 3]], description }
+        let mut robot = DescriptionBuilder::new("mechanism");
+        let inertia = [0.2, 0.01, 0.02, 0.3, 0.0, 0.25];
+        robot
+            .gravity([0.3, -9.7, 1.1])
+            .default_inertial(Inertial::new(1.0, [0.1, 0.2, -0.1], inertia))
+            .submechanism("loop", SubmechanismKind::Numerical);
+        Mechanism { robot, links: vec![LinkId::BASE] }
     }
 
     /// A joint at a point of the root; returns the link that it moves.
@@ -56,30 +43,11 @@ impl Mechanism {
         at: [f64; 3],
         axis: [f64; 3],
     ) -> usize {
-        let child = self.at.len();
-        let origin =
-            Placement { xyz: std::array::from_fn(|k| at[k] - self.at[parent][k]), rpy: [0.0; 3] };
-        let inertial = Inertial {
-            origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.0; 3] },
-            mass: 1.0,
-            inertia: [0.2, 0.01, 0.02, 0.3, 0.0, 0.25],
-        };
-        self.description
-            .links
-            .push(Link { name: format!("link{child}"), inertial: Some(inertial) });
-        self.description.joints.push(Joint {
-            name: format!("j{}", child - 1),
-            kind,
-            parent,
-            child,
-            origin,
-            axis,
-            limits: Some(Limits { lower: -9.0, upper: 9.0, velocity: 9e9, effort: 9e9 }),
-            coupling: None,
-            terms: Default::default(),
-        });
-        self.description.submechanisms[0].spanning_tree.push(child - 1);
-        self.at.push(at);
+        let child = self.links.len();
+        let joint = self.robot.joint(format!("j{}", child - 1), kind, self.links[parent]);
+        let joint = joint.limits(-9.0, 9.0).velocity_limit(9e9).effort_limit(9e9);
+        let link = joint.at(at).axis(axis).link_name(format!("link{child}")).link();
+        self.links.push(link);
         child
     }
 
@@ -91,29 +59,20 @@ impl Mechanism {
         at: [f64; 3],
         rows: &[[f64; 6]],
     ) {
-        let on = |link: usize| Placement {
-            xyz: std::array::from_fn(|k| at[k] - self.at[link][k]),
-            rpy: [0.0; 3],
-        };
-        let cut = Cut::Placed { predecessor: on(predecessor), successor: on(successor) };
-        let loops = &mut self.description.submechanisms[0].loops;
-        let name = format!("cut{}", loops.len());
-        let rows = rows
-            .iter()
-            .enumerate()
-            .map(|(k, axis)| Row { name: format!("{k}"), axis: *axis, against: None })
-            .collect();
-        loops.push(Loop { name, predecessor, successor, cut, rows });
+        let [predecessor, successor] = [predecessor, successor].map(|link| self.links[link]);
+        let cut = self.robot.cut("cut", predecessor, successor).at(at);
+        rows.iter().enumerate().fold(cut, |cut, (k, row)| cut.row(format!("{k}"), *row));
     }
 
+    /// With its independent and its active joints.
     pub(super) fn compile(
         mut self,
         independent: &[usize],
         active: &[usize],
     ) -> Result<Compiled, CompileError> {
-        self.description.submechanisms[0].independent = independent.to_vec();
-        self.description.submechanisms[0].active = active.to_vec();
-        Model::compile(&self.description)
+        let of = |joints: &[usize]| joints.iter().map(|j| self.links[j + 1]).collect::<Vec<_>>();
+        let (independent, active) = (of(independent), of(active));
+        self.robot.independent(independent).active(active).compile()
     }
 }
 

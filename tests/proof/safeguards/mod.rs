@@ -307,7 +307,7 @@ fn toggle() -> (f64, f64) {
 
 #[test]
 fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
-    let mut counts = [0; 16];
+    let mut counts = [0; Status::ALL.len()];
     let mut check = |robot: &mut Robot<f64>, reach: f64, beyond: f64, name: &str| {
         let x = at(robot, &[reach + beyond], &[Q, NearestY, Residual, SigmaMin, GoodIndependents]);
         counts[x.answer.status as usize] += 1;
@@ -438,7 +438,7 @@ fn near_singular_poses_every_answer_is_right_or_has_a_name() {
         let mut seeded = Seeded::new(5);
         let (mut robot, mut exact) = (robot(&compiled), Robot::new(compiled.exact.clone()));
         let branch = at(&mut robot, &[0.0], &[Branch]).ok().get(Branch).to_vec();
-        let (mut counts, mut closest) = ([0; 16], f64::INFINITY);
+        let (mut counts, mut closest) = ([0; Status::ALL.len()], f64::INFINITY);
         for _ in 0..400 {
             // as near as rounding on either side
             let y = reach + seeded.sign() * 10f64.powf(seeded.within(-15.0, 0.0));

@@ -10,7 +10,7 @@ use clap::Args;
 use rustix::event::{PollFd, PollFlags};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::bus::{self, Address, Bus, BusError, Heard, Lasting};
+use crate::bus::{self, Address, Bus, BusError, Heard, Reconnecting};
 use sarrus_client::now_ns;
 
 /// Options of `listen`.
@@ -31,7 +31,7 @@ pub(crate) struct Listen {
     data_bitrate: Option<u32>,
 }
 
-/// Prints frames as `candump -L` does, and news of the bus on stderr, until it is told to stop.
+/// Prints frames as `candump -L` does, and news of the bus on stderr, until it is asked to stop.
 pub(crate) fn run(arguments: &Listen) -> ExitCode {
     let stop = Arc::new(AtomicBool::new(false));
     let registered = [SIGINT, SIGTERM]
@@ -53,7 +53,7 @@ pub(crate) fn run(arguments: &Listen) -> ExitCode {
 fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
     let Listen { interface, channel, bitrate, data_bitrate } = arguments;
     let bitrate = bitrate.or((interface == "slcan").then_some(1_000_000));
-    let mut bus = Lasting::open(
+    let mut bus = Reconnecting::open(
         channel,
         Address { interface, channel, bitrate, data_bitrate: *data_bitrate, listen_only: true },
     )?;

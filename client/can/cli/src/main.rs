@@ -72,7 +72,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A configuration, or the end: every fault of it is told, and the code is 1 for faults and 2 for a
+/// A configuration, or the end: every fault of it is reported, and the code is 1 for faults and 2 for a
 /// file that cannot be opened.
 fn configuration(path: &Path) -> Result<Configuration, ExitCode> {
     Configuration::load(path).map_err(|error| {

@@ -52,11 +52,11 @@ impl Operate {
 
     /// Asks until the bridge is where it is to go, or will not get there.
     fn ask(&self, observer: &Observer, operation: Operation) -> Result<(), String> {
-        let patience = Duration::try_from_secs_f64(self.timeout).unwrap_or(Duration::MAX);
+        let timeout = Duration::try_from_secs_f64(self.timeout).unwrap_or(Duration::MAX);
         let begin = Instant::now();
         let (mut asked, mut begun, mut repeated) = (observer.operate(operation), false, begin);
         let (mut before, mut last) = (None, None);
-        while begin.elapsed() < patience {
+        while begin.elapsed() < timeout {
             thread::sleep(Duration::from_millis(5));
             let Some(state) = observer.state() else { continue };
             let now = Standings::of(&state);
@@ -88,7 +88,7 @@ impl Operate {
     }
 }
 
-/// What people are told when all went well.
+/// What people read when all went well.
 fn goal(operation: Operation) -> &'static str {
     match operation {
         Operation::Arm => "enabled",

@@ -10,12 +10,13 @@ use clap::Args;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Reason, flag};
 use sarrus_client::watch::{BridgeStatistics, Times};
 use sarrus_client::{ConnectError, Observer};
-use serde_json::{Value, json};
+use sarrus_proto::counts::{BusCounts, CommandVerdict};
+use serde_json::{Map, Value, json};
 
 use crate::check::{Format, table};
 
 /// Time for the first state and statistics to come.
-const PATIENCE: Duration = Duration::from_secs(3);
+const TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Flags of `top`.
 #[derive(Args)]
@@ -54,7 +55,7 @@ impl Top {
                 (state, heard) = (Some(new), Instant::now());
             }
             statistics = observer.statistics().or(statistics);
-            if heard.elapsed() > PATIENCE || (statistics.is_none() && begin.elapsed() > PATIENCE) {
+            if heard.elapsed() > TIMEOUT || (statistics.is_none() && begin.elapsed() > TIMEOUT) {
                 return Err(Box::new(ConnectError::SilentBridge { name: self.name.clone() }));
             }
             if let (Some(state), Some(statistics)) = (&state, &statistics) {
@@ -125,11 +126,11 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
         s.process,
         s.cycles
     );
-    let _ = writeln!(
-        out,
-        "commands: {} taken; refused: {} not finite, {} negative, {} old, {} ahead, {} of another model, {} of another size\n",
-        s.accepted, s.not_finite, s.negative, s.old, s.ahead, s.wrong_model, s.wrong_size
-    );
+    let count =
+        |verdict: &CommandVerdict| format!("{} {}", s.commands.of(*verdict), verdict.words());
+    let (taken, refused) = CommandVerdict::ALL.split_at(1);
+    let [taken, refused] = [taken, refused].map(|part| part.iter().map(count).collect::<Vec<_>>());
+    let _ = writeln!(out, "commands: {}; refused: {}\n", taken.join(", "), refused.join(", "));
     let mut rows = vec![row(["µs", "count", "p50", "p99", "p99.9", "max"])];
     rows.extend([
         times("wake", &s.wake),
@@ -139,36 +140,17 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     ]);
     table(&mut out, &rows);
     out.push('\n');
-    let mut rows = vec![row([
-        "bus",
-        "state",
-        "load",
-        "sent",
-        "received",
-        "unknown",
-        "malformed",
-        "dropped",
-        "overrun",
-        "passive",
-        "off",
-    ])];
+    let mut heads = row(["bus", "state", "load", "sent"]);
+    heads.extend(BusCounts::NAMES.map(String::from));
+    let mut rows = vec![heads];
     for bus in s.buses.iter().take(s.n_buses as usize) {
-        let counts = [
-            bus.sent,
-            bus.received,
-            bus.unknown,
-            bus.malformed,
-            bus.dropped,
-            bus.overrun,
-            bus.passive,
-            bus.off,
-        ];
         let mut row = vec![
             bus.name.as_str().to_owned(),
             bus_state(bus.state).to_owned(),
             format!("{:.0} %", bus.load * 100.0),
         ];
-        row.extend(counts.map(|count| count.to_string()));
+        row.push(bus.sent.to_string());
+        row.extend(bus.counts.each().map(|(_, count)| count.to_string()));
         rows.push(row);
     }
     table(&mut out, &rows);
@@ -199,14 +181,25 @@ fn bus_state(code: u64) -> &'static str {
 
 fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
     let times = |times: &Times| json!({"count": times.count, "p50": times.p50, "p99": times.p99, "p999": times.p999, "max": times.max});
+    let commands: Map<String, Value> = CommandVerdict::ALL
+        .iter()
+        .map(|verdict| (verdict.name().to_owned(), json!(s.commands.of(*verdict))))
+        .collect();
     let buses: Vec<Value> = s
         .buses
         .iter()
         .take(s.n_buses as usize)
         .map(|bus| {
-            json!({"name": bus.name.as_str(), "state": bus_state(bus.state), "load": bus.load, "sent": bus.sent, "received": bus.received,
-               "unknown": bus.unknown, "malformed": bus.malformed, "dropped": bus.dropped, "overrun": bus.overrun, "passive": bus.passive,
-               "off": bus.off})
+            let mut object = json!({
+                "name": bus.name.as_str(),
+                "state": bus_state(bus.state),
+                "load": bus.load,
+                "sent": bus.sent,
+            });
+            for (name, count) in bus.counts.each() {
+                object[name] = json!(count);
+            }
+            object
         })
         .collect();
     let actuators: Vec<Value> = s
@@ -225,8 +218,7 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
     json!({
         "state": state_name(state.state), "reason": reason(state.reason), "sequence": state.sequence, "command": state.command,
         "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint), "process": s.process, "cycles": s.cycles,
-        "commands": {"accepted": s.accepted, "not_finite": s.not_finite, "negative": s.negative, "old": s.old, "ahead": s.ahead,
-                     "wrong_model": s.wrong_model, "wrong_size": s.wrong_size},
+        "commands": commands,
         "times_ns": {"wake": times(&s.wake), "work": times(&s.work), "age": times(&s.age), "reply": times(&s.reply)},
         "buses": buses, "actuators": actuators,
     })

@@ -1,12 +1,12 @@
 //! What a protocol is: the bridge's half of the talk with one motor.
 //!
-//! A [`Drive`] knows no bus, no clock and no rule of safety. It is told what its motor is to do,
+//! A [`Drive`] knows no bus, no clock and no rule of safety. It is given what its motor is to do,
 //! makes the frames that say so, and reads the motor's answers. Everything on this side of it is
 //! the motor's own: radians at the motor's output shaft, N m, and the motor's sign.
 
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 
-/// What a motor is to be told, on the motor's side of gear and sign.
+/// What a motor is to be given, on the motor's side of gear and sign.
 ///
 /// All numbers are finite: the bridge has rejected others. A drive uses what its mode knows:
 /// `Impedance` all of them, the others the one that they are named after, with those below it as
@@ -78,7 +78,7 @@ pub enum Power {
     On,
 }
 
-/// What is known of the watchdog in the motor: the time without commands after which it lets go by
+/// What is known of the watchdog in the motor: the time without commands after which it turns its torque off by
 /// itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Watchdog {
@@ -192,8 +192,8 @@ pub trait Drive: Send + core::fmt::Debug {
     /// What is known of the motor.
     fn state(&self) -> DriveState;
 
-    /// Is told when an operator arms, and before the motor gets power: what the motor must have
-    /// been told is set and read back anew, since a motor whose supply was away has lost it.
+    /// Called when an operator arms, and before the motor gets power: what the motor must have
+    /// been given is set and read back anew, since a motor whose supply was away has lost it.
     /// Nothing where nothing can be set or read.
     fn prepare(&mut self) {}
 
@@ -225,7 +225,7 @@ pub trait Drive: Send + core::fmt::Debug {
         None
     }
 
-    /// Asks for a sign of life without giving power or changing anything.
+    /// Asks for a heartbeat without giving power or changing anything.
     fn probe(&mut self, out: &mut FrameQueue);
 
     /// Makes the present position the motor's zero; false where the protocol has no such command.

@@ -1,5 +1,5 @@
 //! Logs of what a bridge was given: JSON lines, one for each thing. The same log gives the same
-//! frames, in every front.
+//! frames, in every frontend.
 //!
 //! ```json
 //! {"t": 2000000, "frame": "123#0011AA", "bus": "left_arm"}
@@ -289,8 +289,8 @@ mod tests {
             ("{\"t\": 1, \"command\": {\"positions\": [1]}}", "no `positions`"),
             ("{\"t\": 1, \"command\": [1]}", "no mapping"),
         ] {
-            let told = Line::read(line, &configuration()).unwrap_err();
-            assert!(told.contains(expected), "{line}: {told}");
+            let message = Line::read(line, &configuration()).unwrap_err();
+            assert!(message.contains(expected), "{line}: {message}");
         }
     }
 }

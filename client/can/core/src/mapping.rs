@@ -64,7 +64,7 @@ impl Mapping {
     /// Motor and actuator are one.
     pub const DIRECT: Mapping = Mapping { sign: 1.0, gear: 1.0, offset: 0.0, torque_constant: 1.0 };
 
-    /// What the motor is told for a set-point of the actuator.
+    /// What the motor is given for a set-point of the actuator.
     pub fn to_motor(&self, setpoint: &ActuatorSetpoint) -> Setpoint {
         let Mapping { sign, gear, offset, torque_constant } = *self;
         let softer = 1.0 / (gear * gear * torque_constant);

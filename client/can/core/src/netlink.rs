@@ -1,7 +1,7 @@
 //! What the kernel says of a CAN interface: whether it is up, its bit rates, the state of its
 //! controller, and its error frames.
 //!
-//! One question RTM_GETLINK, which a front sends over a route socket, and the attributes of its
+//! One question RTM_GETLINK, which a frontend sends over a route socket, and the attributes of its
 //! answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`, `linux/can/netlink.h`.
 
 use thiserror::Error;
@@ -155,10 +155,10 @@ impl Interface {
     }
 
     /// Whether the interface `name` can be used with these bit rates `[bit/s]`; `None` for the
-    /// first may be any, for the second a classic bus. What is to be told of its controller then.
+    /// first may be any, for the second a classic bus. What there is to say of its controller then.
     ///
     /// # Errors
-    /// What is wrong, with the command that mends it.
+    /// What is wrong, with the command that fixes it.
     pub fn check(
         &self,
         name: &str,
@@ -236,11 +236,11 @@ pub fn question(name: &str) -> Vec<u8> {
 
 /// The content of the first attribute of a kind. Attributes are length and kind in 16 bits each,
 /// content, and what fills four bytes.
-fn find(mut list: &[u8], wanted: u16) -> Option<&[u8]> {
+fn find(mut list: &[u8], desired: u16) -> Option<&[u8]> {
     loop {
         let (length, kind) = (usize::from(half(list.get(..2)?)?), half(list.get(2..4)?)?);
         let content = list.get(4..length)?;
-        if kind & !FLAGS == wanted {
+        if kind & !FLAGS == desired {
             return Some(content);
         }
         list = list.get(length.next_multiple_of(4)..)?;
@@ -381,25 +381,27 @@ mod tests {
             ) == Ok(Some(BusEvent::ErrorWarning)),
             "as near as a clock comes"
         );
-        let told = |interface: Interface, (bitrate, data): (u32, Option<u32>)| {
+        let message = |interface: Interface, (bitrate, data): (u32, Option<u32>)| {
             interface.check("can0", Some(bitrate), data).unwrap_err().to_string()
         };
         assert_eq!(
-            told(fd, (500_000, None)),
+            message(fd, (500_000, None)),
             "can0 has a bit rate of 1000000 bit/s, expected 500000: `ip link set can0 down`, then `ip link set can0 up type can bitrate 500000`"
         );
         let set = "`ip link set can0 up type can bitrate 1000000 dbitrate 2000000 fd on`";
-        assert!(told(fd, (1_000_000, Some(2_000_000))).ends_with(set));
+        assert!(message(fd, (1_000_000, Some(2_000_000))).ends_with(set));
         assert_eq!(
-            told(answer(0, 72, rates, 4), (1_000_000, Some(2_000_000))),
+            message(answer(0, 72, rates, 4), (1_000_000, Some(2_000_000))),
             format!("can0 is down: {set}")
         );
         assert!(
-            told(answer(UP, 16, rates, 0), (1_000_000, Some(5_000_000)))
+            message(answer(UP, 16, rates, 0), (1_000_000, Some(5_000_000)))
                 .contains("carries no CAN FD")
         );
-        assert!(told(answer(UP, 72, rates, 3), (1_000_000, None)).starts_with("can0 is bus-off"));
-        assert_eq!(told(read(DOWN), (1_000_000, None)), "can0 is down: `ip link set can0 up`");
+        assert!(
+            message(answer(UP, 72, rates, 3), (1_000_000, None)).starts_with("can0 is bus-off")
+        );
+        assert_eq!(message(read(DOWN), (1_000_000, None)), "can0 is down: `ip link set can0 up`");
         assert!(
             read(VCAN).check("vcan0", Some(1_000_000), Some(5_000_000)).is_ok(),
             "no bit rate to compare"

@@ -53,7 +53,7 @@ pub struct Settings {
 
 impl Settings {
     /// Reads the settings `keys` from a mapping, in messages `of`, whose other keys are `others`;
-    /// every fault is told. `file` gives the content of a file that a setting names, or says why it
+    /// every fault is reported. `file` gives the content of a file that a setting names, or says why it
     /// cannot.
     pub fn read(
         node: &Node,
@@ -71,7 +71,7 @@ impl Settings {
         }
         let mut settings = BTreeMap::new();
         for key in keys {
-            let place = node.get(key.name).map_or(node.place, |value| value.place);
+            let place = node.get(key.name).map_or(node.span, |value| value.span);
             let written = match (node.get(key.name), key.default) {
                 (Some(value), _) => match &value.value {
                     Value::Scalar { text, .. } => Some(text.as_str()),
@@ -82,7 +82,7 @@ impl Settings {
                 (None, None) => {
                     let found = format!("{of} has no {}", quoted(key.name));
                     diagnostics.error(
-                        node.place,
+                        node.span,
                         found,
                         key.expected(),
                         format!("add `{}`: {}", key.name, key.about),
@@ -125,7 +125,7 @@ impl Settings {
             };
             settings.insert(key.name, (setting, place));
         }
-        good.then_some(Settings { place: node.place, settings })
+        good.then_some(Settings { place: node.span, settings })
     }
 
     /// Whether there is something at a setting.

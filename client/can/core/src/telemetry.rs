@@ -1,4 +1,4 @@
-//! What a front tells those who watch: distributions of its times, beside the bridge's counts.
+//! What a frontend tells those who watch: distributions of its times, beside the bridge's counts.
 
 use hdrhistogram::Histogram;
 use sarrus_proto::watch::{BridgeStatistics, BusStatistics, Label, MAX_BUSES, Times};
@@ -29,7 +29,7 @@ pub struct Telemetry {
     reply: Histogram<u64>,
     replies: u64,
     sent: [u64; MAX_BUSES],
-    told_ns: u64,
+    published_ns: u64,
     fixed: BridgeStatistics,
 }
 
@@ -69,7 +69,7 @@ impl Telemetry {
             reply,
             replies: 0,
             sent: [0; MAX_BUSES],
-            told_ns: 0,
+            published_ns: 0,
             fixed,
         })
     }
@@ -79,7 +79,7 @@ impl Telemetry {
         let counters = bridge.counters();
         self.wake.saturating_record(times.wake_ns);
         self.work.saturating_record(times.work_ns);
-        if counters.accepted > 0 {
+        if counters.commands.accepted > 0 {
             self.age.saturating_record(counters.age_ns);
         }
         if counters.replies > self.replies {
@@ -91,51 +91,39 @@ impl Telemetry {
         }
     }
 
-    /// Everything, when it is time to tell it again: whole histograms are read, which is too much
+    /// Everything, when it is time to publish it again: whole histograms are read, which is too much
     /// for every cycle.
     pub fn due(&mut self, bridge: &Bridge, now_ns: u64) -> Option<BridgeStatistics> {
-        let is_due = now_ns.saturating_sub(self.told_ns) > STATISTICS_NS;
+        let is_due = now_ns.saturating_sub(self.published_ns) > STATISTICS_NS;
         is_due.then(|| {
-            self.told_ns = now_ns;
+            self.published_ns = now_ns;
             self.statistics(bridge, now_ns)
         })
     }
 
-    /// Everything, to be told at `now_ns`.
+    /// Everything, as of `now_ns`.
     pub fn statistics(&self, bridge: &Bridge, now_ns: u64) -> BridgeStatistics {
         let counters = bridge.counters();
-        let mut told = BridgeStatistics {
+        let mut statistics = BridgeStatistics {
             stamp_ns: now_ns,
             cycles: counters.cycles,
-            accepted: counters.accepted,
-            not_finite: counters.not_finite,
-            negative: counters.negative,
-            old: counters.old,
-            ahead: counters.ahead,
-            wrong_model: counters.wrong_model,
-            wrong_size: counters.wrong_size,
+            commands: counters.commands,
             wake: times(&self.wake),
             work: times(&self.work),
             age: times(&self.age),
             reply: times(&self.reply),
             ..self.fixed
         };
-        for (bus, (into, sent)) in told.buses.iter_mut().zip(self.sent).enumerate() {
+        for (bus, (into, sent)) in statistics.buses.iter_mut().zip(self.sent).enumerate() {
             let Some((state, counters)) = bridge.bus_counters(bus) else { continue };
             *into = BusStatistics {
                 state: state as u64,
-                sent: sent.saturating_sub(counters.dropped),
-                received: counters.received,
-                unknown: counters.unknown,
-                malformed: counters.malformed,
-                dropped: counters.dropped,
-                overrun: counters.overrun,
-                passive: counters.passive,
-                off: counters.off,
+                sent: sent.saturating_sub(counters.counts.dropped),
+                counts: counters.counts,
                 ..*into
             };
         }
-        told
+        statistics
     }
 }
 

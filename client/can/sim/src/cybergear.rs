@@ -17,10 +17,10 @@
 //!
 //! Parameters: 7005 run mode (0 operation, 1 position, 2 speed, 3 current), 7006 current, 700A
 //! speed, 700B torque limit, 7016 position, 7017 speed limit, 7019 position, 701B velocity
-//! (measured), 7028 and 200C time without commands in 50 µs after which it lets go, 0 when new.
+//! (measured), 7028 and 200C time without commands in 50 µs after which it turns its torque off, 0 when new.
 //! Source: Xiaomi, *CyberGear user manual*, chapter 4.
 
-use super::{Body, Firmware};
+use super::{Firmware, Plant};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
@@ -55,13 +55,13 @@ pub(super) struct CyberGear {
 }
 
 impl CyberGear {
-    pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> CyberGear {
+    pub(super) fn new(settings: &Settings, _common: Common, plant: &mut Plant) -> CyberGear {
         let known = |(key, usual)| {
             Some(settings.number(key)).filter(|range| range.is_finite()).unwrap_or(usual)
         };
         let ranges = RANGES.map(known);
         let [_, _, torque, ..] = ranges;
-        body.physics.torque_limit = body.physics.torque_limit.min(torque);
+        plant.physics.torque_limit = plant.physics.torque_limit.min(torque);
         CyberGear {
             id: settings.integer("id") as u8,
             host: settings.integer("host_id") as u8,
@@ -77,35 +77,35 @@ impl CyberGear {
     }
 
     /// Type 2.
-    fn tell(&self, host: u8, body: &Body, out: &mut FrameQueue) {
-        let mode = if body.power { 2 } else { 0 };
+    fn tell(&self, host: u8, plant: &Plant, out: &mut FrameQueue) {
+        let mode = if plant.power { 2 } else { 0 };
         let id = 2 << 24
             | mode << 22
-            | (body.fault & 0x3F) << 16
+            | (plant.fault & 0x3F) << 16
             | u32::from(self.id) << 8
             | u32::from(host);
         let [position, velocity, torque, ..] = self.ranges;
-        let [a, b] = code(body.measured(), position).to_be_bytes();
-        let [c, d] = code(body.velocity, velocity).to_be_bytes();
-        let [e, f] = code(body.torque, torque).to_be_bytes();
-        let [g, h] = ((body.temperature * 10.0) as u16).to_be_bytes();
+        let [a, b] = code(plant.measured(), position).to_be_bytes();
+        let [c, d] = code(plant.velocity, velocity).to_be_bytes();
+        let [e, f] = code(plant.torque, torque).to_be_bytes();
+        let [g, h] = ((plant.temperature * 10.0) as u16).to_be_bytes();
         out.push_some(extended(id, &[a, b, c, d, e, f, g, h]));
     }
 
-    fn read(&self, host: u8, index: u16, body: &Body, out: &mut FrameQueue) {
+    fn read(&self, host: u8, index: u16, plant: &Plant, out: &mut FrameQueue) {
         let float = |number: f64| (number as f32).to_le_bytes();
         let value = match index {
             0x7005 => u32::from(self.run_mode).to_le_bytes(),
-            0x7006 => float(body.law.torque / TORQUE_CONSTANT),
-            0x700A => float(body.law.velocity),
+            0x7006 => float(plant.law.torque / TORQUE_CONSTANT),
+            0x700A => float(plant.law.velocity),
             0x700B => self.torque_limit.to_le_bytes(),
-            0x7016 => float(body.law.position),
-            0x7019 => float(body.measured()),
-            0x701A => float(body.torque / TORQUE_CONSTANT),
-            0x701B => float(body.velocity),
+            0x7016 => float(plant.law.position),
+            0x7019 => float(plant.measured()),
+            0x701A => float(plant.torque / TORQUE_CONSTANT),
+            0x701B => float(plant.velocity),
             0x701C => float(24.0),
             index if self.is_watchdog(index) => {
-                ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes()
+                ((plant.watchdog_ns / COUNT_NS) as u32).to_le_bytes()
             }
             _ => return,
         };
@@ -114,26 +114,26 @@ impl CyberGear {
         out.push_some(extended(id, &[low, high, 0, 0, a, b, c, d]));
     }
 
-    fn write(&mut self, now_ns: u64, index: u16, value: [u8; 4], body: &mut Body) {
+    fn write(&mut self, now_ns: u64, index: u16, value: [u8; 4], plant: &mut Plant) {
         let number = f64::from(f32::from_le_bytes(value));
         let [stiffness, damping] = OWN_GAINS;
         let law = match (index, self.run_mode) {
             (0x7005, _) => {
                 // the manual: switching the mode needs the motor off
-                if !body.power {
+                if !plant.power {
                     let [mode, ..] = value;
                     self.run_mode = mode;
                 }
                 return;
             }
             (index, _) if self.is_watchdog(index) => {
-                body.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
+                plant.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
                 return;
             }
             (0x700B, _) => {
                 self.torque_limit = f32::from_le_bytes(value);
                 let [_, _, torque, ..] = self.ranges;
-                body.physics.torque_limit = number.clamp(0.0, torque);
+                plant.physics.torque_limit = number.clamp(0.0, torque);
                 return;
             }
             (0x7006, 3) => Setpoint { torque: number * TORQUE_CONSTANT, ..Setpoint::default() },
@@ -141,7 +141,7 @@ impl CyberGear {
             (0x7016, 1) => Setpoint { position: number, stiffness, damping, ..Setpoint::default() },
             _ => return,
         };
-        body.follow(now_ns, law);
+        plant.follow(now_ns, law);
     }
 }
 
@@ -150,7 +150,7 @@ impl Firmware for CyberGear {
         &mut self,
         now_ns: u64,
         frame: &Frame,
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) -> bool {
         let Id::Extended(id) = frame.id else { return false };
@@ -177,44 +177,44 @@ impl Firmware for CyberGear {
                 let (stiffness, damping) =
                     ((value([e, f], k) + k) / 2.0, (value([g, h], s) + s) / 2.0);
                 if self.run_mode == 0 {
-                    body.follow(
+                    plant.follow(
                         now_ns,
                         Setpoint { position, velocity, torque, stiffness, damping },
                     );
                 }
-                self.tell(self.host, body, out);
+                self.tell(self.host, plant, out);
             }
             3 => {
-                body.start(now_ns);
-                self.tell(host, body, out);
+                plant.start(now_ns);
+                self.tell(host, plant, out);
             }
             4 => {
-                body.stop();
+                plant.stop();
                 if a == 1 {
-                    body.fault = 0;
+                    plant.fault = 0;
                 }
-                self.tell(host, body, out);
+                self.tell(host, plant, out);
             }
             6 => {
                 if a == 1 {
-                    body.zero = body.position;
-                    body.law.position = 0.0;
+                    plant.zero = plant.position;
+                    plant.law.position = 0.0;
                 }
-                self.tell(host, body, out);
+                self.tell(host, plant, out);
             }
-            17 => self.read(host, index, body, out),
+            17 => self.read(host, index, plant, out),
             18 => {
-                self.write(now_ns, index, [e, f, g, h], body);
-                self.tell(host, body, out);
+                self.write(now_ns, index, [e, f, g, h], plant);
+                self.tell(host, plant, out);
             }
             _ => return false,
         }
         true
     }
 
-    fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
-        if body.trips(now_ns) {
-            body.stop();
+    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
+        if plant.trips(now_ns) {
+            plant.stop();
         }
     }
 }

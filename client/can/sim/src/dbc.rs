@@ -13,7 +13,7 @@
 //! 2 double). An Intel signal begins with its lowest bit; a Motorola signal with its highest one.
 //! Source: Vector, *DBC File Format Documentation* 1.0.5.
 
-use super::{Body, Firmware};
+use super::{Firmware, Plant};
 use sarrus_can_core::drive::{Mode, Setpoint};
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
@@ -22,15 +22,15 @@ use sarrus_can_core::protocol::Settings;
 /// Stiffness and damping of its own position and speed loops `[N m/rad, N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [40.0, 2.0];
 /// Set-points and their units, by the names of the settings.
-const WANTED: [(&str, &str); 5] = [
+const DESIRED: [(&str, &str); 5] = [
     ("position", "position_unit"),
     ("velocity", "velocity_unit"),
     ("torque", "torque_unit"),
     ("stiffness", "stiffness_unit"),
     ("damping", "damping_unit"),
 ];
-/// What is told, in the order of [`Dbc::measures`].
-const TOLD: [(&str, &str); 6] = [
+/// What is reported, in the order of [`Dbc::measures`].
+const REPORTED: [(&str, &str); 6] = [
     ("measured_position", "position_unit"),
     ("measured_velocity", "velocity_unit"),
     ("measured_torque", "torque_unit"),
@@ -79,30 +79,30 @@ pub(super) struct Dbc {
     enable: Signal,
     enable_value: f64,
     is_asked: bool,
-    wanted: [Option<Signal>; 5],
+    desired: [Option<Signal>; 5],
     setpoint: [f64; 5],
-    told: [Option<Signal>; 6],
+    reported: [Option<Signal>; 6],
     enabled_value: f64,
 }
 
 impl Dbc {
     /// `None` where the file has not what the settings name.
-    pub(super) fn new(settings: &Settings, common: Common, body: &mut Body) -> Option<Dbc> {
+    pub(super) fn new(settings: &Settings, common: Common, plant: &mut Plant) -> Option<Dbc> {
         let text = settings.text("file");
         let signal = |(key, unit): (&str, &str)| {
             let unit = if unit.is_empty() { 1.0 } else { settings.number(unit) };
             settings.has(key).then(|| Signal::find(text, settings.text(key).trim(), unit)).flatten()
         };
         // set with the maker's tool, as this motor cannot be asked
-        body.watchdog_ns = u64::from(common.watchdog_ms) * 1_000_000;
+        plant.watchdog_ns = u64::from(common.watchdog_ms) * 1_000_000;
         Some(Dbc {
             mode: common.mode,
             enable: signal(("enable", ""))?,
             enable_value: settings.number("enable_value"),
             is_asked: false,
-            wanted: WANTED.map(signal),
+            desired: DESIRED.map(signal),
             setpoint: [0.0; 5],
-            told: TOLD.map(signal),
+            reported: REPORTED.map(signal),
             enabled_value: settings.number("enabled_value"),
         })
     }
@@ -126,33 +126,33 @@ impl Dbc {
         }
     }
 
-    /// What the signals of [`TOLD`] hold now.
-    fn measures(&self, body: &Body) -> [f64; 6] {
+    /// What the signals of [`REPORTED`] hold now.
+    fn measures(&self, plant: &Plant) -> [f64; 6] {
         let otherwise = if self.enabled_value == 0.0 { 1.0 } else { 0.0 };
-        let enabled = if body.power { self.enabled_value } else { otherwise };
+        let enabled = if plant.power { self.enabled_value } else { otherwise };
         [
-            body.measured(),
-            body.velocity,
-            body.torque,
-            body.temperature,
-            f64::from(body.fault),
+            plant.measured(),
+            plant.velocity,
+            plant.torque,
+            plant.temperature,
+            f64::from(plant.fault),
             enabled,
         ]
     }
 
-    fn answer(&self, body: &Body, out: &mut FrameQueue) {
-        let measures = self.measures(body);
-        for (place, first) in self.told.iter().enumerate() {
+    fn answer(&self, plant: &Plant, out: &mut FrameQueue) {
+        let measures = self.measures(plant);
+        for (place, first) in self.reported.iter().enumerate() {
             let Some(first) = first else { continue };
             // one frame for all signals that stand together, sent with the first of them
-            if self.told.iter().take(place).flatten().any(|earlier| earlier.is_beside(first)) {
+            if self.reported.iter().take(place).flatten().any(|earlier| earlier.is_beside(first)) {
                 continue;
             }
             let mut bytes = [0; 8];
             if let Some((switch, value)) = first.switch {
                 switch.put(value, &mut bytes);
             }
-            for (signal, value) in self.told.iter().zip(measures) {
+            for (signal, value) in self.reported.iter().zip(measures) {
                 if let Some(signal) = signal.filter(|signal| signal.is_beside(first)) {
                     signal.bits.put(signal.bits.raw(value / signal.unit), &mut bytes);
                 }
@@ -167,14 +167,14 @@ impl Firmware for Dbc {
         &mut self,
         now_ns: u64,
         frame: &Frame,
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) -> bool {
-        let wanted = || self.wanted.iter().flatten().chain([&self.enable]);
-        if !wanted().any(|signal| signal.id == frame.id) {
+        let desired = || self.desired.iter().flatten().chain([&self.enable]);
+        if !desired().any(|signal| signal.id == frame.id) {
             return false;
         }
-        for (slot, signal) in self.setpoint.iter_mut().zip(self.wanted) {
+        for (slot, signal) in self.setpoint.iter_mut().zip(self.desired) {
             signal
                 .and_then(|signal| signal.read(frame))
                 .into_iter()
@@ -184,22 +184,22 @@ impl Firmware for Dbc {
         if let Some(value) = enable {
             let is_asked = (value - self.enable_value).abs() < 0.5 * self.enable.bits.factor.abs();
             match (self.is_asked, is_asked) {
-                (false, true) => body.start(now_ns),
-                (_, false) => body.stop(),
+                (false, true) => plant.start(now_ns),
+                (_, false) => plant.stop(),
                 _ => {}
             }
             self.is_asked = is_asked;
         }
-        body.follow(now_ns, self.law());
+        plant.follow(now_ns, self.law());
         if enable.is_some() {
-            self.answer(body, out);
+            self.answer(plant, out);
         }
         true
     }
 
-    fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
-        if body.trips(now_ns) {
-            body.stop();
+    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
+        if plant.trips(now_ns) {
+            plant.stop();
         }
     }
 }

@@ -15,7 +15,7 @@ mod moteus;
 mod odrive;
 mod plant;
 
-pub use plant::{Body, Physics};
+pub use plant::{Physics, Plant};
 
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
@@ -29,19 +29,19 @@ trait Firmware: Send + core::fmt::Debug {
         &mut self,
         now_ns: u64,
         frame: &Frame,
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) -> bool;
 
     /// Time goes by: watchdogs, and frames that the motor sends by itself.
-    fn step(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue);
+    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue);
 }
 
 /// A simulated motor.
 #[derive(Debug)]
 pub struct Simulated {
     /// Shaft, power, watchdog.
-    pub body: Body,
+    pub plant: Plant,
     made_of: (String, Settings, Common, Physics),
     firmware: Box<dyn Firmware>,
     stepped_ns: Option<u64>,
@@ -61,12 +61,12 @@ impl Simulated {
         common: Common,
         physics: Physics,
     ) -> Option<Simulated> {
-        let mut body = Body::new(physics);
-        let firmware = firmware(protocol, settings, common, &mut body)?;
+        let mut plant = Plant::new(physics);
+        let firmware = firmware(protocol, settings, common, &mut plant)?;
         let (made_of, replies) =
             ((protocol.to_owned(), settings.clone(), common, physics), FrameQueue::new(16));
         Some(Simulated {
-            body,
+            plant,
             made_of,
             firmware,
             stepped_ns: None,
@@ -82,11 +82,11 @@ impl Simulated {
     /// new; shaft and zero stay where they are.
     pub fn reboot(&mut self) {
         let (protocol, settings, common, physics) = &self.made_of;
-        let Body { position, velocity, zero, .. } = self.body;
-        let mut body = Body::new(*physics);
-        (body.position, body.velocity, body.zero) = (position, velocity, zero);
-        if let Some(firmware) = firmware(protocol, settings, *common, &mut body) {
-            (self.body, self.firmware) = (body, firmware);
+        let Plant { position, velocity, zero, .. } = self.plant;
+        let mut plant = Plant::new(*physics);
+        (plant.position, plant.velocity, plant.zero) = (position, velocity, zero);
+        if let Some(firmware) = firmware(protocol, settings, *common, &mut plant) {
+            (self.plant, self.firmware) = (plant, firmware);
         }
         self.replies.clear();
     }
@@ -94,7 +94,7 @@ impl Simulated {
     /// Gives a frame of the bus to the motor; its answers go to `out`. Whether it was for this
     /// motor.
     pub fn receive(&mut self, now_ns: u64, frame: &Frame, out: &mut FrameQueue) -> bool {
-        let mine = self.firmware.receive(now_ns, frame, &mut self.body, &mut self.replies);
+        let mine = self.firmware.receive(now_ns, frame, &mut self.plant, &mut self.replies);
         if mine {
             self.heard = Some((now_ns, *frame));
             self.n_heard += 1;
@@ -107,14 +107,14 @@ impl Simulated {
     /// firmware's clocks run.
     pub fn step(&mut self, now_ns: u64, out: &mut FrameQueue) {
         let elapsed = now_ns.saturating_sub(self.stepped_ns.unwrap_or(now_ns));
-        self.body.turn(elapsed as f64 * 1e-9);
+        self.plant.turn(elapsed as f64 * 1e-9);
         self.tick(now_ns, out);
     }
 
-    /// As [`Simulated::step`] for a shaft that somebody else turns, by [`Body::carry`].
+    /// As [`Simulated::step`] for a shaft that somebody else turns, by [`Plant::carry`].
     pub fn tick(&mut self, now_ns: u64, out: &mut FrameQueue) {
         self.stepped_ns = Some(now_ns);
-        self.firmware.step(now_ns, &mut self.body, &mut self.replies);
+        self.firmware.step(now_ns, &mut self.plant, &mut self.replies);
         self.send(out);
     }
 
@@ -130,14 +130,14 @@ impl Simulated {
 
     /// What it follows, while it has power.
     pub fn follows(&self) -> Option<&Setpoint> {
-        self.body.power.then_some(&self.body.law)
+        self.plant.power.then_some(&self.plant.law)
     }
 
-    /// Injects a fault by the motor's own code: it lets go and tells the code. 0 removes it.
+    /// Injects a fault by the motor's own code: its torque is off, and it reports the code. 0 removes it.
     pub fn fault(&mut self, code: u32) {
-        self.body.fault = code;
+        self.plant.fault = code;
         if code != 0 {
-            self.body.power = false;
+            self.plant.power = false;
         }
     }
 
@@ -174,15 +174,15 @@ fn firmware(
     protocol: &str,
     settings: &Settings,
     common: Common,
-    body: &mut Body,
+    plant: &mut Plant,
 ) -> Option<Box<dyn Firmware>> {
     Some(match protocol {
-        "mit" => Box::new(mit::Mit::new(settings, common, body)),
-        "cybergear" => Box::new(cybergear::CyberGear::new(settings, common, body)),
+        "mit" => Box::new(mit::Mit::new(settings, common, plant)),
+        "cybergear" => Box::new(cybergear::CyberGear::new(settings, common, plant)),
         "odrive" => Box::new(odrive::Odrive::new(settings, common)),
-        "moteus" => Box::new(moteus::Moteus::new(settings, common, body)),
+        "moteus" => Box::new(moteus::Moteus::new(settings, common, plant)),
         "cia402" => Box::new(cia402::Cia402::new(settings, common)),
-        "dbc" => Box::new(dbc::Dbc::new(settings, common, body)?),
+        "dbc" => Box::new(dbc::Dbc::new(settings, common, plant)?),
         _ => return None,
     })
 }

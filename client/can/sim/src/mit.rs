@@ -16,14 +16,14 @@
 //!
 //! A Damiao has registers at 7FF: `id low, id high, 33 (read) or 55 (write), register, four bytes`,
 //! little-endian, answered on the reply's identifier. Register 9 is its watchdog in 50 µs, off when
-//! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it lets go, 7 and 8 its
+//! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it turns its torque off, 7 and 8 its
 //! identifiers, A its mode, E its firmware, 14 the reduction of its gear.
 //!
 //! Sources: B. Katz, firmware of the mini cheetah's motor controller; CubeMars, *AK series manual*;
 //! Damiao, *DM-J4310 manual* and its list of registers; RobStride, *RS00 manual*, chapter on the
 //! MIT protocol.
 
-use super::{Body, Firmware, standard};
+use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
@@ -33,7 +33,7 @@ use sarrus_can_core::protocol::Settings;
 const REGISTERS: u16 = 0x7FF;
 /// Nanoseconds of one count of a Damiao's watchdog.
 const COUNT_NS: u64 = 50_000;
-/// What a Damiao lets go at `[V]`, the version of its firmware, and the reduction of its gear, as
+/// What turns the torque of a Damiao off `[V]`, the version of its firmware, and the reduction of its gear, as
 /// those of a DM-J4310 are.
 const UNDER_VOLTAGE: f32 = 15.0;
 const SOFTWARE: u32 = 5013;
@@ -62,7 +62,7 @@ pub(super) struct Mit {
 }
 
 impl Mit {
-    pub(super) fn new(settings: &Settings, common: Common, body: &mut Body) -> Mit {
+    pub(super) fn new(settings: &Settings, common: Common, plant: &mut Plant) -> Mit {
         let variant = match settings.text("variant") {
             "t_motor" => Variant::TMotor,
             "damiao" => Variant::Damiao,
@@ -71,7 +71,7 @@ impl Mit {
         };
         if variant != Variant::Damiao {
             // set with the maker's tool, as these motors cannot be asked
-            body.watchdog_ns = u64::from(common.watchdog_ms) * 1_000_000;
+            plant.watchdog_ns = u64::from(common.watchdog_ms) * 1_000_000;
         }
         Mit {
             variant,
@@ -111,43 +111,44 @@ impl Mit {
         ([a, b, c, d, e, f] == [0xFF; 6] && known).then_some((last, full))
     }
 
-    fn obey(&mut self, now_ns: u64, command: (u8, bool), body: &mut Body, out: &mut FrameQueue) {
+    fn obey(&mut self, now_ns: u64, command: (u8, bool), plant: &mut Plant, out: &mut FrameQueue) {
         match command {
-            (0xFC, true) => body.start(now_ns),
-            (0xFD, true) => body.stop(),
+            (0xFC, true) => plant.start(now_ns),
+            (0xFD, true) => plant.stop(),
             (0xFE, true) => {
-                body.zero = body.position;
-                body.law.position = 0.0;
+                plant.zero = plant.position;
+                plant.law.position = 0.0;
             }
-            (0xFB, true) => body.fault = 0,
+            (0xFB, true) => plant.fault = 0,
             (0xFB, false) => {
-                let [a, b, c, d] = body.fault.to_le_bytes();
+                let [a, b, c, d] = plant.fault.to_le_bytes();
                 out.push_some(standard(self.reply_id, &[self.id as u8, a, b, c, d, 0, 0, 0]));
                 return;
             }
             (0xFA, _) => self.id = 0xFFFF,
             _ => {}
         }
-        self.reply(body, out);
+        self.reply(plant, out);
     }
 
-    fn reply(&self, body: &Body, out: &mut FrameQueue) {
-        let position = code(body.measured(), self.position_range, 16);
-        let velocity = code(body.velocity, self.velocity_range, 12);
-        let torque = code(body.torque, self.torque_range, 12);
+    fn reply(&self, plant: &Plant, out: &mut FrameQueue) {
+        let position = code(plant.measured(), self.position_range, 16);
+        let velocity = code(plant.velocity, self.velocity_range, 12);
+        let torque = code(plant.torque, self.torque_range, 12);
         let [p, q] = (position as u16).to_be_bytes();
         let [v, w, t] =
             [(velocity >> 4) as u8, ((velocity & 0xF) << 4 | torque >> 8) as u8, torque as u8];
-        let temperature = body.temperature;
+        let temperature = plant.temperature;
         let id = self.id as u8;
         let frame = match self.variant {
             Variant::MiniCheetah => standard(self.reply_id, &[id, p, q, v, w, t]),
             Variant::TMotor => standard(
                 self.reply_id,
-                &[id, p, q, v, w, t, (temperature + 40.0) as u8, body.fault as u8],
+                &[id, p, q, v, w, t, (temperature + 40.0) as u8, plant.fault as u8],
             ),
             Variant::Damiao => {
-                let state = if body.fault != 0 { body.fault as u8 } else { u8::from(body.power) };
+                let state =
+                    if plant.fault != 0 { plant.fault as u8 } else { u8::from(plant.power) };
                 standard(
                     self.reply_id,
                     &[state << 4 | id & 0xF, p, q, v, w, t, temperature as u8, temperature as u8],
@@ -162,24 +163,24 @@ impl Mit {
     }
 
     /// Registers of a Damiao.
-    fn register(&mut self, bytes: &[u8], body: &mut Body, out: &mut FrameQueue) -> bool {
+    fn register(&mut self, bytes: &[u8], plant: &mut Plant, out: &mut FrameQueue) -> bool {
         let &[low, high, access, register, ref value @ ..] = bytes else { return false };
         if u16::from_le_bytes([low, high]) != self.id {
             return false;
         }
         if access == 0xCC {
-            self.reply(body, out);
+            self.reply(plant, out);
             return true;
         }
         let value = value.first_chunk::<4>().copied();
         if let (0x55, 9, Some(value)) = (access, register, value) {
-            body.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
+            plant.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
         }
         let content = match register {
             0x00 => UNDER_VOLTAGE.to_le_bytes(),
             0x07 => self.reply_id.to_le_bytes(),
             0x08 => u32::from(self.id).to_le_bytes(),
-            0x09 => ((body.watchdog_ns / COUNT_NS) as u32).to_le_bytes(),
+            0x09 => ((plant.watchdog_ns / COUNT_NS) as u32).to_le_bytes(),
             0x0A => 1u32.to_le_bytes(),
             0x0E => SOFTWARE.to_le_bytes(),
             0x14 => REDUCTION.to_le_bytes(),
@@ -201,35 +202,35 @@ impl Firmware for Mit {
         &mut self,
         now_ns: u64,
         frame: &Frame,
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) -> bool {
         if self.variant == Variant::Damiao && frame.id == Id::Standard(REGISTERS) {
-            return self.register(frame.data(), body, out);
+            return self.register(frame.data(), plant, out);
         }
         if frame.id != Id::Standard(self.id) {
             return false;
         }
         let Some(bytes) = frame.exactly::<8>() else { return true };
         match self.special(bytes) {
-            Some(command) => self.obey(now_ns, command, body, out),
+            Some(command) => self.obey(now_ns, command, plant, out),
             None => {
-                body.follow(now_ns, self.setpoint(u64::from_be_bytes(bytes)));
-                self.reply(body, out);
+                plant.follow(now_ns, self.setpoint(u64::from_be_bytes(bytes)));
+                self.reply(plant, out);
             }
         }
         true
     }
 
-    fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
-        if body.trips(now_ns) {
+    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
+        if plant.trips(now_ns) {
             match self.variant {
-                Variant::MiniCheetah | Variant::TMotor => body.law = Setpoint::default(),
+                Variant::MiniCheetah | Variant::TMotor => plant.law = Setpoint::default(),
                 Variant::Damiao => {
-                    body.fault = COMMUNICATION_LOST;
-                    body.stop();
+                    plant.fault = COMMUNICATION_LOST;
+                    plant.stop();
                 }
-                Variant::RobStride => body.stop(),
+                Variant::RobStride => plant.stop(),
             }
         }
     }

@@ -25,7 +25,7 @@
 
 use core::f64::consts::TAU;
 
-use super::{Body, Firmware, standard};
+use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
@@ -84,7 +84,7 @@ impl Odrive {
         write: bool,
         endpoint: u16,
         value: [u8; 4],
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) {
         let [first, ..] = value;
@@ -104,7 +104,7 @@ impl Odrive {
             }
             _ => return,
         };
-        body.watchdog_ns =
+        plant.watchdog_ns =
             if self.enable_watchdog { (f64::from(self.timeout_s) * 1e9) as u64 } else { 0 };
         if !write {
             let [low, high] = endpoint.to_le_bytes();
@@ -118,7 +118,7 @@ impl Firmware for Odrive {
         &mut self,
         now_ns: u64,
         frame: &Frame,
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) -> bool {
         let Id::Standard(id) = frame.id else { return false };
@@ -133,17 +133,17 @@ impl Firmware for Odrive {
         let [stiffness, damping] = OWN_GAINS;
         let law = match (id & 0x1F, frame.data().len()) {
             (0x02, _) => {
-                body.stop();
+                plant.stop();
                 return true;
             }
             (0x04, 4..=8) => {
-                self.endpoint(a == 1, u16::from_le_bytes([b, c]), [e, f, g, h], body, out);
+                self.endpoint(a == 1, u16::from_le_bytes([b, c]), [e, f, g, h], plant, out);
                 return true;
             }
             (0x07, 4 | 8) => {
                 match a {
-                    CLOSED_LOOP => body.start(now_ns),
-                    IDLE => body.stop(),
+                    CLOSED_LOOP => plant.start(now_ns),
+                    IDLE => plant.stop(),
                     _ => {}
                 }
                 return true;
@@ -153,11 +153,11 @@ impl Firmware for Odrive {
                 return true;
             }
             (0x18, _) => {
-                body.fault = 0;
+                plant.fault = 0;
                 return true;
             }
             (0x19, 4 | 8) => {
-                body.zero = body.position - f64::from(first) * TAU;
+                plant.zero = plant.position - f64::from(first) * TAU;
                 return true;
             }
             (0x0C, 8) if self.control_mode == 3 => Setpoint {
@@ -178,36 +178,39 @@ impl Firmware for Odrive {
             }
             (0x0C..=0x0E, _) => {
                 // set-points of another mode feed the watchdog and drive nothing
-                body.feed(now_ns);
+                plant.feed(now_ns);
                 return true;
             }
             (0x01 | 0x03 | 0x05 | 0x09 | 0x15 | 0x1C, _) => return false,
             _ => return true,
         };
-        body.follow(now_ns, law);
+        plant.follow(now_ns, law);
         true
     }
 
-    fn step(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue) {
-        if body.trips(now_ns) {
-            body.fault = WATCHDOG_EXPIRED;
-            body.stop();
+    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
+        if plant.trips(now_ns) {
+            plant.fault = WATCHDOG_EXPIRED;
+            plant.stop();
         }
         let float = |number: f64| (number as f32).to_le_bytes();
         if now_ns >= self.heartbeat_ns {
             self.heartbeat_ns = now_ns + HEARTBEAT_NS;
             self.tell(
                 0x01,
-                [body.fault.to_le_bytes(), [if body.power { CLOSED_LOOP } else { IDLE }, 0, 1, 0]],
+                [
+                    plant.fault.to_le_bytes(),
+                    [if plant.power { CLOSED_LOOP } else { IDLE }, 0, 1, 0],
+                ],
                 out,
             );
-            self.tell(0x15, [float(body.temperature), float(body.temperature)], out);
+            self.tell(0x15, [float(plant.temperature), float(plant.temperature)], out);
         }
         if now_ns >= self.feedback_ns {
             self.feedback_ns = now_ns + FEEDBACK_NS;
-            self.tell(0x09, [float(body.measured() / TAU), float(body.velocity / TAU)], out);
+            self.tell(0x09, [float(plant.measured() / TAU), float(plant.velocity / TAU)], out);
             if self.tells_torque {
-                self.tell(0x1C, [float(body.law.torque), float(body.torque)], out);
+                self.tell(0x1C, [float(plant.law.torque), float(plant.torque)], out);
             }
         }
     }

@@ -21,7 +21,7 @@ pub struct Physics {
 /// Shaft, power and watchdog of a motor: J p̈ = τ − b ṗ with τ = τ* + k (p* − p) + d (v* − ṗ) while
 /// it has power.
 #[derive(Clone, Debug)]
-pub struct Body {
+pub struct Plant {
     /// What turns.
     pub physics: Physics,
     /// Position of the shaft `[rad]`.
@@ -42,17 +42,17 @@ pub struct Body {
     pub fault: u32,
     /// Set-points that it has taken since it has power.
     pub n_setpoints: u64,
-    /// Time without commands after which it lets go `[ns]`; 0 never.
+    /// Time without commands after which it turns its torque off `[ns]`; 0 never.
     pub watchdog_ns: u64,
-    /// When its watchdog last let go `[ns]`, until it gets power again.
+    /// When its watchdog last turned the torque off `[ns]`, until it gets power again.
     pub tripped_ns: Option<u64>,
     fed_ns: u64,
 }
 
-impl Body {
+impl Plant {
     /// At rest, without power and watchdog.
-    pub fn new(physics: Physics) -> Body {
-        Body {
+    pub fn new(physics: Physics) -> Plant {
+        Plant {
             physics,
             position: 0.0,
             velocity: 0.0,
@@ -105,7 +105,7 @@ impl Body {
         self.fed_ns = now_ns;
     }
 
-    /// Whether the watchdog lets go just now; what that means is the firmware's business.
+    /// Whether the watchdog turns the torque off just now; what that means is the firmware's business.
     pub(super) fn trips(&mut self, now_ns: u64) -> bool {
         let late = now_ns.saturating_sub(self.fed_ns) > self.watchdog_ns;
         let again = self.tripped_ns.is_none_or(|tripped_ns| self.fed_ns > tripped_ns);
@@ -169,64 +169,64 @@ mod tests {
 
     const PHYSICS: Physics = Physics { inertia: 0.01, friction: 0.0, torque_limit: 10.0 };
 
-    fn powered(law: Setpoint) -> Body {
-        let mut body = Body::new(PHYSICS);
-        body.start(0);
-        body.follow(0, law);
-        body
+    fn powered(law: Setpoint) -> Plant {
+        let mut plant = Plant::new(PHYSICS);
+        plant.start(0);
+        plant.follow(0, law);
+        plant
     }
 
     #[test]
     fn a_constant_torque_gives_the_parabola() {
-        let mut body = powered(Setpoint { torque: 0.2, ..Setpoint::default() });
-        (0..1000).for_each(|_| body.turn(1e-3));
-        assert!((body.velocity - 20.0).abs() < 1e-9, "{}", body.velocity);
-        assert!((body.position - 10.0).abs() < 0.02, "{}", body.position);
+        let mut plant = powered(Setpoint { torque: 0.2, ..Setpoint::default() });
+        (0..1000).for_each(|_| plant.turn(1e-3));
+        assert!((plant.velocity - 20.0).abs() < 1e-9, "{}", plant.velocity);
+        assert!((plant.position - 10.0).abs() < 0.02, "{}", plant.position);
     }
 
     #[test]
     fn stiff_gains_settle_on_the_set_point() {
-        let mut body = powered(Setpoint {
+        let mut plant = powered(Setpoint {
             position: 1.0,
             stiffness: 500.0,
             damping: 5.0,
             ..Setpoint::default()
         });
-        body.physics.inertia = 1e-5;
-        (0..1000).for_each(|_| body.turn(1e-3));
-        assert!((body.position - 1.0).abs() < 1e-6, "{}", body.position);
-        assert!(body.torque.abs() < 1e-3, "{}", body.torque);
+        plant.physics.inertia = 1e-5;
+        (0..1000).for_each(|_| plant.turn(1e-3));
+        assert!((plant.position - 1.0).abs() < 1e-6, "{}", plant.position);
+        assert!(plant.torque.abs() < 1e-3, "{}", plant.torque);
     }
 
     #[test]
     fn the_torque_never_exceeds_its_limit() {
-        let mut body =
+        let mut plant =
             powered(Setpoint { position: 100.0, stiffness: 500.0, ..Setpoint::default() });
-        body.turn(1e-3);
-        assert_eq!(body.torque, 10.0);
-        assert!((body.velocity - 1.0).abs() < 1e-12, "{}", body.velocity);
+        plant.turn(1e-3);
+        assert_eq!(plant.torque, 10.0);
+        assert!((plant.velocity - 1.0).abs() < 1e-12, "{}", plant.velocity);
     }
 
     #[test]
     fn without_power_nothing_drives() {
-        let mut body = powered(Setpoint { torque: 1.0, ..Setpoint::default() });
-        body.stop();
-        body.turn(1e-3);
-        assert_eq!((body.velocity, body.torque, body.drive_torque()), (0.0, 0.0, 0.0));
+        let mut plant = powered(Setpoint { torque: 1.0, ..Setpoint::default() });
+        plant.stop();
+        plant.turn(1e-3);
+        assert_eq!((plant.velocity, plant.torque, plant.drive_torque()), (0.0, 0.0, 0.0));
     }
 
     #[test]
     fn the_watchdog_trips_once_until_it_is_fed_and_only_with_power() {
-        let mut body = powered(Setpoint::default());
-        body.watchdog_ns = 100;
-        assert!(!body.trips(100));
-        assert!(body.trips(101));
-        assert!(!body.trips(500));
-        assert_eq!(body.tripped_ns, Some(101));
-        body.follow(600, Setpoint::default());
-        assert!(body.trips(701));
-        body.stop();
-        body.feed(800);
-        assert!(!body.trips(2000));
+        let mut plant = powered(Setpoint::default());
+        plant.watchdog_ns = 100;
+        assert!(!plant.trips(100));
+        assert!(plant.trips(101));
+        assert!(!plant.trips(500));
+        assert_eq!(plant.tripped_ns, Some(101));
+        plant.follow(600, Setpoint::default());
+        assert!(plant.trips(701));
+        plant.stop();
+        plant.feed(800);
+        assert!(!plant.trips(2000));
     }
 }

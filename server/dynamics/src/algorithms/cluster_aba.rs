@@ -1,6 +1,5 @@
-//! Articulated bodies over clusters: M_y ÿ = b in O(n) by constraint embedding (Jain 2012,
-//! "Multibody graph transformations and analysis"; base document, chapter 5, equations 5.4 to 5.8;
-//! a single joint is Featherstone 2008, section 7.3).
+//! Articulated bodies over clusters: M_y ÿ = b in O(n) by constraint embedding [J12; K21, eq. 5.4
+//! to 5.8; a single joint is F08, 7.3].
 //!
 //! The velocity and gravity terms are taken out first by Newton-Euler at q̈ = g, so that only M_y ÿ
 //! = b is left. Each cluster is one joint with the independents ÿ, the columns U and the matrix D

@@ -2,8 +2,8 @@
 //! inertia that each of its bodies carries.
 //!
 //! With S_i the axes of body i, I_i the inertia that it carries, and G_i the rows of G at its
-//! joint, a unit acceleration of the independents takes on body i the forces (Jain 2012, constraint
-//! embedding; Featherstone 2008, section 6.2, with columns joined by G)
+//! joint, a unit acceleration of the independents takes on body i the forces [J12, part II; F08,
+//! 6.2, with columns joined by G]
 //!
 //! ```text
 //! F_i = Σ_children X F + I_i S_i G_i          at the parent body: U = Σ X F

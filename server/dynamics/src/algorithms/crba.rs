@@ -1,6 +1,6 @@
-//! The reduced mass matrix M_y = Gᵀ M G by composite rigid bodies over clusters (Featherstone 2008,
-//! section 6.2, with the columns of a cluster joined by its G before they are carried to the root,
-//! so that ancestors meet n_vy columns and not n_v).
+//! The reduced mass matrix M_y = Gᵀ M G by composite rigid bodies over clusters [F08, 6.2, with
+//! the columns of a cluster joined by its G before they are carried to the root, so that ancestors
+//! meet n_vy columns and not n_v].
 
 use crate::algorithms::cluster_columns::{Force, carry_force, component, join};
 use crate::algorithms::terms::add_rotors;

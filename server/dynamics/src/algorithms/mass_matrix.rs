@@ -1,5 +1,5 @@
-//! The mass matrix M of the tree by composite rigid bodies (Featherstone 2008, section 6.2, Table
-//! 6.2): no loop, no G.
+//! The mass matrix M of the tree by composite rigid bodies [F08, 6.2, table 6.2]: no loop, no
+//! G.
 
 use crate::algorithms::cluster_columns::{carry_force, component};
 use crate::algorithms::crba::composite_inertias;

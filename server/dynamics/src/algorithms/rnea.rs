@@ -1,5 +1,4 @@
-//! Recursive Newton-Euler: forces from motion (Luh, Walker, Paul 1980; Featherstone 2008, section
-//! 5.3, in classical accelerations).
+//! Recursive Newton-Euler: forces from motion [LWP80; F08, 5.3, in classical accelerations].
 //!
 //! Every joint moves along or about z of its body, so that a joint's motion touches single
 //! components. Vectors are in body axes at the body's origin; accelerations are classical, and the

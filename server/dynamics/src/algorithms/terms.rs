@@ -1,5 +1,5 @@
 //! Springs, dampers and rotors in the joints: parts of C and of M that touch single coordinates
-//! (Featherstone 2008, section 9.6 for rotors whose gyroscopic part is left out).
+//! [F08, 9.6 for rotors whose gyroscopic part is left out].
 
 use crate::mechanism::Rotor;
 use crate::model::Model;

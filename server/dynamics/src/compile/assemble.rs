@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use sarrus_proto::Sizes;
+use sarrus_proto::{ModelInfo, Sizes};
 
 use crate::closure::{Closure, Cut, CutRow};
 use crate::compile::couplings::{characteristic_length, couplings};
@@ -11,18 +11,18 @@ use crate::compile::geometry::{inertia, onto_z, pose, unit, vector};
 use crate::compile::orders::Names;
 use crate::compile::spanning_tree::{Partition, Skeleton};
 use crate::description as written;
-use crate::description::{Description, JointKind, Loop, SubmechanismKind};
+use crate::description::{Description, JointKind, Limits, Loop, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::linalg::Branches;
 use crate::mechanism::{Freedom, JointTerms, Motion};
-use crate::model::{Body, Cluster, Frame, Meta, Model, Order};
+use crate::model::{Body, Cluster, Frame, Model, Order};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, mul, zero};
 
 /// A model before its closures are chosen, and who owns what.
 pub(super) struct Assembly {
     pub(super) model: Model<Dd>,
-    pub(super) meta: Meta,
+    pub(super) meta: ModelInfo,
     /// Submechanism, loop and row of each external row of K; couplings have no loop.
     pub(super) row_owner: Vec<(usize, Option<(usize, usize)>)>,
     /// For each cluster the first submechanism that owns a joint of it, and its joints in body
@@ -267,7 +267,7 @@ impl<'a> Builder<'a> {
             inertia: [Dd::ZERO; 6],
         };
         let model = Model {
-            meta: Arc::new(Meta::empty()),
+            meta: Arc::new(ModelInfo::default()),
             gravity: vector(description.gravity),
             bodies: vec![world],
             clusters: Vec::new(),
@@ -600,7 +600,7 @@ impl<'a> Builder<'a> {
         row_owner: &[(usize, Option<(usize, usize)>)],
         loops: &[Vec<Loop>],
         errors: &mut Vec<Diagnostic>,
-    ) -> Option<(Model<Dd>, Meta)> {
+    ) -> Option<(Model<Dd>, ModelInfo)> {
         self.model.zero = vec![Dd::ZERO; self.model.order.q.len()];
         for body in self.model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
             self.model.zero[body.q + body.motion.n_q() - 1] = Dd::ONE;
@@ -668,8 +668,8 @@ impl<'a> Builder<'a> {
             n_c: row_owner.len(),
             n_branches: branches.len(),
         };
-        let meta = Meta {
-            name: self.description.name.clone(),
+        let meta = ModelInfo {
+            robot: self.description.name.clone(),
             fingerprint: self.description.fingerprint(),
             sizes,
             tree: names.tree,
@@ -680,29 +680,10 @@ impl<'a> Builder<'a> {
             loops: loop_names,
             branches,
             links: self.description.links.iter().map(|link| link.name.clone()).collect(),
-            limits: names.limits,
+            limits: names.limits.iter().map(|limits| limits.map(Limits::finite)).collect(),
             closures: Vec::new(),
+            warnings: Vec::new(),
         };
         Some((self.model, meta))
-    }
-}
-
-impl Meta {
-    pub(super) fn empty() -> Meta {
-        Meta {
-            name: String::new(),
-            fingerprint: 0,
-            sizes: Sizes::default(),
-            tree: Vec::new(),
-            tree_q: Vec::new(),
-            independent: Vec::new(),
-            independent_q: Vec::new(),
-            active: Vec::new(),
-            loops: Vec::new(),
-            branches: Vec::new(),
-            links: Vec::new(),
-            limits: Vec::new(),
-            closures: Vec::new(),
-        }
     }
 }

@@ -166,7 +166,7 @@ fn is_ball(cut: &Cut<f64>, rows: &[(usize, usize)]) -> bool {
         && x.dot(&y.cross(&z)).abs() > 1e-3 * x.norm() * y.norm() * z.norm()
 }
 
-/// One joint for each row, by augmenting paths that try large entries first (Kuhn 1955).
+/// One joint for each row, by augmenting paths that try large entries first \[K55\].
 fn matching(sees: &[Vec<bool>], size: impl Fn(usize, usize) -> f64) -> Vec<usize> {
     let m = sees.len();
     let mut row_of: Vec<Option<usize>> = vec![None; m];
@@ -206,7 +206,7 @@ fn matching(sees: &[Vec<bool>], size: impl Fn(usize, usize) -> f64) -> Vec<usize
     matched
 }
 
-/// Tarjan's strongly connected components (1972); a component comes after all that it needs.
+/// Tarjan's strongly connected components \[T72\]; a component comes after all that it needs.
 fn strongly_connected(n: usize, needs: impl Fn(usize) -> Vec<usize>) -> Vec<Vec<usize>> {
     struct Walk {
         number: Vec<usize>,

@@ -16,12 +16,14 @@ mod terms;
 
 use std::sync::Arc;
 
+use sarrus_proto::{ClosureInfo, ClosureKind, ModelInfo};
+
 use crate::closure::{Closure, Numerical};
 use crate::compile::analysis::Analysis;
 use crate::compile::assemble::Assembly;
 use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
-use crate::model::{ClosureInfo, ClosureKind, Compiled, Meta, Model};
+use crate::model::{Compiled, Model};
 use crate::scalar::{Dd, Scalar};
 pub(crate) use geometry::{pose as pose_of, unit_of};
 pub(crate) use masses::UNEQUAL;
@@ -188,7 +190,7 @@ fn build(
     if !errors.is_empty() {
         return None;
     }
-    exact.meta = Arc::new(Meta { closures: info, ..assembly.meta.clone() });
+    exact.meta = Arc::new(ModelInfo { closures: info, ..assembly.meta.clone() });
     let mut model = exact.map(Dd::to_f64);
     model.inertia = masses::check(&model, description, errors, warnings);
     exact.inertia.clone_from(&model.inertia);

@@ -23,6 +23,7 @@ use crate::model::judge;
 
 pub use open::OpenModel;
 use problem::Problem;
+pub(crate) use rezero::placement;
 pub use rezero::{closing_placements, rezeroed};
 
 /// A closed pose near a given one.

@@ -137,7 +137,7 @@ fn in_root(description: &Description, mut link: usize) -> Option<Pose<Dd>> {
 }
 
 /// Translation, roll, pitch and yaw of a pose.
-fn placement(pose: &Pose<Dd>) -> Placement {
+pub(crate) fn placement(pose: &Pose<Dd>) -> Placement {
     let r = |i: usize, j: usize| pose.R[(i, j)];
     let level = (r(0, 0) * r(0, 0) + r(1, 0) * r(1, 0)).sqrt();
     let pitch = (-r(2, 0)).atan2(level);

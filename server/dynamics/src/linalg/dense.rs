@@ -142,7 +142,7 @@ fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize) {
 }
 
 /// Singular value decomposition A = U Σ Vᵀ of the m×n row-major matrix A by one-sided Jacobi
-/// rotations (Hestenes 1958): A becomes U Σ, its column norms are the singular values, in no order.
+/// rotations \[H58\]: A becomes U Σ, its column norms are the singular values, in no order.
 /// V (n×n) is filled, or left out where it is empty.
 pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize) {
     const SWEEPS: usize = 30;

@@ -1,5 +1,5 @@
 //! Symmetric matrices in which row i is zero left of the diagonal except at the ancestors of i,
-//! packed, and H = Lᵀ D L without fill-in (Featherstone 2008, sections 6.4 and 6.5).
+//! packed, and H = Lᵀ D L without fill-in [F08, 6.4 and 6.5].
 //!
 //! Row i holds the entries at its ancestors, from the root on, and then its diagonal. The path to
 //! an ancestor is the beginning of the path to i, so that the row of the ancestor has its numbers

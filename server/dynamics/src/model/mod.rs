@@ -10,13 +10,12 @@ mod tolerance;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use sarrus_proto::Sizes;
+use sarrus_proto::{ClosureInfo, ModelInfo, Sizes};
 
 pub use closures_at_zero::ClosureAtZero;
 pub(crate) use closures_at_zero::judge;
 
 use crate::closure::{Closure, Cut};
-use crate::description::Limits;
 use crate::diagnostic::Diagnostic;
 use crate::linalg::Branches;
 use crate::mechanism::{Freedom, JointTerms, Motion};
@@ -26,7 +25,8 @@ use crate::spatial::Pose;
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
 pub struct Model<C = f64> {
-    pub(crate) meta: Arc<Meta>,
+    /// What both precisions share.
+    pub(crate) meta: Arc<ModelInfo>,
     /// Gravity {root} `[m/s²]`.
     pub(crate) gravity: Vector3<C>,
     /// Bodies; 0 is the world.
@@ -70,24 +70,6 @@ pub(crate) struct Limit {
     pub(crate) lower: f64,
     pub(crate) upper: f64,
     pub(crate) velocity: f64,
-}
-
-/// What both precisions of a model share.
-#[derive(Clone, Debug)]
-pub(crate) struct Meta {
-    pub(crate) name: String,
-    pub(crate) fingerprint: u64,
-    pub(crate) sizes: Sizes,
-    pub(crate) tree: Vec<String>,
-    pub(crate) tree_q: Vec<String>,
-    pub(crate) independent: Vec<String>,
-    pub(crate) independent_q: Vec<String>,
-    pub(crate) active: Vec<String>,
-    pub(crate) loops: Vec<String>,
-    pub(crate) branches: Vec<String>,
-    pub(crate) links: Vec<String>,
-    pub(crate) limits: Vec<Option<Limits>>,
-    pub(crate) closures: Vec<ClosureInfo>,
 }
 
 /// From the order that users see to the order of the bodies.
@@ -179,51 +161,6 @@ pub(crate) struct Cluster<C> {
     pub(crate) length: f64,
 }
 
-/// How the loops of one submechanism are closed.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ClosureInfo {
-    /// Contextual name.
-    pub name: String,
-    /// The type as it was written.
-    pub type_name: String,
-    /// How it is closed.
-    pub kind: ClosureKind,
-    /// Constraint rows.
-    pub rows: usize,
-    /// How many of them are independent.
-    pub rank: usize,
-    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value
-    /// that they start with.
-    pub idle: Vec<String>,
-    /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without
-    /// loops.
-    pub length: f64,
-    /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
-    pub misfit: f64,
-}
-
-/// How loops are closed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ClosureKind {
-    /// By a closed form.
-    Analytic,
-    /// By Newton's method.
-    Numerical,
-    /// There are none.
-    Serial,
-}
-
-impl ClosureKind {
-    /// The name that scripts see.
-    pub const fn name(self) -> &'static str {
-        match self {
-            ClosureKind::Analytic => "analytic",
-            ClosureKind::Numerical => "numerical",
-            ClosureKind::Serial => "serial",
-        }
-    }
-}
-
 /// The result of [`Model::compile`]: the robot in both precisions.
 #[derive(Clone, Debug)]
 pub struct Compiled {
@@ -236,9 +173,13 @@ pub struct Compiled {
 }
 
 impl<C> Model<C> {
+    /// Names, orders, sizes, limits and closures; without the warnings of files.
+    pub fn info(&self) -> &ModelInfo {
+        &self.meta
+    }
     /// Name of the robot.
     pub fn name(&self) -> &str {
-        &self.meta.name
+        &self.meta.robot
     }
     /// A number that differs whenever any name, order or constant differs.
     pub fn fingerprint(&self) -> u64 {
@@ -293,10 +234,6 @@ impl<C> Model<C> {
             cluster.active.iter().for_each(|(u, _)| clusters[*u] = c);
         }
         clusters
-    }
-    /// Limits in the order of q̇ (n_v).
-    pub fn tree_limits(&self) -> &[Option<Limits>] {
-        &self.meta.limits
     }
 }
 

@@ -1,5 +1,5 @@
 //! Forward dynamics with the loops as constraints of the whole tree: an oracle that shares neither
-//! G nor a recursion with the other methods (Featherstone 2008, section 8.5, equation 8.26).
+//! G nor a recursion with the other methods [F08, 8.5, eq. 8.26].
 //!
 //! ```text
 //! [ M  Kᵀ ] [ q̈ ]   [ τ_q − C ]
@@ -61,7 +61,7 @@ impl Plan {
 /// q̈ into `qdd`, and −λ of the kept rows in the order of the tied clusters behind it in `kkt_rhs`.
 ///
 /// Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a
-/// stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ (Baumgarte 1972);
+/// stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ \[B72\];
 /// how far from closed it is then goes into `drift`.
 pub(crate) fn tree_under_constraints<T: Scalar>(
     model: &Model<T>,

@@ -22,26 +22,15 @@ use crate::workspace::Needs;
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.
 ///
 /// ```
-/// use sarrus_dynamics::{Model, Plan, Workspace};
-/// use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind};
+/// use sarrus_dynamics::description::Inertial;
+/// use sarrus_dynamics::{DescriptionBuilder, LinkId, Plan, Workspace};
 /// use sarrus_proto::{Field, FieldSet, Request, Status, Query};
 ///
 /// // a pendulum: 1 kg, 1 m below a horizontal axis
-/// let bob = Inertial { origin: Placement { xyz: [0.0, 0.0, -1.0], rpy: [0.0; 3] }, mass: 1.0, inertia: [0.0; 6] };
-/// let description = Description {
-///     name: "pendulum".into(),
-///     links: vec![Link { name: "base".into(), inertial: None }, Link { name: "rod".into(), inertial: Some(bob) }],
-///     joints: vec![Joint {
-///         name: "pivot".into(), kind: JointKind::Continuous, parent: 0, child: 1, origin: Placement::default(),
-///         axis: [0.0, 1.0, 0.0], limits: None, coupling: None, terms: Default::default(),
-///     }],
-///     submechanisms: vec![Submechanism {
-///         name: "all".into(), kind: SubmechanismKind::Serial, type_name: "R".into(),
-///         spanning_tree: vec![0], independent: vec![0], active: vec![0], loops: vec![],
-///     }],
-///     gravity: [0.0, 0.0, -9.81],
-/// };
-/// let model = Model::compile(&description)?.model;
+/// let mut robot = DescriptionBuilder::new("pendulum");
+/// let bob = Inertial::point(1.0, [0.0, 0.0, -1.0]);
+/// robot.revolute("pivot", LinkId::BASE, [0.0, 1.0, 0.0]).inertial(bob);
+/// let model = robot.compile()?.model;
 /// let wanted = Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
 /// let plan = Plan::new(&model, &wanted)?;
 /// let mut workspace = Workspace::new(&model);

@@ -17,9 +17,7 @@ use crate::scalar::{Real, Scalar};
 /// proven; the largest seen: 1.6, 1.9, 1.9 and 3.1 u²). All this holds while no part underflows,
 /// |x| > 1e-270. Infinite operands and overflow give NaN.
 ///
-/// Sources: Hida, Li, Bailey, *Algorithms for quad-double precision floating point arithmetic*
-/// (2001); Joldes, Muller, Popescu, *Tight and rigorous error bounds for basic building blocks of
-/// double-word arithmetic* (2017), "JMP" below.
+/// Sources: \[HLB01\]; \[JMP17\], "JMP" below; see [`crate::guide::bibliography`].
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Dd {
     pub(crate) hi: f64,
@@ -125,7 +123,7 @@ impl Mul<f64> for Dd {
 
 impl Div for Dd {
     type Output = Dd;
-    /// Long division with three quotient digits (Hida, Li, Bailey).
+    /// Long division with three quotient digits \[HLB01\].
     #[inline]
     fn div(self, b: Dd) -> Dd {
         let q1 = self.hi / b.hi;
@@ -181,7 +179,7 @@ impl Real for Dd {
     fn mul_add(self, a: Dd, b: Dd) -> Dd {
         self * a + b
     }
-    /// The double root and one correction from its exact residual (Lefèvre et al. 2023, algorithm
+    /// The double root and one correction from its exact residual (\[LLMPR23\], algorithm
     /// SQRTDWtoDW).
     fn sqrt(self) -> Dd {
         if self.hi == 0.0 {

@@ -21,7 +21,7 @@ use crate::scalar::{Real, Scalar};
 /// closed pose makes the first derivative. Each further closure from the q of the one before makes
 /// one order more.
 ///
-/// Source: Griewank, Walther, *Evaluating Derivatives* (2008), chapter 3, the forward mode.
+/// Source: \[GW08\], chapter 3, the forward mode.
 /// Allocates never.
 ///
 /// ```

@@ -68,8 +68,7 @@ const COS: [f64; 6] = [
 /// multiples of π/2 too; in [−1, 1]. NaN from 2⁴⁵ on, where neighbouring doubles are 0.008 rad and
 /// more apart: such an angle says nothing. sin(−x) = −sin x and cos(−x) = cos x to the bit.
 ///
-/// Reduction: Cody, Waite, *Software Manual for the Elementary Functions* (1980), with fused
-/// products.
+/// Reduction: \[CW80\], with fused products.
 #[inline(always)]
 pub(super) fn sin_cos<T: Lane>(x: T) -> (T, T) {
     let k = T::from_f64;

@@ -112,7 +112,7 @@ pub fn variants(
         Subject::Text(k) => (TEXTS[k].urdf(), TEXTS[k].submechanisms),
         Subject::Chain(k) => {
             let (closures, n) = CHAINS[k];
-            let description = chain_of_lambdas(n);
+            let description = chain_of_lambdas(n)?;
             let compiled = if query(closures) {
                 vec![Variant { closures, compiled: Model::compile(&description)? }]
             } else {

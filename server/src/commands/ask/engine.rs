@@ -90,7 +90,7 @@ pub(super) struct There {
 impl There {
     /// Connects through a lane, or through the service when all lanes are taken.
     pub(super) fn connect(name: &str) -> Result<There, ConnectError> {
-        // a bad name is told before anything is made
+        // a bad name is reported before anything is made
         ServerName::new(name)?;
         let robot = match Robot::connect(name) {
             Err(ConnectError::NoFreeSlot { .. }) => Robot::connect_with(

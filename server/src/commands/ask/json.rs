@@ -136,18 +136,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_value_knows_its_place() {
+    fn every_value_knows_its_span() {
         let line = r#" {"a" : [1, -2.5e3 ,{}], "ü": "x"} "#;
         let root = Value::parse(line).unwrap();
         let members = root.members(8).unwrap();
-        let places: Vec<&str> = members
+        let spans: Vec<&str> = members
             .iter()
             .flat_map(|(key, value)| [&line[key.offset..], &line[value.offset..]])
             .collect();
         assert!(
-            places[0].starts_with(r#""a""#)
-                && places[1].starts_with("[1")
-                && places[2].starts_with(r#""ü""#)
+            spans[0].starts_with(r#""a""#)
+                && spans[1].starts_with("[1")
+                && spans[2].starts_with(r#""ü""#)
         );
         let mut items = Vec::new();
         members[0].1.items(|item| {
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_of_syntax_have_their_place() {
+    fn faults_of_syntax_have_their_offset() {
         let fault = |text| Value::parse(text).map(|value| value.offset).unwrap_err();
         assert_eq!(
             fault(r#"{"y":[0.1 0.2]}"#),

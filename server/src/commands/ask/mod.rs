@@ -4,7 +4,7 @@
 //! ends with 1. A list of the wrong length (`wrong_size`) or a number beyond the range of a double
 //! (`non_finite_input`) is a failed state of a request that is otherwise a good one: its wanted
 //! fields are null, column and reason follow them. When a server goes away, the lines that it
-//! leaves get `shutting_down` (`wrong_model` when another robot came back in its place) until it is
+//! leaves get `shutting_down` (`wrong_model` when another robot came back instead) until it is
 //! back; the command ends with 2.
 
 mod answer;
@@ -36,7 +36,12 @@ pub(crate) struct Ask {
     #[arg(value_enum, value_name = "REQUEST")]
     request: RequestFlag,
     /// A running server; its model was chosen when it was started.
-    #[arg(long, value_name = "NAME", group = "SourceFlags", conflicts_with_all = ["submechanisms", "gravity", "lenient"])]
+    #[arg(
+        long,
+        value_name = "NAME",
+        group = "SourceFlags",
+        conflicts_with_all = ["submechanisms", "gravity", "lenient"]
+    )]
     connect: Option<String>,
     #[command(flatten)]
     robot: RobotFlags,
@@ -174,7 +179,7 @@ impl Session {
             let failed = Answer { status: problem.status, warnings: Warnings::NONE };
             let nothing = Layout::of_want(
                 &sarrus_client::Query::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
-                &self.model.sizes(),
+                &self.model.sizes,
             );
             answer::answer(
                 out,
@@ -190,9 +195,9 @@ impl Session {
 
         let (reply, layout, numbers) = self.ask(&mut asked);
         if reply.answer.status == Status::BadRequest {
-            // numbers that are no state: the place is that of the positions
+            // numbers that are no state: the offset is that of the positions
             let positions = [Field::Y, Field::Q, Field::QGuess];
-            let place = asked
+            let offset = asked
                 .given
                 .iter()
                 .find(|given| positions.contains(&given.field))
@@ -202,7 +207,7 @@ impl Session {
             });
             answer::bad_request(
                 out,
-                &remark(Problem { status: Status::BadRequest, offset: place, words }),
+                &remark(Problem { status: Status::BadRequest, offset, words }),
             );
         } else {
             let remark = reply.words.map(|words| Remark { column: None, words });
@@ -221,7 +226,7 @@ impl Session {
 
     /// Packs, asks, and asks again without the one output that may fail alone.
     fn ask(&mut self, asked: &mut Asked) -> (Reply, Layout, Vec<f64>) {
-        let sizes = self.model.sizes();
+        let sizes = self.model.sizes;
         let given = Layout::of_given(&asked.query, &sizes);
         let mut input = vec![0.0; given.len()];
         for field in &asked.given {

@@ -50,7 +50,7 @@ impl Reader<'_> {
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
             _ => match INPUTS.into_iter().find(|field| field.name() == name) {
                 Some(field) => {
-                    let n = field.shape(&self.model.sizes(), 0, 0).0;
+                    let n = field.shape(&self.model.sizes, 0, 0).0;
                     let numbers = self.numbers(&name, value, n)?;
                     self.given.push(Given { field, numbers, offset: key.offset });
                 }
@@ -193,7 +193,7 @@ impl Reader<'_> {
             self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset)
         };
         query.check(self.model.links.len()).map_err(|error| {
-            let place = match error {
+            let offset = match error {
                 QueryError::NotAnInput(field) => key(field.name()),
                 QueryError::Conflict(a, b) => key(a.name()).max(key(b.name())),
                 QueryError::NotAnOutput(field) => outputs
@@ -203,7 +203,7 @@ impl Reader<'_> {
                 QueryError::TooMany { what, .. } => key(what),
                 _ => None,
             };
-            Problem::from(Fault { offset: place.unwrap_or(root.offset), words: error.to_string() })
+            Problem::from(Fault { offset: offset.unwrap_or(root.offset), words: error.to_string() })
         })?;
 
         let mut given = self.given;

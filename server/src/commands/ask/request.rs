@@ -17,7 +17,7 @@ pub(super) struct Asked {
     pub(super) doubt: Option<Problem>,
 }
 
-/// The numbers of one field and the place of its key.
+/// The numbers of one field and the offset of its key.
 #[derive(Debug)]
 pub(super) struct Given {
     pub(super) field: Field,

@@ -28,7 +28,8 @@ pub(super) fn in_words(of: &AssemblyReport) -> String {
     }
 
     // either way the files are closed at zero afterwards
-    text += "\nto make it the zero pose, write these origins into the URDF and take off what each joint moved from its limits and its spring's rest\n";
+    text += "\nto make it the zero pose, write these origins into the URDF and take off what each \
+        joint moved from its limits and its spring's rest\n";
     let list = |x: [f64; 3], between: &str| x.map(|x| x.to_string()).join(between);
     for (joint, origin) in &of.new_zero.origins {
         text += &format!(
@@ -52,6 +53,7 @@ pub(super) fn in_words(of: &AssemblyReport) -> String {
         text += &yaml("predecessor_placement", &of.new_zero.predecessors);
         text += &yaml("successor_placement", &of.new_zero.successors);
     }
-    text += "or, where the joints are right and the placements are not, write placements that coincide at the zero pose as it is\n";
+    text += "or, where the joints are right and the placements are not, write placements that \
+        coincide at the zero pose as it is\n";
     text + &yaml("successor_placement", &of.at_zero.successors)
 }

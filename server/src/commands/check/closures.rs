@@ -21,23 +21,25 @@ pub(super) fn in_words(closures: &[ClosureReport]) -> String {
     ];
     let rows: Vec<Vec<String>> = closures.iter().map(row).collect();
     let mut text = table(&heads, &rows);
-    for closure in closures {
+    for report in closures {
+        let closure = &report.closure;
         let mut line =
             |what: &str, words: &str| text += &format!("{}: {what}: {words}\n", closure.name);
-        if !closure.redundant.is_empty() {
-            line("redundant rows", &closure.redundant.join(", "));
+        if !report.redundant.is_empty() {
+            line("redundant rows", &report.redundant.join(", "));
         }
         if !closure.idle.is_empty() {
             line("idle joints", &closure.idle.join(", "));
         }
-        if closure.rows > 0 && !closure.singular.is_empty() {
-            line("singular poses", closure.singular);
+        if closure.rows > 0 && !report.singular.is_empty() {
+            line("singular poses", report.singular);
         }
     }
     text
 }
 
-fn row(closure: &ClosureReport) -> Vec<String> {
+fn row(report: &ClosureReport) -> Vec<String> {
+    let closure = &report.closure;
     let sign = |branch: &f64| {
         if *branch > 0.0 {
             "+1"
@@ -47,23 +49,23 @@ fn row(closure: &ClosureReport) -> Vec<String> {
             "0"
         }
     };
-    let branch = closure.branch.iter().map(sign).collect::<Vec<_>>().join(" ");
-    let tied = closure.rows > 0;
-    let when_tied = |text: String| if tied { text } else { "-".to_owned() };
+    let branch = report.branch.iter().map(sign).collect::<Vec<_>>().join(" ");
+    let has_loops = closure.rows > 0;
+    let with_loops = |text: String| if has_loops { text } else { "-".to_owned() };
     vec![
         closure.name.clone(),
         closure.type_name.clone(),
-        closure.kind.to_owned(),
+        closure.kind.name().to_owned(),
         closure.rows.to_string(),
         closure.rank.to_string(),
-        closure.redundant.len().to_string(),
+        report.redundant.len().to_string(),
         closure.idle.len().to_string(),
         // the sign of det K_d at the zero pose; couplings have one pose only
         if branch.is_empty() { "-".to_owned() } else { branch },
         if closure.misfit == 0.0 { "0".to_owned() } else { format!("{:.1e}", closure.misfit) },
-        when_tied(format!("{:.2e}", closure.sigma_min)),
-        when_tied(if closure.cond.is_finite() {
-            format!("{:.1e}", closure.cond)
+        with_loops(format!("{:.2e}", report.sigma_min)),
+        with_loops(if report.cond.is_finite() {
+            format!("{:.1e}", report.cond)
         } else {
             "singular".to_owned()
         }),

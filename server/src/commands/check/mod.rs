@@ -100,13 +100,15 @@ fn in_words(report: &CheckReport) -> String {
         "fingerprint  {}\n\n",
         report.fingerprint.as_deref().unwrap_or("none, the files are open at zero")
     );
-    text += &names("tree", &report.tree);
-    if report.tree_q.len() != report.tree.len() {
-        text += &names("tree q", &report.tree_q);
+    if let Some(model) = &report.model {
+        text += &names("tree", &model.tree);
+        if model.tree_q.len() != model.tree.len() {
+            text += &names("tree q", &model.tree_q);
+        }
+        text += &names("independent", &model.independent);
+        text += &names("active", &model.active);
+        text += &names("loop rows", &model.loops);
     }
-    text += &names("independent", &report.independent);
-    text += &names("active", &report.active);
-    text += &names("loop rows", &report.loops);
 
     if !report.closures.is_empty() {
         text += "\n";

@@ -1,4 +1,4 @@
-//! `sarrus demo`: a server process, a controller, and the truth about every answer.
+//! `sarrus demo`: a server process, a controller, and every answer checked.
 
 mod process;
 mod processors;
@@ -27,7 +27,7 @@ use process::ServerProcess;
 use processors::Processors;
 use progress::Progress;
 use report::{Report, Way};
-use trajectory::{SAMPLES, Trajectory, Truth, WANTED, counts};
+use trajectory::{QUERY, Reference, SAMPLES, Trajectory, counts};
 
 const ROBOT: &str = "rh5v2_upper_body";
 /// How long each way is asked, at least one whole movement.
@@ -100,19 +100,19 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
         !stop.load(Relaxed)
     };
 
-    // the truth, before anybody is timed
+    // the reference, before anybody is timed
     let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())?;
     let info = describe(&loaded);
     let trajectory = Trajectory::new(&info);
-    let truth = Truth::compute(&loaded.compiled.exact, &trajectory, |done| {
+    let reference = Reference::compute(&loaded.compiled.exact, &trajectory, |done| {
         go_on("in double-double", 0.2 * done)
     });
-    let truth = truth.ok_or(DemoError::Stopped)?;
-    let course = Course { trajectory, truth, counts: counts(&info) };
+    let reference = reference.ok_or(DemoError::Stopped)?;
+    let course = Course { trajectory, reference, counts: counts(&info) };
 
     // the mathematics alone
     let model = loaded.compiled.model;
-    let plan = Plan::new(&model, &WANTED).map_err(Error::Query)?;
+    let plan = Plan::new(&model, &QUERY).map_err(Error::Query)?;
     let mut workspace = Workspace::new(&model);
     let in_process =
         |input: &[f64], output: &mut [f64]| Ok(plan.run(&model, &mut workspace, input, output));
@@ -139,20 +139,20 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
             fingerprint: Some(info.fingerprint),
         };
         let mut robot = Robot::connect_with(&name, options)?;
-        let plan = robot.prepare(&WANTED)?;
+        let plan = robot.prepare(&QUERY)?;
         let through = |input: &[f64], output: &mut [f64]| robot.ask(plan, input, output);
         ways.push(
             course.ask(way, LONG, through, |done| go_on(way, 0.3 + 0.35 * (k as f64 + done)))?,
         );
     }
     ways.push(alone);
-    Ok(Report::new(&info, course.counts, course.truth.failed == 0, ways))
+    Ok(Report::new(&info, course.counts, course.reference.failed == 0, ways))
 }
 
 /// What is followed, over and over.
 struct Course {
     trajectory: Trajectory,
-    truth: Truth,
+    reference: Reference,
     counts: (usize, usize),
 }
 
@@ -179,7 +179,7 @@ impl Course {
                 let answer = ask(&input, &mut output)?;
                 times.saturating_record(start.elapsed().as_nanos() as u64);
                 failed += u64::from(answer.status != Status::Ok);
-                worst = worst.max(self.truth.error(k, &output));
+                worst = worst.max(self.reference.error(k, &output));
                 if k % 64 == 0
                     && !go_on((begin.elapsed().as_secs_f64() / time.as_secs_f64()).min(1.0))
                 {

@@ -4,7 +4,7 @@ use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 /// Shorter waits need no bar.
-const PATIENCE: Duration = Duration::from_secs(1);
+const DELAY: Duration = Duration::from_secs(1);
 /// Between two pictures.
 const PAUSE: Duration = Duration::from_millis(50);
 const WIDTH: usize = 30;
@@ -23,8 +23,7 @@ impl Progress {
 
     /// Shows what is being done and how much of everything is done.
     pub(super) fn show(&mut self, what: &str, done: f64) {
-        let due =
-            self.drawn.map_or(self.start.elapsed() > PATIENCE, |drawn| drawn.elapsed() > PAUSE);
+        let due = self.drawn.map_or(self.start.elapsed() > DELAY, |drawn| drawn.elapsed() > PAUSE);
         if self.terminal && due {
             let full = ((done * WIDTH as f64) as usize).min(WIDTH);
             eprint!(

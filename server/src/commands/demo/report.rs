@@ -2,7 +2,7 @@
 
 use hdrhistogram::Histogram;
 use sarrus_client::ModelInfo;
-use sarrus_proto::ModelSizes;
+use sarrus_proto::{ClosureKind, Sizes};
 use serde::Serialize;
 
 use super::trajectory::{DURATION, REACH, SAMPLES};
@@ -15,7 +15,7 @@ pub(super) const LIMIT: f64 = 1e-12;
 #[derive(Serialize)]
 pub(super) struct Report {
     pub(super) robot: String,
-    pub(super) sizes: ModelSizes,
+    pub(super) sizes: Sizes,
     /// Submechanisms by kind of closure.
     analytic: usize,
     numerical: usize,
@@ -70,7 +70,7 @@ impl Report {
     pub(super) fn new(
         model: &ModelInfo,
         (numbers_in, numbers_out): (usize, usize),
-        truth_is_whole: bool,
+        reference_is_whole: bool,
         ways: Vec<Way>,
     ) -> Report {
         let of_kind = |kind| model.closures.iter().filter(|closure| closure.kind == kind).count();
@@ -78,12 +78,12 @@ impl Report {
         Report {
             robot: model.robot.clone(),
             sizes: model.sizes,
-            analytic: of_kind("analytic"),
-            numerical: of_kind("numerical"),
+            analytic: of_kind(ClosureKind::Analytic),
+            numerical: of_kind(ClosureKind::Numerical),
             samples: SAMPLES,
             numbers_in,
             numbers_out,
-            good: truth_is_whole
+            good: reference_is_whole
                 && worst_error < LIMIT
                 && ways.iter().all(|way| way.failed == 0 && way.requests > 0),
             worst_error,
@@ -92,13 +92,17 @@ impl Report {
     }
 
     pub(super) fn in_words(&self, about: &str) -> String {
-        let ModelSizes { n_v, n_vy, n_u, n_c, .. } = self.sizes;
+        let Sizes { n_v, n_vy, n_u, n_c, .. } = self.sizes;
         let mut text = format!(
-            "{}: {about}\n  {n_v} joints in the spanning tree, {n_vy} of them independent; {n_u} actuators; {n_c} loop-closure equations\n  \
+            "{}: {about}\n  {n_v} joints in the spanning tree, {n_vy} of them independent; {n_u} \
+             actuators; {n_c} loop-closure equations\n  \
              loops of {} submechanisms in closed form, of {} by Newton's method\n\n\
-             A server process holds the robot. A controller in this process moves all {n_vy} joints through the middle {:.0} % of their\n\
-             range along cycloids ({DURATION} s at 1 kHz, over and over) and asks for the {n_u} actuator forces of each sample:\n\
-             inverse dynamics, {} numbers in, {} out. Every answer is compared with double-double arithmetic (32 digits).\n\n",
+             A server process holds the robot. A controller in this process moves all {n_vy} \
+             joints through the middle {:.0} % of their\n\
+             range along cycloids ({DURATION} s at 1 kHz, over and over) and asks for the {n_u} \
+             actuator forces of each sample:\n\
+             inverse dynamics, {} numbers in, {} out. Every answer is compared with double-double \
+             arithmetic (32 digits).\n\n",
             self.robot,
             self.analytic,
             self.numerical,
@@ -135,9 +139,10 @@ impl Report {
             0 => format!("\nAll {requests} answers are ok. "),
             n => format!("\n{n} of {requests} answers FAILED. "),
         };
-        let verdict = if self.worst_error < LIMIT { "within" } else { "OUTSIDE" };
+        let relation = if self.worst_error < LIMIT { "within" } else { "OUTSIDE" };
         text + &format!(
-            "Worst error {:.1e} of the largest force of its sample, {verdict} the limit of {LIMIT:.0e}.\n",
+            "Worst error {:.1e} of the largest force of its sample, {relation} the limit of \
+             {LIMIT:.0e}.\n",
             self.worst_error
         )
     }

@@ -1,4 +1,4 @@
-//! What the demo's controller follows, and the truth about it.
+//! What the demo's controller follows, and the forces in double-double.
 
 use sarrus_client::{Field, FieldSet, Layout, ModelInfo, Query, Request, Status};
 use sarrus_dynamics::scalar::Dd;
@@ -14,7 +14,7 @@ pub(super) const SAMPLES: usize = 5001;
 pub(super) const REACH: f64 = 0.3;
 
 /// Motion in, actuator forces out.
-pub(super) const WANTED: Query = Query::new(
+pub(super) const QUERY: Query = Query::new(
     Request::InverseDynamics,
     FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
     FieldSet::of(&[Field::TauU]),
@@ -52,8 +52,7 @@ impl Trajectory {
         }
     }
 
-    /// y, ẏ and ÿ of one sample, packed one after the other (thesis of the base document, 6.1 to
-    /// 6.3).
+    /// y, ẏ and ÿ of one sample, packed one after the other [K21, 6.1 to 6.3].
     pub(super) fn sample(&self, k: usize, input: &mut [f64]) {
         let rate = 2.0 * std::f64::consts::PI / DURATION;
         let t = k as f64 * DURATION / (SAMPLES - 1) as f64;
@@ -72,50 +71,52 @@ impl Trajectory {
 }
 
 /// The forces of every sample in double-double arithmetic, 32 digits.
-pub(super) struct Truth {
+pub(super) struct Reference {
     n: usize,
     forces: Vec<Dd>,
     /// Samples without an answer even there.
     pub(super) failed: usize,
 }
 
-impl Truth {
+impl Reference {
     /// Computes it; `go_on` learns how far it is and says whether to go on.
     pub(super) fn compute(
         exact: &Model<Dd>,
         trajectory: &Trajectory,
         mut go_on: impl FnMut(f64) -> bool,
-    ) -> Option<Truth> {
-        let plan = Plan::new(exact, &WANTED).ok()?;
+    ) -> Option<Reference> {
+        let plan = Plan::new(exact, &QUERY).ok()?;
         let mut workspace = Workspace::new(exact);
         let mut sample = vec![0.0; plan.given().len()];
         let mut input = vec![Dd::from(0.0); sample.len()];
         let n = plan.want().len();
-        let mut truth = Truth { n, forces: vec![Dd::from(f64::NAN); n * SAMPLES], failed: 0 };
-        for (k, forces) in truth.forces.chunks_exact_mut(n.max(1)).enumerate() {
+        let mut reference =
+            Reference { n, forces: vec![Dd::from(f64::NAN); n * SAMPLES], failed: 0 };
+        for (k, forces) in reference.forces.chunks_exact_mut(n.max(1)).enumerate() {
             trajectory.sample(k, &mut sample);
             input.iter_mut().zip(&sample).for_each(|(exact, number)| *exact = Dd::from(*number));
-            truth.failed +=
+            reference.failed +=
                 usize::from(plan.run(exact, &mut workspace, &input, forces).status != Status::Ok);
             if !go_on(k as f64 / SAMPLES as f64) {
                 return None;
             }
         }
-        Some(truth)
+        Some(reference)
     }
 
-    /// The largest difference of an answer from the truth, relative to the largest force of the
+    /// The largest difference of an answer from the reference, relative to the largest force of the
     /// sample.
     pub(super) fn error(&self, k: usize, answer: &[f64]) -> f64 {
-        let truth = self.forces.get(k * self.n..(k + 1) * self.n).unwrap_or_default();
-        let size = truth.iter().fold(0.0_f64, |size, force| size.max(force.hi().abs()));
-        let difference = |(answer, truth): (&f64, &Dd)| (Dd::from(*answer) - *truth).hi().abs();
+        let reference = self.forces.get(k * self.n..(k + 1) * self.n).unwrap_or_default();
+        let size = reference.iter().fold(0.0_f64, |size, force| size.max(force.hi().abs()));
+        let difference =
+            |(answer, reference): (&f64, &Dd)| (Dd::from(*answer) - *reference).hi().abs();
         let worst = answer
             .iter()
-            .zip(truth)
+            .zip(reference)
             .map(difference)
             .fold(0.0, |worst: f64, x| if x.is_nan() { f64::INFINITY } else { worst.max(x) });
-        if truth.len() != answer.len() || size.is_nan() {
+        if reference.len() != answer.len() || size.is_nan() {
             f64::INFINITY
         } else {
             worst / size.max(f64::MIN_POSITIVE)
@@ -125,8 +126,8 @@ impl Truth {
 
 /// How many numbers go in and come out.
 pub(super) fn counts(model: &ModelInfo) -> (usize, usize) {
-    let sizes = model.sizes();
-    (Layout::of_given(&WANTED, &sizes).len(), Layout::of_want(&WANTED, &sizes).len())
+    let sizes = model.sizes;
+    (Layout::of_given(&QUERY, &sizes).len(), Layout::of_want(&QUERY, &sizes).len())
 }
 
 #[cfg(test)]

@@ -134,7 +134,7 @@ impl ForceFlags {
                 }),
                 other => Err(format!(
                     "--spring {constants}: found {} number(s), expected stiffness, damping and \
-                    rest length",
+                     rest length",
                     other.len()
                 )),
             }
@@ -145,13 +145,13 @@ impl ForceFlags {
 
 /// A link with or without a point on it.
 fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
-    let place = |name: &str| model.link_names().iter().position(|link| link == name);
+    let index = |name: &str| model.link_names().iter().position(|link| link == name);
     // a link's own name may hold a colon
-    if let Some(link) = place(text) {
+    if let Some(link) = index(text) {
         return Ok(Point { link, at: [0.0; 3] });
     }
     let (name, at) = text.rsplit_once(':').unwrap_or((text, "0,0,0"));
-    let Some(link) = place(name) else {
+    let Some(link) = index(name) else {
         return Err(format!(
             "--spring {text}: there is no link `{name}`, expected one of {}",
             model.link_names().join(", ")

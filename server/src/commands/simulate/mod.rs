@@ -85,7 +85,8 @@ struct StartFlags {
         conflicts_with_all = ["q", "qd"]
     )]
     yd: Option<Numbers>,
-    /// Tree coordinates; a pose whose loops are open is closed, and how far it was moved is reported.
+    /// Tree coordinates; a pose whose loops are open is closed, and how far it was moved is
+    /// printed.
     #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true)]
     q: Option<Numbers>,
     /// Tree velocities.

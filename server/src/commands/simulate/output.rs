@@ -157,7 +157,7 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
     ));
     line(format!(
         "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), \
-        Jacobians {}, factorisations {}",
+         Jacobians {}, factorisations {}",
         counts.steps,
         counts.rejected,
         counts.failed,
@@ -196,7 +196,7 @@ fn words(kind: &EventKind) -> String {
     match kind {
         EventKind::Switched { from, to, before, after } => format!(
             "went on with the independents {} in place of {} (distance to singularity \
-            {before:.2e}, then {after:.2e})",
+             {before:.2e}, then {after:.2e})",
             to.join(", "),
             from.join(", ")
         ),

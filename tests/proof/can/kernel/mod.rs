@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
-use super::harness::{FRONTS, Front, Stage, sarrus_can};
+use super::harness::{FRONTENDS, Frontend, Stage, sarrus_can};
 
 /// Completes the state of a processor for a kernel that is older than it.
 const WHOLE_STATE: &str = include_str!("whole_state.c");
@@ -34,7 +34,7 @@ const DISABLE: &str = "003#FFFFFFFFFFFFFFFD";
 
 #[test]
 fn frames_states_and_full_queues_of_a_real_kernel() {
-    let Some(said) = boot(Front::Rust, include_str!("frames.sh")) else { return };
+    let Some(said) = boot(Frontend::Rust, include_str!("frames.sh")) else { return };
     let step = |name: &str| step(&said, name);
 
     // classic and FD frames pass, in both directions
@@ -69,8 +69,8 @@ fn frames_states_and_full_queues_of_a_real_kernel() {
 
 #[test]
 fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
-    for front in FRONTS {
-        let Some(said) = boot(front, BRIDGE) else { return };
+    for frontend in FRONTENDS {
+        let Some(said) = boot(frontend, BRIDGE) else { return };
         let said = Said(said);
         // SIGTERM takes the power away
         said.has("power", "enabled\ncode 0");
@@ -82,7 +82,7 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
             reports(step(text, "term"))
                 .iter()
                 .all(|report| report["motors"][0]["tripped"] == false),
-            "{front:?} {text}"
+            "{frontend:?} {text}"
         );
         // down and up; removed and added; what error frames tell
         for (gone, back, again) in
@@ -94,7 +94,7 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
                 reports(step(text, back))
                     .iter()
                     .any(|report| report["motors"][0]["frame"] == DISABLE),
-                "{front:?} {back}:\n{text}"
+                "{frontend:?} {back}:\n{text}"
             );
             said.has(again, "reset\nenabled\ncode 0");
         }
@@ -102,7 +102,7 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
         said.powers("added", true);
         said.powers("up", false);
         said.powers("told", false);
-        assert!(text.contains("step end"), "{front:?} {text}");
+        assert!(text.contains("step end"), "{frontend:?} {text}");
     }
 }
 
@@ -110,8 +110,8 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
 fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() {
     // the functions of the other script, without its steps
     let functions = BRIDGE.split("echo \"step").next().unwrap_or_default();
-    for front in FRONTS {
-        let Some(said) = boot(front, &(functions.to_owned() + include_str!("rates.sh"))) else {
+    for frontend in FRONTENDS {
+        let Some(said) = boot(frontend, &(functions.to_owned() + include_str!("rates.sh"))) else {
             return;
         };
         let said = Said(said);
@@ -143,7 +143,7 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
         said.powers("on", true);
         said.has("last", "code 0");
         said.powers("last", false);
-        assert!(text.contains("step end"), "{front:?} {text}");
+        assert!(text.contains("step end"), "{frontend:?} {text}");
     }
 }
 
@@ -211,7 +211,7 @@ fn words(command: &Command) -> String {
 }
 
 /// Boots a kernel, which runs a script and ends; all that it said. Nothing where it cannot be.
-fn boot(front: Front, script: &str) -> Option<String> {
+fn boot(frontend: Frontend, script: &str) -> Option<String> {
     let missing: Vec<&str> = TOOLS.into_iter().filter(|tool| find(tool).is_none()).collect();
     if !missing.is_empty() {
         eprintln!(
@@ -251,9 +251,9 @@ fn boot(front: Front, script: &str) -> Option<String> {
         .replace("BUSYBOX", &tool("busybox"))
         .replace("IPROUTE", &tool("ip"))
         .replace("PROGRAM", &program(sarrus_can()));
-    let bridging = match front {
-        Front::Rust => Command::new(sarrus_can()),
-        Front::Python => environment().can(&[]),
+    let bridging = match frontend {
+        Frontend::Rust => Command::new(sarrus_can()),
+        Frontend::Python => environment().can(&[]),
     };
     let init = init
         .replace("FRONT", &words(&bridging))

@@ -20,7 +20,7 @@ use sarrus_can_core::netlink::InterfaceError;
 use thiserror::Error;
 
 pub(crate) use pseudo::Pseudo;
-pub(crate) use reconnecting::Lasting;
+pub(crate) use reconnecting::Reconnecting;
 
 /// A bus that is open. Nothing here waits; [`wait_for`] does.
 pub(crate) trait Bus: Send {

@@ -15,7 +15,7 @@ const REOPEN: Duration = Duration::from_millis(500);
 
 /// A bus that is off while its adapter is gone, drops what it is to send meanwhile, and is opened
 /// anew when the adapter is there again.
-pub(crate) struct Lasting {
+pub(crate) struct Reconnecting {
     name: String,
     interface: String,
     channel: String,
@@ -34,16 +34,16 @@ pub(crate) struct Lasting {
     news: Option<BusEvent>,
 }
 
-impl Lasting {
+impl Reconnecting {
     /// Opens a bus, which must be there; `name` is for what is said of it.
-    pub(crate) fn open(name: &str, address: Address<'_>) -> Result<Lasting, BusError> {
+    pub(crate) fn open(name: &str, address: Address<'_>) -> Result<Reconnecting, BusError> {
         let port = Some(open(address)?);
         let flags = EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC;
         let nothing =
             eventfd(0, flags).map_err(|error| BusError::Open(name.to_owned(), error.into()))?;
         let Address { interface, channel, bitrate, data_bitrate, listen_only } = address;
         let [name, interface, channel] = [name, interface, channel].map(str::to_owned);
-        Ok(Lasting {
+        Ok(Reconnecting {
             name,
             interface,
             channel,
@@ -70,7 +70,7 @@ impl Lasting {
         }
         self.tried = Instant::now();
         let (interface, channel) = (self.interface.as_str(), self.channel.as_str());
-        let Lasting { bitrate, data_bitrate, listen_only, .. } = *self;
+        let Reconnecting { bitrate, data_bitrate, listen_only, .. } = *self;
         match open(Address { interface, channel, bitrate, data_bitrate, listen_only }) {
             Ok(port) => {
                 self.say("open again".to_owned());
@@ -89,7 +89,7 @@ impl Lasting {
     }
 }
 
-impl Bus for Lasting {
+impl Bus for Reconnecting {
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         match self.port.as_mut().map(|port| port.send(frame)) {
             Some(Ok(sent)) => return Ok(sent),

@@ -11,7 +11,7 @@ use sarrus_can_core::config::BusConfig;
 use sarrus_can_core::frame::Frame;
 
 use super::realtime;
-use crate::bus::{Address, Bus, BusError, Heard, Lasting, Sent, wait_for};
+use crate::bus::{Address, Bus, BusError, Heard, Reconnecting, Sent, wait_for};
 use crate::stderr::say;
 use sarrus_client::now_ns;
 
@@ -21,10 +21,10 @@ const ROOM: usize = 4096;
 const AT_ONCE: usize = 256;
 /// News of a bus that may wait for room.
 const UNTOLD: usize = 16;
-/// How often the last words are said, and the time between.
-const LAST_WORDS: (usize, Duration) = (5, Duration::from_millis(5));
+/// How often the shutdown frames are sent, and the time between.
+const SHUTDOWN: (usize, Duration) = (5, Duration::from_millis(5));
 /// A bus whose rules say nothing for this time looks whether they are still there.
-const PATIENCE: Duration = Duration::from_millis(50);
+const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// What a bus heard, and when `[ns]`.
 pub(crate) type Stamped = (u64, Heard);
@@ -33,10 +33,10 @@ pub(crate) type Stamped = (u64, Heard);
 pub(crate) struct BusThread {
     name: String,
     /// A bus whose adapter went away is off until it comes back.
-    port: Lasting,
+    port: Reconnecting,
     queues: Queues,
     /// Frames that take the power from every motor of this bus.
-    last_words: Vec<Frame>,
+    shutdown_frames: Vec<Frame>,
 }
 
 /// What goes between the rules and a bus.
@@ -45,11 +45,11 @@ struct Queues {
     to_send: Consumer<(u64, Frame)>,
     heard: Producer<Stamped>,
     bell: Arc<OwnedFd>,
-    /// Things heard that found no room and are not told yet.
+    /// Things heard that found no room and are not reported yet.
     overrun: u32,
     /// News of the bus that found no room, oldest first.
     untold: Vec<BusEvent>,
-    /// Frames that waited when it was last told.
+    /// Frames that waited when it was last reported.
     backlog: u32,
 }
 
@@ -80,7 +80,7 @@ impl BusEnd {
 }
 
 impl Drop for BusEnd {
-    /// Wakes the bus for its last words. The queue that it looks at is gone a moment later: it
+    /// Wakes the bus for its shutdown frames. The queue that it looks at is gone a moment later: it
     /// looks again after the bell.
     fn drop(&mut self) {
         let (gone, _) = RingBuffer::new(1);
@@ -93,9 +93,10 @@ impl BusThread {
     /// Opens the bus.
     pub(crate) fn new(
         config: &BusConfig,
-        last_words: Vec<Frame>,
+        shutdown_frames: Vec<Frame>,
     ) -> Result<(BusThread, BusEnd), BusError> {
-        let (name, port) = (config.name.clone(), Lasting::open(&config.name, Address::of(config))?);
+        let (name, port) =
+            (config.name.clone(), Reconnecting::open(&config.name, Address::of(config))?);
         let flags = EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC;
         let bell = Arc::new(
             eventfd(0, flags).map_err(|error| BusError::Open(name.clone(), error.into()))?,
@@ -111,7 +112,7 @@ impl BusThread {
             untold: Vec::with_capacity(UNTOLD),
             backlog: 0,
         };
-        Ok((BusThread { name, port, queues, last_words }, end))
+        Ok((BusThread { name, port, queues, shutdown_frames }, end))
     }
 
     /// Until the rules are gone; then the motors are disabled.
@@ -133,7 +134,7 @@ impl Queues {
             let (readable, bell) = (port.readable(), self.bell.as_fd());
             wait_for(
                 &mut [PollFd::new(&readable, PollFlags::IN), PollFd::new(&bell, PollFlags::IN)],
-                PATIENCE,
+                TIMEOUT,
             )?;
         }
         while let Some(event) = self.untold.first().copied() {
@@ -183,7 +184,7 @@ impl Queues {
         Ok(())
     }
 
-    /// Tells the rules; false where there is no room. How the bus stands is told later then.
+    /// Tells the rules; false where there is no room. How the bus stands is reported later then.
     fn tell(&mut self, heard: Heard) -> bool {
         let is_told = self.untold.is_empty() && self.heard.push((now_ns(), heard)).is_ok();
         match heard {
@@ -198,13 +199,13 @@ impl Queues {
 }
 
 impl Drop for BusThread {
-    /// However this thread ends, its motors are told to let go.
+    /// However this thread ends, its motors are commanded to turn their torque off.
     fn drop(&mut self) {
-        let (times, pause) = LAST_WORDS;
+        let (times, pause) = SHUTDOWN;
         let mut are_taken = false;
         for _ in 0..times {
             let refused = self
-                .last_words
+                .shutdown_frames
                 .iter()
                 .filter(|frame| self.port.send(frame).ok() != Some(Sent::Taken))
                 .count();
@@ -213,7 +214,7 @@ impl Drop for BusThread {
         }
         if !are_taken {
             say(format_args!(
-                "{}: its motors could not be told to let go; what is left are their own watchdogs",
+                "{}: no way to command its motors off; what is left are their own watchdogs",
                 self.name
             ));
         }

@@ -111,7 +111,7 @@ impl Run {
         let (mut threads, mut ends, mut owned) = (Vec::new(), Vec::new(), Vec::new());
         for (number, config) in bridge.configuration().buses.iter().enumerate() {
             owned.extend(own(Address::of(config))?);
-            let (thread, end) = BusThread::new(config, bridge.last_words(number))?;
+            let (thread, end) = BusThread::new(config, bridge.shutdown_frames(number))?;
             threads.push(thread);
             ends.push(end);
         }
@@ -126,7 +126,7 @@ impl Run {
                 .collect();
             let mut rules = Rules { bridge, telemetry, services, ends, stop: &stop };
             // however this thread ends, also by a panic, its queues end with it, and each bus says
-            // its last words
+            // its shutdown frames
             let rules = scope.spawn(move || {
                 realtime::be_first(self.priority);
                 rules.run();

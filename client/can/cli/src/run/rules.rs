@@ -14,7 +14,7 @@ use sarrus_client::now_ns;
 
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {
-    /// First of all: where this ends, the buses say their last words before anything else is tidied
+    /// First of all: where this ends, the buses send their shutdown frames before anything else is tidied
     /// up.
     pub(super) ends: Vec<BusEnd>,
     pub(super) bridge: Bridge,

@@ -9,7 +9,7 @@ use sarrus_can_core::bridge::BusEvent;
 use sarrus_can_sim::Simulated;
 
 use super::line::Line;
-use super::plant::Plant;
+use super::motors::Motors;
 use super::say;
 use crate::bus::BusError;
 
@@ -67,18 +67,18 @@ pub(super) fn read(line: &str) -> Result<Order, String> {
 pub(super) fn obey(
     order: &Order,
     now_ns: u64,
-    plant: &mut Plant,
+    motors: &mut Motors,
     lines: &mut [Line],
 ) -> Result<(), BusError> {
     let done = match order {
         Order::Report => {
-            say(&plant.report(now_ns, lines.iter().map(Line::report).collect()));
+            say(&motors.report(now_ns, lines.iter().map(Line::report).collect()));
             true
         }
-        Order::Fault(motor, code) => plant.with(motor, |motor| motor.fault(*code)),
-        Order::Reboot(motor) => plant.with(motor, Simulated::reboot),
-        Order::Silence(motor, on) => plant.with(motor, |motor| motor.silence(*on)),
-        Order::WrongId(motor, on) => plant.with(motor, |motor| motor.answer_wrongly(*on)),
+        Order::Fault(motor, code) => motors.with(motor, |motor| motor.fault(*code)),
+        Order::Reboot(motor) => motors.with(motor, Simulated::reboot),
+        Order::Silence(motor, on) => motors.with(motor, |motor| motor.silence(*on)),
+        Order::WrongId(motor, on) => motors.with(motor, |motor| motor.answer_wrongly(*on)),
         Order::Loss(part, bus) => each(lines, bus, |line| {
             line.lose(*part);
             Ok(true)

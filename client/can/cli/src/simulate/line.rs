@@ -7,7 +7,7 @@ use sarrus_can_core::frame::{Frame, FrameQueue};
 
 use serde_json::{Value, json};
 
-use super::plant::Plant;
+use super::motors::Motors;
 use crate::bus::{Bus, BusError, Heard, Sent};
 
 /// A bus with its motors' end of the wire.
@@ -65,7 +65,7 @@ impl Line {
     }
 
     /// Gives all frames that are there to the motors.
-    pub(super) fn hear(&mut self, now_ns: u64, plant: &mut Plant) -> Result<(), BusError> {
+    pub(super) fn hear(&mut self, now_ns: u64, motors: &mut Motors) -> Result<(), BusError> {
         while let Some(heard) = self.bus.next()? {
             let Heard::Frame(frame) = heard else { continue };
             if self.is_lost() {
@@ -73,9 +73,9 @@ impl Line {
                 continue;
             }
             self.count(0);
-            plant.receive(now_ns, self.place, &frame, &mut self.replies);
+            motors.receive(now_ns, self.place, &frame, &mut self.replies);
         }
-        plant.collect(self.place, &mut self.replies);
+        motors.collect(self.place, &mut self.replies);
         let due_ns = now_ns + self.delay_ns;
         self.waiting.extend(self.replies.frames().iter().map(|frame| (due_ns, *frame)));
         self.replies.clear();

@@ -8,7 +8,7 @@
 mod console;
 mod line;
 mod link;
-mod plant;
+mod motors;
 mod robot;
 
 use std::io::{self, BufRead, Write};
@@ -25,11 +25,11 @@ use sarrus_can_core::config::Configuration;
 use sarrus_can_sim::Physics;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::bus::{self, Address, Bus, BusError, Lasting, Pseudo};
+use crate::bus::{self, Address, Bus, BusError, Pseudo, Reconnecting};
 use console::Order;
 use line::Line;
 use link::Link;
-use plant::Plant;
+use motors::Motors;
 use sarrus_client::now_ns;
 
 /// Longest time between two steps of the motors.
@@ -82,7 +82,7 @@ pub(crate) enum Dynamics {
     Robot,
 }
 
-/// Runs until it is told to stop: 0; 1 for a faulty configuration, 2 for what cannot be opened.
+/// Runs until it is asked to stop: 0; 1 for a faulty configuration, 2 for what cannot be opened.
 pub(crate) fn run(arguments: &Simulate) -> ExitCode {
     let configuration = match crate::configuration(&arguments.config) {
         Ok(configuration) => configuration,
@@ -98,7 +98,7 @@ pub(crate) fn run(arguments: &Simulate) -> ExitCode {
 }
 
 struct Simulation {
-    plant: Plant,
+    motors: Motors,
     lines: Vec<Line>,
     orders: mpsc::Receiver<Order>,
     stop: Arc<AtomicBool>,
@@ -134,7 +134,7 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
     let [inertia, friction] =
         [arguments.inertia, arguments.friction].map(|given| given.unwrap_or(usual));
     let physics = Physics { inertia, friction, torque_limit: f64::INFINITY };
-    let plant = Plant::new(configuration, &chosen, physics, arguments.dynamics)?;
+    let motors = Motors::new(configuration, &chosen, physics, arguments.dynamics)?;
     let (mut lines, mut links) = (Vec::new(), Vec::new());
     for &place in &chosen {
         let Some(config) = configuration.buses.get(place) else { continue };
@@ -145,7 +145,7 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
                 links.push(Link::make(pseudo.path(), &path)?);
                 (Box::new(pseudo), path.display().to_string())
             } else {
-                let bus = Lasting::open(&config.name, Address::of(config))
+                let bus = Reconnecting::open(&config.name, Address::of(config))
                     .map_err(|error| error.to_string())?;
                 (Box::new(bus), config.channel.clone())
             };
@@ -158,7 +158,7 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
         ));
     }
     let orders = listen(&arguments.fault)?;
-    Ok(Simulation { plant, lines, orders, stop, _links: links })
+    Ok(Simulation { motors, lines, orders, stop, _links: links })
 }
 
 /// Lines of stdin in a thread of their own, which ends with stdin.
@@ -194,15 +194,15 @@ impl Simulation {
         let now_ns = now_ns();
         // the motors' clocks run first: after a gap a watchdog has tripped before the frames that
         // waited are read
-        self.plant.step(now_ns);
+        self.motors.step(now_ns);
         for line in &mut self.lines {
-            line.hear(now_ns, &mut self.plant)?;
+            line.hear(now_ns, &mut self.motors)?;
             line.send(now_ns)?;
         }
         while let Ok(order) = self.orders.try_recv() {
-            console::obey(&order, now_ns, &mut self.plant, &mut self.lines)?;
+            console::obey(&order, now_ns, &mut self.motors, &mut self.lines)?;
         }
-        self.plant.news(now_ns).iter().for_each(|news| say(news));
+        self.motors.news(now_ns).iter().for_each(|news| say(news));
         let mut fds: Vec<PollFd<'_>> = Vec::with_capacity(self.lines.len());
         fds.extend(
             self.lines

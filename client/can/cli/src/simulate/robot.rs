@@ -11,7 +11,7 @@
 
 use sarrus_can_core::config::Configuration;
 use sarrus_can_core::mapping::Mapping;
-use sarrus_can_sim::{Body, Physics};
+use sarrus_can_sim::{Physics, Plant};
 use sarrus_client::{Options, PlanId, Request, Robot, Status};
 
 /// Time constant in which a brake stops its own rotor `[s]`.
@@ -91,17 +91,17 @@ impl Moving {
     }
 
     /// What a motor does to its actuator until the next step.
-    pub(super) fn drive(&mut self, actuator: usize, mapping: &Mapping, body: &Body) {
+    pub(super) fn drive(&mut self, actuator: usize, mapping: &Mapping, plant: &Plant) {
         let Mapping { sign, gear, offset, torque_constant } = *mapping;
         let (u, _) = self.actuator(actuator);
         let square = gear * gear;
-        let law = body.law;
+        let law = plant.law;
         let Some(place) = self.laws.get_mut(actuator) else { return };
         let (friction, inertia) = (self.physics.friction * square, self.physics.inertia * square);
         // where the actuator is when the motor's coordinate is that of the set-point
-        let target = sign * (law.position + body.zero) / gear + offset;
-        let held = body.drive_torque().abs() >= body.physics.torque_limit;
-        *place = if !body.power {
+        let target = sign * (law.position + plant.zero) / gear + offset;
+        let held = plant.drive_torque().abs() >= plant.physics.torque_limit;
+        *place = if !plant.power {
             Law {
                 force: 0.0,
                 stiffness: 0.0,
@@ -111,7 +111,7 @@ impl Moving {
             }
         } else if held {
             Law {
-                force: sign * gear * torque_constant * body.drive_torque(),
+                force: sign * gear * torque_constant * plant.drive_torque(),
                 stiffness: 0.0,
                 target: u,
                 damping: friction,

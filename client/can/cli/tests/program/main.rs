@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 /// Long enough for a loaded computer; no test waits for it unless it fails.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 /// `O_NOCTTY`: the terminal of a bus is nobody's console.
 const NO_CONSOLE: i32 = 0o400;
 
@@ -89,7 +89,7 @@ impl Program {
     }
 
     fn line(&self) -> String {
-        self.lines.recv_timeout(PATIENCE).expect("a line in time")
+        self.lines.recv_timeout(TIMEOUT).expect("a line in time")
     }
 
     /// The next event of a kind, which may have come before others.
@@ -97,7 +97,7 @@ impl Program {
         if let Some(place) = self.passed.iter().position(|event| event["event"] == kind) {
             return self.passed.remove(place);
         }
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while Instant::now() < end {
             match serde_json::from_str::<Value>(&self.line()) {
                 Ok(event) if event["event"] == kind => return event,
@@ -164,7 +164,7 @@ impl Host {
     fn line(&self) -> String {
         let mut line = String::new();
         loop {
-            let byte = self.bytes.recv_timeout(PATIENCE).expect("a byte in time");
+            let byte = self.bytes.recv_timeout(TIMEOUT).expect("a byte in time");
             match byte {
                 b'\r' if line.is_empty() || line == "z" || line == "Z" => line.clear(),
                 b'\r' => return line,

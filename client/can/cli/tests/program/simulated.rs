@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Folder, Host, PATIENCE, Program};
+use super::{Folder, Host, Program, TIMEOUT};
 
 const MOTOR: &str = "{actuator: elbow, bus: arm, sign: -1, gear: 10, offset: 0.5, watchdog_ms: 1000, watchdog: believed, limits: {effort: 10}, \
     drive: {protocol: mit, variant: mini_cheetah, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, \
@@ -81,7 +81,7 @@ fn hosts_come_and_go_and_the_link_goes_with_the_motors() {
             .unwrap()
             .success()
     );
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     while folder.path("bus").symlink_metadata().is_ok() {
         assert!(Instant::now() < end, "the link stays");
         std::thread::sleep(Duration::from_millis(5));

@@ -1,6 +1,8 @@
 //! What is counted, for those who watch.
 
-use super::{BusEvent, Verdict};
+use sarrus_proto::counts::{BusCounts, CommandCounts};
+
+use super::BusEvent;
 
 /// How a bus is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,20 +34,8 @@ impl BusState {
 pub struct Counters {
     /// Cycles.
     pub cycles: u64,
-    /// Commands that were taken.
-    pub accepted: u64,
-    /// Commands with NaN or infinity.
-    pub not_finite: u64,
-    /// Commands with a negative gain.
-    pub negative: u64,
-    /// Commands that were not newer than the one before.
-    pub old: u64,
-    /// Commands from the future.
-    pub ahead: u64,
-    /// Commands for another model.
-    pub wrong_model: u64,
-    /// Commands for another number of actuators.
-    pub wrong_size: u64,
+    /// Commands, by verdict.
+    pub commands: CommandCounts,
     /// Answers of motors to the frames of a cycle.
     pub replies: u64,
     /// From the last cycle to the newest of them `[ns]`.
@@ -57,48 +47,21 @@ pub struct Counters {
 /// Counts of one bus since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusCounters {
-    /// Frames received.
-    pub received: u64,
-    /// Frames of nobody's.
-    pub unknown: u64,
-    /// Frames of a motor that cannot be what they claim to be.
-    pub malformed: u64,
-    /// Frames that were not sent.
-    pub dropped: u64,
-    /// Frames that were lost on the way in.
-    pub overrun: u64,
-    /// Times that the bus became error-passive.
-    pub passive: u64,
-    /// Times that it went off.
-    pub off: u64,
+    /// Its frames and troubles.
+    pub counts: BusCounts,
     /// Times that it came back.
     pub restarted: u64,
-}
-
-impl Counters {
-    pub(super) fn add(&mut self, verdict: Verdict) {
-        let counter = match verdict {
-            Verdict::Accepted => &mut self.accepted,
-            Verdict::NotFinite => &mut self.not_finite,
-            Verdict::Negative => &mut self.negative,
-            Verdict::Old => &mut self.old,
-            Verdict::Ahead => &mut self.ahead,
-            Verdict::WrongModel => &mut self.wrong_model,
-            Verdict::WrongSize => &mut self.wrong_size,
-        };
-        *counter += 1;
-    }
 }
 
 impl BusCounters {
     pub(super) fn add(&mut self, event: BusEvent) {
         match event {
             BusEvent::ErrorActive | BusEvent::ErrorWarning | BusEvent::Backlog(_) => {}
-            BusEvent::ErrorPassive => self.passive += 1,
-            BusEvent::BusOff => self.off += 1,
+            BusEvent::ErrorPassive => self.counts.passive += 1,
+            BusEvent::BusOff => self.counts.off += 1,
             BusEvent::Restarted => self.restarted += 1,
-            BusEvent::Dropped(frames) => self.dropped += u64::from(frames),
-            BusEvent::Overrun(frames) => self.overrun += u64::from(frames),
+            BusEvent::Dropped(frames) => self.counts.dropped += u64::from(frames),
+            BusEvent::Overrun(frames) => self.counts.overrun += u64::from(frames),
         }
     }
 }

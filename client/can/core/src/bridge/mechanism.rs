@@ -24,7 +24,7 @@ pub(super) struct Mechanism {
     pub(super) reason: Reason,
     pub(super) has_motors: bool,
     phase: Phase,
-    /// When it was told to arm `[ns]`.
+    /// When it was asked to arm `[ns]`.
     armed_ns: u64,
 }
 
@@ -104,7 +104,7 @@ impl Mechanism {
     }
 
     /// As [`Mechanism::disable`] where there is power to take.
-    pub(super) fn let_go(&mut self, reason: Reason) {
+    pub(super) fn torque_off(&mut self, reason: Reason) {
         if self.is_powered() {
             self.disable(reason);
         }

@@ -1,4 +1,4 @@
-//! The rules: what the motors are told in each cycle, given commands, measurements and the state of
+//! The rules: what the motors are given in each cycle, given commands, measurements and the state of
 //! the buses.
 //!
 //! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits
@@ -20,7 +20,7 @@ mod verdict;
 
 pub use counters::{BusCounters, BusState, Counters};
 pub use event::BusEvent;
-pub use verdict::Verdict;
+pub use sarrus_proto::counts::CommandVerdict;
 
 use sarrus_proto::actuators::{
     ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
@@ -47,7 +47,7 @@ pub struct Bridge {
     mechanisms: Vec<Mechanism>,
     buses: Vec<Bus>,
     command: ActuatorCommand,
-    /// Stamp of the command when the robot was last told to arm `[ns]`; arming waits for a later
+    /// Stamp of the command when the robot was last asked to arm `[ns]`; arming waits for a later
     /// one.
     armed_at: u64,
     /// Stamp of the newest request to disarm `[ns]`.
@@ -121,19 +121,19 @@ impl Bridge {
     /// Takes a frame that came on a bus at `now_ns`.
     pub fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
-        of_bus.counters.received += 1;
+        of_bus.counters.counts.received += 1;
         let mut is_known = false;
         for motor in self.motors.iter_mut().filter(|motor| motor.config.bus == bus) {
             match motor.config.drive.receive(now_ns, frame) {
                 Receipt::NotMine => continue,
-                Receipt::Malformed => of_bus.counters.malformed += 1,
+                Receipt::Malformed => of_bus.counters.counts.malformed += 1,
                 Receipt::Noted | Receipt::Parameter(..) => {}
                 Receipt::Measured(measured) => {
                     if let Some(reply_ns) = motor.measured(now_ns, &measured) {
                         self.counters.reply_ns = reply_ns;
                         self.counters.replies += 1;
                     } else if !measured.position.is_finite() {
-                        of_bus.counters.malformed += 1;
+                        of_bus.counters.counts.malformed += 1;
                     }
                 }
             }
@@ -141,7 +141,7 @@ impl Bridge {
             break;
         }
         if !is_known {
-            of_bus.counters.unknown += 1;
+            of_bus.counters.counts.unknown += 1;
         }
     }
 
@@ -169,10 +169,10 @@ impl Bridge {
     }
 
     /// Takes a command, or says why not; a command that is not taken changes nothing but a counter.
-    pub fn command(&mut self, now_ns: u64, command: &ActuatorCommand) -> Verdict {
-        let verdict = self.judge(now_ns, command);
-        self.counters.add(verdict);
-        if verdict == Verdict::Accepted {
+    pub fn command(&mut self, now_ns: u64, command: &ActuatorCommand) -> CommandVerdict {
+        let verdict = self.assess(now_ns, command);
+        self.counters.commands.add(verdict);
+        if verdict == CommandVerdict::Accepted {
             self.command = *command;
             self.commanded = true;
         }
@@ -224,7 +224,7 @@ impl Bridge {
         }
     }
 
-    /// One cycle: judges, decides, and makes the frames to be sent now.
+    /// One cycle: assesses, decides, and makes the frames to be sent now.
     pub fn cycle(&mut self, now_ns: u64) {
         let gap_ns = self.last_cycle_ns.map_or(0, |last| now_ns.saturating_sub(last));
         self.last_cycle_ns = Some(now_ns);
@@ -233,7 +233,7 @@ impl Bridge {
 
         // what failed since the last cycle
         if gap_ns > self.configuration.timeouts.disable_ns {
-            self.mechanisms.iter_mut().for_each(|mechanism| mechanism.let_go(Reason::Stalled));
+            self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
         self.look_for_faults(now_ns);
         let feedback_ns = self.configuration.timeouts.feedback_ns;
@@ -251,7 +251,7 @@ impl Bridge {
             self.follow(number, now_ns, is_late, is_lost);
         }
 
-        // what each motor is told
+        // what each motor is given
         let is_reset = self.reset_ns.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
         let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
         for motor in &mut self.motors {
@@ -303,7 +303,7 @@ impl Bridge {
 
     /// The frames of a bus that [`Bridge::shutdown`] would make, to be kept for the worst case.
     /// Allocates.
-    pub fn last_words(&self, bus: usize) -> Vec<Frame> {
+    pub fn shutdown_frames(&self, bus: usize) -> Vec<Frame> {
         let mut queue = FrameQueue::new(self.motors.len() * FRAMES_PER_MOTOR);
         let of_bus = self.motors.iter().filter(|motor| motor.config.bus == bus);
         of_bus.for_each(|motor| motor.config.drive.disable(&mut queue));
@@ -425,7 +425,7 @@ impl Bridge {
         self.mechanisms.get(*number)
     }
 
-    /// A mechanism whose motors all have power follows; one whose commands stay away lets go.
+    /// A mechanism whose motors all have power follows; one whose commands stay away loses power.
     fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let mechanisms = &self.configuration.mechanisms;
         let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);

@@ -55,7 +55,7 @@ impl Motor {
         self.measured_ns.is_none_or(|measured| now_ns.saturating_sub(measured) > feedback_ns)
     }
 
-    /// A motor that no longer answers may come back without what it was told.
+    /// A motor that no longer answers may come back without what it was given.
     pub(super) fn forget_if_stale(&mut self, now_ns: u64, feedback_ns: u64) {
         if self.is_known && self.is_stale(now_ns, feedback_ns) {
             self.is_known = false;

@@ -59,7 +59,7 @@ impl Motor {
     ) -> ActuatorSetpoint {
         let limits = self.config.limits;
         let of = |numbers: &[f64]| numbers.get(self.config.actuator).copied().unwrap_or(0.0);
-        let wanted = ActuatorSetpoint {
+        let desired = ActuatorSetpoint {
             position: of(&command.position),
             velocity: of(&command.velocity),
             effort: of(&command.effort),
@@ -69,15 +69,15 @@ impl Motor {
 
         // within the limits of the actuator
         let position =
-            self.limited(wanted.position, limits.lower, limits.upper, flag::POSITION_LIMITED);
+            self.limited(desired.position, limits.lower, limits.upper, flag::POSITION_LIMITED);
         let velocity = self.limited(
-            wanted.velocity,
+            desired.velocity,
             -limits.velocity,
             limits.velocity,
             flag::VELOCITY_LIMITED,
         );
         let effort =
-            self.limited(wanted.effort, -limits.effort, limits.effort, flag::EFFORT_LIMITED);
+            self.limited(desired.effort, -limits.effort, limits.effort, flag::EFFORT_LIMITED);
 
         // on the way from the measured position to the commanded one, no faster than the actuator
         // may move
@@ -94,8 +94,8 @@ impl Motor {
             position,
             velocity: ramp * velocity,
             effort: ramp * effort,
-            stiffness: ramp * wanted.stiffness,
-            damping: ramp * wanted.damping,
+            stiffness: ramp * desired.stiffness,
+            damping: ramp * desired.damping,
         }
     }
 

@@ -181,7 +181,7 @@ pub(super) fn whole(
                 *place,
                 found,
                 "a watchdog longer than a cycle",
-                "the motor would let go between two commands; make it longer",
+                "the motor would turn its torque off between two commands; make it longer",
             );
         }
         let mut frames = FrameQueue::new(16);

@@ -147,7 +147,7 @@ pub struct Limits {
 }
 
 impl MotorConfig {
-    /// What is wrong with the motor's own watchdog, as far as it has told; without one nothing may
+    /// What is wrong with the motor's own watchdog, as far as it has reported; without one nothing may
     /// give it power.
     pub fn missing_watchdog(&self) -> Option<Reason> {
         // some protocols count in steps of ten

@@ -196,14 +196,7 @@ impl Reader<'_, '_> {
         if self.diagnostics.has_errors() {
             return None;
         }
-        check::motors(
-            &read,
-            &actuators,
-            &mechanisms,
-            robot.is_some(),
-            root.place,
-            self.diagnostics,
-        );
+        check::motors(&read, &actuators, &mechanisms, robot.is_some(), root.span, self.diagnostics);
         let places: Vec<Span> = read.iter().map(|read| read.place).collect();
         let configuration = Configuration {
             robot: robot.as_ref().map(|robot| robot.loaded.compiled.model.name().to_owned()),
@@ -226,7 +219,7 @@ impl Reader<'_, '_> {
     }
 
     fn timeouts(&mut self, root: &Node) -> Option<Timeouts> {
-        let empty = Node { place: root.place, value: Value::Map(Vec::new()) };
+        let empty = Node { span: root.span, value: Value::Map(Vec::new()) };
         let node = root.get("timeouts").unwrap_or(&empty);
         let read = self.settings(node, "`timeouts`", TIMEOUTS, &[])?;
         let [damping_ns, disable_ns, feedback_ns, arming_ns] =
@@ -321,7 +314,7 @@ impl Reader<'_, '_> {
                     top.place(key),
                     found,
                     "a robot that `sarrus check` accepts",
-                    "run `sarrus check` and mend them",
+                    "run `sarrus check` and fix them",
                 );
                 None
             }
@@ -408,7 +401,7 @@ impl Reader<'_, '_> {
                 limits,
                 damping: read.number("damping"),
             };
-            motors.push((name, Read { motor, place: node.place }));
+            motors.push((name, Read { motor, place: node.span }));
         }
         motors
     }
@@ -421,7 +414,7 @@ impl Reader<'_, '_> {
         let Some(node) = motor.get("limits") else {
             if limits.effort == f64::INFINITY {
                 self.diagnostics.error(
-                    motor.place,
+                    motor.span,
                     "the motor has no `limits`",
                     "at least `limits: {effort: …}`",
                     "add them",
@@ -437,7 +430,7 @@ impl Reader<'_, '_> {
         {
             if lower >= upper {
                 self.diagnostics.error(
-                    node.place,
+                    node.span,
                     format!("the position limits are [{lower}, {upper}]"),
                     "lower < upper",
                     "correct them",
@@ -456,7 +449,7 @@ impl Reader<'_, '_> {
         }
         if limits.effort == f64::INFINITY {
             self.diagnostics.error(
-                node.place,
+                node.span,
                 "`limits` has no `effort`",
                 "the greatest effort of this motor",
                 "add it",
@@ -469,7 +462,7 @@ impl Reader<'_, '_> {
                 || limits.velocity > model.velocity;
             if beyond {
                 self.diagnostics.warning(
-                    node.place,
+                    node.span,
                     "`limits` go beyond those of the URDF",
                     "limits within the model's",
                     "correct one of them",
@@ -485,7 +478,7 @@ impl Reader<'_, '_> {
         let Some(node) = motor.get("drive") else {
             let found = "the motor has no `drive`";
             self.diagnostics.error(
-                motor.place,
+                motor.span,
                 found,
                 format!("`drive: {{protocol: …}}` with {}", expected()),
                 "add it",
@@ -495,7 +488,7 @@ impl Reader<'_, '_> {
         let Some((name, place)) = yaml::word(node, "protocol", self.diagnostics) else {
             if node.get("protocol").is_none() {
                 self.diagnostics.error(
-                    node.place,
+                    node.span,
                     "the drive has no `protocol`",
                     expected(),
                     "add it",
@@ -553,7 +546,7 @@ impl Reader<'_, '_> {
                 None | Some(Value::Null | Value::List(_))
             )
         {
-            let place = root.get(key).map_or(root.place, |node| node.place);
+            let place = root.get(key).map_or(root.span, |node| node.span);
             self.diagnostics.error(
                 place,
                 format!("the file has no `{key}`"),
@@ -563,7 +556,7 @@ impl Reader<'_, '_> {
         }
         if let Some(first) = nodes.get(most) {
             self.diagnostics.error(
-                first.place,
+                first.span,
                 format!("`{key}` has {} entries", nodes.len()),
                 format!("at most {most}"),
                 "divide the robot",

@@ -7,7 +7,7 @@ pub const RANGES_DIFFER: u32 = 0x8000_0001;
 /// The motor is outside its protocol's range of positions, where position set-points cannot be
 /// said.
 pub const OUT_OF_RANGE: u32 = 0x8000_0002;
-/// The motor let go of its power without being told to.
+/// The motor lost its power without a command.
 pub const POWER_LOST: u32 = 0x8000_0003;
 /// The motor does not take the mode that the configuration wants.
 pub const MODE_REFUSED: u32 = 0x8000_0004;
@@ -25,7 +25,7 @@ pub fn describe(fault: u32) -> Option<&'static str> {
     Some(match fault {
         RANGES_DIFFER => "the motor's ranges are not those of the configuration",
         OUT_OF_RANGE => "the motor is outside its protocol's range of positions",
-        POWER_LOST => "the motor let go of its power by itself",
+        POWER_LOST => "the motor lost its power by itself",
         MODE_REFUSED => "the motor does not take this mode",
         SETTING_REFUSED => "the motor refused a setting",
         NOT_FINITE => "the motor sent a number that is not finite",

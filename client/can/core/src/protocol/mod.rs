@@ -8,8 +8,8 @@ mod mit;
 mod moteus;
 mod number;
 mod odrive;
+mod power_up;
 mod scale;
-mod stage;
 mod turns;
 
 use sarrus_models::Diagnostics;

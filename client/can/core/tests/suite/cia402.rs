@@ -10,7 +10,7 @@ use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_core::protocol::{Common, fault};
 
 const YAML: &str = "{node: 5, rated_torque: 2.0, counts_per_turn: 65536, torque_offset: true}";
-/// What is judged: heartbeat of node 127 after 50 ms, no voltage without it, 2000 mN m.
+/// What is assessed: heartbeat of node 127 after 50 ms, no voltage without it, 2000 mN m.
 const HEARTBEAT_OF: &str = "585#4316100132007F00";
 const WITHOUT_IT: &str = "585#4B07600002000000";
 const RATED: &str = "585#43766000D0070000";
@@ -202,7 +202,7 @@ fn random_values_are_within_half_a_step_both_ways() {
         (enabled(Mode::Position, 8), enabled(Mode::Velocity, 9), enabled(Mode::Torque, 10));
     let count = TAU / 65536.0;
     for _ in 0..100_000 {
-        let wanted = Setpoint {
+        let setpoint = Setpoint {
             position: random.between(-2000.0, 2000.0),
             velocity: random.between(-300.0, 300.0),
             torque: random.between(-4.0, 4.0),
@@ -214,22 +214,22 @@ fn random_values_are_within_half_a_step_both_ways() {
         };
         let encode = |drive: &mut dyn Drive| {
             let mut queue = FrameQueue::new(1);
-            drive.encode(&wanted, &mut queue);
+            drive.encode(&setpoint, &mut queue);
             queue.frames()[0]
         };
-        let half = |sent: f64, wanted: f64, step: f64| {
-            assert!((sent - wanted).abs() <= step / 2.0 * (1.0 + 1e-9), "{sent} {wanted}")
+        let half = |sent: f64, setpoint: f64, step: f64| {
+            assert!((sent - setpoint).abs() <= step / 2.0 * (1.0 + 1e-9), "{sent} {setpoint}")
         };
         let sent = encode(&mut *position);
-        half(f64::from(number(&sent)) * count, wanted.position, count);
-        half(f64::from(last_two(&sent)) * 0.002, wanted.torque, 0.002);
-        half(f64::from(number(&encode(&mut *velocity))) * count, wanted.velocity, count);
-        half(f64::from(last_two(&encode(&mut *torque_drive))) * 0.002, wanted.torque, 0.002);
+        half(f64::from(number(&sent)) * count, setpoint.position, count);
+        half(f64::from(last_two(&sent)) * 0.002, setpoint.torque, 0.002);
+        half(f64::from(number(&encode(&mut *velocity))) * count, setpoint.velocity, count);
+        half(f64::from(last_two(&encode(&mut *torque_drive))) * 0.002, setpoint.torque, 0.002);
 
         let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
-        let p = (wanted.position / count).round() as i32;
+        let p = (setpoint.position / count).round() as i32;
         let (v, t) =
-            ((wanted.velocity / count).round() as i32, (wanted.torque / 0.002).round() as i16);
+            ((setpoint.velocity / count).round() as i32, (setpoint.torque / 0.002).round() as i16);
         receive(
             &mut *position,
             &format!("185#3702{}{}", hex(&p.to_le_bytes()), hex(&t.to_le_bytes())),
@@ -239,9 +239,9 @@ fn random_values_are_within_half_a_step_both_ways() {
         else {
             panic!()
         };
-        half(measured.position, wanted.position, count);
-        half(measured.velocity, wanted.velocity, count);
-        half(measured.torque, wanted.torque, 0.002);
+        half(measured.position, setpoint.position, count);
+        half(measured.velocity, setpoint.velocity, count);
+        half(measured.torque, setpoint.torque, 0.002);
     }
 }
 

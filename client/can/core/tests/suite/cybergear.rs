@@ -36,14 +36,14 @@ fn enabled(common: Common) -> Box<dyn Drive> {
     ];
     assert_eq!(sent, expected);
     assert_eq!((drive.state().watchdog, drive.state().power), (Watchdog::Set(50), Power::Off));
-    let wanted = Setpoint { torque: 12.0, ..Setpoint::default() };
+    let setpoint = Setpoint { torque: 12.0, ..Setpoint::default() };
     assert_eq!(
-        cycle(&mut *drive, DriveCommand::On(wanted)),
+        cycle(&mut *drive, DriveCommand::On(setpoint)),
         ["017FFF0A#7FFF7FFF00000000"],
         "nothing is asked before power"
     );
     receive(&mut *drive, STOPPED);
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["0300FD0A#0000000000000000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(setpoint)), ["0300FD0A#0000000000000000"]);
     receive(&mut *drive, STOPPED);
     assert_eq!(drive.state().power, Power::Starting, "feedback says whether it runs");
     receive(&mut *drive, RUNS);
@@ -54,9 +54,9 @@ fn enabled(common: Common) -> Box<dyn Drive> {
 #[test]
 fn known_frames_come_out() {
     let mut drive = enabled(COMMON);
-    let wanted =
+    let setpoint =
         Setpoint { position: 12.5, velocity: -30.0, torque: 12.0, stiffness: 500.0, damping: 0.0 };
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["01FFFF0A#FFFF0000FFFF0000"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(setpoint)), ["01FFFF0A#FFFF0000FFFF0000"]);
     assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["0400FD0A#0000000000000000"]);
     assert_eq!(cycle(&mut *drive, DriveCommand::Reset), ["0400FD0A#0100000000000000"]);
 }
@@ -67,14 +67,14 @@ fn random_values_are_within_half_a_step_both_ways() {
     let mut drive = enabled(COMMON);
     let steps = [25.0, 60.0, 24.0, 500.0, 5.0].map(|span| span / 65535.0);
     for _ in 0..100_000 {
-        let wanted = Setpoint {
+        let setpoint = Setpoint {
             position: random.between(-12.5, 12.5),
             velocity: random.between(-30.0, 30.0),
             torque: random.between(-12.0, 12.0),
             stiffness: random.between(0.0, 500.0),
             damping: random.between(0.0, 5.0),
         };
-        let frame = last(&mut *drive, DriveCommand::On(wanted));
+        let frame = last(&mut *drive, DriveCommand::On(setpoint));
         let code = |i: usize| f64::from(frame.data()[i]) * 256.0 + f64::from(frame.data()[i + 1]);
         let torque = f64::from(frame.id.number() >> 8 & 0xFFFF);
         assert_eq!(frame.id.number() & 0xFF00_00FF, 0x0100_000A);
@@ -85,18 +85,23 @@ fn random_values_are_within_half_a_step_both_ways() {
             code(4) * steps[3],
             code(6) * steps[4],
         ];
-        let wanted =
-            [wanted.position, wanted.velocity, wanted.torque, wanted.stiffness, wanted.damping];
+        let setpoint = [
+            setpoint.position,
+            setpoint.velocity,
+            setpoint.torque,
+            setpoint.stiffness,
+            setpoint.damping,
+        ];
         for i in 0..5 {
             assert!(
-                (sent[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
+                (sent[i] - setpoint[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
                 "{i}: {} {}",
                 sent[i],
-                wanted[i]
+                setpoint[i]
             );
         }
         let code = |value: f64, half: f64| ((value + half) / (2.0 * half) * 65535.0).round() as u16;
-        let (p, v, t) = (code(wanted[0], 12.5), code(wanted[1], 30.0), code(wanted[2], 12.0));
+        let (p, v, t) = (code(setpoint[0], 12.5), code(setpoint[1], 30.0), code(setpoint[2], 12.0));
         let mut fresh = cybergear(COMMON);
         let Receipt::Measured(measured) =
             receive(&mut *fresh, &format!("02800AFD#{p:04X}{v:04X}{t:04X}012C"))
@@ -105,7 +110,7 @@ fn random_values_are_within_half_a_step_both_ways() {
         };
         let read = [measured.position, measured.velocity, measured.torque];
         for i in 0..3 {
-            assert!((read[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9));
+            assert!((read[i] - setpoint[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9));
         }
         assert_eq!(measured.temperature, 30.0);
     }

@@ -41,10 +41,10 @@ fn receive(drive: &mut dyn Drive, text: &str) -> Receipt {
 #[test]
 fn every_value_of_the_switch_has_its_frame() {
     let mut drive = dbc(Mode::Torque);
-    let wanted = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };
+    let setpoint = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };
     let text = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
     assert_eq!(
-        text(frames(&mut *drive, DriveCommand::On(wanted))),
+        text(frames(&mut *drive, DriveCommand::On(setpoint))),
         ["101#A100000000000000", "101#0200000000000000"],
         "no power before a word of it"
     );
@@ -53,11 +53,11 @@ fn every_value_of_the_switch_has_its_frame() {
     // -150 hundredths are FF6A, 114592 thousandths of a degree a second are 01BFA0: first all of it
     // without power, then power with the last
     assert_eq!(
-        text(frames(&mut *drive, DriveCommand::On(wanted))),
+        text(frames(&mut *drive, DriveCommand::On(setpoint))),
         ["101#A1FF6A0000000000", "101#02A0BF0100000000"]
     );
     assert_eq!(
-        text(frames(&mut *drive, DriveCommand::On(wanted))),
+        text(frames(&mut *drive, DriveCommand::On(setpoint))),
         ["101#02A0BF0100000000", "101#B1FF6A0000000000"]
     );
     assert_eq!(drive.state().power, Power::Starting);
@@ -66,7 +66,7 @@ fn every_value_of_the_switch_has_its_frame() {
     receive(&mut *drive, "00000401#0000000000000000");
     assert_eq!(drive.state().fault, fault::POWER_LOST);
     assert_eq!(
-        text(frames(&mut *drive, DriveCommand::On(wanted)))[0],
+        text(frames(&mut *drive, DriveCommand::On(setpoint)))[0],
         "101#A100000000000000",
         "no power again by itself"
     );
@@ -80,25 +80,25 @@ fn random_values_are_within_half_a_step_both_ways() {
     let mut random = Random(11);
     let mut drive = dbc(Mode::Torque);
     for _ in 0..100_000 {
-        let wanted = Setpoint {
+        let setpoint = Setpoint {
             torque: random.between(-327.0, 327.0),
             velocity: random.between(-100.0, 100.0),
             ..Setpoint::default()
         };
         let mut queue = FrameQueue::new(2);
-        drive.encode(&wanted, &mut queue);
+        drive.encode(&setpoint, &mut queue);
         let [velocity, torque] = queue.frames() else { panic!() };
         let sent = f64::from(i16::from_be_bytes([torque.data()[1], torque.data()[2]])) * 0.01;
-        assert!((sent - wanted.torque).abs() <= 0.005 * (1.0 + 1e-9));
+        assert!((sent - setpoint.torque).abs() <= 0.005 * (1.0 + 1e-9));
         let bytes = velocity.data();
         // the file's unit is degrees a second
         let unit = 1_f64.to_radians();
         let sent =
             f64::from(i32::from_le_bytes([0, bytes[1], bytes[2], bytes[3]]) >> 8) * 0.001 * unit;
         assert!(
-            (sent - wanted.velocity).abs() <= 0.0005 * unit * (1.0 + 1e-9),
+            (sent - setpoint.velocity).abs() <= 0.0005 * unit * (1.0 + 1e-9),
             "{sent} {}",
-            wanted.velocity
+            setpoint.velocity
         );
 
         let (position, speed) = (random.between(-5000.0, 5000.0), random.between(-3000.0, 3000.0));
@@ -173,34 +173,34 @@ fn apart() -> Box<dyn Drive> {
 #[test]
 fn power_comes_after_the_set_point_and_goes_before_it() {
     let mut drive = apart();
-    let wanted = Setpoint { position: 2.5, ..Setpoint::default() };
-    let told = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
+    let setpoint = Setpoint { position: 2.5, ..Setpoint::default() };
+    let texts = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
     receive(&mut *drive, "022#0000");
     assert_eq!(
-        told(frames(&mut *drive, DriveCommand::On(wanted))),
+        texts(frames(&mut *drive, DriveCommand::On(setpoint))),
         ["010#00", "011#00000000"],
         "nobody knows where it is"
     );
     receive(&mut *drive, &format!("021#{PLACE}"));
     let (stays, follows) = (format!("011#{PLACE}"), format!("011#{TARGET}"));
     assert_eq!(
-        told(frames(&mut *drive, DriveCommand::Off)),
+        texts(frames(&mut *drive, DriveCommand::Off)),
         ["010#00", &stays],
         "without power it is told to stay"
     );
     assert_eq!(
-        told(frames(&mut *drive, DriveCommand::On(wanted))),
+        texts(frames(&mut *drive, DriveCommand::On(setpoint))),
         ["010#00", &follows],
         "the set-point is there a cycle before power"
     );
     assert_eq!(drive.state().power, Power::Starting);
-    assert_eq!(told(frames(&mut *drive, DriveCommand::On(wanted))), [&follows, "010#01"]);
+    assert_eq!(texts(frames(&mut *drive, DriveCommand::On(setpoint))), [&follows, "010#01"]);
     receive(&mut *drive, "022#0100");
     assert_eq!(drive.state().power, Power::On);
     let mut queue = FrameQueue::new(4);
     drive.disable(&mut queue);
-    assert_eq!(told(queue.frames().to_vec()), ["010#00", &stays]);
-    assert_eq!(told(frames(&mut *drive, DriveCommand::Off)), ["010#00", &stays]);
+    assert_eq!(texts(queue.frames().to_vec()), ["010#00", &stays]);
+    assert_eq!(texts(frames(&mut *drive, DriveCommand::Off)), ["010#00", &stays]);
 }
 
 #[test]
@@ -209,14 +209,14 @@ fn what_is_in_a_message_whatever_its_switch_says_is_in_all_of_its_frames() {
     let mut drive = try_drive("dbc", YAML, Common { mode: Mode::Torque, ..COMMON }, &file)
         .unwrap_or_else(|report| panic!("{report}"));
     receive(&mut *drive, "00000401#0000000000000000");
-    let wanted = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };
-    let told = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
+    let setpoint = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };
+    let texts = |frames: Vec<Frame>| frames.iter().map(Frame::to_string).collect::<Vec<_>>();
     assert_eq!(
-        told(frames(&mut *drive, DriveCommand::On(wanted))),
+        texts(frames(&mut *drive, DriveCommand::On(setpoint))),
         ["101#A2A0BF0100000000", "101#A1FF6A0000000000"]
     );
     assert_eq!(
-        told(frames(&mut *drive, DriveCommand::On(wanted))),
+        texts(frames(&mut *drive, DriveCommand::On(setpoint))),
         ["101#B2A0BF0100000000", "101#B1FF6A0000000000"]
     );
     let yaml = YAML.replace("Command.Kind=5", "Command.Mux=2");
@@ -237,7 +237,7 @@ fn what_was_told_long_ago_is_not_believed() {
         (measured.velocity, measured.torque)
     };
     assert!(measured(&mut *drive, 0).0.is_nan());
-    assert_eq!(drive.state().power, Power::Unknown, "it has not told whether it has power");
+    assert_eq!(drive.state().power, Power::Unknown, "it has not reported whether it has power");
     at(&mut *drive, 0, &format!("023#{PLACE}{TARGET}"));
     at(&mut *drive, 0, "022#0100");
     assert_eq!(measured(&mut *drive, 100), (1.5, 2.5));

@@ -88,9 +88,9 @@ fn known_frames_come_out() {
         "the codes above zero in their turn"
     );
     assert_eq!(cycle(&mut *drive, DriveCommand::On(ZERO)), ["001#7FFF7FF0000007FF"]);
-    let wanted =
+    let setpoint =
         Setpoint { position: 12.5, velocity: -45.0, torque: 18.0, stiffness: 250.1, damping: 1.0 };
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["001#FFFF000800333FFF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(setpoint)), ["001#FFFF000800333FFF"]);
     assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["001#FFFFFFFFFFFFFFFD"]);
     let mut queue = FrameQueue::new(4);
     drive.disable(&mut queue);
@@ -106,22 +106,27 @@ fn random_set_points_are_within_half_a_step() {
     let mut random = Random(5);
     let steps = [25.0 / 65535.0, 90.0 / 4095.0, 500.0 / 4095.0, 5.0 / 4095.0, 36.0 / 4095.0];
     for _ in 0..100_000 {
-        let wanted = Setpoint {
+        let setpoint = Setpoint {
             position: random.between(-12.5, 12.5),
             velocity: random.between(-45.0, 45.0),
             torque: random.between(-18.0, 18.0),
             stiffness: random.between(0.0, 500.0),
             damping: random.between(0.0, 5.0),
         };
-        let sent = decode(last(&mut *drive, DriveCommand::On(wanted)).data());
-        let wanted =
-            [wanted.position, wanted.velocity, wanted.stiffness, wanted.damping, wanted.torque];
+        let sent = decode(last(&mut *drive, DriveCommand::On(setpoint)).data());
+        let setpoint = [
+            setpoint.position,
+            setpoint.velocity,
+            setpoint.stiffness,
+            setpoint.damping,
+            setpoint.torque,
+        ];
         for i in 0..5 {
             assert!(
-                (sent[i] - wanted[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
+                (sent[i] - setpoint[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
                 "{i}: {} {}",
                 sent[i],
-                wanted[i]
+                setpoint[i]
             );
         }
     }

@@ -86,22 +86,25 @@ fn random_set_points_are_within_half_a_step() {
     let mut drive = enabled(Mode::Impedance);
     for _ in 0..100_000 {
         let stiffness = random.between(0.0, 4.0 / TAU);
-        let wanted = Setpoint {
+        let setpoint = Setpoint {
             position: random.between(-50.0, 50.0),
             velocity: random.between(-100.0, 100.0),
             torque: random.between(-300.0, 300.0),
             stiffness,
             damping: random.between(0.0, 0.05 / TAU * stiffness * TAU / 4.0),
         };
-        let sent = decode(&last(&mut *drive, DriveCommand::On(wanted)));
-        let near = |sent: f64, wanted: f64| {
-            assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}")
+        let sent = decode(&last(&mut *drive, DriveCommand::On(setpoint)));
+        let near = |sent: f64, setpoint: f64| {
+            assert!(
+                (sent - setpoint).abs() <= setpoint.abs() * f64::powi(2.0, -24),
+                "{sent} {setpoint}"
+            )
         };
-        near(sent[0], wanted.position / TAU);
-        near(sent[1], wanted.velocity / TAU);
-        assert!((sent[2] - wanted.torque).abs() <= 0.005 * (1.0 + 1e-9));
-        assert!((sent[3] - wanted.stiffness * TAU / 4.0).abs() <= 0.5001 / 32767.0);
-        assert!((sent[4] - wanted.damping * TAU / 0.05).abs() <= 0.5001 / 32767.0);
+        near(sent[0], setpoint.position / TAU);
+        near(sent[1], setpoint.velocity / TAU);
+        assert!((sent[2] - setpoint.torque).abs() <= 0.005 * (1.0 + 1e-9));
+        assert!((sent[3] - setpoint.stiffness * TAU / 4.0).abs() <= 0.5001 / 32767.0);
+        assert!((sent[4] - setpoint.damping * TAU / 0.05).abs() <= 0.5001 / 32767.0);
         assert_eq!(sent[5], -327.68, "without a limit it is the controller's own");
     }
 }

@@ -51,13 +51,13 @@ fn singles(bytes: &[u8]) -> Vec<f64> {
 fn known_frames_come_out() {
     // one turn, 2 turns/s and -1.5 N m: 1.0 and 2000 and -1500 thousandths
     let mut drive = enabled(Mode::Position);
-    let wanted =
+    let setpoint =
         Setpoint { position: TAU, velocity: 2.0 * TAU, torque: -1.5, ..Setpoint::default() };
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["06C#0000803FD00724FA"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(setpoint)), ["06C#0000803FD00724FA"]);
     let mut drive = enabled(Mode::Velocity);
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["06D#000000400000C0BF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(setpoint)), ["06D#000000400000C0BF"]);
     let mut drive = enabled(Mode::Torque);
-    assert_eq!(cycle(&mut *drive, DriveCommand::On(wanted)), ["06E#0000C0BF"]);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(setpoint)), ["06E#0000C0BF"]);
     assert_eq!(cycle(&mut *drive, DriveCommand::Reset), ["06E#00000000", "078#00"]);
     assert_eq!(cycle(&mut *drive, DriveCommand::Off), ["067#01000000"]);
 }
@@ -68,26 +68,32 @@ fn random_set_points_are_within_half_a_step() {
     let (mut position, mut velocity, mut torque_drive) =
         (enabled(Mode::Position), enabled(Mode::Velocity), enabled(Mode::Torque));
     for _ in 0..100_000 {
-        let wanted = Setpoint {
+        let setpoint = Setpoint {
             position: random.between(-100.0, 100.0),
             velocity: random.between(-200.0, 200.0),
             torque: random.between(-32.0, 32.0),
             ..Setpoint::default()
         };
-        let near = |sent: f64, wanted: f64| {
-            assert!((sent - wanted).abs() <= wanted.abs() * f64::powi(2.0, -24), "{sent} {wanted}")
+        let near = |sent: f64, setpoint: f64| {
+            assert!(
+                (sent - setpoint).abs() <= setpoint.abs() * f64::powi(2.0, -24),
+                "{sent} {setpoint}"
+            )
         };
-        let sent = last(&mut *position, DriveCommand::On(wanted));
+        let sent = last(&mut *position, DriveCommand::On(setpoint));
         let bytes = sent.data();
-        near(singles(&bytes[..4])[0], wanted.position / TAU);
+        near(singles(&bytes[..4])[0], setpoint.position / TAU);
         let step = |i: usize| f64::from(i16::from_le_bytes([bytes[i], bytes[i + 1]])) * 1e-3;
-        assert!((step(4) - wanted.velocity / TAU).abs() <= 0.5001e-3);
-        assert!((step(6) - wanted.torque).abs() <= 0.5001e-3);
-        let sent = singles(last(&mut *velocity, DriveCommand::On(wanted)).data());
-        near(sent[0], wanted.velocity / TAU);
-        near(sent[1], wanted.torque);
-        near(singles(last(&mut *torque_drive, DriveCommand::On(wanted)).data())[0], wanted.torque);
-        let (p, v) = ((wanted.position / TAU) as f32, (wanted.velocity / TAU) as f32);
+        assert!((step(4) - setpoint.velocity / TAU).abs() <= 0.5001e-3);
+        assert!((step(6) - setpoint.torque).abs() <= 0.5001e-3);
+        let sent = singles(last(&mut *velocity, DriveCommand::On(setpoint)).data());
+        near(sent[0], setpoint.velocity / TAU);
+        near(sent[1], setpoint.torque);
+        near(
+            singles(last(&mut *torque_drive, DriveCommand::On(setpoint)).data())[0],
+            setpoint.torque,
+        );
+        let (p, v) = ((setpoint.position / TAU) as f32, (setpoint.velocity / TAU) as f32);
         let text: String = p
             .to_le_bytes()
             .into_iter()
@@ -107,10 +113,10 @@ fn random_set_points_are_within_half_a_step() {
 #[test]
 fn velocity_and_torque_beside_a_position_saturate() {
     let mut position = enabled(Mode::Position);
-    let wanted =
+    let setpoint =
         Setpoint { position: 1e300, velocity: 33.0 * TAU, torque: -33.0, ..Setpoint::default() };
     assert_eq!(
-        cycle(&mut *position, DriveCommand::On(wanted)),
+        cycle(&mut *position, DriveCommand::On(setpoint)),
         ["06C#FFFF7F7FFF7F0180"],
         "32.767 and not -32.5"
     );

@@ -27,7 +27,7 @@ use core::f64::consts::TAU;
 
 use self::objects::{Object, Objects, Pdo};
 use self::states::{Drive, State};
-use super::{Body, Firmware, standard};
+use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::{Mode, Setpoint};
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
@@ -62,7 +62,7 @@ pub(super) struct Cia402 {
     master_ns: Option<u64>,
     /// The master's heartbeat was lost and has not come back.
     alone: bool,
-    told_fault: u32,
+    reported_fault: u32,
 }
 
 impl Cia402 {
@@ -87,34 +87,35 @@ impl Cia402 {
             heartbeat_ns: 0,
             master_ns: None,
             alone: false,
-            told_fault: 0,
+            reported_fault: 0,
         }
     }
 
     /// All objects that show how the motor is.
-    fn measure(&mut self, body: &Body) {
+    fn measure(&mut self, plant: &Plant) {
         let per_rad = self.counts_per_turn / TAU;
-        self.objects.position = (body.measured() * per_rad).round() as i32;
+        self.objects.position = (plant.measured() * per_rad).round() as i32;
         self.objects.velocity =
-            (body.velocity * self.velocity_counts_per_turn / TAU).round() as i32;
-        self.objects.torque = (body.torque / self.rated_torque * 1000.0).round() as i16;
+            (plant.velocity * self.velocity_counts_per_turn / TAU).round() as i32;
+        self.objects.torque = (plant.torque / self.rated_torque * 1000.0).round() as i16;
         self.objects.status = self.drive.status_word();
-        self.objects.error_code = body.fault as u16;
+        self.objects.error_code = plant.fault as u16;
     }
 
     /// Follows the control word, the mode and the targets.
-    fn control(&mut self, now_ns: u64, body: &mut Body) {
+    fn control(&mut self, now_ns: u64, plant: &mut Plant) {
         if self.drive.control(self.objects.control) {
-            body.fault = 0;
+            plant.fault = 0;
         }
         if self.drive.state == State::OperationEnabled {
-            body.start(now_ns);
+            plant.start(now_ns);
         } else {
-            body.stop();
+            plant.stop();
         }
         let rad = TAU / self.counts_per_turn;
         let rad_per_second = TAU / self.velocity_counts_per_turn;
-        body.physics.torque_limit = f64::from(self.objects.max_torque) / 1000.0 * self.rated_torque;
+        plant.physics.torque_limit =
+            f64::from(self.objects.max_torque) / 1000.0 * self.rated_torque;
         let per_mille = self.rated_torque / 1000.0;
         let [stiffness, damping] = OWN_GAINS;
         let torque = f64::from(self.objects.torque_offset) * per_mille;
@@ -134,10 +135,10 @@ impl Cia402 {
             },
             _ => Setpoint::default(),
         };
-        body.follow(now_ns, law);
+        plant.follow(now_ns, law);
     }
 
-    fn network(&mut self, command: u8, body: &mut Body, out: &mut FrameQueue) {
+    fn network(&mut self, command: u8, plant: &mut Plant, out: &mut FrameQueue) {
         match command {
             0x01 => self.network = Network::Operational,
             0x02 => self.network = Network::Stopped,
@@ -149,7 +150,7 @@ impl Cia402 {
                 self.objects.rated_torque = rated_torque;
                 (self.master_ns, self.alone) = (None, false);
                 self.drive = Drive::default();
-                body.stop();
+                plant.stop();
                 self.boot(out);
             }
             _ => {}
@@ -160,7 +161,7 @@ impl Cia402 {
         if self.network == Network::Stopped {
             // what stops the talk stops the motor
             self.drive.disable();
-            body.stop();
+            plant.stop();
         }
     }
 
@@ -182,7 +183,7 @@ impl Cia402 {
     }
 
     /// Takes the content of a receive PDO.
-    fn take(&mut self, now_ns: u64, place: usize, frame: &Frame, body: &mut Body) {
+    fn take(&mut self, now_ns: u64, place: usize, frame: &Frame, plant: &mut Plant) {
         let Some(pdo) = self.objects.receive.get(place).copied() else { return };
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(frame.data()).for_each(|(byte, given)| *byte = *given);
@@ -195,7 +196,7 @@ impl Cia402 {
             self.objects.set(object, value as u32);
             bits = bits.checked_shr(object.bits()).unwrap_or(0);
         }
-        self.control(now_ns, body);
+        self.control(now_ns, plant);
     }
 
     fn give(&self, pdo: &Pdo, out: &mut FrameQueue) {
@@ -213,17 +214,17 @@ impl Cia402 {
         ));
     }
 
-    fn sync(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue) {
+    fn sync(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
         if self.network != Network::Operational {
             return;
         }
         self.syncs += 1;
         for place in 0..self.waiting.len() {
             if let Some(frame) = self.waiting.get_mut(place).and_then(Option::take) {
-                self.take(now_ns, place, &frame, body);
+                self.take(now_ns, place, &frame, plant);
             }
         }
-        self.measure(body);
+        self.measure(plant);
         for pdo in self.objects.transmit {
             let each = u32::from(pdo.kind).max(1);
             if pdo.is_valid() && pdo.kind <= 240 && self.syncs.is_multiple_of(each) {
@@ -233,20 +234,20 @@ impl Cia402 {
     }
 
     /// The master is silent.
-    fn lose_heartbeat(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue) {
+    fn lose_heartbeat(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
         (self.master_ns, self.alone) = (None, true);
         if self.network == Network::Operational {
             self.network = Network::PreOperational;
             self.waiting = [None; 4];
         }
         out.push_some(standard(u32::from(0x80 + self.node), &emergency(HEARTBEAT_LOST, 0x10)));
-        if body.power {
-            body.tripped_ns = Some(now_ns);
+        if plant.power {
+            plant.tripped_ns = Some(now_ns);
         }
         match self.objects.abort_option {
             1 => {
-                body.fault = u32::from(HEARTBEAT_LOST);
-                self.told_fault = body.fault;
+                plant.fault = u32::from(HEARTBEAT_LOST);
+                self.reported_fault = plant.fault;
                 self.drive.fault();
             }
             2 => self.drive.disable(),
@@ -254,7 +255,7 @@ impl Cia402 {
             _ => return,
         }
         if self.drive.state != State::OperationEnabled {
-            body.stop();
+            plant.stop();
         }
     }
 }
@@ -264,14 +265,14 @@ impl Firmware for Cia402 {
         &mut self,
         now_ns: u64,
         frame: &Frame,
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) -> bool {
         let Id::Standard(id) = frame.id else { return false };
         let (master, master_ms) = self.objects.consumer();
         if id == 0x700 + master && master_ms > 0 {
             self.master_ns = Some(now_ns);
-            if core::mem::take(&mut self.alone) && body.fault == 0 {
+            if core::mem::take(&mut self.alone) && plant.fault == 0 {
                 out.push_some(standard(u32::from(0x80 + self.node), &emergency(0, 0)));
             }
             return true;
@@ -280,20 +281,20 @@ impl Firmware for Cia402 {
             let &[command, node, ..] = frame.data() else { return false };
             let mine = node == 0 || u16::from(node) == self.node;
             if mine {
-                self.network(command, body, out);
+                self.network(command, plant, out);
             }
             return mine;
         }
         if id == 0x080 {
-            self.sync(now_ns, body, out);
+            self.sync(now_ns, plant, out);
             // not for this motor alone, and no command
             return false;
         }
         if id == 0x600 + self.node {
             if self.network != Network::Stopped {
-                self.measure(body);
+                self.measure(plant);
                 sdo::answer(&mut self.objects, 0x580 + u32::from(self.node), frame, out);
-                self.control_by_sdo(now_ns, body);
+                self.control_by_sdo(now_ns, plant);
             }
             return true;
         }
@@ -307,13 +308,13 @@ impl Firmware for Cia402 {
             let is_synchronous = self.objects.receive.get(place).is_some_and(|pdo| pdo.kind <= 240);
             match self.waiting.get_mut(place) {
                 Some(waiting) if is_synchronous => *waiting = Some(*frame),
-                _ => self.take(now_ns, place, frame, body),
+                _ => self.take(now_ns, place, frame, plant),
             }
         }
         true
     }
 
-    fn step(&mut self, now_ns: u64, body: &mut Body, out: &mut FrameQueue) {
+    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
         self.boot(out);
         let period_ns = u64::from(self.objects.producer_ms) * 1_000_000;
         if period_ns > 0 && now_ns >= self.heartbeat_ns {
@@ -321,29 +322,29 @@ impl Firmware for Cia402 {
             self.heartbeat(out);
         }
         let (_, master_ms) = self.objects.consumer();
-        body.watchdog_ns = u64::from(master_ms) * 1_000_000;
+        plant.watchdog_ns = u64::from(master_ms) * 1_000_000;
         // it is watched from its first heartbeat on
         if self
             .master_ns
-            .is_some_and(|master_ns| now_ns.saturating_sub(master_ns) > body.watchdog_ns)
+            .is_some_and(|master_ns| now_ns.saturating_sub(master_ns) > plant.watchdog_ns)
             && master_ms > 0
         {
-            self.lose_heartbeat(now_ns, body, out);
+            self.lose_heartbeat(now_ns, plant, out);
         }
-        if body.fault != self.told_fault {
-            self.told_fault = body.fault;
-            if body.fault != 0 {
+        if plant.fault != self.reported_fault {
+            self.reported_fault = plant.fault;
+            if plant.fault != 0 {
                 self.drive.fault();
-                body.stop();
+                plant.stop();
             }
-            let code = body.fault as u16;
+            let code = plant.fault as u16;
             out.push_some(standard(
                 u32::from(0x80 + self.node),
                 &emergency(code, u8::from(code != 0)),
             ));
         }
         let status = self.objects.status;
-        self.measure(body);
+        self.measure(plant);
         if self.network == Network::Operational && status != self.objects.status {
             let asynchronous =
                 self.objects.transmit.into_iter().filter(|pdo| pdo.is_valid() && pdo.kind >= 254);
@@ -354,9 +355,9 @@ impl Firmware for Cia402 {
 
 impl Cia402 {
     /// Control words work over SDO too, which is how commissioning tools use them.
-    fn control_by_sdo(&mut self, now_ns: u64, body: &mut Body) {
+    fn control_by_sdo(&mut self, now_ns: u64, plant: &mut Plant) {
         if core::mem::take(&mut self.objects.written) == Some(Object::Control) {
-            self.control(now_ns, body);
+            self.control(now_ns, plant);
         }
     }
 }

@@ -262,8 +262,8 @@ impl Objects {
         value: u32,
         bytes: usize,
     ) -> Result<(), Abort> {
-        let (_, wanted) = self.upload(index, sub)?;
-        if bytes != wanted {
+        let (_, desired) = self.upload(index, sub)?;
+        if bytes != desired {
             return Err(WRONG_LENGTH);
         }
         match (index, sub, Object::at(index)) {

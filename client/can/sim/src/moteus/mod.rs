@@ -25,7 +25,7 @@ mod registers;
 use core::f64::consts::TAU;
 
 use self::registers::{Answer, COUNTS, Kind, chunk, units, varuint};
-use super::{Body, Firmware};
+use super::{Firmware, Plant};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id, MAX_DATA};
 use sarrus_can_core::protocol::Common;
@@ -95,12 +95,12 @@ impl Command {
 }
 
 impl Moteus {
-    pub(super) fn new(settings: &Settings, _common: Common, body: &mut Body) -> Moteus {
+    pub(super) fn new(settings: &Settings, _common: Common, plant: &mut Plant) -> Moteus {
         let [stiffness, damping] = GAINS;
         let known = |key: &str, usual: f64| {
             Some(settings.number(key)).filter(|gain| gain.is_finite()).unwrap_or(usual) / TAU
         };
-        body.watchdog_ns = (DEFAULT_TIMEOUT * 1e9) as u64;
+        plant.watchdog_ns = (DEFAULT_TIMEOUT * 1e9) as u64;
         Moteus {
             id: settings.integer("id") as u8,
             mode: STOPPED,
@@ -113,7 +113,7 @@ impl Moteus {
     }
 
     /// All sub-frames of a frame; nothing more after one that makes no sense, as in the firmware.
-    fn sub_frames(&mut self, now_ns: u64, mut rest: &[u8], body: &mut Body, answer: &mut Answer) {
+    fn sub_frames(&mut self, now_ns: u64, mut rest: &[u8], plant: &mut Plant, answer: &mut Answer) {
         let mut commanded = false;
         while let Some(what) = chunk::<1>(&mut rest).map(|[what]| what) {
             if what == 0x50 {
@@ -132,23 +132,23 @@ impl Moteus {
                         else {
                             return;
                         };
-                        commanded |= self.write(register, value, body, answer);
+                        commanded |= self.write(register, value, plant, answer);
                     }
                 }
                 0x10 => {
                     let Some((count, first)) = parse() else { return };
-                    self.read(kind, first, count, body, answer);
+                    self.read(kind, first, count, plant, answer);
                 }
                 _ => return,
             }
         }
         if commanded {
-            self.act(now_ns, body);
+            self.act(now_ns, plant);
         }
     }
 
     /// Writes a register; whether it makes a command of the frame.
-    fn write(&mut self, register: u32, value: f64, body: &mut Body, answer: &mut Answer) -> bool {
+    fn write(&mut self, register: u32, value: f64, plant: &mut Plant, answer: &mut Answer) -> bool {
         match register {
             0x000 => {
                 self.command = Command { mode: value as u8, ..Command::NEW };
@@ -166,10 +166,10 @@ impl Moteus {
             0x026 | 0x02A..=0x02F => {}
             0x130 => {
                 // the whole turn nearest to the value stays
-                let turn = (body.measured() / TAU - value).round();
-                body.zero = body.position - (value + turn) * TAU;
+                let turn = (plant.measured() / TAU - value).round();
+                plant.zero = plant.position - (value + turn) * TAU;
             }
-            0x131 => body.zero = body.position - value * TAU,
+            0x131 => plant.zero = plant.position - value * TAU,
             _ => {
                 answer.put(&[0x30]);
                 answer.put_varuint(register);
@@ -180,12 +180,12 @@ impl Moteus {
     }
 
     /// Takes a whole command.
-    fn act(&mut self, now_ns: u64, body: &mut Body) {
+    fn act(&mut self, now_ns: u64, plant: &mut Plant) {
         match self.command.mode {
             STOPPED => {
                 self.mode = STOPPED;
-                body.fault = 0;
-                body.stop();
+                plant.fault = 0;
+                plant.stop();
             }
             // a fault or a timeout is left by stopping only
             mode @ (POSITION | ZERO_VELOCITY | BRAKE) if !matches!(self.mode, FAULT | TIMEOUT) => {
@@ -196,24 +196,24 @@ impl Moteus {
                 } else {
                     self.command.timeout
                 };
-                body.watchdog_ns = (timeout * 1e9) as u64;
-                let law = self.law(body);
-                body.follow(now_ns, law);
+                plant.watchdog_ns = (timeout * 1e9) as u64;
+                let law = self.law(plant);
+                plant.follow(now_ns, law);
             }
             _ => {}
         }
     }
 
     /// What the command is to the motor.
-    fn law(&mut self, body: &mut Body) -> Setpoint {
+    fn law(&mut self, plant: &mut Plant) -> Setpoint {
         let command = self.command;
         let or = |number: f64, usual: f64| if number.is_nan() { usual } else { number };
-        body.physics.torque_limit = or(command.max_torque, f64::INFINITY);
+        plant.physics.torque_limit = or(command.max_torque, f64::INFINITY);
         if command.mode != POSITION {
             return Setpoint { damping: HOLD, ..Setpoint::default() };
         }
         // no position: where it is
-        let position = or(command.position, body.measured() / TAU);
+        let position = or(command.position, plant.measured() / TAU);
         let (position, velocity) = self.way.unwrap_or((position, or(command.velocity, 0.0)));
         Setpoint {
             position: position * TAU,
@@ -225,7 +225,7 @@ impl Moteus {
     }
 
     /// Goes on towards the commanded position within the limits, if there are any.
-    fn advance(&mut self, elapsed: f64, body: &Body) {
+    fn advance(&mut self, elapsed: f64, plant: &Plant) {
         let limit = |number: f64, usual: f64| {
             if number < 0.0 {
                 f64::INFINITY
@@ -239,20 +239,21 @@ impl Moteus {
             self.way = None;
             return;
         }
-        let (position, velocity) = self.way.unwrap_or((body.measured() / TAU, body.velocity / TAU));
+        let (position, velocity) =
+            self.way.unwrap_or((plant.measured() / TAU, plant.velocity / TAU));
         let rest =
             if self.command.position.is_nan() { 0.0 } else { self.command.position - position };
-        let wanted = (2.0 * acceleration * rest.abs())
+        let desired = (2.0 * acceleration * rest.abs())
             .sqrt()
             .min(most)
             .min(rest.abs() / elapsed)
             .copysign(rest);
         let change = acceleration * elapsed;
-        let velocity = wanted.clamp(velocity - change, velocity + change);
+        let velocity = desired.clamp(velocity - change, velocity + change);
         self.way = Some((position + velocity * elapsed, velocity));
     }
 
-    fn read(&self, kind: Kind, first: u32, count: u32, body: &Body, answer: &mut Answer) {
+    fn read(&self, kind: Kind, first: u32, count: u32, plant: &Plant, answer: &mut Answer) {
         let known = (first..).take(count.min(32) as usize);
         if let Some(unknown) = known.clone().find(|&register| units(register).is_none()) {
             answer.put(&[0x31]);
@@ -274,19 +275,19 @@ impl Moteus {
         }
         answer.put_varuint(first);
         for register in known {
-            kind.put(self.value(register, body), units(register).unwrap_or(COUNTS), answer);
+            kind.put(self.value(register, plant), units(register).unwrap_or(COUNTS), answer);
         }
     }
 
-    fn value(&self, register: u32, body: &Body) -> f64 {
+    fn value(&self, register: u32, plant: &Plant) -> f64 {
         match register {
-            0x000 => f64::from(if body.fault != 0 { FAULT } else { self.mode }),
-            0x001 | 0x006 => body.measured() / TAU,
-            0x002 => body.velocity / TAU,
-            0x003 => body.torque,
-            0x00A | 0x00E => body.temperature,
+            0x000 => f64::from(if plant.fault != 0 { FAULT } else { self.mode }),
+            0x001 | 0x006 => plant.measured() / TAU,
+            0x002 => plant.velocity / TAU,
+            0x003 => plant.torque,
+            0x00A | 0x00E => plant.temperature,
             0x00D => 24.0,
-            0x00F => f64::from(body.fault),
+            0x00F => f64::from(plant.fault),
             0x020 => self.command.position,
             0x021 => self.command.velocity,
             0x022 => self.command.torque,
@@ -297,8 +298,8 @@ impl Moteus {
             0x028 => self.command.velocity_limit,
             0x029 => self.command.acceleration_limit,
             0x038 => {
-                if body.power {
-                    body.law.position / TAU
+                if plant.power {
+                    plant.law.position / TAU
                 } else {
                     f64::NAN
                 }
@@ -313,18 +314,18 @@ impl Firmware for Moteus {
         &mut self,
         now_ns: u64,
         frame: &Frame,
-        body: &mut Body,
+        plant: &mut Plant,
         out: &mut FrameQueue,
     ) -> bool {
         let [_, _, source, destination] = frame.id.number().to_be_bytes();
         if frame.id.number() >> 16 != 0 || destination & 0x7F != self.id {
             return false;
         }
-        if body.fault != 0 {
+        if plant.fault != 0 {
             self.mode = FAULT;
         }
         let mut answer = Answer { bytes: [0; MAX_DATA], used: 0 };
-        self.sub_frames(now_ns, frame.data(), body, &mut answer);
+        self.sub_frames(now_ns, frame.data(), plant, &mut answer);
         if source & 0x80 != 0 {
             let id = u32::from(self.id) << 8 | u32::from(source & 0x7F);
             let id = Id::standard(id).or(Id::extended(id));
@@ -333,20 +334,20 @@ impl Firmware for Moteus {
         true
     }
 
-    fn step(&mut self, now_ns: u64, body: &mut Body, _out: &mut FrameQueue) {
+    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
         let elapsed = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
         self.stepped_ns = now_ns;
         if self.mode == STARTING {
             (self.mode, self.way) = (self.command.mode, None);
-            body.start(now_ns);
+            plant.start(now_ns);
         }
-        if body.power && self.mode == POSITION && elapsed > 0.0 {
-            self.advance(elapsed, body);
-            body.law = self.law(body);
+        if plant.power && self.mode == POSITION && elapsed > 0.0 {
+            self.advance(elapsed, plant);
+            plant.law = self.law(plant);
         }
-        if body.trips(now_ns) {
+        if plant.trips(now_ns) {
             self.mode = TIMEOUT;
-            body.law = Setpoint { damping: HOLD, ..Setpoint::default() };
+            plant.law = Setpoint { damping: HOLD, ..Setpoint::default() };
         }
     }
 }

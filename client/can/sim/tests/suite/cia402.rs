@@ -65,7 +65,7 @@ fn a_drive_that_boots_is_set_up_anew() {
     );
     bench.power_on(torque(0.1));
     assert_eq!(
-        (bench.motor.body.watchdog_ns, bench.drive.state().watchdog),
+        (bench.motor.plant.watchdog_ns, bench.drive.state().watchdog),
         (50_000_000, Watchdog::Set(50))
     );
     bench.motor.reboot();

@@ -67,12 +67,12 @@ impl Bench {
         self.replies.clear();
     }
 
-    pub(crate) fn power_on(&mut self, wanted: Setpoint) {
+    pub(crate) fn power_on(&mut self, setpoint: Setpoint) {
         (0..200).for_each(|_| self.cycle(DriveCommand::Off));
         assert_eq!((self.drive.state().power, self.drive.state().fault), (Power::Off, 0));
         assert!(self.motor.follows().is_none());
         assert!(self.measured.is_some(), "a motor without power tells where it is");
-        (0..120).for_each(|_| self.cycle(DriveCommand::On(wanted)));
+        (0..120).for_each(|_| self.cycle(DriveCommand::On(setpoint)));
         assert_eq!((self.drive.state().power, self.drive.state().fault), (Power::On, 0));
     }
 }
@@ -116,16 +116,16 @@ fn benches() -> Vec<(&'static str, Bench)> {
 fn every_motor_gets_power_and_follows_a_torque() {
     for (name, mut bench) in benches() {
         println!("{name}");
-        let wanted = Setpoint { torque: 0.5, ..Setpoint::default() };
-        bench.power_on(wanted);
+        let setpoint = Setpoint { torque: 0.5, ..Setpoint::default() };
+        bench.power_on(setpoint);
         let follows = bench.motor.follows().expect("power");
         assert!((follows.torque - 0.5).abs() < 0.006, "{name}: {follows:?}");
         assert!((follows.stiffness, follows.damping) == (0.0, 0.0), "{name}: {follows:?}");
         let measured = bench.measured.unwrap();
         assert!(
-            (measured.position - bench.motor.body.position).abs() < 0.2,
+            (measured.position - bench.motor.plant.position).abs() < 0.2,
             "{name}: {measured:?} {}",
-            bench.motor.body.position
+            bench.motor.plant.position
         );
         assert!(measured.position > 0.0, "{name}: it turns the way it is told");
     }
@@ -135,12 +135,13 @@ fn every_motor_gets_power_and_follows_a_torque() {
 fn a_motor_whose_supply_was_away_is_set_up_anew() {
     for (name, mut bench) in benches() {
         println!("{name}");
-        let watchdog = |bench: &Bench| (bench.drive.state().watchdog, bench.motor.body.watchdog_ns);
+        let watchdog =
+            |bench: &Bench| (bench.drive.state().watchdog, bench.motor.plant.watchdog_ns);
         bench.power_on(Setpoint::default());
         let before = watchdog(&bench);
         // while it had power: nothing is powered again by itself; where each frame is a whole
         // command, as a DBC file's is here, that a motor was away is seen by its silence, which is
-        // the bridge's to judge
+        // the bridge's to assess
         bench.motor.reboot();
         (0..200).for_each(|_| bench.cycle(DriveCommand::On(Setpoint::default())));
         assert!(bench.motor.follows().is_none() || name == "dbc", "{name}");
@@ -184,7 +185,7 @@ fn every_watchdog_that_can_be_read_was_set_and_acts() {
 }
 
 #[test]
-fn every_motor_lets_go_by_the_frames_of_the_way_out() {
+fn every_motor_turns_its_torque_off_by_the_frames_of_the_way_out() {
     for (name, mut bench) in benches() {
         bench.power_on(Setpoint { torque: 0.1, ..Setpoint::default() });
         let mut frames = FrameQueue::new(8);
@@ -237,7 +238,7 @@ fn every_parameter_that_a_drive_reads_is_answered() {
 
 #[test]
 fn impedance_goes_through_every_protocol_that_has_it() {
-    let wanted =
+    let setpoint =
         Setpoint { position: 0.3, velocity: 0.1, torque: 0.2, stiffness: 0.5, damping: 0.005 };
     let mit = format!("{{variant: damiao, id: 4, reply_id: 20, {RANGES}}}");
     for (protocol, yaml) in [
@@ -246,7 +247,7 @@ fn impedance_goes_through_every_protocol_that_has_it() {
         ("moteus", "{id: 1, kp: 4.0, kd: 0.05}"),
     ] {
         let mut bench = Bench::new(protocol, yaml, Mode::Impedance);
-        bench.power_on(wanted);
+        bench.power_on(setpoint);
         let law = bench.motor.follows().expect("power");
         let near = |a: f64, b: f64, by: f64| assert!((a - b).abs() < by, "{protocol}: {a} {b}");
         near(law.position, 0.3, 1e-3);

@@ -31,11 +31,11 @@ fn commanded(bench: &mut Bench, timeout: u8) -> f64 {
 fn a_timeout_of_zero_is_the_motors_own_and_of_nan_is_none() {
     let mut bench = Bench::new("moteus", "{id: 1}", Mode::Torque);
     assert_eq!(commanded(&mut bench, 0), 0.0, "what was commanded is read, not what it stands for");
-    assert_eq!(bench.motor.body.watchdog_ns, 100_000_000);
+    assert_eq!(bench.motor.plant.watchdog_ns, 100_000_000);
     assert!(commanded(&mut bench, 0x80).is_nan());
-    assert_eq!(bench.motor.body.watchdog_ns, 0);
+    assert_eq!(bench.motor.plant.watchdog_ns, 0);
     assert!((commanded(&mut bench, 3) - 0.03).abs() < 1e-6);
-    assert_eq!(bench.motor.body.watchdog_ns, 30_000_000);
+    assert_eq!(bench.motor.plant.watchdog_ns, 30_000_000);
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn a_motor_that_boots_while_it_follows_gets_no_power_again() {
     (0..2).for_each(|_| bench.cycle(DriveCommand::Off));
     bench.power_on(torque(0.1));
     assert_eq!(
-        (bench.motor.body.watchdog_ns, bench.drive.state().watchdog),
+        (bench.motor.plant.watchdog_ns, bench.drive.state().watchdog),
         (50_000_000, Watchdog::Set(50))
     );
 }

@@ -176,7 +176,7 @@ impl Pair {
         let mut pair = Pair::new(case);
         pair.cycles(150, DriveCommand::Off);
         pair.cycles(150, DriveCommand::On(setpoint));
-        assert!(pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        assert!(pair.motor.plant.power, "{} {}", case.protocol, case.settings);
         assert_eq!(pair.drive.state().power, Power::On, "{} {}", case.protocol, case.settings);
         assert_eq!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
         pair
@@ -191,14 +191,14 @@ fn every_motor_gets_power_only_when_it_shall_and_follows() {
     for case in cases() {
         let mut pair = Pair::new(&case);
         pair.cycles(150, DriveCommand::Off);
-        assert!(!pair.motor.body.power, "{}", case.settings);
+        assert!(!pair.motor.plant.power, "{}", case.settings);
         assert_eq!(pair.drive.state().power, Power::Off, "{}", case.settings);
         let pair = Pair::enabled(&case, Setpoint { velocity: 0.25, torque: 0.125, ..HOLD });
-        let law = pair.motor.body.law;
+        let law = pair.motor.plant.law;
         let near =
             |got: f64, expected: f64, step: f64| (got - expected).abs() <= 0.51 * step + 1e-6;
         let [p, v, t] = case.step;
-        let told = match case.mode {
+        let follows = match case.mode {
             // its damping cannot be scaled above its stiffness: what is left of it comes as torque
             Mode::Impedance if case.protocol == "moteus" => {
                 near(law.position, 0.5, p)
@@ -224,7 +224,7 @@ fn every_motor_gets_power_only_when_it_shall_and_follows() {
             Mode::Velocity => near(law.velocity, 0.25, v) && near(law.torque, 0.125, t),
             Mode::Torque => near(law.torque, 0.125, t),
         };
-        assert!(told, "{} {} {:?}: {law:?}", case.protocol, case.settings, case.mode);
+        assert!(follows, "{} {} {:?}: {law:?}", case.protocol, case.settings, case.mode);
     }
 }
 
@@ -236,7 +236,7 @@ fn what_a_motor_measures_is_what_its_drive_tells() {
         // a shaft that somebody turns past the end of the range and back
         for place in (0..200).chain((0..200).rev()) {
             let position = f64::from(place) * 0.1;
-            pair.motor.body.carry(position, 0.0);
+            pair.motor.plant.carry(position, 0.0);
             pair.cycles(2, DriveCommand::Off);
             let measured = pair.measured.unwrap();
             let [p, v, _] = case.step;
@@ -267,12 +267,12 @@ fn a_motor_that_hears_nothing_lets_go_in_its_time() {
             "{} {read_back:?}",
             case.settings
         );
-        while pair.motor.body.tripped_ns.is_none() && pair.now_ns < silent_ns + 1_000 * MS {
+        while pair.motor.plant.tripped_ns.is_none() && pair.now_ns < silent_ns + 1_000 * MS {
             pair.cycle(None);
         }
         let tripped_ns = pair
             .motor
-            .body
+            .plant
             .tripped_ns
             .unwrap_or_else(|| panic!("{} {}", case.protocol, case.settings));
         let took_ms = (tripped_ns - silent_ns) / MS;
@@ -284,9 +284,9 @@ fn a_motor_that_hears_nothing_lets_go_in_its_time() {
             case.protocol,
             case.settings
         );
-        let law = pair.motor.body.law;
+        let law = pair.motor.plant.law;
         assert!(
-            !pair.motor.body.power || (law.torque, law.stiffness) == (0.0, 0.0),
+            !pair.motor.plant.power || (law.torque, law.stiffness) == (0.0, 0.0),
             "{} {}: {law:?}",
             case.protocol,
             case.settings
@@ -305,14 +305,14 @@ fn a_fault_reaches_the_drive_stays_and_is_reset() {
         pair.motor.fault(if case.settings.contains("damiao") { 9 } else { 2 });
         pair.cycles(100, DriveCommand::On(HOLD));
         assert_ne!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
-        assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        assert!(!pair.motor.plant.power, "{} {}", case.protocol, case.settings);
         pair.motor.fault(0);
         pair.cycles(150, DriveCommand::Reset);
         pair.cycles(10, DriveCommand::Off);
         assert_eq!(pair.drive.state().fault, 0, "{} {}", case.protocol, case.settings);
-        assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        assert!(!pair.motor.plant.power, "{} {}", case.protocol, case.settings);
         pair.cycles(150, DriveCommand::On(HOLD));
-        assert!(pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        assert!(pair.motor.plant.power, "{} {}", case.protocol, case.settings);
     }
 }
 
@@ -324,7 +324,7 @@ fn the_disable_frames_take_power_whatever_was_said_before() {
         let Pair { drive, out, .. } = &mut pair;
         drive.disable(out);
         pair.exchange();
-        assert!(!pair.motor.body.power, "{} {}", case.protocol, case.settings);
+        assert!(!pair.motor.plant.power, "{} {}", case.protocol, case.settings);
     }
 }
 

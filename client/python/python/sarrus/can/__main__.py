@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from sarrus import __version__
 from sarrus._native import Configuration, Frame
-from sarrus.can import bench as motors
+from sarrus.can import commissioning
 from sarrus.can.adapters import Address, BusError, close_all
 from sarrus.can.leaving import Leave, ending
 from sarrus.can.record import Recorder
@@ -39,14 +39,14 @@ HAZARD = (
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; its exit code."""
     options = parser().parse_args(arguments)
-    # what goes wrong with an interface is told once, by its error
+    # what goes wrong with an interface is reported once, by its error
     logging.getLogger("can").setLevel(logging.CRITICAL)
     try:
         code = int(options.command(options))
         if sys.stdout is not None:
             sys.stdout.flush()
         return code
-    except (motors.Failed, BadLine, ValueError) as error:
+    except (commissioning.Failed, BadLine, ValueError) as error:
         return tell(error, 1)
     except BrokenPipeError:
         # whoever read the results has seen enough of them
@@ -246,15 +246,15 @@ def addresses(
 
 
 @contextlib.contextmanager
-def opened(options: argparse.Namespace) -> Iterator[motors.Bench]:
+def opened(options: argparse.Namespace) -> Iterator[commissioning.Commissioning]:
     """The buses of the motors that are meant, until somebody asks for the end."""
     configuration = Configuration.load(options.config)
     address = addresses(options, configuration)
     with (
-        ending(patient=False) as told,
-        motors.Bench(configuration, address, told, options.motor) as bench,
+        ending(deferred=False) as stop,
+        commissioning.Commissioning(configuration, address, stop, options.motor) as motors,
     ):
-        yield bench
+        yield motors
 
 
 def table(rows: list[list[str]]) -> None:
@@ -289,13 +289,13 @@ def record(options: argparse.Namespace) -> int:
     buses, address = configuration.buses, addresses(options, configuration)
     end = math.inf if options.seconds is None else time.monotonic() + options.seconds
     with contextlib.ExitStack() as stack:
-        told = stack.enter_context(ending())
+        stop = stack.enter_context(ending())
         adapters = open_all(buses, lambda bus: replace(address(bus), listen_only=True))
         stack.callback(close_all, adapters)
         # a bus that cannot be opened leaves an earlier recording as it is
         file = stack.enter_context(Recorder(options.out, [bus["name"] for bus in buses]))
         say("ready", out=True)
-        while not told and time.monotonic() < end:
+        while not stop and time.monotonic() < end:
             for bus, adapter in enumerate(adapters):
                 for heard in adapter.receive():
                     if isinstance(heard, Frame):
@@ -321,48 +321,48 @@ def replay_log(options: argparse.Namespace) -> int:
 
 def scan(options: argparse.Namespace) -> int:
     """Who answers, and who else talks."""
-    with opened(options) as bench:
-        rows, complete = motors.scan(bench, options.seconds)
+    with opened(options) as motors:
+        rows, complete = commissioning.scan(motors, options.seconds)
         table(rows)
-        for (bus, identifier), count in sorted(bench.unknown.items()):
+        for (bus, identifier), count in sorted(motors.unknown.items()):
             print(f"{bus}: 0x{identifier} of no motor of the configuration, {count} frame(s)")
     return 0 if complete else 1
 
 
 def read(options: argparse.Namespace) -> int:
     """Print everything that motors tell."""
-    with opened(options) as bench:
-        rows, complete = motors.read(bench, options.seconds)
+    with opened(options) as motors:
+        rows, complete = commissioning.read(motors, options.seconds)
         table(rows)
     return 0 if complete else 1
 
 
 def zero(options: argparse.Namespace) -> int:
     """Set a motor's zero, or find the offset for the zero that it has."""
-    with opened(options) as bench:
-        motor = bench.chosen[0]
+    with opened(options) as motors:
+        motor = motors.chosen[0]
         if options.at is None:
-            motors.confirm(
+            commissioning.confirm(
                 f"The present position of {options.motor} becomes the zero of its motor. It has no power; it must not move.",
                 options.yes,
             )
-            print(f"motor position {motors.zero(bench, motor):g} rad")
+            print(f"motor position {commissioning.zero(motors, motor):g} rad")
             return 0
-        measured = bench.measure(motor, bench.off(motor))
-        print(f"offset: {motors.offset_at(bench.motors[motor], measured, options.at):.9g}")
+        measured = motors.measure(motor, motors.off(motor))
+        print(f"offset: {commissioning.offset_at(motors.motors[motor], measured, options.at):.9g}")
     return 0
 
 
 def direction(options: argparse.Namespace) -> int:
     """Move an actuator by a little."""
-    with opened(options) as bench:
+    with opened(options) as motors:
         hazard = HAZARD.format(
             actuator=options.motor, distance=options.distance, seconds=2 * options.seconds
         )
-        motors.confirm(hazard, options.yes)
-        result = motors.direction(
-            bench,
-            bench.chosen[0],
+        commissioning.confirm(hazard, options.yes)
+        result = commissioning.direction(
+            motors,
+            motors.chosen[0],
             options.distance,
             options.stiffness,
             options.damping,

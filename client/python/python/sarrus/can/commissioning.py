@@ -30,7 +30,7 @@ class Failed(Exception):
     """What was tried did not come about; the motor is without power."""
 
 
-class Bench:
+class Commissioning:
     """The buses of a configuration, open, and its motors one by one."""
 
     def __init__(
@@ -64,7 +64,7 @@ class Bench:
         """Give the buses back."""
         close_all(self._adapters.values())
 
-    def __enter__(self) -> Bench:
+    def __enter__(self) -> Commissioning:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -142,17 +142,17 @@ class Bench:
             time.sleep(PERIOD)
 
 
-def scan(bench: Bench, seconds: float) -> tuple[list[list[str]], bool]:
-    """Ask every motor for a sign of life. Rows of `actuator, bus, identifiers, answer`; and whether all answered."""
-    heard: dict[int, Counter[str]] = {motor: Counter() for motor in bench.chosen}
-    for motor in bench.chosen:
-        bench.send(motor, bench.drives.probe(motor))
-        for place, what, _ in bench.hear(seconds / max(len(bench.chosen), 1)):
+def scan(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
+    """Ask every motor for a heartbeat. Rows of `actuator, bus, identifiers, answer`; and whether all answered."""
+    heard: dict[int, Counter[str]] = {motor: Counter() for motor in motors.chosen}
+    for motor in motors.chosen:
+        motors.send(motor, motors.drives.probe(motor))
+        for place, what, _ in motors.hear(seconds / max(len(motors.chosen), 1)):
             if place in heard:
                 heard[place][what] += 1
     rows = []
     for motor, answers in heard.items():
-        entry = bench.motors[motor]
+        entry = motors.motors[motor]
         identifiers = " ".join(f"0x{identifier:X}" for identifier in entry["identifiers"])
         text = (
             ", ".join(f"{count} {what}" for what, count in sorted(answers.items())) or "no answer"
@@ -160,7 +160,7 @@ def scan(bench: Bench, seconds: float) -> tuple[list[list[str]], bool]:
         rows.append(
             [
                 entry["actuator"],
-                bench._buses[entry["bus"]]["name"],
+                motors._buses[entry["bus"]]["name"],
                 entry["protocol"],
                 identifiers,
                 text,
@@ -169,39 +169,39 @@ def scan(bench: Bench, seconds: float) -> tuple[list[list[str]], bool]:
     return rows, all(answers.total() > answers["malformed"] for answers in heard.values())
 
 
-def read(bench: Bench, seconds: float) -> tuple[list[list[str]], bool]:
+def read(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
     """Read every parameter. Rows of `actuator, parameter, value, unit`; and whether all were answered."""
     rows, complete = [], True
-    for motor in bench.chosen:
-        measured = bench.measure(motor, bench.off(motor))
+    for motor in motors.chosen:
+        measured = motors.measure(motor, motors.off(motor))
         rows += [
-            [bench.name(motor), name, f"{value:g}", ""]
+            [motors.name(motor), name, f"{value:g}", ""]
             for name, value in measured.items()
             if not math.isnan(value)
         ]
-        state = bench.drives.state(motor)
+        state = motors.drives.state(motor)
         rows += [
             [
-                bench.name(motor),
+                motors.name(motor),
                 name,
                 str(state[name]),
                 "ms" if isinstance(state[name], int) and name == "watchdog" else "",
             ]
             for name in state
         ]
-        for parameter, (name, unit) in enumerate(bench.drives.parameters(motor)):
-            bench.send(motor, bench.drives.read_parameter(motor, parameter))
+        for parameter, (name, unit) in enumerate(motors.drives.parameters(motor)):
+            motors.send(motor, motors.drives.read_parameter(motor, parameter))
             found = next(
                 (
                     value
-                    for place, what, value in bench.hear(seconds)
+                    for place, what, value in motors.hear(seconds)
                     if (place, what) == (motor, "parameter") and value[0] == parameter
                 ),
                 None,
             )
             complete &= found is not None
             rows.append(
-                [bench.name(motor), name, "no answer" if found is None else f"{found[1]:g}", unit]
+                [motors.name(motor), name, "no answer" if found is None else f"{found[1]:g}", unit]
             )
     return rows, complete
 
@@ -211,23 +211,28 @@ def offset_at(motor: dict[str, Any], measured: dict[str, float], at: float) -> f
     return at - float(motor["sign"] / motor["gear"]) * measured["motor_position"]
 
 
-def zero(bench: Bench, motor: int) -> float:
+def zero(motors: Commissioning, motor: int) -> float:
     """Make the motor's present position its zero; what it says afterwards, at its own shaft `[rad]`."""
-    bench.disable(motor)
-    bench.measure(motor, bench.off(motor))
-    frames = bench.drives.set_zero(motor)
+    motors.disable(motor)
+    motors.measure(motor, motors.off(motor))
+    frames = motors.drives.set_zero(motor)
     if frames is None:
         raise Failed(
-            f"{bench.name(motor)}: {bench.motors[motor]['protocol']} cannot set a zero by command; use `zero --at` and the offset"
+            f"{motors.name(motor)}: {motors.motors[motor]['protocol']} cannot set a zero by command; use `zero --at` and the offset"
         )
-    bench.send(motor, frames)
+    motors.send(motor, frames)
     time.sleep(0.1)
-    list(bench.hear(0.05))
-    return bench.measure(motor, bench.off(motor))["motor_position"]
+    list(motors.hear(0.05))
+    return motors.measure(motor, motors.off(motor))["motor_position"]
 
 
 def direction(
-    bench: Bench, motor: int, distance: float, stiffness: float, damping: float, seconds: float
+    motors: Commissioning,
+    motor: int,
+    distance: float,
+    stiffness: float,
+    damping: float,
+    seconds: float,
 ) -> dict[str, float]:
     """Move an actuator by a little and back, softly; how far it came `[rad, m]` and what share that is of the distance.
 
@@ -238,45 +243,45 @@ def direction(
     limit = 1.5 * abs(distance)
 
     def cycle(position: float, velocity: float) -> dict[str, float] | None:
-        bench.send(
+        motors.send(
             motor,
-            bench.drives.on(
+            motors.drives.on(
                 motor, time.monotonic_ns(), [position, velocity, 0.0, stiffness, damping]
             ),
         )
         latest = None
-        for place, what, value in bench.hear(PERIOD):
+        for place, what, value in motors.hear(PERIOD):
             if place == motor and what == "measured":
                 latest = value
-        if fault := bench.drives.state(motor)["fault"]:
-            raise Failed(f"{bench.name(motor)} tells its fault {fault}")
+        if fault := motors.drives.state(motor)["fault"]:
+            raise Failed(f"{motors.name(motor)} tells its fault {fault}")
         return latest
 
-    bench.ending.be_patient()
-    with at_the_end(lambda: bench.disable(motor)):
-        start = bench.guarded(motor)
+    motors.ending.defer()
+    with at_the_end(lambda: motors.disable(motor)):
+        start = motors.guarded(motor)
         end = time.monotonic() + 1.0
-        while bench.drives.state(motor)["power"] != "on":
+        while motors.drives.state(motor)["power"] != "on":
             if time.monotonic() > end:
                 raise Failed(
-                    f"{bench.name(motor)} does not take power; its state is {bench.drives.state(motor)}"
+                    f"{motors.name(motor)} does not take power; its state is {motors.drives.state(motor)}"
                 )
             cycle(start, 0.0)
         begin = heard_at = time.monotonic()
         farthest = position = start
         while (now := time.monotonic()) < begin + 2 * seconds:
             phase = math.pi * (now - begin) / seconds
-            wanted = start + distance * (1 - math.cos(phase)) / 2
-            measured = cycle(wanted, distance * math.sin(phase) * math.pi / seconds / 2)
+            setpoint = start + distance * (1 - math.cos(phase)) / 2
+            measured = cycle(setpoint, distance * math.sin(phase) * math.pi / seconds / 2)
             if measured is not None:
                 heard_at, position = now, measured["position"]
                 if abs(position - start) > abs(farthest - start):
                     farthest = position
             if now - heard_at > SILENCE:
-                raise Failed(f"{bench.name(motor)} went silent")
-            if abs(position - wanted) > limit:
+                raise Failed(f"{motors.name(motor)} went silent")
+            if abs(position - setpoint) > limit:
                 raise Failed(
-                    f"{bench.name(motor)} is {position - wanted:+.4g} from its set-point; sign, load or stiffness are not right"
+                    f"{motors.name(motor)} is {position - setpoint:+.4g} from its set-point; sign, load or stiffness are not right"
                 )
     return {
         "start": start,

@@ -43,10 +43,10 @@ class Leave(BaseException):
 class Ending:
     """Whether somebody asked for the end: by a signal, or by the end of the process that started this one."""
 
-    def __init__(self, *, patient: bool) -> None:
+    def __init__(self, *, deferred: bool) -> None:
         self._parent = os.getppid()
         self._noted: list[int] = []
-        self._is_patient = patient
+        self._is_deferred = deferred
 
     def __bool__(self) -> bool:
         return bool(self.why)
@@ -63,40 +63,40 @@ class Ending:
         if why := self.why:
             raise Leave(why)
 
-    def be_patient(self) -> None:
+    def defer(self) -> None:
         """From now on, and until the program has ended, signals are only noted."""
-        self._is_patient = True
+        self._is_deferred = True
 
     def _note(self, number: int, _frame: FrameType | None) -> None:
         self._noted.append(number)
         # only the first: a second one must not cut short what is done about the first
-        if not self._is_patient:
-            self._is_patient = True
+        if not self._is_deferred:
+            self._is_deferred = True
             self.check()
 
 
 @contextmanager
-def ending(*, patient: bool = True) -> Iterator[Ending]:
+def ending(*, deferred: bool = True) -> Iterator[Ending]:
     """Give what tells within this block whether somebody asked for the end.
 
-    Without patience the first signal also raises `Leave` where the program is: for programs that wait for people and give no power, which
-    `Ending.be_patient` makes good before power is given.
+    If it is not deferred the first signal also raises `Leave` where the program is: for programs that wait for people and give no power, which
+    `Ending.defer` makes good before power is given.
     """
-    told = Ending(patient=patient)
+    end = Ending(deferred=deferred)
     with ExitStack() as stack:
         for number in (*SIGNALS, *IGNORED):
-            before = signal.signal(number, signal.SIG_IGN if number in IGNORED else told._note)
+            before = signal.signal(number, signal.SIG_IGN if number in IGNORED else end._note)
             # a handler that is not Python's cannot be put back
             if before is not None:
                 stack.callback(signal.signal, number, before)
-        yield told
+        yield end
 
 
 @contextmanager
 def at_the_end(safe: Callable[[], None]) -> Iterator[None]:
     """Call `safe` once when the block ends in any way, or when the interpreter ends inside it.
 
-    No signal may raise here or inside the block: whoever enters it made its `Ending` patient.
+    No signal may raise here or inside the block: whoever enters it deferred its `Ending`.
     """
     done = False
 

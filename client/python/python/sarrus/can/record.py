@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import can
 
 from sarrus.can.adapters import to_message
-from sarrus.can.aside import Aside
 from sarrus.can.telling import WrongFlags
+from sarrus.can.worker import Worker
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ ENDINGS = (".blf", ".asc", ".log")
 """Formats by the ending of the file."""
 
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 """Time to write what still waits when a recording ends `[s]`."""
 ROOM = 1 << 16
 """Frames that may wait to be written."""
@@ -43,19 +43,19 @@ class Recorder:
         self._channels: list[str | int] = (
             list(names) if path.endswith(".log") else list(range(len(names)))
         )
-        self._aside: Aside[tuple[float, int, Frame, bool]] = Aside(self._write, ROOM)
+        self._worker: Worker[tuple[float, int, Frame, bool]] = Worker(self._write, ROOM)
         self._is_ended = False
 
     def put(self, bus: int, frame: Frame, *, received: bool) -> None:
         """Add a frame with the present time; never waits."""
-        self._aside.put((time.time(), bus, frame, received))
+        self._worker.put((time.time(), bus, frame, received))
 
     @property
     def summary(self) -> str:
         """What was written."""
-        lost = f", {self._aside.lost} lost" if self._aside.lost else ""
-        error = f": {self._aside.error}" if self._aside.error else ""
-        return f"{self._aside.done} frame(s) in {self._path}{lost}{error}"
+        lost = f", {self._worker.lost} lost" if self._worker.lost else ""
+        error = f": {self._worker.error}" if self._worker.error else ""
+        return f"{self._worker.done} frame(s) in {self._path}{lost}{error}"
 
     def _write(self, item: tuple[float, int, Frame, bool]) -> None:
         stamp, bus, frame, received = item
@@ -73,5 +73,5 @@ class Recorder:
         """Write what still waits, and close the file."""
         if not self._is_ended:
             self._is_ended = True
-            self._aside.end(PATIENCE)
+            self._worker.end(TIMEOUT)
             self._writer.stop()

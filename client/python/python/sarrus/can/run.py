@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 from sarrus._native import Bridge, Configuration, Frame, Service, Telemetry
 from sarrus.can.adapters import Adapter, Address, BusError, close_all, open_bus
-from sarrus.can.aside import start, voice
 from sarrus.can.leaving import Ending, at_the_end, ending
 from sarrus.can.record import Recorder
 from sarrus.can.telling import say
+from sarrus.can.worker import start, stderr_worker
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-LAST_WORDS = 5
+SHUTDOWN_REPEATS = 5
 """How often the disable frames are sent on the way out: some may be lost."""
 PAUSE = 0.005
 """Time between two of them `[s]`."""
@@ -32,7 +32,7 @@ GIVE_WAY = 1e-4
 """Time after which another thread gives way to the cycle `[s]`."""
 
 
-class Front:
+class Frontend:
     """A bridge and its buses. A bus that goes away is off, and is opened again when it is back."""
 
     def __init__(
@@ -99,10 +99,10 @@ class Front:
         self.bridge.shutdown()
         with contextlib.suppress(Exception):
             self._take_back()
-        untold = {
+        unreached = {
             bus for bus in range(len(self.adapters)) if self.bridge.frames(bus) and not self.dry_run
         }
-        for _ in range(LAST_WORDS):
+        for _ in range(SHUTDOWN_REPEATS):
             for bus, adapter in enumerate(self.adapters):
                 if adapter is not None and not self.dry_run:
                     # whatever is wrong with this bus now, the others and the next round are tried
@@ -111,9 +111,9 @@ class Front:
                         dropped = adapter.send(frames)
                         self._record(bus, frames[: len(frames) - dropped])
                         if dropped == 0:
-                            untold.discard(bus)
+                            unreached.discard(bus)
             time.sleep(PAUSE)
-        for bus in sorted(untold):
+        for bus in sorted(unreached):
             self._say(
                 f"{self.names[bus]}: the frames that take the power found no way; the motors' own watchdogs are left"
             )
@@ -177,22 +177,22 @@ def open_all(
 
 
 def realtime() -> list[str]:
-    """Ask the system for deadlines that hold; what it does not permit is told."""
-    told = []
+    """Ask the system for deadlines that hold; what it does not permit is in the notes."""
+    notes = []
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
     except OSError as error:
-        told.append(f"no SCHED_FIFO: {error.strerror}; deadlines are missed under load")
+        notes.append(f"no SCHED_FIFO: {error.strerror}; deadlines are missed under load")
     # with a limit, a lock of future memory would make later requests for memory fail
     if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY:
-        told.append("memory is not locked: RLIMIT_MEMLOCK is limited (`ulimit -l unlimited`)")
+        notes.append("memory is not locked: RLIMIT_MEMLOCK is limited (`ulimit -l unlimited`)")
     else:
         import ctypes
 
         mcl_current, mcl_future = 1, 2
         if ctypes.CDLL(None, use_errno=True).mlockall(mcl_current | mcl_future) != 0:
-            told.append(f"memory is not locked: {os.strerror(ctypes.get_errno())}")
-    return told
+            notes.append(f"memory is not locked: {os.strerror(ctypes.get_errno())}")
+    return notes
 
 
 def run(
@@ -219,15 +219,17 @@ def run(
     )
     # what has nothing to do with power comes last: of these the last one entered is left first
     with contextlib.ExitStack() as stack:
-        told = stack.enter_context(ending())
-        aside = voice()
-        stack.callback(aside.end, 1.0)
+        stop = stack.enter_context(ending())
+        stderr = stderr_worker()
+        stack.callback(stderr.end, 1.0)
         bridge = Bridge(configuration)
-        front = Front(bridge, open_all(buses, address), aside.put, dry_run=dry_run)
-        stack.callback(front.close)
+        frontend = Frontend(bridge, open_all(buses, address), stderr.put, dry_run=dry_run)
+        stack.callback(frontend.close)
         # a bus that cannot be opened leaves an earlier recording as it is
         if record is not None:
-            front.recorder = stack.enter_context(Recorder(record, [bus["name"] for bus in buses]))
+            frontend.recorder = stack.enter_context(
+                Recorder(record, [bus["name"] for bus in buses])
+            )
         service = Service(name)
         stack.callback(service.close)
         if log is not None:
@@ -237,25 +239,25 @@ def run(
         sys.setswitchinterval(GIVE_WAY)
         if wants_realtime:
             for line in realtime():
-                aside.put(line)
+                stderr.put(line)
         # the loop makes no cycles of references, and a collection takes longer than a cycle of the
         # bridge
         gc.collect()
         gc.freeze()
         gc.disable()
-        with at_the_end(front.disable):
+        with at_the_end(frontend.disable):
             say(f"ready {name} {fingerprint:016x}", out=True)
-            report = _loop(front, service, period, told, seconds)
-        aside.put(report())
+            report = _loop(frontend, service, period, stop, seconds)
+        stderr.put(report())
         if (logged := bridge.end_log()) is not None:
             lines, lost = logged
-            aside.put(
+            stderr.put(
                 f"{lines} line(s) in {log}"
                 + (f", {lost} lost: it cannot be replayed" if lost else "")
             )
-        if front.recorder is not None:
-            front.recorder.end()
-            aside.put(front.recorder.summary)
+        if frontend.recorder is not None:
+            frontend.recorder.end()
+            stderr.put(frontend.recorder.summary)
     return 0
 
 
@@ -268,28 +270,28 @@ def in_words(times: dict[str, int]) -> str:
 
 
 def _loop(
-    front: Front, service: Service, period: int, told: Ending, seconds: float | None
+    frontend: Frontend, service: Service, period: int, stop: Ending, seconds: float | None
 ) -> Callable[[], str]:
     """Cycle until the end; gives what makes the report, which takes time that motors under power do not have."""
     missed = 0
     begin = deadline = time.monotonic_ns()
-    telemetry = Telemetry(front.bridge, begin)
+    telemetry = Telemetry(frontend.bridge, begin)
     end = None if seconds is None else begin + int(seconds * 1e9)
     why = ""
     while end is None or deadline < end:
         if (left := deadline - time.monotonic_ns()) > 0:
             time.sleep(left * 1e-9)
-        if why := told.why:
+        if why := stop.why:
             break
         now = time.monotonic_ns()
-        front.receive()
-        service.take(time.monotonic_ns(), front.bridge)
-        front.bridge.cycle(time.monotonic_ns())
-        front.send()
-        service.publish(front.bridge)
+        frontend.receive()
+        service.take(time.monotonic_ns(), frontend.bridge)
+        frontend.bridge.cycle(time.monotonic_ns())
+        frontend.send()
+        service.publish(frontend.bridge)
         done = time.monotonic_ns()
-        telemetry.cycle(front.bridge, max(now - deadline, 0), done - now)
-        service.publish_statistics(front.bridge, telemetry, done)
+        telemetry.cycle(frontend.bridge, max(now - deadline, 0), done - now)
+        service.publish_statistics(frontend.bridge, telemetry, done)
         # a deadline that is over is not made up for
         deadline += period
         if done > deadline:
@@ -298,7 +300,7 @@ def _loop(
             deadline += skipped * period
 
     def report() -> str:
-        times = telemetry.times(front.bridge)
+        times = telemetry.times(frontend.bridge)
         all_of_them = "; ".join(f"{name} {in_words(times[name])}" for name in ("wake", "work"))
         return f"{why or 'the time is over'}; {times['work']['count']} cycles, {missed} missed; {all_of_them}"
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 
-class Aside(Generic[Item]):
+class Worker(Generic[Item]):
     """A thread that does one thing with each item that it is given, in their order. What finds no room is lost and counted."""
 
     def __init__(self, work: Callable[[Item], object], room: int) -> None:
@@ -63,6 +63,6 @@ def start(work: Callable[[], object]) -> threading.Thread:
     return thread
 
 
-def voice() -> Aside[str]:
-    """What says lines on stderr. Nobody may be there to read them, or somebody who reads slowly: the program goes on."""
-    return Aside(lambda line: os.write(2, f"sarrus.can: {line}\n".encode()), 100)
+def stderr_worker() -> Worker[str]:
+    """A worker that writes lines on stderr. Nobody may be there to read them, or somebody who reads slowly: the program goes on."""
+    return Worker(lambda line: os.write(2, f"sarrus.can: {line}\n".encode()), 100)

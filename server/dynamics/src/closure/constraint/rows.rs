@@ -5,8 +5,8 @@
 //!   x = R_Pᵀ (p_S − p_P)         θ = log(R_Pᵀ R_S)         φ = linear · x + angular · θ
 //! ```
 //! or, where two directions stay perpendicular as in a universal joint, φ = a · b with a fixed in P
-//! and b in S. P and S are the cut frames on predecessor and successor (base document 2.79 with its
-//! errata).
+//! and b in S. P and S are the cut frames on predecessor and successor [K21, eq. 2.79 with its
+//! errata].
 
 use nalgebra::{Matrix3, Vector3};
 

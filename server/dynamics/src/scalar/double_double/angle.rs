@@ -52,8 +52,7 @@ fn inverse_factorial(k: usize) -> Dd {
 /// x − n π/2 and n mod 4, n the integer nearest to x / (π/2).
 ///
 /// The parts are summed exactly enough that even next to a multiple of π/2 all bits of the
-/// remainder count: error-free vector transformations (Ogita, Rump, Oishi, *Accurate sum and dot
-/// product*, 2005, SumK with K = 5).
+/// remainder count: error-free vector transformations \[ORO05\], SumK with K = 5.
 fn reduce(x: Dd) -> (Dd, i64) {
     let n = (x.hi * core::f64::consts::FRAC_2_PI).round_ties_even();
 

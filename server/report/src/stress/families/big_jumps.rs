@@ -26,11 +26,11 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
         Robot::new("squeezer", bundled("squeezer")?)?,
         Robot::new(
             "four-bar of a full turn",
-            four_bar(crate::stress::mechanisms::GRASHOF, Kind::Numerical, "xy"),
+            four_bar(crate::stress::mechanisms::GRASHOF, Kind::Numerical, "xy")?,
         )?,
         Robot::new("lambda numerical", numerical(bundled("lambda")?))?,
         Robot::new("Stewart numerical", numerical(bundled("stewart")?))?,
-        Robot::new("Bricard", bricard(false))?,
+        Robot::new("Bricard", bricard(false)?)?,
     ];
     for robot in &robots {
         let direction = State::of(robot, 1.0)?.y;

@@ -25,7 +25,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
             if lambdas && n > 3000 {
                 continue;
             }
-            let robot = Robot::new(name, if lambdas { chain_of_lambdas(n) } else { rods(n) });
+            let robot = Robot::new(name, if lambdas { chain_of_lambdas(n)? } else { rods(n)? });
             let Some(robot) = cases.load(name, At { value: n as f64, method: "-" }, robot) else {
                 continue;
             };

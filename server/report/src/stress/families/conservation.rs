@@ -18,7 +18,7 @@ use crate::stress::mechanisms::rods;
 /// (M_y ẏ) of the first joint.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("conservation", "s simulated without gravity, damping and forces");
-    let mut of = rods(3);
+    let mut of = rods(3)?;
     of.gravity = [0.0; 3];
     let robot = Robot::new("3 rods", of)?;
     let state = State::of(&robot, 0.5)?;

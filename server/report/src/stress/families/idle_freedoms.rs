@@ -7,8 +7,8 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Draft, Robot, Turn, X, Y, Z};
-use crate::stress::mechanisms::door;
+use crate::stress::harness::robot::{Robot, Turn, X, Y, Z, cut, finish, joint, mechanism};
+use crate::stress::mechanisms::{BASE, door};
 
 use Field::{TauU, TauY};
 
@@ -17,7 +17,7 @@ use Field::{TauU, TauY};
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     cases.family("idle freedoms", "y, rad");
     let (spinning, plain) =
-        (Robot::new("rod that may spin", door(true))?, Robot::new("rod", door(false))?);
+        (Robot::new("rod that may spin", door(true)?)?, Robot::new("rod", door(false)?)?);
     for value in [0.4, 0.2, -0.2, -0.4] {
         let state = State { y: vec![value], ..State::of(&plain, 0.2)? };
         let ask = Question::inverse(&state, &[TauY, TauU]);
@@ -34,28 +34,22 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     // a five-bar with one independent, a four-bar with two rows too many about skew axes, a loose
     // sleeve
     let five = {
-        let mut of = Draft::new(Kind::Numerical);
-        let mut link = 0;
-        for at in [[0.0, 0.0, 0.0], [0.2, 0.9, 0.0], [0.8, 1.3, 0.0]] {
-            link = of.joint(link, Turn, at, Z);
-        }
-        let other = of.joint(0, Turn, [2.1, -0.1, 0.0], Z);
-        of.cut(link, other, [1.4, 1.0, 0.0], "xy");
-        of.finish(&[0], &[0])
+        let mut of = mechanism(Kind::Numerical);
+        let first = joint(&mut of, BASE, Turn, [0.0, 0.0, 0.0], Z);
+        let second = joint(&mut of, first, Turn, [0.2, 0.9, 0.0], Z);
+        let third = joint(&mut of, second, Turn, [0.8, 1.3, 0.0], Z);
+        let other = joint(&mut of, BASE, Turn, [2.1, -0.1, 0.0], Z);
+        cut(&mut of, third, other, [1.4, 1.0, 0.0], "xy");
+        finish(of, &[first], &[first])?
     };
     let skew = {
-        let mut of = Draft::new(Kind::Numerical);
-        let mut link = 0;
-        for (at, axis) in [
-            ([0.0, 0.0, 0.0], X),
-            ([0.2, 0.9, 0.3], Y),
-            ([0.8, 1.3, -0.2], Z),
-            ([1.0, 0.1, 0.4], [0.6, 0.0, 0.8]),
-        ] {
-            link = of.joint(link, Turn, at, axis);
-        }
-        of.cut(0, link, [1.4, 1.0, 0.0], "xyzabc");
-        of.finish(&[0], &[0])
+        let mut of = mechanism(Kind::Numerical);
+        let first = joint(&mut of, BASE, Turn, [0.0, 0.0, 0.0], X);
+        let second = joint(&mut of, first, Turn, [0.2, 0.9, 0.3], Y);
+        let third = joint(&mut of, second, Turn, [0.8, 1.3, -0.2], Z);
+        let last = joint(&mut of, third, Turn, [1.0, 0.1, 0.4], [0.6, 0.0, 0.8]);
+        cut(&mut of, BASE, last, [1.4, 1.0, 0.0], "xyzabc");
+        finish(of, &[first], &[first])?
     };
     for (name, of, value) in
         [("five-bar of one independent", five, 2.0), ("closed chain without mobility", skew, -2.0)]

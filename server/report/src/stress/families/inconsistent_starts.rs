@@ -20,8 +20,8 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
         Robot::new("wrist", bundled("wrist")?)?,
         Robot::new("lambda", numerical(bundled("lambda")?))?,
         Robot::new("delta", bundled("delta")?)?,
-        Robot::new("Bricard", bricard(false))?,
-        Robot::new("welded four-bar", four_bar(LOOSE, Kind::Numerical, "xyzabc"))?,
+        Robot::new("Bricard", bricard(false)?)?,
+        Robot::new("welded four-bar", four_bar(LOOSE, Kind::Numerical, "xyzabc")?)?,
         Robot::new("upper body", bundled("rh5v2_upper_body")?)?,
     ];
     for robot in &robots {

@@ -1,14 +1,14 @@
 //! Loops within one subtree, with cuts far off the centre of mass.
 
-use sarrus_dynamics::description::SubmechanismKind as Kind;
+use sarrus_dynamics::description::{Inertial, SubmechanismKind as Kind};
 
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::stress::harness::case::{At, Cases};
 use crate::stress::harness::question::State;
-use crate::stress::harness::robot::{Draft, Robot, Turn, Z};
+use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint, mechanism};
 use crate::stress::harness::sweep;
-use crate::stress::mechanisms::LOOSE;
+use crate::stress::mechanisms::{BASE, LOOSE};
 
 /// A four-bar on a moving base, so that both ends of its loop are in one subtree, with centres of
 /// mass farther and farther off its cut.
@@ -18,24 +18,17 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
         [("four-bar on an arm", Kind::FourBar), ("four-bar on an arm", Kind::Numerical)]
     {
         for value in sweep(effort, -3, 6, 5) {
-            let mut of = Draft::new(kind);
-            let arm = of.joint(0, Turn, [-0.4, 0.2, 0.3], [0.36, 0.48, 0.8]);
+            let mut of = mechanism(Kind::Serial);
+            let centre = [0.6, -0.5, 0.62].map(|x| x * value);
+            of.default_inertial(Inertial::new(1.0, centre, [0.2, 0.01, 0.02, 0.3, 0.0, 0.25]));
+            let arm = joint(&mut of, BASE, Turn, [-0.4, 0.2, 0.3], [0.36, 0.48, 0.8]);
+            of.submechanism("bars", kind);
             let [a, b, c, d] = LOOSE.map(|p| [p[0], p[1], 0.0]);
-            let crank = of.joint(arm, Turn, a, Z);
-            let coupler = of.joint(crank, Turn, b, Z);
-            let rocker = of.joint(arm, Turn, d, Z);
-            of.cut(coupler, rocker, c, "xy");
-            let mut of = of.finish(&[1], &[1]);
-            // the arm is a mechanism of its own
-            let mut serial = of.submechanisms[0].clone();
-            of.submechanisms[0].spanning_tree.retain(|j| *j != 0);
-            (serial.name, serial.kind, serial.type_name) = ("arm".into(), Kind::Serial, "R".into());
-            (serial.spanning_tree, serial.independent, serial.active) = (vec![0], vec![0], vec![0]);
-            serial.loops.clear();
-            of.submechanisms.insert(0, serial);
-            for inertial in of.links.iter_mut().filter_map(|link| link.inertial.as_mut()) {
-                inertial.origin.xyz = [0.6, -0.5, 0.62].map(|x| x * value);
-            }
+            let crank = joint(&mut of, arm, Turn, a, Z);
+            let coupler = joint(&mut of, crank, Turn, b, Z);
+            let rocker = joint(&mut of, arm, Turn, d, Z);
+            cut(&mut of, coupler, rocker, c, "xy");
+            let of = finish(of, &[crank], &[crank])?;
             if let Some(robot) = cases.load(name, At { value, method: "-" }, Robot::new(name, of)) {
                 cases.questions(
                     &robot,

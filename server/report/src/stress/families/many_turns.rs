@@ -18,11 +18,11 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     let robots = [
         Robot::new("lambda", bundled("lambda")?)?,
         Robot::new("lambda", numerical(bundled("lambda")?))?,
-        Robot::new("four-bar of a full turn", four_bar(GRASHOF, Kind::FourBar, "xy"))?,
-        Robot::new("four-bar of a full turn", four_bar(GRASHOF, Kind::Numerical, "xy"))?,
-        Robot::new("parallelogram", four_bar(RHOMBUS, Kind::ParallelogramChain, "xy"))?,
+        Robot::new("four-bar of a full turn", four_bar(GRASHOF, Kind::FourBar, "xy")?)?,
+        Robot::new("four-bar of a full turn", four_bar(GRASHOF, Kind::Numerical, "xy")?)?,
+        Robot::new("parallelogram", four_bar(RHOMBUS, Kind::ParallelogramChain, "xy")?)?,
         Robot::new("squeezer", bundled("squeezer")?)?,
-        Robot::new("3 rods", rods(3))?,
+        Robot::new("3 rods", rods(3)?)?,
     ];
     let mut values = sweep(effort, 0, 6, 3);
     values.extend([1e9, 1e13, 1e15, 1e18, 1e100]);

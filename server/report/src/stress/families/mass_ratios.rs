@@ -59,10 +59,10 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
             let heavy = |link: &str| {
                 if heavy.is_empty() { link.ends_with(['2', '4', '6', '8']) } else { link == heavy }
             };
-            cases.dynamics(name, value, Robot::new(name, heavier(rods(8), heavy, value)))?;
+            cases.dynamics(name, value, Robot::new(name, heavier(rods(8)?, heavy, value)))?;
         }
         let name = "four-bar, heavy coupler";
-        let bars = four_bar(GRASHOF, Kind::FourBar, "xy");
+        let bars = four_bar(GRASHOF, Kind::FourBar, "xy")?;
         cases.dynamics(
             name,
             value,

@@ -26,10 +26,10 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
         ("Stewart, light legs", |factor| {
             Ok(heavier(bundled("stewart")?, |link| link.contains("HipL"), factor))
         }),
-        ("3 rods, light middle", |factor| Ok(heavier(rods(3), |link| link == "link2", factor))),
-        ("3 rods, light end", |factor| Ok(heavier(rods(3), |link| link == "link3", factor))),
+        ("3 rods, light middle", |factor| Ok(heavier(rods(3)?, |link| link == "link2", factor))),
+        ("3 rods, light end", |factor| Ok(heavier(rods(3)?, |link| link == "link3", factor))),
         ("3 rods, light end with a rotor", |factor| {
-            let mut of = heavier(rods(3), |link| link == "link3", factor);
+            let mut of = heavier(rods(3)?, |link| link == "link3", factor);
             of.joints[2].terms =
                 Terms { rotor_inertia: 1e-4, gear_ratio: 50.0, ..Terms::default() };
             Ok(of)
@@ -47,7 +47,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
 fn point_masses(cases: &mut Cases, values: &[f64]) -> Outcome {
     let name = "3 rods, inertia fading";
     for &value in values {
-        let mut of = rods(3);
+        let mut of = rods(3)?;
         let fade = |inertial: &mut Inertial| inertial.inertia = inertial.inertia.map(|x| x * value);
         of.links.iter_mut().filter_map(|link| link.inertial.as_mut()).for_each(fade);
         cases.dynamics(name, value, Robot::new(name, of))?;

@@ -20,11 +20,11 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     let mut values = vec![0.0];
     values.extend(sweep(effort, -16, -1, 5));
     let robots: [(&str, Description); 5] = [
-        ("four-bar of three rows", four_bar(LOOSE, Kind::Numerical, "xyz")),
-        ("four-bar of six rows", four_bar(LOOSE, Kind::Numerical, "xyzabc")),
-        ("parallelogram of six rows", four_bar(RHOMBUS, Kind::Numerical, "xyzabc")),
-        ("Bricard of six rows", bricard(false)),
-        ("Bricard of five rows", bricard(true)),
+        ("four-bar of three rows", four_bar(LOOSE, Kind::Numerical, "xyz")?),
+        ("four-bar of six rows", four_bar(LOOSE, Kind::Numerical, "xyzabc")?),
+        ("parallelogram of six rows", four_bar(RHOMBUS, Kind::Numerical, "xyzabc")?),
+        ("Bricard of six rows", bricard(false)?),
+        ("Bricard of five rows", bricard(true)?),
     ];
     for (name, plain) in robots {
         for &value in &values {

@@ -14,7 +14,7 @@ use crate::stress::mechanisms::rods;
 /// Fixed steps from too long to short, tolerances from none to all.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     for name in ["pendulum", "lambda", "four_bars_2"] {
-        let robot = Robot::new(name, if name == "pendulum" { rods(1) } else { bundled(name)? })?;
+        let robot = Robot::new(name, if name == "pendulum" { rods(1)? } else { bundled(name)? })?;
         let start = from(&[0.3], &[1.0]);
         // compared at the end alone: samples on the way would shorten the steps
         let reference = reference_run(

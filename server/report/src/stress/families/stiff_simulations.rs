@@ -1,12 +1,13 @@
 //! Springs, dampers and gains that get stiffer.
 
+use sarrus_dynamics::LinkId;
 use sarrus_dynamics::description::{SubmechanismKind as Kind, Terms};
 use sarrus_simulation::{Input, Run, Source, Space};
 
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::stress::harness::case::Cases;
-use crate::stress::harness::robot::{Draft, Robot, Slide, X, bundled};
+use crate::stress::harness::robot::{Robot, X, bundled, mechanism};
 use crate::stress::harness::runs::{Comparison, setup};
 use crate::stress::harness::simulations::{against_reference, every_method, from};
 use crate::stress::harness::sweep;
@@ -14,12 +15,12 @@ use crate::stress::mechanisms::rods;
 
 /// A mass of 1 kg on a slider, with a spring and a damper.
 fn oscillator(stiffness: f64, damping: f64) -> Outcome<Robot> {
-    let mut of = Draft::new(Kind::Serial);
-    of.joint(0, Slide, [0.0; 3], X);
-    of.description.gravity = [0.0; 3];
-    let mut of = of.finish(&[0], &[0]);
-    of.joints[0].terms = Terms { stiffness, damping, ..Terms::default() };
-    Robot::new("mass on a spring", of)
+    let mut of = mechanism(Kind::Serial);
+    of.gravity([0.0; 3])
+        .prismatic("slider", LinkId::BASE, X)
+        .spring(stiffness, 0.0)
+        .damping(damping);
+    Robot::new("mass on a spring", of.build()?)
 }
 
 /// Where it is after t when it starts at 1 from rest.
@@ -65,7 +66,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     }
     cases.family("simulated stiff joint", "stiffness, N m/rad");
     for value in sweep(effort, 0, 9, 3) {
-        let mut of = rods(2);
+        let mut of = rods(2)?;
         of.joints[1].terms = Terms { stiffness: value, damping: value.sqrt(), ..Terms::default() };
         against_reference(cases, "2 rods", value, of, &[])?;
     }

@@ -15,7 +15,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     values.extend([1e-160, 1e8, 1e100, 1e160, 1e300]);
     for name in ["lambda", "wrist", "stewart", "bricard", "rh5v2_upper_body"] {
         let robot = if name == "bricard" {
-            Robot::new(name, bricard(false))?
+            Robot::new(name, bricard(false)?)?
         } else {
             Robot::new(name, bundled(name)?)?
         };

@@ -3,10 +3,9 @@
 use std::collections::HashSet;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
-    SubmechanismKind as Kind, Terms,
+    Cut, Description, Inertial, JointKind, Placement, SubmechanismKind as Kind,
 };
-use sarrus_dynamics::{Compiled, Field, Model};
+use sarrus_dynamics::{Compiled, DescriptionBuilder, Field, LinkId, Model};
 use sarrus_models::{Options, Source, load};
 
 use crate::Outcome;
@@ -142,94 +141,47 @@ pub(crate) fn scaled(mut of: Description, lengths: f64, masses: f64) -> Descript
     of
 }
 
-/// A mechanism in code: every frame parallel to the root's at zero, so that a joint is a point, a
-/// kind and an axis. Link 0 is the base.
-pub(crate) struct Draft {
-    at: Vec<[f64; 3]>,
-    pub(crate) description: Description,
+/// A mechanism under way, every link of 1 kg.
+pub(crate) fn mechanism(kind: Kind) -> DescriptionBuilder {
+    let mut of = DescriptionBuilder::new("mechanism");
+    let inertia = [0.2, 0.01, 0.02, 0.3, 0.0, 0.25];
+    of.gravity([0.3, -9.7, 1.1]).default_inertial(Inertial::new(1.0, [0.1, 0.2, -0.1], inertia));
+    of.submechanism("loop", kind);
+    of
 }
 
-impl Draft {
-    pub(crate) fn new(kind: Kind) -> Draft {
-        let part = Submechanism {
-            name: "loop".into(),
-            kind,
-            type_name: format!("{kind:?}"),
-            spanning_tree: vec![],
-            independent: vec![],
-            active: vec![],
-            loops: vec![],
-        };
-        let description = Description {
-            name: "mechanism".into(),
-            links: vec![Link { name: "base".into(), inertial: None }],
-            joints: vec![],
-            submechanisms: vec![part],
-            gravity: [0.3, -9.7, 1.1],
-        };
-        Draft { at: vec![[0.0; 3]], description }
-    }
+/// Joint k, at a point and along an axis of the root; returns its link, k + 1.
+pub(crate) fn joint(
+    of: &mut DescriptionBuilder,
+    parent: LinkId,
+    kind: JointKind,
+    at: [f64; 3],
+    axis: [f64; 3],
+) -> LinkId {
+    let k = of.n_joints();
+    let joint = of.joint(format!("j{k}"), kind, parent).link_name(format!("link{}", k + 1));
+    joint.at(at).axis(axis).link()
+}
 
-    /// A joint at a point of the root, which carries a link of 1 kg; returns the link.
-    pub(crate) fn joint(
-        &mut self,
-        parent: usize,
-        kind: JointKind,
-        at: [f64; 3],
-        axis: [f64; 3],
-    ) -> usize {
-        let child = self.at.len();
-        let origin =
-            Placement { xyz: std::array::from_fn(|k| at[k] - self.at[parent][k]), rpy: [0.0; 3] };
-        let inertial = Inertial {
-            origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.0; 3] },
-            mass: 1.0,
-            inertia: [0.2, 0.01, 0.02, 0.3, 0.0, 0.25],
-        };
-        self.description
-            .links
-            .push(Link { name: format!("link{child}"), inertial: Some(inertial) });
-        self.description.joints.push(Joint {
-            name: format!("j{}", child - 1),
-            kind,
-            parent,
-            child,
-            origin,
-            axis,
-            limits: None,
-            coupling: None,
-            terms: Terms::default(),
-        });
-        self.description.submechanisms[0].spanning_tree.push(child - 1);
-        self.at.push(at);
-        child
-    }
+/// A cut at a point of the root with these rows: `xyz` along, `abc` about the axes of the root.
+pub(crate) fn cut(
+    of: &mut DescriptionBuilder,
+    predecessor: LinkId,
+    successor: LinkId,
+    at: [f64; 3],
+    which: &str,
+) {
+    let row = |c: char| std::array::from_fn(|k| f64::from("abcxyz".find(c) == Some(k)));
+    let cut = of.cut("cut0", predecessor, successor).at(at);
+    which.chars().fold(cut, |cut, c| cut.row(c, row(c)));
+}
 
-    /// A cut at a point of the root with these rows: `xyz` along, `abc` about the axes of the root.
-    pub(crate) fn cut(&mut self, predecessor: usize, successor: usize, at: [f64; 3], which: &str) {
-        let on = |link: usize| Placement {
-            xyz: std::array::from_fn(|k| at[k] - self.at[link][k]),
-            rpy: [0.0; 3],
-        };
-        let row = |c: char| Row {
-            name: c.to_string(),
-            axis: std::array::from_fn(|k| if "abcxyz".find(c) == Some(k) { 1.0 } else { 0.0 }),
-            against: None,
-        };
-        let cut = Cut::Placed { predecessor: on(predecessor), successor: on(successor) };
-        let loops = &mut self.description.submechanisms[0].loops;
-        loops.push(Loop {
-            name: format!("cut{}", loops.len()),
-            predecessor,
-            successor,
-            cut,
-            rows: which.chars().map(row).collect(),
-        });
-    }
-
-    pub(crate) fn finish(mut self, independent: &[usize], active: &[usize]) -> Description {
-        self.description.submechanisms[0].independent = independent.to_vec();
-        self.description.submechanisms[0].active = active.to_vec();
-        self.description
-    }
+/// What it is, with its independent and its active joints.
+pub(crate) fn finish(
+    mut of: DescriptionBuilder,
+    independent: &[LinkId],
+    active: &[LinkId],
+) -> Outcome<Description> {
+    of.independent(independent.iter().copied()).active(active.iter().copied());
+    Ok(of.build()?)
 }

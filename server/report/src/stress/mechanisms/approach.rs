@@ -39,15 +39,15 @@ impl Approach {
 pub(crate) fn known() -> Outcome<Vec<Approach>> {
     let (out, meet) = (toggle(), reach_of_lambda());
     let list: [(&str, Description, f64); 9] = [
-        ("lambda at its reach", lambda(Kind::Rrpr), meet),
-        ("lambda at its reach", lambda(Kind::Numerical), meet),
-        ("four-bar at its dead centre", four_bar(LOOSE, Kind::FourBar, "xy"), out),
-        ("four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xy"), out),
-        ("welded four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xyzabc"), out),
-        ("parallelogram going flat", four_bar(RHOMBUS, Kind::ParallelogramChain, "xy"), FRAC_PI_2),
-        ("parallelogram going flat", four_bar(RHOMBUS, Kind::Numerical, "xy"), FRAC_PI_2),
-        ("Bricard", bricard(false), -FRAC_PI_6),
-        ("Bricard cut at a revolute", bricard(true), -FRAC_PI_6),
+        ("lambda at its reach", lambda(Kind::Rrpr)?, meet),
+        ("lambda at its reach", lambda(Kind::Numerical)?, meet),
+        ("four-bar at its dead centre", four_bar(LOOSE, Kind::FourBar, "xy")?, out),
+        ("four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xy")?, out),
+        ("welded four-bar at its dead centre", four_bar(LOOSE, Kind::Numerical, "xyzabc")?, out),
+        ("parallelogram going flat", four_bar(RHOMBUS, Kind::ParallelogramChain, "xy")?, FRAC_PI_2),
+        ("parallelogram going flat", four_bar(RHOMBUS, Kind::Numerical, "xy")?, FRAC_PI_2),
+        ("Bricard", bricard(false)?, -FRAC_PI_6),
+        ("Bricard cut at a revolute", bricard(true)?, -FRAC_PI_6),
     ];
     list.into_iter()
         .map(|(name, of, reach)| {

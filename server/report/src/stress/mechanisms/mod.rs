@@ -4,9 +4,13 @@
 pub(super) mod approach;
 pub(super) mod open_loops;
 
-use sarrus_dynamics::description::{Description, Inertial, Placement, SubmechanismKind as Kind};
+use sarrus_dynamics::LinkId;
+use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Kind};
 
-use crate::stress::harness::robot::{Draft, Slide, Turn, X, Y, Z};
+use crate::Outcome;
+use crate::stress::harness::robot::{Slide, Turn, X, Y, Z, cut, finish, joint, mechanism};
+
+pub(crate) const BASE: LinkId = LinkId::BASE;
 
 /// Crank, coupler and rocker of four different lengths: A, B, C, D in the plane x y.
 pub(crate) const LOOSE: [[f64; 2]; 4] = [[0.0, 0.0], [0.2, 0.9], [1.4, 1.0], [2.1, -0.1]];
@@ -17,20 +21,24 @@ pub(crate) const GRASHOF: [[f64; 2]; 4] = [[0.0, 0.0], [0.0, 0.3], [0.9, 0.6], [
 
 /// A four-bar cut at C with the rows named; with six rows it is a chain of four joints, welded to
 /// the base.
-pub(crate) fn four_bar([a, b, c, d]: [[f64; 2]; 4], kind: Kind, which: &str) -> Description {
+pub(crate) fn four_bar(
+    [a, b, c, d]: [[f64; 2]; 4],
+    kind: Kind,
+    which: &str,
+) -> Outcome<Description> {
     let at = |p: [f64; 2]| [p[0], p[1], 0.0];
-    let mut of = Draft::new(kind);
-    let crank = of.joint(0, Turn, at(a), Z);
-    let coupler = of.joint(crank, Turn, at(b), Z);
+    let mut of = mechanism(kind);
+    let crank = joint(&mut of, BASE, Turn, at(a), Z);
+    let coupler = joint(&mut of, crank, Turn, at(b), Z);
     if which.len() < 6 {
-        let rocker = of.joint(0, Turn, at(d), Z);
-        of.cut(coupler, rocker, at(c), which);
+        let rocker = joint(&mut of, BASE, Turn, at(d), Z);
+        cut(&mut of, coupler, rocker, at(c), which);
     } else {
-        let rocker = of.joint(coupler, Turn, at(c), Z);
-        let last = of.joint(rocker, Turn, at(d), Z);
-        of.cut(0, last, [0.3, 0.1, 0.7], which);
+        let rocker = joint(&mut of, coupler, Turn, at(c), Z);
+        let last = joint(&mut of, rocker, Turn, at(d), Z);
+        cut(&mut of, BASE, last, [0.3, 0.1, 0.7], which);
     }
-    of.finish(&[0], &[0])
+    finish(of, &[crank], &[crank])
 }
 
 /// The crank's angle at which coupler and rocker of [`LOOSE`] lie in one line, from its lengths.
@@ -44,15 +52,16 @@ pub(crate) fn toggle() -> f64 {
 }
 
 /// A rocker of 0.9 at the origin, a stator at (1, 0) whose slider passes 0.3 beside its pivot.
-pub(crate) fn lambda(kind: Kind) -> Description {
+pub(crate) fn lambda(kind: Kind) -> Outcome<Description> {
     let (arm, aside) = (0.9, 0.3);
     let heading = f64::atan2(arm, -1.0) - f64::asin(aside / f64::hypot(1.0, arm));
-    let mut of = Draft::new(kind);
-    let rocker = of.joint(0, Turn, [0.0; 3], Z);
-    let stator = of.joint(0, Turn, [1.0, 0.0, 0.0], Z);
-    let slider = of.joint(stator, Slide, [0.8, 0.1, 0.0], [heading.cos(), heading.sin(), 0.0]);
-    of.cut(rocker, slider, [0.0, arm, 0.0], "xy");
-    of.finish(&[0], &[2])
+    let mut of = mechanism(kind);
+    let rocker = joint(&mut of, BASE, Turn, [0.0; 3], Z);
+    let stator = joint(&mut of, BASE, Turn, [1.0, 0.0, 0.0], Z);
+    let slider =
+        joint(&mut of, stator, Slide, [0.8, 0.1, 0.0], [heading.cos(), heading.sin(), 0.0]);
+    cut(&mut of, rocker, slider, [0.0, arm, 0.0], "xy");
+    finish(of, &[rocker], &[slider])
 }
 
 /// The rocker's angle at which the pin of [`lambda`] is as near to the stator's pivot as the
@@ -62,7 +71,7 @@ pub(crate) fn reach_of_lambda() -> f64 {
 }
 
 /// Bricard's linkage of a cube, cut by a weld or, `open`, at its last revolute; singular at −π/6.
-pub(crate) fn bricard(open: bool) -> Description {
+pub(crate) fn bricard(open: bool) -> Outcome<Description> {
     let points = [
         [0.0, 0.0, 0.0],
         [1.0, 0.0, 0.0],
@@ -71,44 +80,38 @@ pub(crate) fn bricard(open: bool) -> Description {
         [0.0, -1.0, 1.0],
         [0.0, 0.0, 1.0],
     ];
-    let mut of = Draft::new(Kind::Numerical);
-    let link = points
-        .into_iter()
-        .zip([Y, Z, X, Y, Z, X])
-        .take(if open { 5 } else { 6 })
-        .fold(0, |on, (at, axis)| of.joint(on, Turn, at, axis));
-    of.cut(0, link, points[5], if open { "xyzbc" } else { "xyzabc" });
-    of.finish(&[0], &[0])
+    let mut of = mechanism(Kind::Numerical);
+    let mut links = vec![BASE];
+    for (at, axis) in points.into_iter().zip([Y, Z, X, Y, Z, X]).take(if open { 5 } else { 6 }) {
+        links.push(joint(&mut of, links[links.len() - 1], Turn, at, axis));
+    }
+    let (first, last) = (links[1], links[links.len() - 1]);
+    cut(&mut of, BASE, last, points[5], if open { "xyzbc" } else { "xyzabc" });
+    finish(of, &[first], &[first])
 }
 
 /// A door on a hinge, pushed by a rod between two ball joints; `spin`: the rod may turn about
 /// itself, which moves nothing else.
-pub(crate) fn door(spin: bool) -> Description {
+pub(crate) fn door(spin: bool) -> Outcome<Description> {
     let (foot, head) = ([-0.6, 0.3, 0.2], [1.1, 1.0, 0.5]);
     let along: [f64; 3] = std::array::from_fn(|k| head[k] - foot[k]);
-    let mut of = Draft::new(Kind::Numerical);
-    let door = of.joint(0, Turn, [1.0, 0.0, 0.0], Z);
-    let mut rod = of.joint(0, Turn, foot, Z);
-    rod = of.joint(rod, Turn, foot, Y);
+    let mut of = mechanism(Kind::Numerical);
+    let door = joint(&mut of, BASE, Turn, [1.0, 0.0, 0.0], Z);
+    let mut rod = joint(&mut of, BASE, Turn, foot, Z);
+    rod = joint(&mut of, rod, Turn, foot, Y);
     if spin {
-        rod = of.joint(rod, Turn, foot, along);
+        rod = joint(&mut of, rod, Turn, foot, along);
     }
-    rod = of.joint(rod, Slide, foot, along);
-    of.cut(door, rod, head, "xyz");
-    of.finish(&[0], &[if spin { 4 } else { 3 }])
+    rod = joint(&mut of, rod, Slide, foot, along);
+    cut(&mut of, door, rod, head, "xyz");
+    finish(of, &[door], &[rod])
 }
 
 /// Rods in a row on parallel axes, 1 m and 1 kg each, the first on the base.
-pub(crate) fn rods(n: usize) -> Description {
-    let mut of = Draft::new(Kind::Serial);
-    for k in 0..n {
-        let link = of.joint(k, Turn, [k as f64, 0.0, 0.0], Z);
-        of.description.links[link].inertial = Some(Inertial {
-            origin: Placement { xyz: [0.5, 0.0, 0.0], rpy: [0.0; 3] },
-            mass: 1.0,
-            inertia: [0.001, 0.0, 0.0, 1.0 / 12.0, 0.0, 1.0 / 12.0],
-        });
-    }
-    let all: Vec<usize> = (0..n).collect();
-    of.finish(&all, &all)
+pub(crate) fn rods(n: usize) -> Outcome<Description> {
+    let mut of = mechanism(Kind::Serial);
+    let inertia = [0.001, 0.0, 0.0, 1.0 / 12.0, 0.0, 1.0 / 12.0];
+    of.default_inertial(Inertial::new(1.0, [0.5, 0.0, 0.0], inertia));
+    (0..n).fold(BASE, |on, k| joint(&mut of, on, Turn, [k as f64, 0.0, 0.0], Z));
+    Ok(of.build()?)
 }

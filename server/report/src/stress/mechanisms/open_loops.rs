@@ -14,7 +14,7 @@ pub(crate) fn robots() -> Outcome<Vec<Robot>> {
         ("lambda", bundled("lambda")?),
         ("wrist", bundled("wrist")?),
         ("torso", bundled("torso")?),
-        ("Bricard", bricard(false)),
+        ("Bricard", bricard(false)?),
         ("four bars", bundled("four_bars_2")?),
     ];
     list.into_iter().map(|(name, of)| Robot::new(name, of)).collect()

@@ -15,8 +15,8 @@ use crate::protocol::{Common, Protocol, Settings};
 
 pub(super) const MS: u64 = 1_000_000;
 
-/// What a motor was told.
-pub(super) type Told = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
+/// What a motor was given.
+pub(super) type Given = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
 
 /// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a
 /// fault; the answer likewise.
@@ -24,13 +24,13 @@ pub(super) type Told = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
 struct Plain {
     id: u16,
     state: DriveState,
-    told: Told,
+    given: Given,
     watchdog_ms: std::sync::Arc<AtomicU32>,
 }
 
 impl Drive for Plain {
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
-        self.told.lock().unwrap().push(command);
+        self.given.lock().unwrap().push(command);
         if command == DriveCommand::Reset {
             self.state.fault = 0;
         }
@@ -93,7 +93,7 @@ static PLAIN: Protocol = Protocol {
 /// another.
 pub(super) struct Bench {
     pub(super) bridge: Bridge,
-    pub(super) told: Vec<Told>,
+    pub(super) given: Vec<Given>,
     pub(super) now_ns: u64,
     pub(super) sequence: u64,
     /// What each motor answers: fault code, and whether at all.
@@ -107,7 +107,7 @@ pub(super) struct Bench {
 
 impl Bench {
     pub(super) fn new(change: impl Fn(&mut Configuration)) -> Bench {
-        let told: Vec<Told> = (0..3).map(|_| std::sync::Arc::default()).collect();
+        let given: Vec<Given> = (0..3).map(|_| std::sync::Arc::default()).collect();
         let watchdog_ms: [std::sync::Arc<AtomicU32>; 3] =
             core::array::from_fn(|_| std::sync::Arc::new(AtomicU32::new(50)));
         let settings = || {
@@ -129,7 +129,7 @@ impl Bench {
             drive: Box::new(Plain {
                 id: i as u16,
                 state: DriveState::default(),
-                told: told[i].clone(),
+                given: given[i].clone(),
                 watchdog_ms: watchdog_ms[i].clone(),
             }),
             mapping: Mapping::DIRECT,
@@ -173,7 +173,7 @@ impl Bench {
         change(&mut configuration);
         Bench {
             bridge: Bridge::new(configuration),
-            told,
+            given,
             now_ns: 5 * MS,
             sequence: 0,
             fault: [0; 3],
@@ -244,7 +244,7 @@ impl Bench {
         self.now_ns += 1;
         let mut command = self.command();
         change(&mut command);
-        assert_eq!(self.bridge.command(self.now_ns, &command), Verdict::Accepted);
+        assert_eq!(self.bridge.command(self.now_ns, &command), CommandVerdict::Accepted);
     }
 
     pub(super) fn states(&self) -> [MechanismState; 3] {
@@ -256,13 +256,13 @@ impl Bench {
     }
 
     pub(super) fn last(&self, i: usize) -> DriveCommand {
-        *self.told[i].lock().unwrap().last().unwrap()
+        *self.given[i].lock().unwrap().last().unwrap()
     }
 
     pub(super) fn setpoint(&self, i: usize) -> Setpoint {
         match self.last(i) {
             DriveCommand::On(setpoint) => setpoint,
-            other => panic!("motor {i} is told {other:?}"),
+            other => panic!("motor {i} is given {other:?}"),
         }
     }
 }

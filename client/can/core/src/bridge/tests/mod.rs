@@ -17,7 +17,7 @@ fn nothing_has_power_before_it_is_armed() {
     bench.steps(50);
     assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
     assert!(
-        bench.told.iter().all(|told| told
+        bench.given.iter().all(|given| given
             .lock()
             .unwrap()
             .iter()
@@ -31,8 +31,8 @@ fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
     bench.steps(3);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(120);
-    let told = bench.told[0].lock().unwrap().clone();
-    let setpoints: Vec<Setpoint> = told
+    let given = bench.given[0].lock().unwrap().clone();
+    let setpoints: Vec<Setpoint> = given
         .iter()
         .filter_map(
             |command| if let DriveCommand::On(setpoint) = command { Some(*setpoint) } else { None },
@@ -65,8 +65,8 @@ fn arming_waits_for_every_motor_the_buses_and_a_command() {
         bench.steps(600);
         assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
         assert_eq!(bench.reason(0), reason);
-        assert!(bench.told.iter().all(|told| {
-            told.lock().unwrap().iter().all(|command| *command == DriveCommand::Off)
+        assert!(bench.given.iter().all(|given| {
+            given.lock().unwrap().iter().all(|command| *command == DriveCommand::Off)
         }));
     };
     wait(&|bench| bench.answers[2] = false, Reason::FeedbackStale);
@@ -137,10 +137,10 @@ fn one_number_that_is_none_rejects_the_whole_command() {
                 &mut command.damping,
             ];
             fields[field][2] = number;
-            assert_eq!(bench.bridge.command(bench.now_ns, &command), Verdict::NotFinite);
+            assert_eq!(bench.bridge.command(bench.now_ns, &command), CommandVerdict::NotFinite);
         }
     }
-    assert_eq!(bench.bridge.counters().not_finite, 20);
+    assert_eq!(bench.bridge.counters().commands.not_finite, 20);
     bench.steps(120);
     assert_eq!(bench.reason(0), Reason::CommandLost, "commands that are not taken feed no deadman");
     assert!(position.is_finite());
@@ -155,20 +155,26 @@ fn commands_of_the_past_the_future_and_other_robots_are_not_taken() {
         ..bench.command()
     };
     let (last, now_ns) = (bench.sequence, bench.now_ns);
-    let judged =
+    let assessed =
         |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(now_ns + 1, &command);
-    assert_eq!(judged(&mut bench, ActuatorCommand { sequence: last, ..good }), Verdict::Old);
-    assert_eq!(judged(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), Verdict::Old);
     assert_eq!(
-        judged(&mut bench, ActuatorCommand { stamp_ns: now_ns + 10 * MS, ..good }),
-        Verdict::Ahead
+        assessed(&mut bench, ActuatorCommand { sequence: last, ..good }),
+        CommandVerdict::Old
     );
-    assert_eq!(judged(&mut bench, ActuatorCommand { fingerprint: 8, ..good }), Verdict::WrongModel);
-    assert_eq!(judged(&mut bench, ActuatorCommand { n_u: 2, ..good }), Verdict::WrongSize);
+    assert_eq!(assessed(&mut bench, ActuatorCommand { stamp_ns: 5, ..good }), CommandVerdict::Old);
+    assert_eq!(
+        assessed(&mut bench, ActuatorCommand { stamp_ns: now_ns + 10 * MS, ..good }),
+        CommandVerdict::Ahead
+    );
+    assert_eq!(
+        assessed(&mut bench, ActuatorCommand { fingerprint: 8, ..good }),
+        CommandVerdict::WrongModel
+    );
+    assert_eq!(assessed(&mut bench, ActuatorCommand { n_u: 2, ..good }), CommandVerdict::WrongSize);
     let mut negative = good;
     negative.stiffness[1] = -1.0;
-    assert_eq!(judged(&mut bench, negative), Verdict::Negative);
-    assert_eq!(judged(&mut bench, good), Verdict::Accepted);
+    assert_eq!(assessed(&mut bench, negative), CommandVerdict::Negative);
+    assert_eq!(assessed(&mut bench, good), CommandVerdict::Accepted);
 }
 
 #[test]
@@ -422,7 +428,7 @@ fn frames_of_strangers_and_malformed_ones_are_counted_and_not_used() {
     // the right identifier on another bus
     bench.bridge.receive(bench.now_ns, 1, &Frame::classic(Id::Standard(16), &[1, 0, 90]).unwrap());
     bench.step();
-    let counters = |bus| *bench.bridge.bus_counters(bus).unwrap().1;
+    let counters = |bus| bench.bridge.bus_counters(bus).unwrap().1.counts;
     assert_eq!((counters(0).unknown, counters(0).malformed, counters(1).unknown), (1, 1, 1));
     assert_eq!(bench.bridge.state().position[0], before);
 }
@@ -434,8 +440,8 @@ fn a_configuration_without_anything_is_told_what_it_lacks() {
         robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
     };
     let report = Configuration::read("empty.yml", b"{}".to_vec(), &surroundings).unwrap_err();
-    let told: Vec<String> = report.errors.iter().map(|error| error.found.clone()).collect();
+    let given: Vec<String> = report.errors.iter().map(|error| error.found.clone()).collect();
     for key in ["rate_hz", "buses", "motors"] {
-        assert!(told.iter().any(|found| found.contains(key)), "{told:?}");
+        assert!(given.iter().any(|found| found.contains(key)), "{given:?}");
     }
 }

@@ -8,7 +8,7 @@
 //!   580 + node SDO, expedited. 700 + node heartbeat, 0 when the drive booted.
 //! - 200 + node, sent: control word 6040 u16, then target position 607A i32, target velocity 60FF
 //!   i32 or target torque 6071 i16; behind a position or a velocity the torque offset 60B2 i16, if
-//!   wanted. All little-endian, taken at SYNC.
+//!   desired. All little-endian, taken at SYNC.
 //! - 180 + node, received after SYNC: status word 6041 u16, position 6064 i32, torque 6077 i16. 280
 //!   + node: velocity 606C i32.
 //! - Positions in counts, `counts_per_turn` of them in a turn of the output; velocities in
@@ -31,6 +31,7 @@ mod states;
 use std::f64::consts::TAU;
 
 use super::number::{limited, steps};
+use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
@@ -120,16 +121,15 @@ struct Cia402 {
     watchdog_ms: u32,
     setup: Setup,
     state: Option<State>,
-    /// It follows, or was told to.
-    asked: bool,
-    followed: bool,
-    lost: bool,
+    power_up: PowerUp,
     emergency: u16,
+    /// It ended the following, and no cycle has answered that yet.
+    emergency_holds: bool,
     /// Of the last measurement.
     counted: Option<(i32, i64)>,
     /// The first PDO came, and not yet the second one of its cycle.
     is_new: bool,
-    /// When it last told its status, or was set up `[ns]`.
+    /// When it last reported its status, or was set up `[ns]`.
     heard_ns: Option<u64>,
     torque: f64,
     heartbeat_ns: Option<u64>,
@@ -159,7 +159,7 @@ fn make(
     };
     let torque_offset = settings.flag("torque_offset") && common.mode != Mode::Torque;
     let velocity_feedback = settings.flag("velocity_feedback");
-    let setup = Setup::new(setup::Wanted {
+    let setup = Setup::new(setup::Desired {
         node,
         master,
         mode: common.mode,
@@ -184,10 +184,9 @@ fn make(
         watchdog_ms: common.watchdog_ms,
         setup,
         state: None,
-        asked: false,
-        followed: false,
-        lost: false,
+        power_up: PowerUp::at_once(),
         emergency: 0,
+        emergency_holds: false,
         counted: None,
         is_new: false,
         heard_ns: None,
@@ -202,14 +201,14 @@ impl Cia402 {
     }
 
     /// The control word with a set-point.
-    fn command(&self, control: u16, wanted: &Setpoint) -> Option<Frame> {
+    fn command(&self, control: u16, setpoint: &Setpoint) -> Option<Frame> {
         let per_mille = self.rated_torque / 1000.0;
-        let torque = (steps(limited(wanted.torque, self.torque_limit), per_mille, 32_767) as i16)
+        let torque = (steps(limited(setpoint.torque, self.torque_limit), per_mille, 32_767) as i16)
             .to_le_bytes();
         let [low, high] = control.to_le_bytes();
         let target = match self.mode {
-            Mode::Position => steps(wanted.position, TAU / self.counts, i32::MAX),
-            Mode::Velocity => steps(wanted.velocity, TAU / self.velocity_counts, i32::MAX),
+            Mode::Position => steps(setpoint.position, TAU / self.counts, i32::MAX),
+            Mode::Velocity => steps(setpoint.velocity, TAU / self.velocity_counts, i32::MAX),
             Mode::Torque | Mode::Impedance => {
                 return self.frame(0x200, &[low, high, torque[0], torque[1]]);
             }
@@ -238,7 +237,7 @@ impl Cia402 {
         }
     }
 
-    /// Whether it should have told its status for this time.
+    /// Whether it should have reported its status for this time.
     fn is_silent(&self, now_ns: u64, time_ns: u64) -> bool {
         self.setup.is_done()
             && self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > time_ns)
@@ -246,13 +245,18 @@ impl Cia402 {
 
     /// It is not what it was set up to be any more.
     fn set_up_again(&mut self) {
-        self.lost |= self.asked;
+        self.lose();
         (self.state, self.is_new) = (None, false);
         self.setup.again();
     }
 
-    fn stay_off(&mut self, now_ns: u64, out: &mut FrameQueue) {
-        (self.asked, self.followed) = (false, false);
+    fn lose(&mut self) {
+        self.emergency_holds |= self.power_up.stage() == Stage::On;
+        self.power_up.lose();
+    }
+
+    fn idle(&mut self, now_ns: u64, out: &mut FrameQueue) {
+        self.emergency_holds = false;
         if self.is_silent(now_ns, SILENCE_NS) {
             self.set_up_again();
         }
@@ -266,10 +270,10 @@ impl Cia402 {
     fn status(&mut self, status: u16) {
         let state = State::of(status);
         self.state = Some(state);
-        self.lost |= self.followed && state != State::Enabled;
-        self.followed |= self.asked && state == State::Enabled;
-        if state != State::Faulty && self.emergency != 0 && !self.followed {
-            // told by EMCY and gone without one
+        self.emergency_holds |= self.power_up.report(state == State::Enabled);
+        let follows = self.power_up.stage() == Stage::On || self.emergency_holds;
+        if state != State::Faulty && self.emergency != 0 && !follows {
+            // reported by EMCY and gone without one
             self.emergency = 0;
         }
     }
@@ -298,32 +302,29 @@ impl Cia402 {
 impl Drive for Cia402 {
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         self.beat(now_ns, out);
-        let wanted = match command {
-            DriveCommand::On(wanted) => wanted,
-            DriveCommand::Off => {
-                self.lost = false;
-                return self.stay_off(now_ns, out);
-            }
-            DriveCommand::Reset => {
-                (self.asked, self.followed, self.lost, self.emergency) = (false, false, false, 0);
+        let is_ready = self.setup.is_done() && self.state.is_some() && self.state().fault == 0;
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(_) | Action::Withhold => self.idle(now_ns, out),
+            Action::Reset => {
+                (self.emergency, self.emergency_holds) = (0, false);
                 if self.setup.fault != 0 {
                     self.setup.again();
                 }
-                return out.push_some(self.command(FORGET_FAULT, &self.neutral()));
+                out.push_some(self.command(FORGET_FAULT, &self.neutral()));
             }
-        };
-        let is_ready = self.setup.is_done() && self.state.is_some() && self.state().fault == 0;
-        if self.lost || !(self.asked || is_ready) {
-            return self.stay_off(now_ns, out);
+            Action::Prime(setpoint)
+            | Action::Ask(setpoint)
+            | Action::Await(setpoint)
+            | Action::Follow(setpoint) => {
+                let control = match self.state {
+                    Some(State::Disabled) => SHUTDOWN,
+                    Some(State::Ready) => SWITCH_ON,
+                    Some(State::SwitchedOn | State::Enabled) => ENABLE,
+                    _ => DISABLE_VOLTAGE,
+                };
+                out.push_some(self.command(control, &setpoint));
+            }
         }
-        self.asked = true;
-        let control = match self.state {
-            Some(State::Disabled) => SHUTDOWN,
-            Some(State::Ready) => SWITCH_ON,
-            Some(State::SwitchedOn | State::Enabled) => ENABLE,
-            _ => DISABLE_VOLTAGE,
-        };
-        out.push_some(self.command(control, &wanted));
     }
 
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
@@ -393,7 +394,7 @@ impl Drive for Cia402 {
         let power = match self.state {
             None => Power::Unknown,
             Some(State::Enabled | State::QuickStop) => Power::On,
-            Some(_) if self.asked && !self.lost => Power::Starting,
+            Some(_) if self.power_up.is_asked() => Power::Starting,
             Some(_) => Power::Off,
         };
         let is_faulty = self.state == Some(State::Faulty);
@@ -403,7 +404,7 @@ impl Drive for Cia402 {
             code if code != 0 => u32::from(code),
             _ if is_faulty => fault::UNKNOWN,
             _ if self.setup.fault != 0 => self.setup.fault,
-            _ if self.lost => fault::POWER_LOST,
+            _ if self.power_up.stage() == Stage::Lost => fault::POWER_LOST,
             _ if is_beyond => fault::OUT_OF_RANGE,
             _ => 0,
         };
@@ -416,8 +417,8 @@ impl Drive for Cia402 {
 
     fn forget(&mut self) {
         (self.counted, self.heard_ns, self.heartbeat_ns) = (None, None, None);
-        (self.asked, self.followed, self.lost, self.emergency) = (false, false, false, 0);
-        self.torque = f64::NAN;
+        self.power_up.forget();
+        (self.emergency, self.emergency_holds, self.torque) = (0, false, f64::NAN);
         self.prepare();
     }
 

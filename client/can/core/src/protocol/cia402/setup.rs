@@ -1,14 +1,14 @@
-//! What a drive is told by SDO before it gets power, one request at a time, and what is read back.
+//! What a drive is given by SDO before it gets power, one request at a time, and what is read back.
 
 use crate::drive::{Mode, Parameter, Receipt, Watchdog};
 use crate::frame::{Frame, Id};
 use crate::protocol::fault;
 
 /// An unanswered request is sent again after this time `[ns]`.
-const PATIENCE_NS: u64 = 50_000_000;
+const TIMEOUT_NS: u64 = 50_000_000;
 /// The unit of 60C2 as drives are delivered, which many of them do not change.
 const MILLISECONDS: u32 = -3_i8 as u8 as u32;
-/// How far the rated torque may be from the configured one, relatively: it is told in mN m.
+/// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
 const SAME_TORQUE: f64 = 1e-3;
 
 pub(super) const PARAMETERS: &[Parameter] = &[
@@ -35,7 +35,7 @@ pub(super) const READABLE: [(u16, u8, bool); 8] = [
 
 /// What the drive is to be.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
+pub(super) struct Desired {
     pub(super) node: u16,
     pub(super) master: u16,
     pub(super) mode: Mode,
@@ -59,13 +59,13 @@ enum Step {
     Write(u16, u8, u8, u32),
     /// The same, for objects that not all drives have.
     Offer(u16, u8, u8, u32),
-    /// An object that is judged when it was read.
+    /// An object that is assessed when it was read.
     Read(u16, u8),
 }
 
 #[derive(Debug)]
 pub(super) struct Setup {
-    wanted: Wanted,
+    desired: Desired,
     steps: Vec<Step>,
     next: usize,
     sent_ns: Option<u64>,
@@ -130,17 +130,17 @@ fn pdo(communication: u16, mapping: u16, id: u32, objects: &[u32], steps: &mut V
 }
 
 impl Setup {
-    pub(super) fn new(wanted: Wanted) -> Setup {
-        let node = u32::from(wanted.node);
+    pub(super) fn new(desired: Desired) -> Setup {
+        let node = u32::from(desired.node);
         let mut steps = vec![Step::Network(0x80), Step::Write(0x6040, 0, 2, 0)];
-        if wanted.configure {
-            let target = match wanted.mode {
+        if desired.configure {
+            let target = match desired.mode {
                 Mode::Position => 0x607A_0020,
                 Mode::Velocity => 0x60FF_0020,
                 Mode::Torque | Mode::Impedance => 0x6071_0010,
             };
             let command = [0x6040_0010, target, 0x60B2_0010];
-            let n_objects = if wanted.torque_offset { 3 } else { 2 };
+            let n_objects = if desired.torque_offset { 3 } else { 2 };
             pdo(
                 0x1400,
                 0x1600,
@@ -153,32 +153,32 @@ impl Setup {
                 0x1801,
                 0x1A01,
                 0x280 + node,
-                if wanted.velocity_feedback { &[0x606C_0020] } else { &[] },
+                if desired.velocity_feedback { &[0x606C_0020] } else { &[] },
                 &mut steps,
             );
         }
-        steps.push(Step::Write(0x6060, 0, 1, u32::from(mode_of(wanted.mode))));
-        if wanted.period_ns > 0 && matches!(wanted.mode, Mode::Position | Mode::Velocity) {
-            let (value, exponent) = interpolation(wanted.period_ns);
+        steps.push(Step::Write(0x6060, 0, 1, u32::from(mode_of(desired.mode))));
+        if desired.period_ns > 0 && matches!(desired.mode, Mode::Position | Mode::Velocity) {
+            let (value, exponent) = interpolation(desired.period_ns);
             steps.push(Step::Offer(0x60C2, 2, 1, u32::from(exponent as u8)));
             steps.push(Step::Offer(0x60C2, 1, 1, u32::from(value)));
         }
-        if wanted.torque_limit.is_finite() {
-            steps.push(Step::Offer(0x6072, 0, 2, wanted.torque_limit.clamp(0.0, 65_535.0) as u32));
+        if desired.torque_limit.is_finite() {
+            steps.push(Step::Offer(0x6072, 0, 2, desired.torque_limit.clamp(0.0, 65_535.0) as u32));
         }
-        if wanted.watchdog_ms > 0 {
+        if desired.watchdog_ms > 0 {
             steps.push(Step::Offer(0x6007, 0, 2, 2));
             steps.push(Step::Write(
                 0x1016,
                 1,
                 4,
-                u32::from(wanted.master) << 16 | u32::from(wanted.watchdog_ms),
+                u32::from(desired.master) << 16 | u32::from(desired.watchdog_ms),
             ));
         }
         let read_back = [(0x1016, 1), (0x6007, 0), (0x6076, 0), (0x6061, 0)];
         steps.extend(read_back.map(|(index, sub)| Step::Read(index, sub)));
         steps.push(Step::Network(0x01));
-        Setup { wanted, steps, next: 0, sent_ns: None, watchdog: Watchdog::Unknown, fault: 0 }
+        Setup { desired, steps, next: 0, sent_ns: None, watchdog: Watchdog::Unknown, fault: 0 }
     }
 
     /// Begins again.
@@ -193,11 +193,11 @@ impl Setup {
     /// The next request, or the last one again when it was not answered.
     pub(super) fn request(&mut self, now_ns: u64) -> Option<Frame> {
         if self.fault != 0
-            || self.sent_ns.is_some_and(|sent| now_ns.saturating_sub(sent) < PATIENCE_NS)
+            || self.sent_ns.is_some_and(|sent| now_ns.saturating_sub(sent) < TIMEOUT_NS)
         {
             return None;
         }
-        let node = self.wanted.node;
+        let node = self.desired.node;
         self.sent_ns = Some(now_ns);
         match *self.steps.get(self.next)? {
             Step::Network(command) => {
@@ -247,7 +247,7 @@ impl Setup {
             Some(Step::Read(i, s))
                 if (*i, *s) == (index, sub) && (is_refused || command & 0xE2 == 0x42) =>
             {
-                self.judge(index, (!is_refused).then_some(value));
+                self.assess(index, (!is_refused).then_some(value));
                 self.proceed();
             }
             _ => {}
@@ -264,10 +264,10 @@ impl Setup {
         Receipt::Parameter(parameter, if is_signed { f64::from(signed) } else { f64::from(value) })
     }
 
-    fn judge(&mut self, index: u16, value: Option<u32>) {
+    fn assess(&mut self, index: u16, value: Option<u32>) {
         match (index, value) {
             (0x1016, Some(value)) => {
-                let is_ours = value >> 16 & 0x7F == u32::from(self.wanted.master);
+                let is_ours = value >> 16 & 0x7F == u32::from(self.desired.master);
                 self.watchdog = if is_ours && value & 0xFFFF > 0 {
                     Watchdog::Set(value & 0xFFFF)
                 } else {
@@ -283,12 +283,12 @@ impl Setup {
                 self.watchdog = Watchdog::Unreadable
             }
             (0x6076, Some(value)) => {
-                let (read, configured) = (f64::from(value) / 1000.0, self.wanted.rated_torque);
+                let (read, configured) = (f64::from(value) / 1000.0, self.desired.rated_torque);
                 if (read - configured).abs() > SAME_TORQUE * configured + 1e-3 {
                     self.fault = fault::RANGES_DIFFER;
                 }
             }
-            (0x6061, Some(value)) if value != u32::from(mode_of(self.wanted.mode)) => {
+            (0x6061, Some(value)) if value != u32::from(mode_of(self.desired.mode)) => {
                 self.fault = fault::MODE_REFUSED
             }
             (0x6076 | 0x6061, None) => self.fault = fault::SETTING_REFUSED,

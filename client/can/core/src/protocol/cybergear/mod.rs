@@ -15,14 +15,14 @@
 //!   read, 21 tells faults u32 and warnings u32, 0 answers who is there.
 //!
 //! Around zero a range has no code for zero: the two codes beside it are sent in turn. Beyond ±
-//! `position_range` the feedback is followed, and told as a fault. The motor's watchdog is the
+//! `position_range` the feedback is followed, and reported as a fault. The motor's watchdog is the
 //! parameter canTimeout in units of 50 µs; it is off as motors are delivered.
 
 mod keys;
 
 use super::number::limited;
+use super::power_up::{Action, PowerUp, Stage};
 use super::scale::Scale;
-use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
@@ -87,16 +87,15 @@ struct CyberGear {
     watchdog_ms: u32,
     watchdog: Watchdog,
     step: Step,
-    stage: Stage,
+    power_up: PowerUp,
     /// Feedback's mode.
     runs: Option<u32>,
-    /// Faults of the feedback, and those that the motor told by themselves.
+    /// Faults of the feedback, and those that the motor reported by themselves.
     motor_fault: u32,
-    told_fault: u32,
+    reported_fault: u32,
     refused: bool,
     turns: Turns,
     odd: bool,
-    turn: bool,
 }
 
 fn make(
@@ -142,14 +141,13 @@ fn make(
             watchdog_ms: common.watchdog_ms,
             watchdog: unknown(watchdog_index),
             step: Step::WriteMode,
-            stage: Stage::Off,
+            power_up: PowerUp::primed(),
             runs: None,
             motor_fault: 0,
-            told_fault: 0,
+            reported_fault: 0,
             refused: false,
             turns: Turns::default(),
             odd: false,
-            turn: false,
         }) as Box<dyn Drive>
     })
 }
@@ -172,10 +170,10 @@ impl CyberGear {
         self.frame(kind, self.host, [low, high, 0, 0, a, b, c, d])
     }
 
-    fn setpoint(&self, wanted: &Setpoint) -> Option<Frame> {
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
         let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
-            Mode::Torque => Setpoint { torque: wanted.torque, ..Setpoint::default() },
-            _ => *wanted,
+            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
+            _ => *setpoint,
         };
         let torque = self.torque.code(limited(torque, self.torque_limit), self.odd);
         let [a, b] = self.position.code(position, self.odd).to_be_bytes();
@@ -183,6 +181,12 @@ impl CyberGear {
         let [e, f] = self.stiffness.code(stiffness, self.odd).to_be_bytes();
         let [g, h] = self.damping.code(damping, self.odd).to_be_bytes();
         self.frame(SETPOINT, u32::from(torque), [a, b, c, d, e, f, g, h])
+    }
+
+    /// A set-point; codes beside zero alternate from one to the next.
+    fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+        self.odd = !self.odd;
     }
 
     /// The watchdog's time in its units.
@@ -200,10 +204,9 @@ impl CyberGear {
         }
     }
 
-    /// Without power; what is to be set and read takes every other cycle.
-    fn stay_off(&mut self, out: &mut FrameQueue) {
-        self.turn = !self.turn;
-        if self.turn {
+    /// Cycle `n` without power; what is to be set and read takes every other one.
+    fn idle(&mut self, n: u64, out: &mut FrameQueue) {
+        if !n.is_multiple_of(2) {
             return out.push_some(self.power_off(0));
         }
         out.push_some(self.request().or_else(|| self.power_off(0)));
@@ -236,8 +239,8 @@ impl CyberGear {
                 } else {
                     Watchdog::Set((number / TIMEOUT_PER_MS).max(1))
                 };
-                let is_wanted = self.watchdog_ms == 0 || number == self.timeout();
-                self.step = if is_wanted { Step::Done } else { Step::WriteTimeout };
+                let is_desired = self.watchdog_ms == 0 || number == self.timeout();
+                self.step = if is_desired { Step::Done } else { Step::WriteTimeout };
             }
             return Receipt::Parameter(INDICES.len(), f64::from(number));
         }
@@ -255,14 +258,9 @@ impl CyberGear {
         let [a, b, c, d, e, f, g, h] = bytes;
         self.runs = Some(mode);
         self.motor_fault = faults;
-        self.stage = match self.stage {
-            Stage::Asked(_) if mode == RUNS => Stage::On,
-            Stage::On if mode != RUNS => {
-                self.prepare();
-                Stage::Lost
-            }
-            stage => stage,
-        };
+        if self.power_up.report(mode == RUNS) {
+            self.prepare();
+        }
         let whole = self.turns.follow(u16::from_be_bytes([a, b]));
         Receipt::Measured(Measurement {
             position: self.position.value_at(whole),
@@ -276,37 +274,21 @@ impl CyberGear {
 impl Drive for CyberGear {
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.step == Step::Done && self.runs.is_some() && self.state().fault == 0;
-        let wanted = match command {
-            DriveCommand::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
-            DriveCommand::On(_) => return self.stay_off(out),
-            DriveCommand::Off => {
-                if self.stage != Stage::Off {
-                    (self.stage, self.turn) = (Stage::Off, false);
-                }
-                return self.stay_off(out);
-            }
-            DriveCommand::Reset => {
-                (self.stage, self.told_fault) = (Stage::Off, 0);
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(n) => self.idle(n, out),
+            Action::Reset => {
+                self.reported_fault = 0;
                 self.turns.trust();
                 self.prepare();
-                return out.push_some(self.power_off(1));
+                out.push_some(self.power_off(1));
             }
-        };
-        match self.stage {
-            Stage::Off => {
-                out.push_some(self.setpoint(&Setpoint::default()));
-                self.odd = !self.odd;
-                self.stage = Stage::Neutral;
-            }
-            Stage::Neutral | Stage::Asked(_) => {
+            // nothing but a torque of zero waits in the motor when it gets power
+            Action::Prime(_) => self.follow(&Setpoint::default(), out),
+            Action::Ask(_) | Action::Await(_) => {
                 out.push_some(self.frame(POWER_ON, self.host, [0; 8]));
-                self.stage = Stage::Asked(0);
             }
-            Stage::On => {
-                out.push_some(self.setpoint(&wanted));
-                self.odd = !self.odd;
-            }
-            Stage::Lost => out.push_some(self.power_off(0)),
+            Action::Follow(setpoint) => self.follow(&setpoint, out),
+            Action::Withhold => out.push_some(self.power_off(0)),
         }
     }
 
@@ -339,7 +321,7 @@ impl Drive for CyberGear {
             READ => self.read(bytes),
             FAULTS => {
                 let [a, b, c, d, ..] = bytes;
-                self.told_fault = u32::from_le_bytes([a, b, c, d]);
+                self.reported_fault = u32::from_le_bytes([a, b, c, d]);
                 Receipt::Noted
             }
             _ => Receipt::Noted,
@@ -347,14 +329,14 @@ impl Drive for CyberGear {
     }
 
     fn state(&self) -> DriveState {
-        let power = match (self.runs, self.stage) {
-            (None, _) => Power::Unknown,
-            (Some(RUNS), _) => Power::On,
-            (_, Stage::Neutral | Stage::Asked(_)) => Power::Starting,
-            _ => Power::Off,
+        let power = match self.runs {
+            None => Power::Unknown,
+            Some(RUNS) => Power::On,
+            Some(_) if self.power_up.is_starting() => Power::Starting,
+            Some(_) => Power::Off,
         };
-        let fault = match self.stage {
-            _ if self.told_fault != 0 => self.told_fault,
+        let fault = match self.power_up.stage() {
+            _ if self.reported_fault != 0 => self.reported_fault,
             _ if self.motor_fault != 0 => self.motor_fault,
             _ if self.refused => fault::MODE_REFUSED,
             Stage::Lost => fault::POWER_LOST,
@@ -369,8 +351,8 @@ impl Drive for CyberGear {
     }
 
     fn forget(&mut self) {
-        (self.stage, self.turn, self.runs) = (Stage::Off, false, None);
-        (self.motor_fault, self.told_fault) = (0, 0);
+        self.power_up.forget();
+        (self.runs, self.motor_fault, self.reported_fault) = (None, 0, 0);
         self.turns.forget();
         self.prepare();
     }

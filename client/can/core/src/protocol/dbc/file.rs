@@ -58,27 +58,28 @@ pub(super) fn parse(text: &str) -> Result<Vec<Message>, Fault> {
     let mut is_message = true;
     for (i, line) in text.lines().enumerate() {
         let line = line.trim();
-        let told = |what: &str| (i + 1, what.to_owned());
+        let error = |what: &str| (i + 1, what.to_owned());
         if let Some(rest) = line.strip_prefix("BO_ ") {
             is_message = !rest.split([' ', ':']).any(|word| word == NO_MESSAGE.0);
             if !is_message {
                 continue;
             }
-            messages
-                .push(message(rest).ok_or_else(|| {
-                    told("`BO_` is not followed by identifier, name: and length")
-                })?);
+            messages.push(
+                message(rest).ok_or_else(|| {
+                    error("`BO_` is not followed by identifier, name: and length")
+                })?,
+            );
         } else if let Some(rest) = line.strip_prefix("SG_ ") {
             if !is_message {
                 continue;
             }
             let signal = signal(rest).ok_or_else(|| {
-                told("`SG_` is not followed by name : start|length@order (factor,offset)")
+                error("`SG_` is not followed by name : start|length@order (factor,offset)")
             })?;
             let message =
-                messages.last_mut().ok_or_else(|| told("a signal stands before all messages"))?;
+                messages.last_mut().ok_or_else(|| error("a signal stands before all messages"))?;
             if !signal.fits(message.len) {
-                return Err(told("a signal does not fit into its message"));
+                return Err(error("a signal does not fit into its message"));
             }
             message.signals.push(signal);
         } else if let Some(rest) = line.strip_prefix("SIG_VALTYPE_ ") {
@@ -86,9 +87,9 @@ pub(super) fn parse(text: &str) -> Result<Vec<Message>, Fault> {
                 continue;
             }
             float(rest, &mut messages)
-                .ok_or_else(|| told("`SIG_VALTYPE_` names no signal of 32 or 64 bits"))?;
+                .ok_or_else(|| error("`SIG_VALTYPE_` names no signal of 32 or 64 bits"))?;
         } else if line.starts_with("SG_MUL_VAL_ ") {
-            return Err(told("switches of switches (`SG_MUL_VAL_`) are not known"));
+            return Err(error("switches of switches (`SG_MUL_VAL_`) are not known"));
         }
     }
     Ok(messages)

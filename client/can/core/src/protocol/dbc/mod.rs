@@ -10,7 +10,7 @@
 //! The motor has power while `enable` has the value `enable_value`. Without power it is told the
 //! position that it measured, and nothing else; the first set-point goes out a cycle before power.
 //! In each cycle the frames with `enable` come last when they give power and first when they take
-//! it. What the motor told counts for `stale_ms`: later there is no velocity and torque, and where
+//! it. What the motor reported counts for `stale_ms`: later there is no velocity and torque, and where
 //! `fault` or `enabled` have stopped, that is a fault. A DBC file says nothing of a watchdog: it
 //! cannot be read.
 
@@ -18,13 +18,14 @@ mod file;
 mod signals;
 
 use super::number::limited;
+use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use sarrus_models::Diagnostics;
-use signals::{Finder, Named, Role, Sent, Told, frames, value};
+use signals::{Finder, Named, Reported, Role, Sent, frames, value};
 
 /// Any DBC file.
 pub(super) const DBC: Protocol = Protocol {
@@ -37,11 +38,11 @@ pub(super) const DBC: Protocol = Protocol {
         signal("enable", None, "signal that gives power, Message.Signal"),
         number("enable_value", "1", "its value for power"),
         number("disable_value", "0", "its value without power"),
-        signal("position", Some(""), "signal of the wanted position"),
-        signal("velocity", Some(""), "signal of the wanted velocity"),
-        signal("torque", Some(""), "signal of the wanted torque"),
-        signal("stiffness", Some(""), "signal of the wanted stiffness"),
-        signal("damping", Some(""), "signal of the wanted damping"),
+        signal("position", Some(""), "signal of the desired position"),
+        signal("velocity", Some(""), "signal of the desired velocity"),
+        signal("torque", Some(""), "signal of the desired torque"),
+        signal("stiffness", Some(""), "signal of the desired stiffness"),
+        signal("damping", Some(""), "signal of the desired damping"),
         signal(
             "constants",
             Some(""),
@@ -58,7 +59,7 @@ pub(super) const DBC: Protocol = Protocol {
             name: "stale_ms",
             kind: KeyKind::Integer(1, 60_000),
             default: Some("200"),
-            about: "what the motor has not told again after this time is not believed any more, in ms",
+            about: "what the motor has not reported again after this time is not believed any more, in ms",
         },
         number("position_unit", "1", "rad for 1 of the file's positions"),
         number("velocity_unit", "1", "rad/s for 1 of the file's velocities"),
@@ -77,20 +78,8 @@ const fn number(name: &'static str, default: &'static str, about: &'static str) 
     Key { name, kind: KeyKind::Number(-1e12, 1e12), default: Some(default), about }
 }
 
-/// A temperature counts for this time: it is told seldom, and changes slowly `[ns]`.
+/// A temperature counts for this time: it is reported seldom, and changes slowly `[ns]`.
 const TEMPERATURE_NS: u64 = 10_000_000_000;
-
-/// The way to power.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Off,
-    /// The set-point was sent, without power.
-    Told,
-    /// Power was asked for.
-    Asked,
-    /// The motor let go by itself; it gets no power before it was told to be off.
-    Lost,
-}
 
 #[derive(Debug)]
 struct Dbc {
@@ -98,12 +87,12 @@ struct Dbc {
     sent: Vec<Sent>,
     enable: [f64; 2],
     units: [f64; 5],
-    position: Told,
-    velocity: Option<Told>,
-    torque: Option<Told>,
-    temperature: Option<Told>,
-    fault: Option<Told>,
-    enabled: Option<Told>,
+    position: Reported,
+    velocity: Option<Reported>,
+    torque: Option<Reported>,
+    temperature: Option<Reported>,
+    fault: Option<Reported>,
+    enabled: Option<Reported>,
     enabled_value: f64,
     stale_ns: u64,
     /// What tells of fault or power has stopped.
@@ -113,7 +102,7 @@ struct Dbc {
     code: u32,
     not_finite: bool,
     power: Power,
-    stage: Stage,
+    power_up: PowerUp,
 }
 
 const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
@@ -132,16 +121,16 @@ fn make(
                 settings.place("file"),
                 format!("line {line} of the DBC file: {what}"),
                 "a DBC file",
-                "mend it there",
+                "fix it there",
             );
             return None;
         }
     };
     let mut finder = Finder { messages: &messages, settings, diagnostics, good: true };
-    let mut wanted: Vec<(Named, Role)> = Vec::new();
-    wanted.extend(finder.of("enable").map(|named| (named, Role::Enable)));
+    let mut desired: Vec<(Named, Role)> = Vec::new();
+    desired.extend(finder.of("enable").map(|named| (named, Role::Enable)));
     for (i, key) in SETPOINTS.iter().enumerate() {
-        wanted.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
+        desired.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
     }
     for constant in settings.text("constants").split(',').filter(|text| !text.trim().is_empty()) {
         match constant
@@ -149,7 +138,7 @@ fn make(
             .map(|(name, value)| (name.trim(), value.trim().parse::<f64>()))
         {
             Some((name, Ok(value))) if value.is_finite() => {
-                wanted.extend(
+                desired.extend(
                     finder.named("constants", name).map(|named| (named, Role::Constant(value))),
                 );
             }
@@ -173,16 +162,16 @@ fn make(
             finder.wrong(key, found, "the signal that takes it", "add it, or choose another mode");
         }
     }
-    let position = finder.told("measured_position");
+    let position = finder.reported("measured_position");
     let [velocity, torque, temperature, fault, enabled] =
         ["measured_velocity", "measured_torque", "temperature", "fault", "enabled"]
-            .map(|key| finder.told(key));
+            .map(|key| finder.reported(key));
     let units = UNITS.map(|key| settings.number(key));
     if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key))
     {
         finder.wrong(key, format!("`{key}` is 0"), "what 1 of the file is", "correct it");
     }
-    let sent = frames(wanted).unwrap_or_else(|switch| {
+    let sent = frames(desired).unwrap_or_else(|switch| {
         let found = format!("`{switch}` is the switch of its message, and other signals of that message say what it is");
         finder.wrong("constants", found, "a signal that is no switch", "remove it");
         Vec::new()
@@ -208,13 +197,13 @@ fn make(
         code: 0,
         not_finite: false,
         power: Power::Unknown,
-        stage: Stage::Off,
+        power_up: PowerUp::primed(),
     }))
 }
 
 impl Dbc {
-    fn send(&self, power: bool, wanted: &Setpoint, out: &mut FrameQueue) {
-        let Setpoint { position, velocity, torque, stiffness, damping } = *wanted;
+    fn send(&self, power: bool, desired: &Setpoint, out: &mut FrameQueue) {
+        let Setpoint { position, velocity, torque, stiffness, damping } = *desired;
         let setpoint = [position, velocity, limited(torque, self.torque_limit), stiffness, damping];
         let [off, on] = self.enable;
         let value = |role| match role {
@@ -243,7 +232,7 @@ impl Dbc {
         }
     }
 
-    fn told(&self) -> impl Iterator<Item = &Told> {
+    fn reported(&self) -> impl Iterator<Item = &Reported> {
         [&self.velocity, &self.torque, &self.temperature, &self.fault, &self.enabled]
             .into_iter()
             .flatten()
@@ -251,18 +240,16 @@ impl Dbc {
     }
 
     /// What the motor tells of its fault and power.
-    fn health(&self) -> impl Iterator<Item = &Told> {
+    fn health(&self) -> impl Iterator<Item = &Reported> {
         [&self.fault, &self.enabled].into_iter().flatten()
     }
 
     fn is_silent(&self, now_ns: u64) -> bool {
-        self.health().any(|told| told.is_old(now_ns, self.stale_ns))
+        self.health().any(|reported| reported.is_old(now_ns, self.stale_ns))
     }
 
     fn powered(&mut self, is_on: bool) {
-        if self.power == Power::On && self.stage == Stage::Asked && !is_on {
-            self.stage = Stage::Lost;
-        }
+        self.power_up.report(is_on);
         self.power = if is_on { Power::On } else { Power::Off };
     }
 }
@@ -273,21 +260,17 @@ impl Drive for Dbc {
         let is_ready = self.place.is_finite()
             && self.state().power != Power::Unknown
             && self.state().fault == 0;
-        match (command, self.stage) {
-            (DriveCommand::On(wanted), Stage::Told | Stage::Asked) => {
-                self.stage = Stage::Asked;
-                self.send(true, &wanted, out);
-            }
-            (DriveCommand::On(wanted), Stage::Off) if is_ready => {
-                self.stage = Stage::Told;
-                self.send(false, &wanted, out);
-            }
-            (DriveCommand::On(_), Stage::Off | Stage::Lost) => {
-                self.send(false, &self.neutral(), out)
-            }
-            (DriveCommand::Off | DriveCommand::Reset, _) => {
-                self.stage = Stage::Off;
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(_) | Action::Reset | Action::Withhold => {
                 self.send(false, &self.neutral(), out);
+            }
+            Action::Prime(setpoint) => self.send(false, &setpoint, out),
+            Action::Ask(setpoint) | Action::Await(setpoint) | Action::Follow(setpoint) => {
+                // a motor that said before that it has power does not say so again
+                if self.power == Power::On {
+                    self.power_up.report(true);
+                }
+                self.send(true, &setpoint, out);
             }
         }
     }
@@ -301,8 +284,10 @@ impl Drive for Dbc {
     }
 
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
-        let Some(len) =
-            self.told().find(|told| told.named.id == frame.id).map(|told| told.named.len)
+        let Some(len) = self
+            .reported()
+            .find(|reported| reported.named.id == frame.id)
+            .map(|reported| reported.named.len)
         else {
             return Receipt::NotMine;
         };
@@ -310,7 +295,9 @@ impl Drive for Dbc {
             return Receipt::Malformed;
         }
         let [position_unit, velocity_unit, torque_unit, ..] = self.units;
-        let take = |told: &mut Option<Told>, unit: f64| told.as_mut()?.take(now_ns, frame, unit);
+        let take = |reported: &mut Option<Reported>, unit: f64| {
+            reported.as_mut()?.take(now_ns, frame, unit)
+        };
         take(&mut self.velocity, velocity_unit);
         take(&mut self.torque, torque_unit);
         take(&mut self.temperature, 1.0);
@@ -333,7 +320,7 @@ impl Drive for Dbc {
         }
         self.place = position;
         if self.enabled.is_none() {
-            self.power = if self.stage == Stage::Asked { Power::On } else { Power::Off };
+            self.power = if self.power_up.is_asked() { Power::On } else { Power::Off };
         }
         Receipt::Measured(Measurement {
             position,
@@ -344,15 +331,15 @@ impl Drive for Dbc {
     }
 
     fn state(&self) -> DriveState {
-        let is_known = !self.silent && self.health().all(Told::is_known);
-        let power = match (self.power, self.stage) {
+        let is_known = !self.silent && self.health().all(Reported::is_known);
+        let power = match self.power {
             _ if !is_known => Power::Unknown,
-            (Power::Off, Stage::Told | Stage::Asked) => Power::Starting,
-            (power, _) => power,
+            Power::Off if self.power_up.is_starting() => Power::Starting,
+            power => power,
         };
         let fault = match self.code {
             0 if self.not_finite => fault::NOT_FINITE,
-            0 if self.stage == Stage::Lost => fault::POWER_LOST,
+            0 if self.power_up.stage() == Stage::Lost => fault::POWER_LOST,
             0 if self.silent => fault::SILENT,
             code => code,
         };
@@ -365,9 +352,10 @@ impl Drive for Dbc {
             .into_iter()
             .flatten()
             .chain([position])
-            .for_each(Told::forget);
+            .for_each(Reported::forget);
         (self.silent, self.place, self.code, self.not_finite) = (false, f64::NAN, 0, false);
-        (self.power, self.stage) = (Power::Unknown, Stage::Off);
+        self.power = Power::Unknown;
+        self.power_up.forget();
     }
 
     fn identifiers(&self) -> Vec<Id> {
@@ -375,7 +363,7 @@ impl Drive for Dbc {
             .sent
             .iter()
             .map(|sent| sent.id)
-            .chain(self.told().map(|told| told.named.id))
+            .chain(self.reported().map(|reported| reported.named.id))
             .collect();
         ids.sort_unstable();
         ids.dedup();
@@ -384,8 +372,8 @@ impl Drive for Dbc {
 
     fn replies(&self) -> Vec<Reply> {
         let mut replies: Vec<Reply> = Vec::new();
-        for told in self.told() {
-            let Named { id, len, .. } = told.named;
+        for reported in self.reported() {
+            let Named { id, len, .. } = reported.named;
             if !replies.iter().any(|reply| reply.id == id) {
                 replies.push(Reply { id, kind: FrameKind::Classic, len });
             }

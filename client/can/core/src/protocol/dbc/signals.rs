@@ -34,9 +34,9 @@ pub(super) struct Named {
     signal: Signal,
 }
 
-/// A signal that the motor sends, as last told.
+/// A signal that the motor sends, as last reported.
 #[derive(Clone, Debug)]
-pub(super) struct Told {
+pub(super) struct Reported {
     pub(super) named: Named,
     value: f64,
     at_ns: Option<u64>,
@@ -60,15 +60,15 @@ impl Sent {
 /// The frames that hold all these signals: one for each value of a message's switch that they need.
 /// What is in the message whatever its switch says goes into each of them. The name of a signal
 /// that is a message's switch and cannot have a value of its own is the error.
-pub(super) fn frames(wanted: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
-    let switched: Vec<Id> = wanted
+pub(super) fn frames(desired: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
+    let switched: Vec<Id> = desired
         .iter()
         .filter(|(named, _)| named.switch.is_some())
         .map(|(named, _)| named.id)
         .collect();
     let is_switched = |named: &Named| switched.contains(&named.id);
     let (everywhere, others): (Vec<_>, Vec<_>) =
-        wanted.into_iter().partition(|(named, _)| named.switch.is_none() && is_switched(named));
+        desired.into_iter().partition(|(named, _)| named.switch.is_none() && is_switched(named));
     if let Some((switch, _)) =
         everywhere.iter().find(|(named, _)| named.signal.multiplexing == Multiplexing::Switch)
     {
@@ -98,7 +98,7 @@ pub(super) fn frames(wanted: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
     Ok(sent)
 }
 
-impl Told {
+impl Reported {
     /// Takes the value times a unit, if this frame holds it. A number that is not finite is none.
     pub(super) fn take(&mut self, now_ns: u64, frame: &Frame, unit: f64) -> Option<f64> {
         let Named { id, switch, signal, .. } = &self.named;
@@ -113,12 +113,12 @@ impl Told {
         Some(self.value)
     }
 
-    /// Whether it was told once.
+    /// Whether it was reported once.
     pub(super) fn is_known(&self) -> bool {
         self.at_ns.is_some()
     }
 
-    /// Whether it was told, and not for longer than this time any more.
+    /// Whether it was reported, and not for longer than this time any more.
     pub(super) fn is_old(&self, now_ns: u64, most_ns: u64) -> bool {
         self.at_ns.is_some_and(|at_ns| now_ns.saturating_sub(at_ns) > most_ns)
     }
@@ -129,8 +129,10 @@ impl Told {
 }
 
 /// The last value of a signal that may not exist; NaN where it is unknown or older than this time.
-pub(super) fn value(told: Option<&Told>, now_ns: u64, most_ns: u64) -> f64 {
-    told.filter(|told| !told.is_old(now_ns, most_ns)).map_or(f64::NAN, |told| told.value)
+pub(super) fn value(reported: Option<&Reported>, now_ns: u64, most_ns: u64) -> f64 {
+    reported
+        .filter(|reported| !reported.is_old(now_ns, most_ns))
+        .map_or(f64::NAN, |reported| reported.value)
 }
 
 /// Finds the signals that settings name.
@@ -151,8 +153,8 @@ impl Finder<'_> {
     }
 
     /// The same, for one that the motor tells.
-    pub(super) fn told(&mut self, key: &str) -> Option<Told> {
-        self.of(key).map(|named| Told { named, value: f64::NAN, at_ns: None })
+    pub(super) fn reported(&mut self, key: &str) -> Option<Reported> {
+        self.of(key).map(|named| Reported { named, value: f64::NAN, at_ns: None })
     }
 
     pub(super) fn named(&mut self, key: &str, name: &str) -> Option<Named> {

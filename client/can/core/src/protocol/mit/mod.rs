@@ -21,13 +21,13 @@
 //! special command: then the torque code FFA is sent, and to a RobStride, which reads more such
 //! commands, a position one step lower. Around zero a range has no code for zero: the two codes
 //! beside it are sent in turn. Beyond ± `position_range` the feedback begins again at the other
-//! end: it is followed there, and told as a fault, since no set-point can be said there.
+//! end: it is followed there, and reported as a fault, since no set-point can be said there.
 
 mod damiao;
 
 use super::number::limited;
+use super::power_up::{Action, PowerUp, Stage};
 use super::scale::Scale;
-use super::stage::Stage;
 use super::turns::Turns;
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
@@ -106,12 +106,11 @@ struct Mit {
     stiffness: Scale,
     damping: Scale,
     registers: Option<Registers>,
-    stage: Stage,
+    power_up: PowerUp,
     power: Power,
     motor_fault: u32,
     turns: Turns,
     odd: bool,
-    turn: bool,
 }
 
 fn make(
@@ -152,12 +151,11 @@ fn make(
         damping: Scale::from_zero(settings.number("damping_range"), 12),
         registers: (variant == Variant::Damiao)
             .then(|| Registers::new(id, common.watchdog_ms, ranges)),
-        stage: Stage::Off,
+        power_up: PowerUp::primed(),
         power: Power::Unknown,
         motor_fault: 0,
         turns: Turns::default(),
         odd: false,
-        turn: false,
     }))
 }
 
@@ -167,10 +165,10 @@ impl Mit {
     }
 
     /// A set-point in its 8 bytes, never those of a special command.
-    fn setpoint(&self, wanted: Setpoint) -> Option<Frame> {
+    fn setpoint(&self, setpoint: Setpoint) -> Option<Frame> {
         let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
-            Mode::Torque => Setpoint { torque: wanted.torque, ..Setpoint::default() },
-            _ => wanted,
+            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
+            _ => setpoint,
         };
         let odd = self.odd;
         let torque = self.torque.code(limited(torque, self.torque_limit), odd);
@@ -200,12 +198,16 @@ impl Mit {
             && self.registers.is_none_or(|registers| registers.done())
     }
 
-    /// Without power; what is to be set and read takes every other cycle.
-    fn stay_off(&mut self, out: &mut FrameQueue) {
-        self.turn = !self.turn;
-        let request =
-            if self.turn { None } else { self.registers.and_then(|registers| registers.request()) };
-        out.push_some(request.or_else(|| self.special(POWER_OFF)));
+    /// Cycle `n` without power; what is to be set and read takes every other one.
+    fn idle(&self, n: u64) -> Option<Frame> {
+        let registers = self.registers.filter(|_| n.is_multiple_of(2));
+        registers.and_then(|registers| registers.request()).or_else(|| self.special(POWER_OFF))
+    }
+
+    /// A set-point; codes beside zero alternate from one to the next.
+    fn follow(&mut self, setpoint: Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+        self.odd = !self.odd;
     }
 
     /// Takes the motor's own word of its state, where the reply has one.
@@ -213,27 +215,16 @@ impl Mit {
         match self.variant {
             Variant::Damiao => {
                 self.motor_fault = if state > 1 { u32::from(state) } else { 0 };
-                match (state, self.stage) {
-                    (1, Stage::Asked(_)) => self.stage = Stage::On,
-                    (1, _) => {}
-                    (_, Stage::On) => {
-                        self.stage = Stage::Lost;
-                        self.prepare();
-                    }
-                    _ => {}
+                if self.power_up.report(state == 1) {
+                    self.prepare();
                 }
                 self.power = if state == 1 { Power::On } else { Power::Off };
             }
             Variant::MiniCheetah | Variant::TMotor | Variant::RobStride => {
                 self.motor_fault = u32::from(error);
-                self.stage = match self.stage {
-                    Stage::Asked(replies) if replies + 1 < REPLIES_TO_POWER => {
-                        Stage::Asked(replies + 1)
-                    }
-                    Stage::Asked(_) => Stage::On,
-                    stage => stage,
-                };
-                self.power = if self.stage == Stage::On { Power::On } else { Power::Off };
+                self.power_up.count_reply(REPLIES_TO_POWER);
+                let is_on = self.power_up.stage() == Stage::On;
+                self.power = if is_on { Power::On } else { Power::Off };
             }
         }
     }
@@ -241,41 +232,22 @@ impl Mit {
 
 impl Drive for Mit {
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
-        let wanted = match command {
-            DriveCommand::On(wanted) if self.stage != Stage::Off || self.ready() => wanted,
-            DriveCommand::On(_) => return self.stay_off(out),
-            DriveCommand::Off => {
-                if self.stage != Stage::Off {
-                    (self.stage, self.turn) = (Stage::Off, false);
-                }
-                return self.stay_off(out);
-            }
-            DriveCommand::Reset => {
-                self.stage = Stage::Off;
+        let is_ready = self.ready();
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(n) => out.push_some(self.idle(n)),
+            Action::Reset => {
                 self.turns.trust();
                 self.prepare();
                 if matches!(self.variant, Variant::Damiao | Variant::RobStride) {
                     out.push_some(self.special(FORGET_FAULT));
                 }
-                return out.push_some(self.special(POWER_OFF));
+                out.push_some(self.special(POWER_OFF));
             }
-        };
-        match self.stage {
-            Stage::Off => {
-                out.push_some(self.setpoint(Setpoint::default()));
-                self.odd = !self.odd;
-                self.stage = Stage::Neutral;
-            }
-            Stage::Neutral => {
-                out.push_some(self.special(POWER_ON));
-                self.stage = Stage::Asked(0);
-            }
-            Stage::Asked(_) => out.push_some(self.special(POWER_ON)),
-            Stage::On => {
-                out.push_some(self.setpoint(wanted));
-                self.odd = !self.odd;
-            }
-            Stage::Lost => out.push_some(self.special(POWER_OFF)),
+            // nothing but a torque of zero waits in the motor when it gets power
+            Action::Prime(_) => self.follow(Setpoint::default(), out),
+            Action::Ask(_) | Action::Await(_) => out.push_some(self.special(POWER_ON)),
+            Action::Follow(setpoint) => self.follow(setpoint, out),
+            Action::Withhold => out.push_some(self.special(POWER_OFF)),
         }
     }
 
@@ -335,15 +307,15 @@ impl Drive for Mit {
 
     fn state(&self) -> DriveState {
         let registers = self.registers.map_or(0, |registers| registers.fault);
-        let fault = match self.stage {
+        let fault = match self.power_up.stage() {
             _ if self.motor_fault != 0 => self.motor_fault,
             _ if registers != 0 => registers,
             Stage::Lost => fault::POWER_LOST,
             _ => self.turns.fault(self.mode),
         };
-        let power = match (self.power, self.stage) {
-            (Power::Off, Stage::Neutral | Stage::Asked(_)) => Power::Starting,
-            (power, _) => power,
+        let power = match self.power {
+            Power::Off if self.power_up.is_starting() => Power::Starting,
+            power => power,
         };
         let watchdog = self.registers.map_or(Watchdog::Unreadable, |registers| registers.watchdog);
         DriveState { power, fault, watchdog }
@@ -354,8 +326,8 @@ impl Drive for Mit {
     }
 
     fn forget(&mut self) {
-        (self.stage, self.turn, self.power, self.motor_fault) =
-            (Stage::Off, false, Power::Unknown, 0);
+        self.power_up.forget();
+        (self.power, self.motor_fault) = (Power::Unknown, 0);
         self.turns.forget();
         self.prepare();
     }

@@ -29,6 +29,7 @@ mod subframes;
 use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps};
+use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
@@ -97,17 +98,6 @@ const WHOLE: i32 = 32_767;
 /// A step of an int16 torque `[N m]`.
 const TORQUE_STEP: f64 = 0.01;
 
-/// The way to power.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Off,
-    /// The first set-point was sent.
-    Asked,
-    On,
-    /// The motor let go by itself; it gets no power before it was told to be off.
-    Lost,
-}
-
 #[derive(Debug)]
 struct Moteus {
     id: u32,
@@ -119,7 +109,7 @@ struct Moteus {
     /// Steps of .01 s, 0 for the controller's own.
     watchdog_steps: u8,
     watchdog: Watchdog,
-    stage: Stage,
+    power_up: PowerUp,
     servo_mode: Option<u8>,
     code: u8,
     not_finite: bool,
@@ -162,7 +152,7 @@ fn make(
         gains: [settings.number("kp"), settings.number("kd")],
         watchdog_steps: common.watchdog_ms.div_ceil(10) as u8,
         watchdog: Watchdog::Unknown,
-        stage: Stage::Off,
+        power_up: PowerUp::at_once(),
         servo_mode: None,
         code: 0,
         not_finite: false,
@@ -185,21 +175,21 @@ impl Moteus {
         self.frame(&Moteus::query(payload.add(&[0x11, WATCHDOG])))
     }
 
-    fn setpoint(&self, wanted: &Setpoint) -> Option<Frame> {
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
         let [kp, kd] = match self.mode {
             Mode::Impedance => {
                 let [kp, kd] = self.gains;
-                let stiffness = (wanted.stiffness * TAU / kp).clamp(0.0, 1.0);
-                [stiffness, (wanted.damping * TAU / kd).clamp(0.0, stiffness)]
+                let stiffness = (setpoint.stiffness * TAU / kp).clamp(0.0, 1.0);
+                [stiffness, (setpoint.damping * TAU / kd).clamp(0.0, stiffness)]
             }
             Mode::Position => [1.0, 1.0],
             Mode::Torque | Mode::Velocity => [0.0, 0.0],
         };
-        let mut torque = wanted.torque;
+        let mut torque = setpoint.torque;
         if self.mode == Mode::Impedance && self.velocity.is_finite() {
             let [_, own] = self.gains;
             torque +=
-                (wanted.damping - kd * own / TAU).max(0.0) * (wanted.velocity - self.velocity);
+                (setpoint.damping - kd * own / TAU).max(0.0) * (setpoint.velocity - self.velocity);
         }
         let torque = steps(limited(torque, self.torque_limit), TORQUE_STEP, WHOLE) as i16;
         // rounded towards less; the lowest value means the controller's own limit
@@ -212,8 +202,8 @@ impl Moteus {
             Mode::Torque | Mode::Velocity => payload,
             Mode::Impedance | Mode::Position => payload
                 .add(&[0x0E, 0x20])
-                .add(&single(wanted.position / TAU).to_le_bytes())
-                .add(&single(wanted.velocity / TAU).to_le_bytes()),
+                .add(&single(setpoint.position / TAU).to_le_bytes())
+                .add(&single(setpoint.velocity / TAU).to_le_bytes()),
         };
         let payload = payload
             .add(&[0x04, 4, 0x22])
@@ -250,12 +240,10 @@ impl Moteus {
 
     fn proceed(&mut self) {
         let Some(mode) = self.servo_mode else { return };
-        self.stage = match self.stage {
-            Stage::Asked if mode == POSITION => Stage::On,
-            Stage::Asked if mode == FAULT => Stage::Lost,
-            Stage::On if mode != POSITION => Stage::Lost,
-            stage => stage,
-        };
+        if mode == FAULT && self.power_up.is_asked() {
+            self.power_up.lose();
+        }
+        self.power_up.report(mode == POSITION);
     }
 }
 
@@ -264,26 +252,18 @@ impl Drive for Moteus {
         let is_ready = self.servo_mode == Some(STOPPED)
             && self.watchdog != Watchdog::Unknown
             && self.state().fault == 0;
-        let wanted = match command {
-            DriveCommand::On(wanted)
-                if is_ready || matches!(self.stage, Stage::Asked | Stage::On) =>
-            {
-                wanted
+        let frame = match self.power_up.action(command, is_ready) {
+            Action::Reset => {
+                self.not_finite = false;
+                self.stop()
             }
-            DriveCommand::On(_) => return out.push_some(self.stop()),
-            DriveCommand::Off | DriveCommand::Reset => {
-                self.stage = Stage::Off;
-                self.not_finite &= command == DriveCommand::Off;
-                return out.push_some(self.stop());
-            }
+            Action::Idle(_) | Action::Withhold => self.stop(),
+            Action::Prime(setpoint)
+            | Action::Ask(setpoint)
+            | Action::Await(setpoint)
+            | Action::Follow(setpoint) => self.setpoint(&setpoint),
         };
-        if self.stage == Stage::Lost {
-            return out.push_some(self.stop());
-        }
-        if self.stage == Stage::Off {
-            self.stage = Stage::Asked;
-        }
-        out.push_some(self.setpoint(&wanted));
+        out.push_some(frame);
     }
 
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
@@ -357,16 +337,16 @@ impl Drive for Moteus {
     }
 
     fn state(&self) -> DriveState {
-        let power = match (self.servo_mode, self.stage) {
+        let power = match (self.servo_mode, self.power_up.stage()) {
             (None, _) => Power::Unknown,
             (Some(POSITION), _) => Power::On,
-            (Some(STOPPED), Stage::Asked) => Power::Starting,
+            (Some(STOPPED), Stage::Asked(_)) => Power::Starting,
             // after a timeout or a fault the motor may brake: it is off in that it follows nothing
             (Some(STOPPED | FAULT), _) => Power::Off,
             (Some(2..=4), _) => Power::Starting,
             _ => Power::Off,
         };
-        let fault = match self.stage {
+        let fault = match self.power_up.stage() {
             // other codes tell what limits a motor without fault
             _ if self.servo_mode == Some(FAULT) => u32::from(self.code.max(1)),
             _ if self.not_finite => fault::NOT_FINITE,
@@ -381,7 +361,8 @@ impl Drive for Moteus {
     }
 
     fn forget(&mut self) {
-        (self.stage, self.servo_mode, self.code, self.not_finite) = (Stage::Off, None, 0, false);
+        self.power_up.forget();
+        (self.servo_mode, self.code, self.not_finite) = (None, 0, false);
         self.velocity = f64::NAN;
         self.prepare();
     }

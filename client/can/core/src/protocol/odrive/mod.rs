@@ -11,10 +11,10 @@
 //!   endpoint: u8 1 | 0, endpoint u16, 0, value.
 //! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last
 //!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
-//!   temperatures of bridge and motor f32 f32; 1C torque wanted and estimated f32 f32.
+//!   temperatures of bridge and motor f32 f32; 1C desired and estimated torque f32 f32.
 //!
 //! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
-//! wanted) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
+//! needed) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
 //! turns/s) where other masters overflow. The endpoints of its watchdog have other numbers in each
 //! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
 
@@ -24,6 +24,7 @@ mod setup;
 use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps};
+use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
@@ -64,19 +65,6 @@ const HEARTBEAT_LOST_NS: u64 = 500_000_000;
 /// Input mode 1 passes set-points on as they are.
 const PASSTHROUGH: u32 = 1;
 
-/// The way to power.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Off,
-    /// A set-point is in the motor.
-    Ready,
-    /// Closed loop was asked for.
-    Asked,
-    On,
-    /// The motor let go by itself; it gets no power before it was told to be off.
-    Lost,
-}
-
 #[derive(Debug)]
 struct ODrive {
     node: u16,
@@ -86,8 +74,7 @@ struct ODrive {
     torque_scale: f64,
     torque_feedback: bool,
     setup: Setup,
-    stage: Stage,
-    turn: u8,
+    power_up: PowerUp,
     axis_state: Option<u8>,
     /// When its last heartbeat came `[ns]`.
     heard_ns: u64,
@@ -128,8 +115,7 @@ fn make(
         torque_scale: settings.number("torque_scale"),
         torque_feedback: settings.flag("torque_feedback"),
         setup: Setup::new(node, endpoints, common.watchdog_ms),
-        stage: Stage::Off,
-        turn: 0,
+        power_up: PowerUp::primed(),
         axis_state: None,
         heard_ns: 0,
         errors: 0,
@@ -149,12 +135,12 @@ impl ODrive {
         self.frame(STATE, &state.to_le_bytes())
     }
 
-    fn setpoint(&self, wanted: &Setpoint) -> Option<Frame> {
-        let torque = limited(wanted.torque, self.torque_limit);
-        let velocity = wanted.velocity / TAU;
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
+        let torque = limited(setpoint.torque, self.torque_limit);
+        let velocity = setpoint.velocity / TAU;
         match self.mode {
             Mode::Position => {
-                let [a, b, c, d] = single(wanted.position / TAU).to_le_bytes();
+                let [a, b, c, d] = single(setpoint.position / TAU).to_le_bytes();
                 let [e, f] = (steps(velocity, self.velocity_scale, 32_767) as i16).to_le_bytes();
                 let [g, h] = (steps(torque, self.torque_scale, 32_767) as i16).to_le_bytes();
                 self.frame(POSITION, &[a, b, c, d, e, f, g, h])
@@ -190,9 +176,8 @@ impl ODrive {
 
     /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is
     /// to be set and read, in turn.
-    fn stay_off(&mut self, out: &mut FrameQueue) {
-        self.turn = (self.turn + 1) % 3;
-        let frame = match self.turn {
+    fn idle(&mut self, n: u64, out: &mut FrameQueue) {
+        let frame = match n % 3 {
             1 => self.state_request(IDLE),
             2 => self.setpoint(&self.neutral()),
             _ => self.setup.request().or_else(|| self.control_mode()),
@@ -205,16 +190,13 @@ impl ODrive {
         self.axis_state = Some(state);
         self.heard_ns = now_ns;
         let is_on = u32::from(state) == CLOSED_LOOP;
-        if self.stage == Stage::On && !is_on {
-            self.prepare();
-        }
-        self.stage = match self.stage {
-            Stage::Asked if is_on => Stage::On,
+        match self.power_up.stage() {
             // the request was lost, or the heartbeat is older than it
-            Stage::Asked if errors == 0 => Stage::Ready,
-            Stage::Asked | Stage::On if !is_on => Stage::Lost,
-            stage => stage,
-        };
+            Stage::Asked(_) if !is_on && errors == 0 => self.power_up.ask_again(),
+            Stage::Asked(_) if !is_on => self.power_up.lose(),
+            _ if self.power_up.report(is_on) => self.prepare(),
+            _ => {}
+        }
     }
 }
 
@@ -229,40 +211,29 @@ impl Drive for ODrive {
         if self.axis_state.is_some() && now_ns.saturating_sub(self.heard_ns) > HEARTBEAT_LOST_NS {
             // measurements alone do not tell whether it has power, or errors
             self.axis_state = None;
-            self.stage = if self.stage == Stage::Off { Stage::Off } else { Stage::Lost };
+            self.power_up.lose();
         }
         let is_ready = self.setup.is_done() && self.axis_state.is_some() && self.state().fault == 0;
-        let wanted = match command {
-            DriveCommand::On(wanted) if self.stage != Stage::Off || is_ready => wanted,
-            DriveCommand::On(_) => return self.stay_off(out),
-            DriveCommand::Off => {
-                if self.stage != Stage::Off {
-                    (self.stage, self.turn) = (Stage::Off, 0);
-                }
-                return self.stay_off(out);
-            }
-            DriveCommand::Reset => {
-                (self.stage, self.turn, self.not_finite) = (Stage::Off, 0, false);
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(n) => self.idle(n, out),
+            Action::Reset => {
+                self.power_up.forget();
+                self.not_finite = false;
                 self.prepare();
                 // a set-point, so that the watchdog does not bite again at once
                 out.push_some(self.setpoint(&self.neutral()));
-                return out.push_some(self.frame(FORGET_ERRORS, &[0]));
+                out.push_some(self.frame(FORGET_ERRORS, &[0]));
             }
-        };
-        match self.stage {
-            Stage::Off => {
+            Action::Prime(setpoint) => {
                 out.push_some(self.control_mode());
-                out.push_some(self.setpoint(&wanted));
+                out.push_some(self.setpoint(&setpoint));
             }
-            Stage::Asked | Stage::On => out.push_some(self.setpoint(&wanted)),
-            Stage::Ready => out.push_some(self.state_request(CLOSED_LOOP)),
-            Stage::Lost => out.push_some(self.state_request(IDLE)),
+            Action::Ask(_) => out.push_some(self.state_request(CLOSED_LOOP)),
+            Action::Await(setpoint) | Action::Follow(setpoint) => {
+                out.push_some(self.setpoint(&setpoint));
+            }
+            Action::Withhold => out.push_some(self.state_request(IDLE)),
         }
-        self.stage = match self.stage {
-            Stage::Off => Stage::Ready,
-            Stage::Ready => Stage::Asked,
-            stage => stage,
-        };
     }
 
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
@@ -325,13 +296,13 @@ impl Drive for ODrive {
     }
 
     fn state(&self) -> DriveState {
-        let power = match (self.axis_state.map(u32::from), self.stage) {
+        let power = match (self.axis_state.map(u32::from), self.power_up.stage()) {
             (None, _) => Power::Unknown,
             (Some(CLOSED_LOOP), _) => Power::On,
             (Some(IDLE | 0), Stage::Off | Stage::Lost) => Power::Off,
             _ => Power::Starting,
         };
-        let fault = match self.stage {
+        let fault = match self.power_up.stage() {
             _ if self.errors != 0 => self.errors,
             _ if self.not_finite => fault::NOT_FINITE,
             Stage::Lost => fault::POWER_LOST,
@@ -345,7 +316,7 @@ impl Drive for ODrive {
     }
 
     fn forget(&mut self) {
-        (self.stage, self.turn) = (Stage::Off, 0);
+        self.power_up.forget();
         (self.axis_state, self.errors, self.not_finite) = (None, 0, false);
         (self.position, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
         self.prepare();

@@ -15,7 +15,7 @@ const STEP_NS: u64 = 1_000_000;
 const LONGEST_NS: u64 = 100_000_000;
 
 /// All motors.
-pub(super) struct Plant {
+pub(super) struct Motors {
     motors: Vec<Motor>,
     robot: Option<Moving>,
     /// Until when the robot was reckoned `[ns]`.
@@ -30,26 +30,26 @@ struct Motor {
     simulated: Simulated,
     /// Frames that it sends by itself.
     unasked: FrameQueue,
-    told: Told,
+    reported: Reported,
 }
 
-/// What was told of a motor last.
+/// What was reported of a motor last.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Told {
+struct Reported {
     power: bool,
     fault: u32,
     tripped_ns: Option<u64>,
     has_setpoint: bool,
 }
 
-impl Plant {
+impl Motors {
     /// The motors of the chosen buses.
     pub(super) fn new(
         configuration: &Configuration,
         buses: &[usize],
         physics: Physics,
         dynamics: Dynamics,
-    ) -> Result<Plant, String> {
+    ) -> Result<Motors, String> {
         let mut motors = Vec::new();
         for config in configuration.motors.iter().filter(|motor| buses.contains(&motor.bus)) {
             let name = configuration.actuators.get(config.actuator).cloned().unwrap_or_default();
@@ -66,7 +66,7 @@ impl Plant {
                 mapping,
                 simulated,
                 unasked,
-                told: Told::default(),
+                reported: Reported::default(),
             });
         }
         let robot = match dynamics {
@@ -76,9 +76,9 @@ impl Plant {
             }
             Dynamics::Robot => Some(Moving::new(configuration, physics)?),
         };
-        let mut plant = Plant { motors, robot, moved_ns: None };
-        plant.carry();
-        Ok(plant)
+        let mut motors = Motors { motors, robot, moved_ns: None };
+        motors.carry();
+        Ok(motors)
     }
 
     /// Lets time go by.
@@ -94,7 +94,7 @@ impl Plant {
             moved_ns += STEP_NS;
             if let Some(robot) = &mut self.robot {
                 for motor in &self.motors {
-                    robot.drive(motor.actuator, &motor.mapping, &motor.simulated.body);
+                    robot.drive(motor.actuator, &motor.mapping, &motor.simulated.plant);
                 }
                 robot.step(STEP_NS as f64 * 1e-9);
             }
@@ -112,7 +112,7 @@ impl Plant {
         for motor in &mut self.motors {
             let Mapping { sign, gear, offset, .. } = motor.mapping;
             let (u, ud) = robot.actuator(motor.actuator);
-            motor.simulated.body.carry(sign * gear * (u - offset), sign * gear * ud);
+            motor.simulated.plant.carry(sign * gear * (u - offset), sign * gear * ud);
         }
     }
 
@@ -141,35 +141,38 @@ impl Plant {
     pub(super) fn news(&mut self, now_ns: u64) -> Vec<String> {
         let mut news = Vec::new();
         for motor in &mut self.motors {
-            let body = &motor.simulated.body;
-            let told = Told {
-                power: body.power,
-                fault: body.fault,
-                tripped_ns: body.tripped_ns,
-                has_setpoint: body.n_setpoints > 0,
+            let plant = &motor.simulated.plant;
+            let reported = Reported {
+                power: plant.power,
+                fault: plant.fault,
+                tripped_ns: plant.tripped_ns,
+                has_setpoint: plant.n_setpoints > 0,
             };
-            if told == motor.told {
+            if reported == motor.reported {
                 continue;
             }
             let name = &motor.name;
             let mut tell = |event: &str, t: u64, more: Value| {
                 news.push(json!({"event": event, "motor": name, "t": t, "value": more}).to_string())
             };
-            if told.power != motor.told.power {
-                tell("power", now_ns, json!(told.power));
+            if reported.power != motor.reported.power {
+                tell("power", now_ns, json!(reported.power));
             }
-            if told.has_setpoint && told.power && !(motor.told.has_setpoint && motor.told.power) {
+            if reported.has_setpoint
+                && reported.power
+                && !(motor.reported.has_setpoint && motor.reported.power)
+            {
                 tell("first_setpoint", now_ns, json!(setpoint(&motor.simulated)));
             }
             if let (Some(tripped_ns), true) =
-                (told.tripped_ns, told.tripped_ns != motor.told.tripped_ns)
+                (reported.tripped_ns, reported.tripped_ns != motor.reported.tripped_ns)
             {
                 tell("watchdog", tripped_ns, json!(true));
             }
-            if told.fault != motor.told.fault {
-                tell("fault", now_ns, json!(told.fault));
+            if reported.fault != motor.reported.fault {
+                tell("fault", now_ns, json!(reported.fault));
             }
-            motor.told = told;
+            motor.reported = reported;
         }
         news
     }
@@ -183,25 +186,25 @@ impl Plant {
 
 impl Motor {
     fn report(&self, now_ns: u64) -> Value {
-        let body = &self.simulated.body;
+        let plant = &self.simulated.plant;
         let heard = self.simulated.last_heard();
         json!({
             "motor": self.name,
-            "power": body.power,
-            "fault": body.fault,
+            "power": plant.power,
+            "fault": plant.fault,
             "frame": heard.map(|(_, frame)| frame.to_string()),
             "frame_age_ms": heard.map(|(heard_ns, _)| now_ns.saturating_sub(heard_ns) as f64 * 1e-6),
             "frames": self.simulated.n_heard(),
-            "setpoints": body.n_setpoints,
+            "setpoints": plant.n_setpoints,
             "setpoint": setpoint(&self.simulated),
-            "watchdog_ms": body.watchdog_ns as f64 * 1e-6,
-            "tripped": body.tripped_ns.is_some(),
-            "tripped_t": body.tripped_ns,
-            "position": body.measured(),
-            "velocity": body.velocity,
-            "torque": body.torque,
-            "actuator_position": self.mapping.sign * body.measured() / self.mapping.gear + self.mapping.offset,
-            "actuator_velocity": self.mapping.sign * body.velocity / self.mapping.gear,
+            "watchdog_ms": plant.watchdog_ns as f64 * 1e-6,
+            "tripped": plant.tripped_ns.is_some(),
+            "tripped_t": plant.tripped_ns,
+            "position": plant.measured(),
+            "velocity": plant.velocity,
+            "torque": plant.torque,
+            "actuator_position": self.mapping.sign * plant.measured() / self.mapping.gear + self.mapping.offset,
+            "actuator_velocity": self.mapping.sign * plant.velocity / self.mapping.gear,
         })
     }
 }

@@ -1,9 +1,9 @@
-//! One input log, the same bytes: the library in this process, and the replay of both fronts.
+//! One input log, the same bytes: the library in this process, and the replay of both frontends.
 
 use std::fmt::Write;
 use std::process::{Command, Output};
 
-use sarrus_can_core::bridge::{Bridge, BusEvent, Verdict};
+use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::config::Configuration;
 use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_sim::{Physics, Simulated};
@@ -12,7 +12,7 @@ use sarrus_tests::python::environment;
 use sarrus_tests::seed::Seeded;
 use serde_json::json;
 
-use super::harness::{BUSES, Front, Process, Stage, sarrus_can, wait_for};
+use super::harness::{BUSES, Frontend, Process, Stage, sarrus_can, wait_for};
 
 const PERIOD_NS: u64 = 4_000_000;
 
@@ -71,7 +71,7 @@ impl Session {
     }
 
     /// A command of random numbers, changed.
-    fn command_with(&mut self, change: impl FnOnce(&mut ActuatorCommand)) -> Verdict {
+    fn command_with(&mut self, change: impl FnOnce(&mut ActuatorCommand)) -> CommandVerdict {
         self.sequence += 1;
         let n_u = self.configuration.actuators.len();
         let mut command = ActuatorCommand {
@@ -110,25 +110,37 @@ impl Session {
     /// Commands that are refused.
     fn bad_commands(&mut self) {
         let (now_ns, sequence) = (self.now_ns, self.sequence);
-        assert_eq!(self.command_with(|command| command.position[3] = f64::NAN), Verdict::NotFinite);
+        assert_eq!(
+            self.command_with(|command| command.position[3] = f64::NAN),
+            CommandVerdict::NotFinite
+        );
         assert_eq!(
             self.command_with(|command| command.effort[0] = f64::INFINITY),
-            Verdict::NotFinite
+            CommandVerdict::NotFinite
         );
-        assert_eq!(self.command_with(|command| command.stiffness[1] = -1.0), Verdict::Negative);
-        assert_eq!(self.command_with(|command| command.sequence = sequence), Verdict::Old);
-        assert_eq!(self.command_with(|command| command.stamp_ns -= 1_000_000_000), Verdict::Old);
+        assert_eq!(
+            self.command_with(|command| command.stiffness[1] = -1.0),
+            CommandVerdict::Negative
+        );
+        assert_eq!(self.command_with(|command| command.sequence = sequence), CommandVerdict::Old);
+        assert_eq!(
+            self.command_with(|command| command.stamp_ns -= 1_000_000_000),
+            CommandVerdict::Old
+        );
         assert_eq!(
             self.command_with(|command| command.stamp_ns = now_ns + 10_000_000_000),
-            Verdict::Ahead
+            CommandVerdict::Ahead
         );
-        assert_eq!(self.command_with(|command| command.fingerprint ^= 1), Verdict::WrongModel);
-        assert_eq!(self.command_with(|command| command.n_u -= 1), Verdict::WrongSize);
+        assert_eq!(
+            self.command_with(|command| command.fingerprint ^= 1),
+            CommandVerdict::WrongModel
+        );
+        assert_eq!(self.command_with(|command| command.n_u -= 1), CommandVerdict::WrongSize);
     }
 
     /// Frames that no motor sends: cut short, too long for what they say, of others.
     fn bad_frames(&mut self) {
-        let before = *self.bridge.bus_counters(0).unwrap().1;
+        let before = self.bridge.bus_counters(0).unwrap().1.counts;
         for text in [
             "101#",
             "101#11",
@@ -142,7 +154,7 @@ impl Session {
             writeln!(self.log, "{}", json!({"t": self.now_ns, "frame": text, "bus": bus})).unwrap();
             self.bridge.receive(self.now_ns, 0, &Frame::from_text(text).unwrap());
         }
-        let after = self.bridge.bus_counters(0).unwrap().1;
+        let after = self.bridge.bus_counters(0).unwrap().1.counts;
         assert!(after.malformed > before.malformed && after.unknown > before.unknown);
     }
 
@@ -249,7 +261,7 @@ fn both_fronts_give_the_bytes_of_the_library_for_one_log() {
 }
 
 #[test]
-fn a_line_that_is_none_is_told_by_both_fronts_in_the_same_words() {
+fn a_line_that_is_none_is_told_by_both_frontends_in_the_same_words() {
     let stage = Stage::new();
     let log = stage.folder.join("log.jsonl");
     let path = log.to_str().unwrap();
@@ -283,20 +295,20 @@ fn a_line_that_is_none_is_told_by_both_fronts_in_the_same_words() {
             .args(["replay", &stage.configuration, path])
             .output()
             .unwrap();
-        let told = |output: &Output| String::from_utf8(output.stderr.clone()).unwrap();
+        let text = |output: &Output| String::from_utf8(output.stderr.clone()).unwrap();
         assert_eq!(
             (python.status.code(), rust.status.code()),
             (Some(1), Some(1)),
             "{line}: {}{}",
-            told(&python),
-            told(&rust)
+            text(&python),
+            text(&rust)
         );
-        let rust = told(&rust);
+        let rust = text(&rust);
         assert!(
             rust.starts_with(&format!("{path}:3:1: ")) && rust.contains(word),
             "{line}: {rust}"
         );
-        assert_eq!(told(&python), format!("sarrus.can: {rust}"), "{line}");
+        assert_eq!(text(&python), format!("sarrus.can: {rust}"), "{line}");
     }
     // lists that are not given are zeros
     let line = r#"{"t": 1, "command": {"sequence": 1, "stamp_ns": 1}}"#;
@@ -320,17 +332,17 @@ fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
     let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
     let (log, recording) = (stage.folder.join("run.jsonl"), stage.folder.join("run.log"));
     let (log, recording) = (log.to_str().unwrap(), recording.to_str().unwrap());
-    let mut command = stage.bridge_command(Front::Python);
+    let mut command = stage.bridge_command(Frontend::Python);
     command.args(["--log", log, "--record", recording]);
     let mut bridge = Process::start("bridge", command);
     assert!(bridge.line().starts_with("ready "));
     let mut controller = stage.controller();
-    let mut powered = |wanted: bool| {
+    let mut powered = |desired: bool| {
         wait_for("power", || {
             motors
                 .iter_mut()
                 .flat_map(Process::report)
-                .all(|motor| motor["power"] == wanted)
+                .all(|motor| motor["power"] == desired)
                 .then_some(())
         });
     };
@@ -351,7 +363,7 @@ fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
     let replayed = replay(program);
     assert!(
         replay(environment().can(&["replay", &stage.configuration, log])) == replayed,
-        "the fronts differ"
+        "the frontends differ"
     );
     let sent = std::fs::read_to_string(recording).unwrap();
     for (bus, actuators) in BUSES {
@@ -367,7 +379,7 @@ fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
         let (replayed, sent) = (frames(&replayed, true), frames(&sent, true));
         assert!(replayed.len() > 100 * actuators.len(), "{bus}: {} frames", replayed.len());
         assert_eq!(sent[..replayed.len()], replayed[..], "{bus}");
-        // only the last words come after the last cycle
+        // only the shutdown frames come after the last cycle
         assert!(
             sent.len() > replayed.len()
                 && sent[replayed.len()..].iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")),

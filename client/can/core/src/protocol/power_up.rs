@@ -1,0 +1,219 @@
+//! The way to power, the same for every protocol: what is to be said in a cycle. How it is said, and
+//! what the motor answers, is the protocol's.
+//!
+//! ```text
+//! Off ── ready ──→ Primed ── next cycle ──→ Asked ── the motor has power ──→ On
+//!                    ↑                        │                              │
+//!                    └── the request was lost ┘        the motor lost power ─┴→ Lost
+//! ```
+//!
+//! `DriveCommand::Off` and `Reset` lead from everywhere to `Off`, and nothing else leads out of
+//! `Lost`. Where a set-point asks for power by itself `Primed` is left out.
+
+use crate::drive::{DriveCommand, Setpoint};
+
+/// How far it is; each stage waits for the motor's reply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stage {
+    /// No power.
+    Off,
+    /// A set-point was sent, so that no old one waits in the motor.
+    Primed,
+    /// Power was asked for; so many replies came since, where they are counted.
+    Asked(u8),
+    /// The motor follows.
+    On,
+    /// The motor lost its power by itself; it gets none before it was off by command.
+    Lost,
+}
+
+/// What a drive sends in a cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Action {
+    /// What keeps the motor off, and what is to be set and read; the number of the cycle since the
+    /// motor was last on its way to power, from 1.
+    Idle(u64),
+    /// What keeps the motor off, and forgets a latched fault.
+    Reset,
+    /// A set-point before there is power.
+    Prime(Setpoint),
+    /// The request for power.
+    Ask(Setpoint),
+    /// It was asked for in an earlier cycle, and the motor has not confirmed it yet.
+    Await(Setpoint),
+    /// The set-point.
+    Follow(Setpoint),
+    /// What keeps a motor off that lost its power by itself.
+    Withhold,
+}
+
+/// The way of one motor to power.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PowerUp {
+    stage: Stage,
+    /// The stage after `Off`.
+    first: Stage,
+    n_idle: u64,
+}
+
+impl PowerUp {
+    /// For motors that take a set-point before they have power.
+    pub(super) fn primed() -> PowerUp {
+        PowerUp { stage: Stage::Off, first: Stage::Primed, n_idle: 0 }
+    }
+
+    /// For motors that a set-point gives power.
+    pub(super) fn at_once() -> PowerUp {
+        PowerUp { first: Stage::Asked(0), ..PowerUp::primed() }
+    }
+
+    /// How far it is.
+    pub(super) fn stage(&self) -> Stage {
+        self.stage
+    }
+
+    /// On the way to power.
+    pub(super) fn is_starting(&self) -> bool {
+        matches!(self.stage, Stage::Primed | Stage::Asked(_))
+    }
+
+    /// Power was asked for, and the motor has not lost it.
+    pub(super) fn is_asked(&self) -> bool {
+        matches!(self.stage, Stage::Asked(_) | Stage::On)
+    }
+
+    /// What to send for a command; a motor that is not ready stays off.
+    pub(super) fn action(&mut self, command: DriveCommand, is_ready: bool) -> Action {
+        let setpoint = match command {
+            DriveCommand::On(setpoint) if self.stage != Stage::Off || is_ready => setpoint,
+            DriveCommand::On(_) => return self.idle(),
+            DriveCommand::Off => {
+                if self.stage != Stage::Off {
+                    self.forget();
+                }
+                return self.idle();
+            }
+            DriveCommand::Reset => {
+                self.stage = Stage::Off;
+                return Action::Reset;
+            }
+        };
+        let (stage, action) = match self.stage {
+            Stage::Off if self.first == Stage::Primed => (Stage::Primed, Action::Prime(setpoint)),
+            Stage::Off | Stage::Primed => (Stage::Asked(0), Action::Ask(setpoint)),
+            stage @ Stage::Asked(_) => (stage, Action::Await(setpoint)),
+            Stage::On => (Stage::On, Action::Follow(setpoint)),
+            Stage::Lost => (Stage::Lost, Action::Withhold),
+        };
+        self.stage = stage;
+        action
+    }
+
+    /// The motor says whether it has power. True where it just lost it.
+    pub(super) fn report(&mut self, has_power: bool) -> bool {
+        let before = self.stage;
+        self.stage = match self.stage {
+            Stage::Asked(_) if has_power => Stage::On,
+            Stage::On if !has_power => Stage::Lost,
+            stage => stage,
+        };
+        before == Stage::On && self.stage == Stage::Lost
+    }
+
+    /// A reply of a motor that does not say whether it has power: after `enough` of them since it
+    /// was asked to have it counts as having it.
+    pub(super) fn count_reply(&mut self, enough: u8) {
+        self.stage = match self.stage {
+            Stage::Asked(replies) if replies + 1 < enough => Stage::Asked(replies + 1),
+            Stage::Asked(_) => Stage::On,
+            stage => stage,
+        };
+    }
+
+    /// The request for power was lost: it is sent again.
+    pub(super) fn ask_again(&mut self) {
+        if matches!(self.stage, Stage::Asked(_)) {
+            self.stage = Stage::Primed;
+        }
+    }
+
+    /// The motor cannot have power any more.
+    pub(super) fn lose(&mut self) {
+        if self.stage != Stage::Off {
+            self.stage = Stage::Lost;
+        }
+    }
+
+    /// Back to the beginning.
+    pub(super) fn forget(&mut self) {
+        (self.stage, self.n_idle) = (Stage::Off, 0);
+    }
+
+    fn idle(&mut self) -> Action {
+        self.n_idle = self.n_idle.wrapping_add(1);
+        Action::Idle(self.n_idle)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ON: DriveCommand = DriveCommand::On(Setpoint {
+        position: 0.0,
+        velocity: 0.0,
+        torque: 1.0,
+        stiffness: 0.0,
+        damping: 0.0,
+    });
+
+    #[test]
+    fn power_is_asked_for_after_a_set_point_and_only_when_ready() {
+        let mut power_up = PowerUp::primed();
+        assert_eq!(power_up.action(ON, false), Action::Idle(1));
+        assert!(matches!(power_up.action(ON, true), Action::Prime(_)));
+        assert!(matches!(power_up.action(ON, false), Action::Ask(_)));
+        assert!(matches!(power_up.action(ON, false), Action::Await(_)));
+        assert!(!power_up.report(true));
+        assert!(matches!(power_up.action(ON, false), Action::Follow(_)));
+        let mut at_once = PowerUp::at_once();
+        assert!(matches!(at_once.action(ON, true), Action::Ask(_)));
+    }
+
+    #[test]
+    fn power_that_was_lost_comes_back_only_after_off() {
+        for end in [DriveCommand::Off, DriveCommand::Reset] {
+            let mut power_up = PowerUp::at_once();
+            power_up.action(ON, true);
+            power_up.report(true);
+            assert!(power_up.report(false));
+            assert!(!power_up.report(true));
+            assert_eq!(power_up.action(ON, true), Action::Withhold);
+            power_up.action(end, true);
+            assert!(matches!(power_up.action(ON, true), Action::Ask(_)));
+        }
+    }
+
+    #[test]
+    fn a_motor_without_a_word_of_its_power_counts_replies() {
+        let mut power_up = PowerUp::primed();
+        power_up.count_reply(2);
+        assert_eq!(power_up.stage(), Stage::Off);
+        power_up.action(ON, true);
+        power_up.action(ON, true);
+        power_up.count_reply(2);
+        assert_eq!(power_up.stage(), Stage::Asked(1));
+        power_up.count_reply(2);
+        assert_eq!(power_up.stage(), Stage::On);
+    }
+
+    #[test]
+    fn nothing_is_lost_that_was_never_asked_for() {
+        let mut power_up = PowerUp::primed();
+        power_up.lose();
+        assert_eq!(power_up.stage(), Stage::Off);
+        power_up.action(ON, true);
+        power_up.lose();
+        assert_eq!(power_up.stage(), Stage::Lost);
+    }
+}

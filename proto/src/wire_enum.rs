@@ -1,0 +1,66 @@
+//! Numbers on the wire and the names that people see: one macro for every enum that travels.
+
+/// Declares an enum that travels: each line is the documentation, the variant, its number and its
+/// name. The numbers are for ever: a variant that goes leaves its number unused.
+///
+/// It has `ALL` in the order of the numbers, `name()`, which is also its `Display`, `from_code()`,
+/// which is `None` for a number that this version does not know, and `name_of()`, which is
+/// `unknown` there: an unknown number never takes the meaning of a known one.
+macro_rules! wire_enum {
+    (
+        $(#[$of_enum:meta])*
+        $enum:ident: $number:ident {
+            $($(#[$of_variant:meta])* $variant:ident = $code:literal, $name:literal;)*
+        }
+    ) => {
+        $(#[$of_enum])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr($number)]
+        #[non_exhaustive]
+        pub enum $enum { $($(#[$of_variant])* $variant = $code,)* }
+
+        impl $enum {
+            /// All of them, in the order of their numbers.
+            pub const ALL: &[$enum] = &[$($enum::$variant,)*];
+
+            /// The name that people and scripts see.
+            pub const fn name(self) -> &'static str {
+                match self { $($enum::$variant => $name,)* }
+            }
+
+            /// The one of a number on the wire; `None` for a number that this version does not
+            /// know.
+            pub const fn from_code(code: $number) -> Option<$enum> {
+                match code { $($code => Some($enum::$variant),)* _ => None }
+            }
+
+            /// The name of a number on the wire; `unknown` for a number that this version does not
+            /// know.
+            pub const fn name_of(code: $number) -> &'static str {
+                match $enum::from_code(code) { Some(known) => known.name(), None => "unknown" }
+            }
+        }
+
+        impl core::fmt::Display for $enum {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
+
+pub(crate) use wire_enum;
+
+#[cfg(test)]
+mod tests {
+    use crate::Request;
+
+    #[test]
+    fn a_number_that_is_not_known_has_no_meaning() {
+        assert_eq!(Request::Map.to_string(), "map");
+        assert_eq!((Request::from_code(4), Request::name_of(4)), (Some(Request::Map), "map"));
+        for code in [0, 5, u32::MAX] {
+            assert_eq!((Request::from_code(code), Request::name_of(code)), (None, "unknown"));
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! Pages to read: what the symbols mean, where the equations come from, how loops are closed in
+//! closed form.
+//!
+//! There is no code here.
+
+#[doc = include_str!("notation.md")]
+pub mod notation {}
+
+#[doc = include_str!("bibliography.md")]
+pub mod bibliography {}
+
+#[doc = include_str!("closures.md")]
+pub mod closures {}

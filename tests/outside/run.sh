@@ -1,0 +1,110 @@
+#!/usr/bin/env bash
+# A crate of a user's own, outside the workspace, where cargo does not read `.cargo/config.toml` of
+# the project:
+#   (a) without the baseline its build ends with an error that holds the two lines to paste,
+#   (b) with these two lines, as they stand in that error, it builds, and inverse dynamics of the
+#       upper body take as many instructions as inside the workspace, to 1 %,
+#   (c) with the feature `portable` it compiles without them; `run.sh --bits` builds and runs that
+#       too and compares the answers bit by bit.
+# Of the project only the crates that it needs are copied and compiled.
+set -Eeuo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd -P)
+target=${CARGO_TARGET_DIR:-$root/target}
+bits=${1:-}
+
+# the flags of the environment come before every file
+unset RUSTFLAGS CARGO_ENCODED_RUSTFLAGS CARGO_BUILD_RUSTFLAGS
+unset CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUSTFLAGS
+
+fail() {
+    printf 'outside: %s\n' "$@" >&2
+    exit 1
+}
+
+if [ "$(uname -m)" != x86_64 ]; then
+    echo "not run: the baseline is one of x86-64"
+    exit 0
+fi
+
+# the crate beside a copy of what it depends on, in a folder above which nothing configures cargo
+place=$(mktemp -d)
+trap 'rm -rf "$place"' EXIT
+above=$place
+while [ "$above" != / ]; do
+    [ ! -e "$above/.cargo" ] || [ "$above/.cargo" = "${CARGO_HOME:-$HOME/.cargo}" ] ||
+        fail "$above/.cargo configures every build in $place: point TMPDIR elsewhere"
+    above=$(dirname "$above")
+done
+mkdir -p "$place/sarrus/server" "$place/robot/src" "$place/robot/.cargo"
+cp -RL "$root/Cargo.toml" "$root/proto" "$root/models" "$place/sarrus/"
+cp -RL "$root/server/dynamics" "$place/sarrus/server/"
+cp "$root/tests/outside/main.rs" "$place/robot/src/main.rs"
+cp "$root/Cargo.lock" "$place/robot/Cargo.lock"
+cat >"$place/robot/Cargo.toml" <<'END'
+[package]
+name = "outside"
+version = "0.0.0"
+edition = "2024"
+
+[dependencies]
+sarrus-dynamics = { path = "../sarrus/server/dynamics" }
+sarrus-models = { path = "../sarrus/models" }
+
+[features]
+portable = ["sarrus-models/portable"]
+
+# as in the workspace, whose compiled dependencies then serve here too
+[profile.release]
+codegen-units = 1
+debug = "line-tables-only"
+END
+(cd "$root" && cargo fetch --locked --quiet)
+cd "$place/robot"
+
+# (a) nothing given: the error says what to do
+if CARGO_TARGET_DIR=$target/outside cargo check --offline --quiet 2>"$place/error"; then
+    fail "a build without FMA went through"
+fi
+wanted="\[target\.'cfg.*\]\$|rustflags = .*\$"
+lines=$(grep -oE "$wanted" "$place/error" | awk '!seen[$0]++')
+[ "$(grep -c . <<<"$lines")" -eq 2 ] ||
+    fail "the error does not hold the two lines to paste:" "$(cat "$place/error")"
+echo "$lines" | while read -r line; do
+    grep -qFx "$line" "$root/.cargo/config.toml" || fail "the project is built without: $line"
+done
+
+# (c) the portable build compiles
+CARGO_TARGET_DIR=$target/outside cargo check --offline --quiet --features portable ||
+    fail "the feature portable does not compile"
+if [ "$bits" = --bits ]; then
+    CARGO_TARGET_DIR=$target/outside cargo build --offline --quiet --features portable
+    "$target/outside/debug/outside" >"$place/portable"
+fi
+
+# (b) the lines of the message, pasted
+printf '%s\n' "$lines" >.cargo/config.toml
+CARGO_TARGET_DIR=$target cargo build --offline --quiet --release || fail "the two lines do not do"
+cp "$target/release/outside" "$place/"
+if [ "$bits" = --bits ]; then
+    "$place/outside" | diff - "$place/portable" || fail "portable gives other bits"
+    echo "portable: the same bits"
+fi
+if ! command -v valgrind >/dev/null; then
+    echo "not run: valgrind is missing, so instructions are not compared (apt install valgrind)"
+    exit 0
+fi
+(cd "$root" && cargo build --locked --quiet --release -p sarrus-benches --example outside)
+
+# the instructions of the passes alone: loading takes another number in every run
+count() {
+    valgrind --tool=callgrind --callgrind-out-file=/dev/null --toggle-collect='*outside::pass*' \
+        "$1" 4 2>&1 | awk '/Collected :/ { printf "%.0f", $NF / 64 }'
+}
+without=$(count "$place/outside")
+within=$(count "$target/release/examples/outside")
+awk -v a="$without" -v b="$within" 'BEGIN {
+    if (!(a > 0 && b > 0)) { print "outside: nothing was counted" > "/dev/stderr"; exit 1 }
+    printf "inverse dynamics of the upper body: %d instructions outside, %d inside, %+.2f %%\n",
+        a, b, 100 * (a / b - 1)
+    exit (a / b - 1)^2 > 0.01^2
+}' || fail "outside the workspace the kernels are other ones"
