@@ -118,6 +118,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_synonym_belongs_to_a_section_and_is_none_itself() {
+        for (word, of) in SYNONYMS {
+            assert!(names().any(|name| name == of) && names().all(|name| name != word), "{word}");
+        }
+        assert_eq!(synonyms("extremes").collect::<Vec<_>>(), ["stress"]);
+        assert_eq!(synonyms("accuracy").count(), 0);
+    }
+
+    #[test]
     fn days_have_dates() {
         assert_eq!(
             [0, 59, 11_016, 20_513].map(date),
