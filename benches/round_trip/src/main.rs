@@ -95,9 +95,9 @@ fn run(flags: &Flags) -> Outcome {
 fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
     let row = |trip: &Trip| {
         let mut row = vec![
-            trip.what.name.to_owned(),
+            trip.payload.name.to_owned(),
             format!("{} in, {} out", trip.n_in, trip.n_out),
-            trip.way.name().to_owned(),
+            trip.route.name().to_owned(),
         ];
         row.extend([0.5, 0.9, 0.99, 0.999].map(|quantile| ns(trip.samples.at(quantile))));
         row.push(format!("{} to {}", ns(trip.starts.0), ns(trip.starts.1)));
