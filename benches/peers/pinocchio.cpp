@@ -1,19 +1,26 @@
-// Pinocchio on the robots and states of `sarrus report`: what a careful user writes on top of it. Text in, text out.
+// Pinocchio on the robots and states of `sarrus report`: what an expert writes on top.
+// Text in, text out.
 //
 // In, from standard input, numbers apart by blanks (server/report/src/peer/text.rs writes it):
 //   seconds S                       how long each method is timed
 //   gravity x y z
-//   links N                         each: mass, x y z r p y of the centre of mass, ixx ixy ixz iyy iyz izz; mass 0 for none
+//   links N                         each: mass, x y z r p y of the centre of mass, ixx ixy ixz iyy
+//                                   iyz izz; mass 0 for none
 //   joints N                        each: F, R or P; parent link, child link, x y z r p y, axis
 //   tree n, independent n, active n each followed by joints, in the order of q, y and u
-//   groups n                        each: number of joints, the joints that are tied together or stand alone
-//   loops n                         each: group, predecessor link, successor link, `joint J` or `link L` (the cut frames at zero) or
-//                                   `placed` and two times x y z r p y; number of rows, three numbers each: the held directions
+//   groups n                        each: number of joints, the joints of one closed loop, or that
+//                                   stand alone
+//   loops n                         each: group, predecessor link, successor link, `joint J` or
+//                                   `link L` (the cut frames at zero) or
+//                                   `placed` and two times x y z r p y; number of rows, three
+//                                   numbers each: the held directions
 //   states n                        each: y, ẏ, ÿ, τ_u, a closed q 1 ms earlier
 // Out: `engine NAME`, then for each method
-//   run STATE|ID|FD METHOD [SETTING]; NANOSECONDS   and a line of numbers for each state: q, τ_u or ÿ
+//   run STATE|ID|FD METHOD [SETTING]; NANOSECONDS   and a line of numbers for each state: q, τ_u or
+//                                                   ÿ
 //
-// Everything starts from y: a warm Newton, each group's own block of G (K_d factorised once), then Pinocchio's recursions.
+// Everything starts from y: a warm Newton, each group's own block of G (K_d factorised once), then
+// Pinocchio's recursions.
 #include <pinocchio/algorithm/constrained-dynamics.hpp>
 #include <pinocchio/algorithm/contact-dynamics.hpp>
 #include <pinocchio/algorithm/crba.hpp>
@@ -53,7 +60,7 @@ using Part = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, LARGEST, 1>;
     std::exit(1);
 }
 
-// --- the robot ---------------------------------------------------------------------------------------------------------
+// --- the robot -----------------------------------------------------------------------------------
 
 // Where a link is: the joint that carries it, its frame there, and its pose at zero in the root.
 struct Place {
@@ -95,11 +102,12 @@ struct State {
     VectorXd y, yd, ydd, tau_u, guess;
 };
 
-// --- reading -----------------------------------------------------------------------------------------------------------
+// --- reading -------------------------------------------------------------------------------------
 
 static void expect(const char* word) {
     std::string found;
-    if (!(std::cin >> found) || found != word) stop("expected `" + std::string(word) + "`, found `" + found + "`");
+    if (!(std::cin >> found) || found != word) stop("expected `" + std::string(word) + "`, found `"
+        + found + "`");
 }
 
 template <class T>
@@ -118,7 +126,8 @@ static VectorXd read_vector(int n) {
 // Translation, then roll, pitch, yaw about fixed axes.
 static pin::SE3 read_pose() {
     const VectorXd x = read_vector(6);
-    const Matrix3d R = (Eigen::AngleAxisd(x(5), Vector3d::UnitZ()) * Eigen::AngleAxisd(x(4), Vector3d::UnitY()) *
+    const Matrix3d R = (Eigen::AngleAxisd(x(5), Vector3d::UnitZ()) * Eigen::AngleAxisd(x(4),
+        Vector3d::UnitY()) *
                         Eigen::AngleAxisd(x(3), Vector3d::UnitX()))
                            .toRotationMatrix();
     return pin::SE3(R, x.head<3>());
@@ -133,10 +142,14 @@ static std::vector<int> read_list() {
 // The joint type that Pinocchio's own reader takes: aligned with an axis where that is exact.
 static pin::JointModel joint_model(char kind, const Vector3d& axis) {
     const bool turns = kind == 'R';
-    if (axis == Vector3d::UnitX()) return turns ? pin::JointModel(pin::JointModelRX()) : pin::JointModel(pin::JointModelPX());
-    if (axis == Vector3d::UnitY()) return turns ? pin::JointModel(pin::JointModelRY()) : pin::JointModel(pin::JointModelPY());
-    if (axis == Vector3d::UnitZ()) return turns ? pin::JointModel(pin::JointModelRZ()) : pin::JointModel(pin::JointModelPZ());
-    return turns ? pin::JointModel(pin::JointModelRevoluteUnaligned(axis)) : pin::JointModel(pin::JointModelPrismaticUnaligned(axis));
+    if (axis == Vector3d::UnitX()) return turns ? pin::JointModel(pin::JointModelRX())
+        : pin::JointModel(pin::JointModelPX());
+    if (axis == Vector3d::UnitY()) return turns ? pin::JointModel(pin::JointModelRY())
+        : pin::JointModel(pin::JointModelPY());
+    if (axis == Vector3d::UnitZ()) return turns ? pin::JointModel(pin::JointModelRZ())
+        : pin::JointModel(pin::JointModelPZ());
+    return turns ? pin::JointModel(pin::JointModelRevoluteUnaligned(axis))
+        : pin::JointModel(pin::JointModelPrismaticUnaligned(axis));
 }
 
 struct WrittenJoint {
@@ -160,7 +173,8 @@ static Robot read_robot() {
         const VectorXd I = read_vector(6);
         Matrix3d about_center;
         about_center << I(0), I(1), I(2), I(1), I(3), I(4), I(2), I(4), I(5);
-        inertias.emplace_back(mass, origin.translation(), origin.rotation() * about_center * origin.rotation().transpose());
+        inertias.emplace_back(mass, origin.translation(), origin.rotation() * about_center
+            * origin.rotation().transpose());
     }
     expect("joints");
     std::vector<WrittenJoint> joints(read<int>());
@@ -179,13 +193,16 @@ static Robot read_robot() {
     std::vector<int> velocity(joints.size(), -1);
     const std::function<void(int)> add = [&](int link) {
         const Place& on = places[link];
-        if (on.joint > 0 && inertias[link].mass() > 0) model.appendBodyToJoint(on.joint, inertias[link], on.on_joint);
+        if (on.joint > 0 && inertias[link].mass() > 0) model.appendBodyToJoint(on.joint,
+            inertias[link], on.on_joint);
         for (size_t j = 0; j < joints.size(); j++) {
             const WrittenJoint& joint = joints[j];
             if (joint.parent != link) continue;
-            Place place{places[link].joint, places[link].on_joint * joint.origin, places[link].at_zero * joint.origin};
+            Place place{places[link].joint, places[link].on_joint * joint.origin,
+                places[link].at_zero * joint.origin};
             if (joint.kind != 'F') {
-                place.joint = model.addJoint(place.joint, joint_model(joint.kind, joint.axis), place.on_joint, "joint" + std::to_string(j));
+                place.joint = model.addJoint(place.joint, joint_model(joint.kind, joint.axis),
+                    place.on_joint, "joint" + std::to_string(j));
                 place.on_joint.setIdentity();
                 velocity[j] = model.joints[place.joint].idx_v();
             }
@@ -221,7 +238,8 @@ static Robot read_robot() {
             if (y < 0) group.dependent.push_back(v);
             if (u >= 0) group.active.push_back(v), group.u.push_back(u);
         }
-        if (group.active.size() != group.independent.size()) stop("a group has not as many actuators as freedoms");
+        if (group.active.size() != group.independent.size())
+            stop("a group has not as many actuators as freedoms");
         if (group.tree.size() > LARGEST) stop("a group is too large");
     }
 
@@ -270,12 +288,13 @@ static Robot read_robot() {
             group.loops.push_back(l);
         }
         group.n_rows = row - group.row;
-        if (group.n_rows != static_cast<int>(group.dependent.size())) stop("a group has not as many rows as dependent joints");
+        if (group.n_rows != static_cast<int>(group.dependent.size()))
+            stop("a group has not as many rows as dependent joints");
     }
     return robot;
 }
 
-// --- loops -------------------------------------------------------------------------------------------------------------
+// --- loops ---------------------------------------------------------------------------------------
 
 struct Closed {
     const Robot& robot;
@@ -286,7 +305,8 @@ struct Closed {
     MatrixXd K, M, MG, My;
     Eigen::LLT<MatrixXd> factors;
 
-    explicit Closed(const Robot& robot) : robot(robot), model(robot.model), data(robot.model), groups(robot.groups) {
+    explicit Closed(const Robot& robot) : robot(robot), model(robot.model), data(robot.model),
+        groups(robot.groups) {
         const int n = model.nv, p = static_cast<int>(robot.independent.size()), m = n - p;
         for (VectorXd* x : {&q, &qd, &qdd, &g, &zero, &tau}) x->setZero(n);
         for (VectorXd* x : {&phi, &k}) x->setZero(m);
@@ -294,20 +314,23 @@ struct Closed {
         K.setZero(m, n);
         MG.setZero(n, p);
         My.setZero(p, p);
-        for (Group& group : groups) group.G.setZero(group.dependent.size(), group.independent.size());
+        for (Group& group : groups) group.G.setZero(group.dependent.size(),
+            group.independent.size());
     }
 
     // φ and K at q
     void constraints() {
         pin::computeJointJacobians(model, data, q);
         for (const Loop& loop : robot.loops) {
-            const pin::SE3 P = data.oMi[loop.predecessor] * loop.on_predecessor, S = data.oMi[loop.successor] * loop.on_successor;
+            const pin::SE3 P = data.oMi[loop.predecessor] * loop.on_predecessor, S =
+                data.oMi[loop.successor] * loop.on_successor;
             const Vector3d at = S.translation();
             const Matrix3d A = loop.directions * P.rotation().transpose();
             const Vector3d gap = A * (at - P.translation());
             phi.segment(loop.row, loop.n_rows) = gap.head(loop.n_rows);
             const auto column = [&](int v, double sign) {
-                const Vector3d moved = A * (data.J.col(v).head<3>() + data.J.col(v).tail<3>().cross(at));
+                const Vector3d moved = A * (data.J.col(v).head<3>()
+                    + data.J.col(v).tail<3>().cross(at));
                 K.col(v).segment(loop.row, loop.n_rows) = sign * moved.head(loop.n_rows);
             };
             for (int v : loop.behind) column(v, 1);
@@ -344,7 +367,8 @@ struct Closed {
             if (group.n_rows == 0) continue;
             factorise(group);
             Block Ki(group.n_rows, static_cast<int>(group.independent.size()));
-            for (size_t j = 0; j < group.independent.size(); j++) Ki.col(j) = K.col(group.independent[j]).segment(group.row, group.n_rows);
+            for (size_t j = 0; j < group.independent.size(); j++) Ki.col(j) =
+                K.col(group.independent[j]).segment(group.row, group.n_rows);
             group.G = -group.factors.solve(Ki);
         }
         spread(state.yd, qd);
@@ -354,7 +378,8 @@ struct Closed {
     void spread(const VectorXd& from, VectorXd& to) const {
         for (const Group& group : groups) {
             Part part(static_cast<int>(group.y.size()));
-            for (size_t j = 0; j < group.y.size(); j++) to(group.independent[j]) = part(j) = from(group.y[j]);
+            for (size_t j = 0; j < group.y.size(); j++) to(group.independent[j]) = part(j) =
+                from(group.y[j]);
             const Part rest = group.G * part;
             for (int i = 0; i < group.n_rows; i++) to(group.dependent[i]) = rest(i);
         }
@@ -366,7 +391,8 @@ struct Closed {
             Part rest(group.n_rows);
             for (int i = 0; i < group.n_rows; i++) rest(i) = from(group.dependent[i]);
             const Part part = group.G.transpose() * rest;
-            for (size_t j = 0; j < group.y.size(); j++) to(group.y[j]) = from(group.independent[j]) + part(j);
+            for (size_t j = 0; j < group.y.size(); j++) to(group.y[j]) = from(group.independent[j])
+                + part(j);
         }
     }
 
@@ -374,9 +400,11 @@ struct Closed {
     void bias() {
         pin::forwardKinematics(model, data, q, qd, zero);
         for (const Loop& loop : robot.loops) {
-            const Motion p = motion(loop.predecessor, loop.on_predecessor), s = motion(loop.successor, loop.on_successor);
+            const Motion p = motion(loop.predecessor, loop.on_predecessor), s =
+                motion(loop.successor, loop.on_successor);
             const Vector3d r = s.at.translation() - p.at.translation(), rd = s.v - p.v;
-            const Vector3d seen = s.a - p.a - p.wd.cross(r) - 2 * p.w.cross(rd) + p.w.cross(p.w.cross(r));
+            const Vector3d seen = s.a - p.a - p.wd.cross(r) - 2 * p.w.cross(rd)
+                + p.w.cross(p.w.cross(r));
             const Vector3d a = loop.directions * (p.at.rotation().transpose() * seen);
             k.segment(loop.row, loop.n_rows) = -a.head(loop.n_rows);
         }
@@ -394,12 +422,14 @@ struct Closed {
     };
 
     Motion motion(pin::JointIndex j, const pin::SE3& on) const {
-        if (j == 0) return {on, Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero()};
+        if (j == 0) return {on, Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(),
+            Vector3d::Zero()};
         const Matrix3d& R = data.oMi[j].rotation();
         const pin::Motion &v = data.v[j], &a = data.a[j];
         const Vector3d r = R * on.translation(), w = R * v.angular(), wd = R * a.angular();
         const Vector3d linear = R * (a.linear() + v.angular().cross(v.linear()));
-        return {data.oMi[j] * on, w, wd, R * v.linear() + w.cross(r), linear + wd.cross(r) + w.cross(w.cross(r))};
+        return {data.oMi[j] * on, w, wd, R * v.linear() + w.cross(r), linear + wd.cross(r)
+            + w.cross(w.cross(r))};
     }
 
     void state(const State& state, double tolerance) {
@@ -424,11 +454,13 @@ struct Closed {
                 for (int b = 0; b < n; b++) Gu(b, a) = of_actuator(group, b, a);
             }
             if (group.n_rows > 0) tau_y = Gu.transpose().partialPivLu().solve(tau_y).eval();
-            for (int b = 0; b < n; b++) tau_u(group.u[group.n_rows > 0 ? b : at(group.active, group.independent[b])]) = tau_y(b);
+            for (int b = 0; b < n; b++) tau_u(group.u[group.n_rows > 0 ? b : at(group.active,
+                group.independent[b])]) = tau_y(b);
         }
     }
 
-    static int at(const std::vector<int>& list, int x) { return static_cast<int>(std::find(list.begin(), list.end(), x) - list.begin()); }
+    static int at(const std::vector<int>& list,
+        int x) { return static_cast<int>(std::find(list.begin(), list.end(), x) - list.begin()); }
 
     // How fast an actuator moves with an independent velocity.
     static double of_actuator(const Group& group, int actuator, int independent) {
@@ -445,19 +477,22 @@ struct Closed {
         for (size_t a = 0; a < robot.active.size(); a++) tau(robot.active[a]) += state.tau_u(a);
         gather(tau, reduced);
         pin::crba(model, data, q, pin::Convention::LOCAL);
-        data.M.triangularView<Eigen::StrictlyLower>() = data.M.transpose().triangularView<Eigen::StrictlyLower>();
+        data.M.triangularView<Eigen::StrictlyLower>() =
+            data.M.transpose().triangularView<Eigen::StrictlyLower>();
         for (const Group& group : groups)
             for (size_t j = 0; j < group.y.size(); j++) {
                 auto column = MG.col(group.y[j]);
                 column = data.M.col(group.independent[j]);
-                for (int i = 0; i < group.n_rows; i++) column.noalias() += group.G(i, j) * data.M.col(group.dependent[i]);
+                for (int i = 0; i < group.n_rows; i++) column.noalias() += group.G(i, j)
+                    * data.M.col(group.dependent[i]);
             }
         for (int c = 0; c < My.cols(); c++)
             for (const Group& group : groups)
                 for (size_t j = 0; j < group.y.size(); j++) {
                     if (group.y[j] < c) continue;
                     double sum = MG(group.independent[j], c);
-                    for (int i = 0; i < group.n_rows; i++) sum += group.G(i, j) * MG(group.dependent[i], c);
+                    for (int i = 0; i < group.n_rows; i++) sum += group.G(i, j)
+                        * MG(group.dependent[i], c);
                     My(group.y[j], c) = sum;
                 }
         factors.compute(My);
@@ -466,9 +501,10 @@ struct Closed {
     }
 };
 
-// --- Pinocchio's own closed loops ------------------------------------------------------------------------------------
+// --- Pinocchio's own closed loops ----------------------------------------------------------------
 
-// It has no closure of two rows: each loop holds a point, and the proximal term takes the row that is too many.
+// It has no closure of two rows: each loop holds a point, and the proximal term takes the row that
+// is too many.
 struct Proximal {
     using Constraint = pin::RigidConstraintModelTpl<double, 0>;
     using ConstraintData = pin::RigidConstraintDataTpl<double, 0>;
@@ -478,26 +514,31 @@ struct Proximal {
     pin::Data data;
     VectorXd tau;
 
-    explicit Proximal(const Robot& robot) : model(robot.model), data(model), tau(VectorXd::Zero(model.nv)) {
+    explicit Proximal(const Robot& robot) : model(robot.model), data(model),
+        tau(VectorXd::Zero(model.nv)) {
         for (const Loop& loop : robot.loops)
-            constraints.emplace_back(pin::CONTACT_3D, model, loop.predecessor, loop.on_predecessor, loop.successor, loop.on_successor, pin::LOCAL);
+            constraints.emplace_back(pin::CONTACT_3D, model, loop.predecessor, loop.on_predecessor,
+                loop.successor, loop.on_successor, pin::LOCAL);
         for (const Constraint& constraint : constraints) datas.push_back(constraint.createData());
         pin::initConstraintDynamics(model, data, constraints, datas);
         pin::computeJointMinimalOrdering(model, data, constraints);
     }
 
     // ÿ from y, ẏ, τ_u
-    void forward_dynamics(Closed& closed, const State& state, bool recursive, pin::ProximalSettings& settings, VectorXd& ydd) {
+    void forward_dynamics(Closed& closed, const State& state, bool recursive,
+        pin::ProximalSettings& settings, VectorXd& ydd) {
         closed.state(state, 1e-12);
         const Robot& robot = closed.robot;
         for (size_t a = 0; a < robot.active.size(); a++) tau(robot.active[a]) = state.tau_u(a);
-        const VectorXd& qdd = recursive ? pin::lcaba(model, data, closed.q, closed.qd, tau, constraints, datas, settings)
-                                        : pin::constraintDynamics(model, data, closed.q, closed.qd, tau, constraints, datas, settings);
+        const VectorXd& qdd = recursive ? pin::lcaba(model, data, closed.q, closed.qd, tau,
+            constraints, datas, settings)
+                                        : pin::constraintDynamics(model, data, closed.q, closed.qd,
+                                            tau, constraints, datas, settings);
         for (size_t i = 0; i < robot.independent.size(); i++) ydd(i) = qdd(robot.independent[i]);
     }
 };
 
-// --- measuring ---------------------------------------------------------------------------------------------------------
+// --- measuring -----------------------------------------------------------------------------------
 
 // A method with one setting, what its batches took per call, and which states a batch goes through.
 struct Method {
@@ -508,13 +549,17 @@ struct Method {
     size_t first = 0, n_states = 0, warm_up = 0;
 };
 
-// Batches are short: a long one is interrupted on a machine that others use too. Untimed calls before each: the others had the caches.
+// Batches are short: a long one is interrupted on a machine that others use too. Untimed calls
+// before each: the others had the caches.
 constexpr double BATCH_NS = 200e3, WARM_UP_NS = 80e3;
 
-// Batches of all methods take turns, so that what else the machine does meets all of them; then medians and answers.
-static void measure(std::vector<Method>& methods, double seconds, const std::vector<State>& states) {
+// Batches of all methods take turns, so that what else the machine does meets all of them; then
+// medians and answers.
+static void measure(std::vector<Method>& methods, double seconds,
+    const std::vector<State>& states) {
     using Clock = std::chrono::steady_clock;
-    const auto ns_since = [](Clock::time_point start) { return std::chrono::duration<double, std::nano>(Clock::now() - start).count(); };
+    const auto ns_since = [](Clock::time_point start) { return std::chrono::duration<double,
+        std::nano>(Clock::now() - start).count(); };
     for (Method& method : methods) {
         method.call(states[0]);
         const auto start = Clock::now();
@@ -526,16 +571,20 @@ static void measure(std::vector<Method>& methods, double seconds, const std::vec
     const double whole = 1e9 * seconds * methods.size();
     const auto begin = Clock::now();
     // five rounds at least, fewer where a single one takes longer than all should
-    for (int round = 0; round < 1 || ns_since(begin) < whole || (round < 5 && ns_since(begin) < 3 * whole); round++)
+    for (int round = 0; round < 1 || ns_since(begin) < whole || (round < 5 && ns_since(begin) < 3
+        * whole); round++)
         for (Method& method : methods) {
-            for (size_t i = 0; i < method.warm_up; i++) method.call(states[(method.first + i) % states.size()]);
+            for (size_t i = 0; i < method.warm_up; i++) method.call(states[(method.first
+                + i) % states.size()]);
             const auto start = Clock::now();
-            for (size_t i = 0; i < method.n_states; i++) method.call(states[(method.first + i) % states.size()]);
+            for (size_t i = 0; i < method.n_states; i++) method.call(states[(method.first
+                + i) % states.size()]);
             method.ns.push_back(ns_since(start) / method.n_states);
             method.first = (method.first + method.n_states) % states.size();
         }
     for (Method& method : methods) {
-        std::nth_element(method.ns.begin(), method.ns.begin() + method.ns.size() / 2, method.ns.end());
+        std::nth_element(method.ns.begin(), method.ns.begin() + method.ns.size() / 2,
+            method.ns.end());
         std::printf("run %s; %.17g\n", method.name.c_str(), method.ns[method.ns.size() / 2]);
         for (const State& state : states) {
             method.call(state);
@@ -552,7 +601,8 @@ int main() {
     const int n = robot.model.nv, p = static_cast<int>(robot.independent.size());
     expect("states");
     std::vector<State> states(read<int>());
-    for (State& state : states) state = {read_vector(p), read_vector(p), read_vector(p), read_vector(p), read_vector(n)};
+    for (State& state : states) state = {read_vector(p), read_vector(p), read_vector(p),
+        read_vector(p), read_vector(n)};
     if (states.empty()) stop("no states");
 
     Closed closed(robot);
@@ -566,9 +616,11 @@ int main() {
                                for (int i = 0; i < n; i++) q(i) = closed.q(robot.tree[i]);
                            }});
         methods.push_back({"ID RNEA, explicit G" + setting, tau_u,
-                           [&, tolerance](const State& state) { closed.inverse_dynamics(state, tolerance, tau_u); }});
+                           [&, tolerance](const State& state) { closed.inverse_dynamics(state,
+                               tolerance, tau_u); }});
         methods.push_back({"FD CRBA, explicit G" + setting, ydd,
-                           [&, tolerance](const State& state) { closed.forward_dynamics(state, tolerance, ydd); }});
+                           [&, tolerance](const State& state) { closed.forward_dynamics(state,
+                               tolerance, ydd); }});
     }
     // each its own data: what one leaves there spoils the other
     Proximal whole(robot), articulated(robot);
@@ -579,9 +631,12 @@ int main() {
                 const std::string name = recursive ? "FD lcaba" : "FD constraintDynamics";
                 Proximal& proximal = recursive ? articulated : whole;
                 pin::ProximalSettings settings(1e-14, std::atof(mu), iterations);
-                methods.push_back({name + " mu " + mu + ", iterations " + std::to_string(iterations), ydd,
-                                   [&closed, &ydd, &proximal, recursive, settings](const State& state) mutable {
-                                       proximal.forward_dynamics(closed, state, recursive, settings, ydd);
+                methods.push_back({name + " mu " + mu + ", iterations "
+                    + std::to_string(iterations), ydd,
+                                   [&closed, &ydd, &proximal, recursive,
+                                       settings](const State& state) mutable {
+                                       proximal.forward_dynamics(closed, state, recursive, settings,
+                                           ydd);
                                    }});
             }
     std::printf("engine Pinocchio %s, clang %s\n", PINOCCHIO_VERSION, __clang_version__);

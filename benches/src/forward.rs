@@ -132,7 +132,11 @@ pub fn run() -> Outcome {
         ],
         n_text: 2,
         rows,
-        notes: vec!["predicted: from M_y ÿ = b on; measured: the whole request, closures and Newton-Euler included".to_owned()],
+        notes: vec![
+            "predicted: from M_y ÿ = b on; measured: the whole request, closures and \
+            Newton-Euler included"
+                .to_owned(),
+        ],
     };
     print!("{}", table.text());
     if slow.is_empty() {

@@ -50,11 +50,11 @@ enum Command {
     Serve(commands::serve::Serve),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
-    /// Measure: error against run time, time integration, stiff and extreme cases, as a page that
+    /// Measure: error against run time, time integration, stress cases, as a page that
     /// opens offline.
     ///
     /// Writes report.html, report.json and one CSV file for each figure and table. Ends with 0,
-    /// with 1 when some extreme case failed silently, and with 2 when it could not measure or
+    /// with 1 when some stress case failed silently, and with 2 when it could not measure or
     /// write.
     #[cfg(feature = "report")]
     Report(commands::report::Report),

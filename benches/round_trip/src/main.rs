@@ -1,5 +1,5 @@
-//! Round trips: both transports of a server process, beside plain shared memory that carries the same
-//! bytes.
+//! Round trips: both transports of a server process, beside plain shared memory that carries the
+//! same bytes.
 //!
 //! ```text
 //! cargo run --release -p sarrus-round-trip                    # some minutes
@@ -95,9 +95,9 @@ fn run(flags: &Flags) -> Outcome {
 fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
     let row = |trip: &Trip| {
         let mut row = vec![
-            trip.what.name.to_owned(),
+            trip.payload.name.to_owned(),
             format!("{} in, {} out", trip.n_in, trip.n_out),
-            trip.way.name().to_owned(),
+            trip.route.name().to_owned(),
         ];
         row.extend([0.5, 0.9, 0.99, 0.999].map(|quantile| ns(trip.samples.at(quantile))));
         row.push(format!("{} to {}", ns(trip.starts.0), ns(trip.starts.1)));
@@ -129,10 +129,16 @@ fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
         n_text: 3,
         rows: trips.iter().map(row).collect(),
         notes: vec![
-            "p50 of starts: the least and the largest p50 of one start of the processes; where they differ much, the machine does."
+            "p50 of starts: the least and the largest p50 of one start of the processes; where \
+            they differ much, the machine does."
                 .to_owned(),
-            format!("ns; {count} round trips each in turns; the clock's own {} ns are included; {cores}", ns(clock())),
-            "floor: the same bytes there and back through shared atomics, nothing computed; computation: the same plan in process, median."
+            format!(
+                "ns; {count} round trips each in turns; the clock's own {} ns are included; \
+                {cores}",
+                ns(clock())
+            ),
+            "floor: the same bytes there and back through shared atomics, nothing computed; \
+            computation: the same plan in process, median."
                 .to_owned(),
         ],
     }

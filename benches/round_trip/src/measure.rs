@@ -38,34 +38,34 @@ impl Effort {
     pub(crate) const FULL: Effort = Effort { segments: 10, trips: 100_000 };
 }
 
-/// What is asked.
+/// What is asked and answered.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct What {
+pub(crate) struct Payload {
     pub(crate) name: &'static str,
     query: fn() -> Query,
 }
 
-const WHATS: [What; 3] = [
-    What {
+const PAYLOADS: [Payload; 3] = [
+    Payload {
         name: "y_to_u",
         query: || {
             Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::U]))
         },
     },
-    What { name: "ID", query: || Question::InverseDynamics.query() },
-    What { name: "FD", query: || Question::ForwardDynamics.query() },
+    Payload { name: "ID", query: || Question::InverseDynamics.query() },
+    Payload { name: "FD", query: || Question::ForwardDynamics.query() },
 ];
 
 /// How it gets there and back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum Route {
     Floor,
     Lane,
     Requests,
 }
 
-impl Way {
-    const ALL: [Way; 3] = [Way::Floor, Way::Lane, Way::Requests];
+impl Route {
+    const ALL: [Route; 3] = [Route::Floor, Route::Lane, Route::Requests];
 
     pub(crate) fn name(self) -> &'static str {
         ["floor", "lane", "requests"][self as usize]
@@ -74,17 +74,17 @@ impl Way {
 
 /// The names that `--only` sees.
 pub(crate) fn names() -> impl Iterator<Item = String> {
-    WHATS.into_iter().flat_map(|what| Way::ALL.map(|way| name(way, what)))
+    PAYLOADS.into_iter().flat_map(|payload| Route::ALL.map(|route| name(route, payload)))
 }
 
-fn name(way: Way, what: What) -> String {
-    format!("round_trip/{}/{}", way.name(), what.name)
+fn name(route: Route, payload: Payload) -> String {
+    format!("round_trip/{}/{}", route.name(), payload.name)
 }
 
 /// One row of the table.
 pub(crate) struct Trip {
-    pub(crate) what: What,
-    pub(crate) way: Way,
+    pub(crate) payload: Payload,
+    pub(crate) route: Route,
     pub(crate) n_in: usize,
     pub(crate) n_out: usize,
     pub(crate) samples: Samples,
@@ -106,16 +106,21 @@ impl Trip {
     pub(crate) fn value(&self) -> Value {
         let at = |quantile| self.samples.at(quantile);
         json!({
-            "case": name(self.way, self.what), "n_in": self.n_in, "n_out": self.n_out, "count": self.samples.count(),
+            "case": name(self.route, self.payload),
+            "n_in": self.n_in,
+            "n_out": self.n_out,
+            "count": self.samples.count(),
             "p50_ns": at(0.5), "p90_ns": at(0.9), "p99_ns": at(0.99), "p99_9_ns": at(0.999),
-            "computation_ns": self.computation, "floor_ns": self.floor, "medians_of_starts_ns": [self.starts.0, self.starts.1],
+            "computation_ns": self.computation,
+            "floor_ns": self.floor,
+            "medians_of_starts_ns": [self.starts.0, self.starts.1],
         })
     }
 }
 
-/// A plan, its inputs, its answers in process, and what every way took so far.
-struct Asked {
-    what: What,
+/// A plan, its inputs, its answers in process, and what every route took so far.
+struct Measured {
+    payload: Payload,
     query: Query,
     inputs: Vec<Vec<f64>>,
     answers: Vec<Vec<f64>>,
@@ -137,9 +142,13 @@ pub(crate) fn measure(
         eprintln!("round trips not run: server and client poll, each needs a processor of its own");
         return Ok(Vec::new());
     }
-    let mut asked =
-        WHATS.into_iter().map(|what| Asked::new(what, robot)).collect::<Outcome<Vec<_>>>()?;
-    let chosen = |way, asked: &Asked| name(way, asked.what).contains(only) || way == Way::Floor;
+    let mut measured = PAYLOADS
+        .into_iter()
+        .map(|payload| Measured::new(payload, robot))
+        .collect::<Outcome<Vec<_>>>()?;
+    let chosen = |route, measured: &Measured| {
+        name(route, measured.payload).contains(only) || route == Route::Floor
+    };
     let domain = Domain::at(
         &std::env::temp_dir().join(format!("sarrus-round-trip-{}", std::process::id())),
     )?;
@@ -147,14 +156,15 @@ pub(crate) fn measure(
     for segment in 0..effort.segments {
         progress.show("round trips", segment as f64 / effort.segments as f64);
         let mut floor = floor::Near::start(&domain, cores)?;
-        for asked in &mut asked {
-            let n_out = asked.answers[0].len();
-            timed(asked, Way::Floor, effort.trips, |_, input| floor.trip(input, n_out))?;
+        for measured in &mut measured {
+            let n_out = measured.answers[0].len();
+            timed(measured, Route::Floor, effort.trips, |_, input| floor.trip(input, n_out))?;
         }
         floor.stop()?;
 
         let server = Child::start(Role::Server, &domain, cores)?;
-        for (way, transport) in [(Way::Lane, Transport::Lane), (Way::Requests, Transport::Service)]
+        for (route, transport) in
+            [(Route::Lane, Transport::Lane), (Route::Requests, Transport::Service)]
         {
             let options = ConnectOptions {
                 transport,
@@ -162,33 +172,39 @@ pub(crate) fn measure(
                 ..ConnectOptions::default()
             };
             let mut client = Client::connect_in(domain.clone(), ROBOT, options)?;
-            for asked in asked.iter_mut().filter(|asked| chosen(way, asked)) {
-                let plan = client.prepare(&asked.query)?;
-                served(asked, way, effort.trips, &mut client, plan)?;
-                asked.compute(robot)?;
+            for measured in measured.iter_mut().filter(|measured| chosen(route, measured)) {
+                let plan = client.prepare(&measured.query)?;
+                served(measured, route, effort.trips, &mut client, plan)?;
+                measured.compute(robot)?;
             }
         }
         server.stop()?;
     }
     domain.tidy();
-    Ok(asked.iter().flat_map(Asked::trips).filter(|trip| trip.samples.count() > 0).collect())
+    Ok(measured.iter().flat_map(Measured::trips).filter(|trip| trip.samples.count() > 0).collect())
 }
 
-/// Round trips through a transport; every answer's status is looked at, and the bits of a first pass
-/// through the states.
-fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: PlanId) -> Outcome {
-    let mut output = vec![0.0; asked.answers[0].len()];
-    for (input, answer) in asked.inputs.iter().zip(&asked.answers) {
+/// Round trips through a transport; every answer's status is looked at, and the bits of a first
+/// pass through the states.
+fn served(
+    measured: &mut Measured,
+    route: Route,
+    count: usize,
+    client: &mut Client,
+    plan: PlanId,
+) -> Outcome {
+    let mut output = vec![0.0; measured.answers[0].len()];
+    for (input, answer) in measured.inputs.iter().zip(&measured.answers) {
         let _ = client.ask(plan, input, &mut output)?;
         if output.iter().zip(answer).any(|(a, b)| a.to_bits() != b.to_bits()) {
             return Err(format!(
                 "{}: the answer has other bits than in process",
-                name(way, asked.what)
+                name(route, measured.payload)
             )
             .into());
         }
     }
-    timed(asked, way, count, |_, input| match client.ask(plan, input, &mut output)?.status {
+    timed(measured, route, count, |_, input| match client.ask(plan, input, &mut output)?.status {
         Status::Ok => Ok(()),
         status => Err(format!("a request ends with {status}").into()),
     })
@@ -196,35 +212,35 @@ fn served(asked: &mut Asked, way: Way, count: usize, client: &mut Client, plan: 
 
 /// Times `count` calls after a tenth of them untimed.
 fn timed(
-    asked: &mut Asked,
-    way: Way,
+    measured: &mut Measured,
+    route: Route,
     count: usize,
     mut trip: impl FnMut(usize, &[f64]) -> Outcome,
 ) -> Outcome {
     for k in 0..count / 10 {
-        trip(k, &asked.inputs[k % STATES])?;
+        trip(k, &measured.inputs[k % STATES])?;
     }
-    let ns = &mut asked.ns[way as usize];
+    let ns = &mut measured.ns[route as usize];
     ns.reserve(count);
     for k in 0..count {
         let start = Instant::now();
-        trip(k, &asked.inputs[k % STATES])?;
+        trip(k, &measured.inputs[k % STATES])?;
         ns.push(start.elapsed().as_nanos() as f64);
     }
     let median = Samples::new(ns[ns.len() - count..].to_vec()).median();
-    asked.starts[way as usize].push(median);
+    measured.starts[route as usize].push(median);
     Ok(())
 }
 
-impl Asked {
-    fn new(what: What, robot: &Robot) -> Outcome<Asked> {
-        let query = (what.query)();
+impl Measured {
+    fn new(payload: Payload, robot: &Robot) -> Outcome<Measured> {
+        let query = (payload.query)();
         let plan = Plan::new(&robot.variants[0].compiled.model, &query)?;
         let inputs =
             robot.states.iter().take(STATES).map(|state| packed(&plan, state, 0)).collect();
         let answers = vec![vec![0.0; plan.want().len()]; STATES];
-        let mut asked = Asked {
-            what,
+        let mut measured = Measured {
+            payload,
             query,
             inputs,
             answers,
@@ -232,9 +248,9 @@ impl Asked {
             ns: Default::default(),
             starts: Default::default(),
         };
-        asked.compute(robot)?;
-        asked.computation.clear();
-        Ok(asked)
+        measured.compute(robot)?;
+        measured.computation.clear();
+        Ok(measured)
     }
 
     /// Times the plan in process, in batches, and keeps its answers; done after each run of round
@@ -260,17 +276,17 @@ impl Asked {
 
     fn trips(&self) -> impl Iterator<Item = Trip> {
         let computation = Samples::new(self.computation.clone()).median();
-        let floor = Samples::new(self.ns[Way::Floor as usize].clone()).median();
-        Way::ALL.into_iter().map(move |way| Trip {
-            what: self.what,
-            way,
+        let floor = Samples::new(self.ns[Route::Floor as usize].clone()).median();
+        Route::ALL.into_iter().map(move |route| Trip {
+            payload: self.payload,
+            route,
             n_in: self.inputs[0].len(),
             n_out: self.answers[0].len(),
-            samples: Samples::new(self.ns[way as usize].clone()),
-            computation: if way == Way::Floor { 0.0 } else { computation },
+            samples: Samples::new(self.ns[route as usize].clone()),
+            computation: if route == Route::Floor { 0.0 } else { computation },
             floor,
             starts: {
-                let medians = Samples::new(self.starts[way as usize].clone());
+                let medians = Samples::new(self.starts[route as usize].clone());
                 (medians.at(0.0), medians.at(1.0))
             },
         })

@@ -93,11 +93,14 @@ pub fn run(options: &Options) -> Outcome {
     progress.clear();
 
     let rows = cases.iter().zip(&errors).zip(&samples);
+    let value =
+        |((case, errors), samples): ((&Case<'_>, _), _)| tables::value(case, errors, samples);
+    let values: Vec<_> = rows.map(value).collect();
     let printed = Printed {
         package: "sarrus-benches",
         machine: machine(&cores),
         tables: tables::all(&robots, &cases, &errors, &samples),
-        values: json!({ "in_process": rows.map(|((case, errors), samples)| tables::value(case, errors, samples)).collect::<Vec<_>>() }),
+        values: json!({ "in_process": values }),
         samples,
     };
     printed.finish(options.format, &options.out)

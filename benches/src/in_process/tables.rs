@@ -91,12 +91,23 @@ fn methods(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table 
         rows.push(row);
     }
     Table {
-        title: "Forward dynamics by each method: median ns per call (largest error by size, largest backward error)".to_owned(),
-        columns: vec!["robot", "closures", "start", "recursion", "projection", "kkt", "chosen/other"],
+        title: "Forward dynamics by each method: median ns per call (largest error by size, \
+            largest backward error)"
+            .to_owned(),
+        columns: vec![
+            "robot",
+            "closures",
+            "start",
+            "recursion",
+            "projection",
+            "kkt",
+            "chosen/other",
+        ],
         n_text: 3,
         rows,
         notes: vec![
-            "*: what the model chooses; chosen/other: its lower quartile against that of the other fast method, above 1 a wrong choice."
+            "*: what the model chooses; chosen/other: its lower quartile against that of the other \
+            fast method, above 1 a wrong choice."
                 .to_owned(),
         ],
     }
@@ -122,13 +133,17 @@ fn in_process(
     let states = cases.first().map_or(0, |case| case.inputs.len());
     let mut notes = vec![
         format!(
-            "ns per call over {batches} batches that took turns; error against double-double of the same model on {states} random states"
+            "ns per call over {batches} batches that took turns; error against double-double of \
+            the same model on {states} random states"
         ),
-        "by size, |a − b| / max(‖b‖, s) with s = 1 for q and u, ‖q̇‖² for q̈ and ü; backward: ‖M_y ÿ + C_y − τ_y‖ relative to its terms;"
+        "by size, |a − b| / max(‖b‖, s) with s = 1 for q and u, ‖q̇‖² for q̈ and ü; backward: ‖M_y \
+        ÿ + C_y − τ_y‖ relative to its terms;"
             .to_owned(),
-        "Newton: steps of all blocks of a call, mean (largest); warm: the guess is the closed pose 1 ms earlier; cold: no guess;"
+        "Newton: steps of all blocks of a call, mean (largest); warm: the guess is the closed pose \
+        1 ms earlier; cold: no guess;"
             .to_owned(),
-        "hybrid-torso: torso numerical, elbows closed form; hybrid-elbows the other way round; hybrid: as the robot is bundled.".to_owned(),
+        "hybrid-torso: torso numerical, elbows closed form; hybrid-elbows the other way round; \
+        hybrid: as the robot is bundled.".to_owned(),
         "state: q q̇ q̈ u u̇ ü from y ẏ ÿ; ID: τ_u from y ẏ ÿ; FD: ÿ from y ẏ τ_u.".to_owned(),
     ];
     for robot in robots.iter().filter(|robot| robot.left_out > 0) {
@@ -176,8 +191,14 @@ fn newton(errors: &Errors) -> String {
 /// The numbers of a case.
 pub(super) fn value(case: &Case<'_>, errors: &Errors, samples: &Samples) -> Value {
     let mut value = json!({
-        "case": case.name(), "median_ns": samples.median(), "min_ns": samples.at(0.0), "p99_ns": samples.at(0.99),
-        "batches": samples.count(), "states": case.inputs.len(), "error": errors.worst, "median_error": errors.median,
+        "case": case.name(),
+        "median_ns": samples.median(),
+        "min_ns": samples.at(0.0),
+        "p99_ns": samples.at(0.99),
+        "batches": samples.count(),
+        "states": case.inputs.len(),
+        "error": errors.worst,
+        "median_error": errors.median,
     });
     if case.question.is_forward() {
         value["backward_error"] = json!(errors.backward);

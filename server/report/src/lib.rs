@@ -8,7 +8,8 @@
 //! The modules know each other in this order, each only those above it:
 //!
 //! ```text
-//! measure    processors, times, progress                robots     robots, questions, states
+//! csv_rows   rows of cells as CSV                       measure    processors, times, progress
+//! robots     robots, questions, states
 //! page       figures, sections, HTML, JSON, CSV          reference  the same in double-double
 //! peer       other engines on the same states
 //! accuracy   integration   stress                        one section each
@@ -16,6 +17,7 @@
 //! ```
 
 mod accuracy;
+pub mod csv_rows;
 pub mod integration;
 pub mod measure;
 pub mod page;
@@ -25,7 +27,7 @@ pub mod robots;
 mod run;
 mod stress;
 
-pub use self::run::{Options, names, run};
+pub use self::run::{Options, names, run, synonyms};
 
 /// A report that cannot be measured or written stops and says why.
 pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;

@@ -20,9 +20,17 @@ const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 3] = [
     ("extremes", stress::run, 0.3),
 ];
 
+/// Other words for sections.
+const SYNONYMS: [(&str, &str); 1] = [("stress", "extremes")];
+
 /// The names of all sections, in their order on the page.
 pub fn names() -> impl Iterator<Item = &'static str> {
     SECTIONS.iter().map(|(name, ..)| *name)
+}
+
+/// Other words for the section of this name, which [`Options::sections`] may hold too.
+pub fn synonyms(name: &str) -> impl Iterator<Item = &'static str> {
+    SYNONYMS.iter().filter(move |(_, of)| *of == name).map(|(word, _)| *word)
 }
 
 /// A file that shows that the folder can be written.
@@ -39,7 +47,7 @@ pub struct Options {
     pub out: PathBuf,
 }
 
-/// Runs the wanted sections in their order and writes the page and its data. A section that fails
+/// Runs the chosen sections in their order and writes the page and its data. A section that fails
 /// says so on the page.
 ///
 /// # Errors
@@ -54,7 +62,8 @@ pub fn run(options: &Options) -> Outcome<Report> {
 
     let progress = Progress::with_lines();
     let query = |name: &str| {
-        options.sections.is_empty() || options.sections.iter().any(|section| section == name)
+        let is = |word: &String| word == name || synonyms(name).any(|other| other == word);
+        options.sections.is_empty() || options.sections.iter().any(is)
     };
     let chosen: Vec<_> = SECTIONS.iter().filter(|(name, ..)| query(name)).collect();
     let whole: f64 = chosen.iter().map(|(_, _, share)| share).sum();
@@ -107,6 +116,15 @@ fn date(days: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_synonym_belongs_to_a_section_and_is_none_itself() {
+        for (word, of) in SYNONYMS {
+            assert!(names().any(|name| name == of) && names().all(|name| name != word), "{word}");
+        }
+        assert_eq!(synonyms("extremes").collect::<Vec<_>>(), ["stress"]);
+        assert_eq!(synonyms("accuracy").count(), 0);
+    }
 
     #[test]
     fn days_have_dates() {

@@ -234,7 +234,8 @@ mod tests {
 
     /// A slider, a floating joint, a ball, and a joint whose name only looks like a part of one.
     fn coordinates() -> Coordinates {
-        let q = "slide base/x base/y base/z base/qx base/qy base/qz base/qw ball/qx ball/qy ball/qz ball/qw a/x";
+        let q = "slide base/x base/y base/z base/qx base/qy base/qz base/qw ball/qx ball/qy \
+            ball/qz ball/qw a/x";
         let v = "slide base/rx base/ry base/rz base/tx base/ty base/tz ball/rx ball/ry ball/rz a/x";
         Coordinates::of(&names(q), &names(v))
     }

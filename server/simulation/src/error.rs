@@ -45,7 +45,8 @@ pub enum SimulationError {
         expected: &'static str,
     },
     /// The table of an input is none.
-    #[error("table of forces, row {at}: {found}, expected increasing times with a force for each joint", at = .row + 1)]
+    #[error("table of forces, row {at}: {found}, expected increasing times with a force for each \
+        joint", at = .row + 1)]
     Table {
         /// Which row, from 0.
         row: usize,
@@ -71,7 +72,7 @@ pub enum SimulationError {
         expected: &'static str,
     },
     /// The start has no answer.
-    #[error("the start cannot be simulated: {status}{}", if *.detail == 0.0 { String::new() } else { format!(" (loops open by {:e})", .detail) })]
+    #[error("the start cannot be simulated: {status}{}", open_by(*.detail))]
     Start {
         /// Why.
         status: Status,
@@ -87,6 +88,11 @@ pub enum SimulationError {
     /// The method is not in this build.
     #[error("the method {0} is not in this build; build with the feature `adaptive`")]
     NotBuilt(&'static str),
+}
+
+/// How far the loops of a start are open, where it is known.
+fn open_by(residual: f64) -> String {
+    if residual == 0.0 { String::new() } else { format!(" (loops open by {residual:e})") }
 }
 
 impl From<QueryError> for SimulationError {

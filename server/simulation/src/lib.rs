@@ -6,6 +6,9 @@
 //! evaluation: what is integrated are the independent coordinates. Nothing here knows a file, a
 //! clock or a thread.
 //!
+//! The modules know each other in this order, each only those before it: `coordinates` and
+//! `planned`; `forces`; `motion`, the right-hand side; `methods`, one a file; `run`.
+//!
 //! ```
 //! use sarrus_dynamics::description::{Inertial, JointKind};
 //! use sarrus_dynamics::{DescriptionBuilder, LinkId, Model};
@@ -41,7 +44,9 @@ pub use forces::inputs::{Input, Source, Space};
 pub use forces::springs::{Point, Spring};
 pub use motion::energy::Energy;
 pub use motion::engine::Counts;
-pub use run::output::{End, Event, EventKind, Run, Sample};
+pub use run::events::{Event, EventKind};
+pub use run::output::{End, Run, Sample};
 pub use run::settings::{Method, Settings};
+pub use run::setup::Setup;
+pub use run::simulate;
 pub use run::start::Start;
-pub use run::{Setup, simulate};

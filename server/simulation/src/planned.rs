@@ -35,7 +35,7 @@ impl<T: Scalar> Planned<T> {
         self.plan.run(model, workspace, &self.input, &mut self.output)
     }
 
-    /// The numbers of a wanted field; none where it was not wanted.
+    /// The numbers of a field; none where it was not asked.
     pub(crate) fn get(&self, field: Field) -> &[T] {
         self.plan.want().slot(field).map_or(&[], |slot| &self.output[slot.range()])
     }

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use sarrus_report::measure::Effort;
-use sarrus_report::{Options, names, run};
+use sarrus_report::{Options, names, run, synonyms};
 
 use super::output::finish;
 
@@ -17,11 +17,16 @@ pub(crate) struct Report {
     #[arg(long)]
     quick: bool,
     /// Only this section; may stand several times.
-    #[arg(long = "section", value_name = "NAME", value_parser = PossibleValuesParser::new(names()))]
+    #[arg(long = "section", value_name = "NAME", value_parser = section_names())]
     sections: Vec<String>,
     /// The folder for the page and its data.
     #[arg(long, value_name = "DIR", default_value = "target/report")]
     out: PathBuf,
+}
+
+/// The names of the sections, and what else they may be called.
+fn section_names() -> PossibleValuesParser {
+    names().map(|name| PossibleValue::new(name).aliases(synonyms(name))).into()
 }
 
 impl Report {

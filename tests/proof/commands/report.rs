@@ -23,3 +23,14 @@ fn a_folder_that_cannot_be_written_is_told_with_its_name() {
     assert!(run.err.contains(&out) && run.err.contains("cannot be written"), "{run:?}");
     assert_eq!(fs::read_to_string(&file).unwrap(), "");
 }
+
+#[test]
+fn stress_cases_are_a_section_by_both_of_their_names() {
+    let folder = Folder::new("report-names");
+    let out = format!("{}/report", folder.file("file", ""));
+    for name in ["stress", "extremes"] {
+        // the name is taken; then the folder is refused before anything is measured
+        let run = run(&["report", "--section", name, "--out", &out], b"");
+        assert!(run.code == Some(2) && run.err.contains("cannot be written"), "{name}: {run:?}");
+    }
+}

@@ -2,9 +2,10 @@
 
 use std::process::Command;
 
+use sarrus_report::csv_rows::{self, LineEnd};
 use serde_json::Value;
 
-use super::{Run, sarrus};
+use super::{Folder, Run, sarrus};
 
 fn folder(name: &str) -> std::path::PathBuf {
     std::env::temp_dir().join(format!("sarrus-simulate-{name}-{}", std::process::id()))
@@ -66,6 +67,47 @@ fn the_squeezer_arrives_from_the_command_line() {
         "a page without pictures"
     );
     std::fs::remove_dir_all(folder("squeezer")).unwrap();
+}
+
+#[test]
+fn a_name_with_a_comma_is_one_column_of_the_motion_and_of_the_forces() {
+    let home = Folder::new("simulate-quoted");
+    let (urdf, yaml) = sarrus_models::bundled_text("five_bar").unwrap();
+    let urdf = urdf.replace("\"left_motor\"", "\"left, &quot;motor&quot;\"");
+    let yaml = yaml.replace("left_motor", "'left, \"motor\"'");
+    let forces = [("time", "right_motor", "left, \"motor\""), ("0", "0", "1"), ("0.1", "0", "2")]
+        .map(|(a, b, c)| vec![a.to_owned(), b.to_owned(), c.to_owned()]);
+    let run = simulate(
+        "quoted",
+        &[
+            "--urdf",
+            &home.file("five.urdf", urdf),
+            "--submechanisms",
+            &home.file("five.yml", yaml),
+            "--input",
+            &home.file("forces.csv", csv_rows::write(&forces, LineEnd::Lf).unwrap()),
+            "--duration",
+            "0.1",
+            "--method",
+            "rk4",
+            "--step",
+            "1e-3",
+            "--format",
+            "json",
+        ],
+    );
+    assert_eq!(run.code, Some(0), "{}", run.err);
+    let answer: Value = serde_json::from_str(&run.out).unwrap();
+    let text = std::fs::read_to_string(folder("quoted").join("motion.csv")).unwrap();
+    let rows = csv_rows::read(&text).unwrap();
+    let name = "y.left, \"motor\"";
+    let column = rows[0].cells.iter().position(|cell| cell == name).unwrap();
+    assert!(rows.iter().all(|row| row.cells.len() == rows[0].cells.len()));
+    // the last row is the answer, bit for bit
+    let last: f64 = rows.last().unwrap().cells[column].parse().unwrap();
+    let same = answer["y"]["left, \"motor\""].as_f64().unwrap();
+    assert!(last.to_bits() == same.to_bits() && last != 0.0, "{last:e} and {same:e}");
+    std::fs::remove_dir_all(folder("quoted")).unwrap();
 }
 
 #[test]

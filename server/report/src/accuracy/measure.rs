@@ -15,7 +15,7 @@ use crate::robots::{Question, Start, Subject};
 /// What a method with one setting costs and what it is worth.
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
-    pub(super) asked: Question,
+    pub(super) question: Question,
     pub(super) series: String,
     pub(super) label: String,
     pub(super) default: bool,
@@ -23,7 +23,7 @@ pub(super) struct Measured {
     pub(super) ns: f64,
     /// The worst of all states; NaN where some state has no answer.
     pub(super) error: f64,
-    /// The largest |φ| of q, where q was asked.
+    /// The largest |φ| of q, where q was question.
     pub(super) residual: Option<f64>,
     /// Why there is no answer.
     pub(super) fault: Option<String>,
@@ -44,15 +44,15 @@ impl<'a> References<'a> {
     /// chains of the forces, for ÿ.
     pub(super) fn error(
         &mut self,
-        (asked, place, start): (Question, usize, Start),
+        (question, place, start): (Question, usize, Start),
         want: &Layout,
         state: usize,
         answer: &[f64],
     ) -> Outcome<f64> {
         // a cold start has to find the pose that a warm one leads to
-        let key = (asked, place, start != Start::None);
+        let key = (question, place, start != Start::None);
         if !self.kept.iter().any(|(of, _)| *of == key) {
-            self.kept.push((key, Reference::new(self.robot, place, asked, start)?));
+            self.kept.push((key, Reference::new(self.robot, place, question, start)?));
         }
         let reference = self
             .kept
@@ -65,7 +65,7 @@ impl<'a> References<'a> {
         }
         let exact = reference.exact(want, state);
         let chain = matches!(self.robot.subject, Subject::Chain(_));
-        Ok(if chain && asked == Question::ForwardDynamics {
+        Ok(if chain && question == Question::ForwardDynamics {
             exact.backward_error(answer)
         } else {
             exact.error(answer)
@@ -119,8 +119,8 @@ pub(super) fn measure(
 }
 
 /// The numbers of a question to this robot.
-pub(super) fn layout(robot: &Robot, asked: Question) -> Layout {
-    Layout::of_want(&asked.query(), &robot.variants[0].compiled.model.sizes())
+pub(super) fn layout(robot: &Robot, question: Question) -> Layout {
+    Layout::of_want(&question.query(), &robot.variants[0].compiled.model.sizes())
 }
 
 fn errors(
@@ -128,10 +128,10 @@ fn errors(
     method: &mut Method,
     references: &mut References<'_>,
 ) -> Outcome<Measured> {
-    let Method { asked, place, start, .. } = *method;
-    let want = layout(robot, asked);
+    let Method { question, place, start, .. } = *method;
+    let want = layout(robot, question);
     let exact = &robot.variants[place].compiled.exact;
-    let mut form = (asked == Question::State).then(|| ImplicitForm::new(exact));
+    let mut form = (question == Question::State).then(|| ImplicitForm::new(exact));
     let (mut worst, mut residual, mut fault) = (0.0_f64, 0.0_f64, None);
     for state in 0..method.runner.states() {
         let status = method.runner.call(state);
@@ -140,7 +140,7 @@ fn errors(
             break;
         }
         let answer = method.runner.answer();
-        let error = references.error((asked, place, start), &want, state, &answer)?;
+        let error = references.error((question, place, start), &want, state, &answer)?;
         worst = if error > worst || error.is_nan() { error } else { worst };
         if let (Some(form), Some(slot)) = (&mut form, want.slot(Field::Q)) {
             let q: Vec<Dd> = answer[slot.range()].iter().map(|x| Dd::from(*x)).collect();
@@ -150,7 +150,7 @@ fn errors(
     }
     let nan = |x: f64| if fault.is_some() { f64::NAN } else { x };
     Ok(Measured {
-        asked,
+        question,
         series: method.series.clone(),
         label: method.label.clone(),
         default: method.default,

@@ -9,7 +9,7 @@ use crate::Outcome;
 use crate::robots::Robot;
 use crate::robots::{Question, Start, Subject, Variant};
 
-/// Ends of Newton's method where only it is asked, and where dynamics follow; a tolerance of the
+/// Ends of Newton's method where only it is question, and where dynamics follow; a tolerance of the
 /// last step each.
 const TOLERANCES: [f64; 13] =
     [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15];
@@ -23,7 +23,7 @@ const LARGEST_SQUARE: usize = 100;
 
 /// A method with one setting.
 pub(super) struct Method {
-    pub(super) asked: Question,
+    pub(super) question: Question,
     /// Its name in the legend and what is set.
     pub(super) series: String,
     pub(super) label: String,
@@ -88,9 +88,9 @@ impl Methods<'_> {
     fn given(&mut self, closing: Closing<'_>) -> Outcome {
         let model = &closing.variant.compiled.model;
         let single = model.convert(|x| x as f32);
-        for asked in [Question::State, Question::InverseDynamics] {
-            self.ask(&closing, model, asked, "double", "", closing.default)?;
-            self.ask(&closing, &single, asked, "single", "", false)?;
+        for question in [Question::State, Question::InverseDynamics] {
+            self.ask(&closing, model, question, "double", "", closing.default)?;
+            self.ask(&closing, &single, question, "single", "", false)?;
         }
         self.forward(&closing, model, "", closing.default)?;
         for method in [Forward::Recursion, Forward::Projection] {
@@ -125,8 +125,8 @@ impl Methods<'_> {
                 }
             }
         }
-        for asked in [Question::State, Question::InverseDynamics] {
-            self.ask(&closing, model, asked, "double", "usual end", closing.default)?;
+        for question in [Question::State, Question::InverseDynamics] {
+            self.ask(&closing, model, question, "double", "usual end", closing.default)?;
         }
         self.forward(&closing, model, "usual end", closing.default)?;
         for steps in STEPS {
@@ -156,10 +156,10 @@ impl Methods<'_> {
                 false,
             )?;
         }
-        for asked in
+        for question in
             [Question::State, Question::InverseDynamics, Question::Forced(model.forward_method())]
         {
-            self.ask(&closing, &single, asked, "single", "usual end", false)?;
+            self.ask(&closing, &single, question, "single", "usual end", false)?;
         }
         Ok(())
     }
@@ -222,13 +222,13 @@ impl Methods<'_> {
         &mut self,
         closing: &Closing<'_>,
         model: &Model<T>,
-        asked: Question,
+        question: Question,
         scalar: &str,
         label: &str,
         default: bool,
     ) -> Outcome {
-        let query = with_start(asked.query(), closing.start);
-        let (plan, before) = match asked {
+        let query = with_start(question.query(), closing.start);
+        let (plan, before) = match question {
             Question::Forced(method) => {
                 (Plan::with_method(model, &query, method)?, format!("{}, ", method.name()))
             }
@@ -236,10 +236,10 @@ impl Methods<'_> {
         };
         let runner = Box::new(Planned::new(model.clone(), plan, self.robot, closing.place));
         let series = format!("{before}{}, {scalar}", closing.name);
-        let asked = if asked.is_forward() { Question::ForwardDynamics } else { asked };
+        let question = if question.is_forward() { Question::ForwardDynamics } else { question };
         let label = if label.is_empty() { "usual" } else { label }.to_owned();
         self.all.push(Method {
-            asked,
+            question,
             series,
             label,
             default,
@@ -254,9 +254,9 @@ impl Methods<'_> {
         let runner = Box::new(Implicit::new(model, self.robot, closing.place, closing.start)?);
         let label = if label.is_empty() { "usual" } else { label }.to_owned();
         let series = format!("implicit form with Baumgarte, {}, double", closing.name);
-        let (asked, default) = (Question::ForwardDynamics, false);
+        let (question, default) = (Question::ForwardDynamics, false);
         self.all.push(Method {
-            asked,
+            question,
             series,
             label,
             default,

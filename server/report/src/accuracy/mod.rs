@@ -1,8 +1,10 @@
 //! Section `accuracy`: error against run time, a figure for each robot and each question.
 //!
 //! A method is one line in `methods.rs`; what it calls is in `runner.rs`, how it is measured in
-//! `measure.rs`.
+//! `measure.rs`, how it is drawn in `figures.rs`, where the defaults stand in `defaults.rs`.
 
+mod defaults;
+mod figures;
 mod measure;
 mod methods;
 mod runner;
@@ -12,14 +14,16 @@ use std::time::Duration;
 use sarrus_dynamics::Model;
 use sarrus_dynamics::description::{Description, SubmechanismKind};
 
-use self::measure::{Measured, References, layout, measure, only_q};
+use self::defaults::{DefaultRow, row, sentence};
+use self::figures::{figure, of_peer};
+use self::measure::{Measured, References, measure};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
-use crate::page::{Axis, Figure, Point, Section, Series, Table, exponent, pareto_front};
-use crate::peer::{self, Asked, Peer};
+use crate::page::{Figure, Section, Table, exponent};
+use crate::peer::{self, Peer};
 use crate::robots::catalogue::variants;
-use crate::robots::{Question, Robot, Start, Subject, Variant};
+use crate::robots::{Question, Robot, Subject, Variant};
 
 /// The robots.
 const ROBOTS: [Subject; 8] = [
@@ -32,14 +36,12 @@ const ROBOTS: [Subject; 8] = [
     Subject::Bundled("rh5v2_full"),
     Subject::Chain(1),
 ];
-/// The questions, as the page and the files call them, and as peers know them.
-const QUESTIONS: [(Question, &str, &str, Asked); 3] = [
-    (Question::State, "state", "state", Asked::State),
-    (Question::InverseDynamics, "inverse dynamics", "id", Asked::InverseDynamics),
-    (Question::ForwardDynamics, "forward dynamics", "fd", Asked::ForwardDynamics),
+/// The questions, as the page and the files call them.
+const QUESTIONS: [(Question, &str, &str); 3] = [
+    (Question::State, "state", "state"),
+    (Question::InverseDynamics, "inverse dynamics", "id"),
+    (Question::ForwardDynamics, "forward dynamics", "fd"),
 ];
-/// A time above that of another method that still counts as the same.
-const SAME_TIME: f64 = 1.05;
 
 /// How much is measured.
 #[derive(Clone, Copy)]
@@ -70,7 +72,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         let place = |(figure, of): (&Figure, &Measured)| row(&robot, figure, of);
         let defaults = measured.iter().filter(|of| of.default);
         let with_figure = defaults.filter_map(|of| {
-            Some((figures.iter().find(|figure| figure.id == id(subject, of.asked))?, of))
+            Some((figures.iter().find(|figure| figure.id == id(subject, of.question))?, of))
         });
         let of_robot: Vec<DefaultRow> = with_figure.map(place).collect();
         places.push(sentence(subject, &of_robot));
@@ -92,9 +94,12 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     section.tables.push(Table {
         id: "accuracy-defaults".into(),
         title: "What is used without asking".into(),
-        caption: "Time and error of the default methods, and the time against the fastest method of the figure that is no less exact."
+        caption: "Time and error of the default methods, and the time against the fastest method \
+            of the figure that is no less exact."
             .into(),
-        columns: ["robot", "asked", "method", "ns per call", "error", "loop residual", "place"].map(str::to_owned).into(),
+        columns: ["robot", "asked", "method", "ns per call", "error", "loop residual", "place"]
+            .map(str::to_owned)
+            .into(),
         rows,
     });
     Ok(section)
@@ -130,9 +135,8 @@ fn title(subject: Subject) -> String {
     }
 }
 
-fn id(subject: Subject, asked: Question) -> String {
-    let of =
-        QUESTIONS.iter().find(|(question, ..)| *question == asked).map_or("", |(_, _, id, _)| *id);
+fn id(subject: Subject, question: Question) -> String {
+    let of = QUESTIONS.iter().find(|(of, ..)| *of == question).map_or("", |(_, _, id)| *id);
     format!("accuracy-{}-{of}", subject.name())
 }
 
@@ -151,10 +155,10 @@ fn robot_figures(
             Peer::Missing(why) => (Vec::new(), Some(why)),
         };
     let mut figures = Vec::new();
-    for (question, name, _, asked) in QUESTIONS {
+    for (question, name, _) in QUESTIONS {
         let mut figure =
-            figure(robot, question, name, measured.iter().filter(|of| of.asked == question));
-        figure.series.extend(of_peer(robot, &mut references, &runs, question, asked)?);
+            figure(robot, question, name, measured.iter().filter(|of| of.question == question));
+        figure.series.extend(of_peer(robot, &mut references, &runs, question)?);
         if let (Some(why), true) = (&missing, robot.subject != Subject::Chain(1)) {
             figure.caption += &format!(" {why}");
         }
@@ -163,172 +167,11 @@ fn robot_figures(
     Ok((figures, measured, missing.filter(|_| robot.subject == ROBOTS[0])))
 }
 
-/// What a peer adds to a figure; of a state it finds q alone.
-fn of_peer(
-    robot: &Robot,
-    references: &mut References<'_>,
-    runs: &[peer::Run],
-    question: Question,
-    asked: Asked,
-) -> Outcome<Vec<Series>> {
-    let start = if ["hybrid", "numerical"].contains(&robot.variants[0].closures) {
-        Start::Warm
-    } else {
-        Start::None
-    };
-    let want = if asked == Asked::State { only_q(robot) } else { layout(robot, question) };
-    let mut errors: Vec<Vec<f64>> = Vec::new();
-    for run in runs {
-        let mut of_run = Vec::new();
-        for (state, answer) in run.answers.iter().enumerate().filter(|_| run.asked == asked) {
-            let fits = answer.len() == want.len();
-            of_run.push(if fits {
-                references.error((question, 0, start), &want, state, answer)?
-            } else {
-                f64::NAN
-            });
-        }
-        errors.push(of_run);
-    }
-    // one run at a time: its answers have their errors beside them
-    let mut all: Vec<Series> = Vec::new();
-    for (run, errors) in runs.iter().zip(&errors) {
-        for series in peer::series(std::slice::from_ref(run), asked, |state, _| errors[state]) {
-            match all.iter_mut().find(|of| of.name == series.name) {
-                Some(of) => of.points.extend(series.points),
-                None => all.push(series),
-            }
-        }
-    }
-    Ok(all)
-}
-
-fn figure<'a>(
-    robot: &Robot,
-    question: Question,
-    name: &str,
-    measured: impl Iterator<Item = &'a Measured>,
-) -> Figure {
-    let chain_forward =
-        matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;
-    let mut series: Vec<Series> = Vec::new();
-    let mut add = |name: String, competes: bool, point: Point| match series
-        .iter_mut()
-        .find(|of| of.name == name)
-    {
-        Some(of) => {
-            of.line = true;
-            of.points.push(point);
-        }
-        None => series.push(Series { name, line: false, competes, points: vec![point] }),
-    };
-    let mut residuals = Vec::new();
-    for of in measured {
-        let fault = of.fault.as_ref().map_or(String::new(), |fault| format!(": {fault}"));
-        let label = format!("{}{fault}", of.label);
-        if let Some(residual) =
-            of.residual.filter(|_| !of.series.contains("bounded") && !of.series.contains("cold"))
-        {
-            residuals.push((
-                format!("loop residual of {}", of.series),
-                Point { x: of.ns, y: residual, label: label.clone() },
-            ));
-        }
-        add(of.series.clone(), true, Point { x: of.ns, y: of.error, label });
-    }
-    residuals.into_iter().for_each(|(name, point)| add(name, false, point));
-    let asked = match question {
-        Question::State => "q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ; a peer finds q alone",
-        Question::InverseDynamics => "τ_u from y, ẏ, ÿ",
-        _ => "ÿ from y, ẏ, τ_u",
-    };
-    let of = if chain_forward {
-        "backward error, by how much the forces would have to change"
-    } else {
-        "by size, against double-double"
-    };
-    let implicit = if question == Question::ForwardDynamics {
-        format!(" The implicit form closes the loops first; α = β = {} 1/s.", runner::STABILISATION)
-    } else {
-        String::new()
-    };
-    Figure {
-        id: id(robot.subject, question),
-        title: format!("{}: {name}", title(robot.subject)),
-        caption: format!(
-            "{asked}. The largest error of {} states, {of}, over the median of batches that take turns. Warm: from the closed pose 1 ms \
-             earlier; cold: from that at zero. Single precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
-            robot.states.len()
-        ),
-        command: String::new(),
-        x: Axis { label: "time of a call in ns".into(), log: true },
-        y: Axis {
-            label: if chain_forward { "backward error" } else { "error by size" }.into(),
-            log: true,
-        },
-        series,
-    }
-}
-
-/// How a default method stands in its figure.
-struct DefaultRow {
-    asked: &'static str,
-    error: f64,
-    /// Its time against the fastest that is no less exact.
-    factor: f64,
-    on_front: bool,
-    cells: Vec<String>,
-}
-
-fn row(robot: &Robot, figure: &Figure, of: &Measured) -> DefaultRow {
-    let asked = QUESTIONS
-        .iter()
-        .find(|(question, ..)| *question == of.asked)
-        .map_or("", |(_, name, ..)| *name);
-    let points =
-        figure.series.iter().filter(|series| series.competes).flat_map(|series| &series.points);
-    let fastest = points
-        .filter(|point| point.y <= of.error)
-        .map(|point| point.x)
-        .fold(f64::INFINITY, f64::min);
-    let factor = of.ns / fastest;
-    let on_front = pareto_front(figure)
-        .iter()
-        .any(|point| point.series == of.series && point.label == of.label);
-    let place = if on_front {
-        "on the front".to_owned()
-    } else {
-        format!("{factor:.2} times the time of what is no less exact")
-    };
-    let method = format!("{}, {}", of.series, of.label);
-    let residual = of.residual.map_or("-".to_owned(), exponent);
-    let cells = vec![
-        title(robot.subject),
-        asked.to_owned(),
-        method,
-        format!("{:.0}", of.ns),
-        exponent(of.error),
-        residual,
-        place,
-    ];
-    DefaultRow { asked, error: of.error, factor, on_front, cells }
-}
-
-/// Where the default methods of a robot stand.
-fn sentence(subject: Subject, places: &[DefaultRow]) -> String {
-    let word = |place: &DefaultRow| match (place.on_front, place.factor) {
-        (true, _) => format!("{} on the front", place.asked),
-        (_, factor) if factor < SAME_TIME => format!("{} within 5 % of the front", place.asked),
-        (_, factor) => format!("{} {factor:.2} times the time of the front", place.asked),
-    };
-    let words: Vec<String> = places.iter().map(word).collect();
-    format!("{}, used without asking: {}", title(subject), words.join(", "))
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test that fails panics")]
 mod tests {
     use super::*;
+    use crate::page::pareto_front;
 
     const SMALL: Amount = Amount { states: 6, rounds: Duration::from_millis(150), of_peer: 0.001 };
 
@@ -392,7 +235,7 @@ mod tests {
             }
             // more steps are better too
             let bounded = measured.iter().filter(|of| {
-                of.asked == Question::State && of.series == "Newton, cold, double, bounded steps"
+                of.question == Question::State && of.series == "Newton, cold, double, bounded steps"
             });
             let errors: Vec<f64> = bounded.map(|of| of.error).collect();
             assert!(
@@ -439,7 +282,8 @@ mod tests {
         let defaults: Vec<&Measured> = measured.iter().filter(|of| of.default).collect();
         assert_eq!(defaults.len(), 3, "{defaults:?}");
         for of in defaults {
-            let figure = figures.iter().find(|figure| figure.id == id(subject, of.asked)).unwrap();
+            let figure =
+                figures.iter().find(|figure| figure.id == id(subject, of.question)).unwrap();
             let place = row(&robot, figure, of);
             assert!(place.factor >= 1.0 && place.cells.len() == 7, "{:?}", place.cells);
             assert!(!place.on_front || place.factor < 1.0 + 1e-12, "{:?}", place.cells);

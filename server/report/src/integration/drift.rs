@@ -56,8 +56,9 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
     let figure = Figure {
         id: "integration-energy".into(),
         title: format!("Energy of a lambda that swings freely, {steps} steps of 1 ms"),
-        caption: "Change of the energy since the start as a share of the largest kinetic energy. The methods with their own step have a tolerance of \
-                  1e-11. A change of exactly zero is drawn at 1e-17."
+        caption: "Change of the energy since the start as a share of the largest kinetic energy. \
+            The methods with their own step have a tolerance of 1e-11. A change of exactly zero is \
+            drawn at 1e-17."
             .into(),
         command: String::new(),
         x: Axis { label: "time simulated, s".into(), log: true },

@@ -8,13 +8,15 @@ pub fn four_bars(n: usize) -> Source {
     let inertial = |x: f64, z: f64| {
         let [ixx, izz] = [z, x].map(|length| if length > 0.0 { 1.0 / 12.0 } else { 0.0 });
         format!(
-            "<inertial><origin xyz=\"{x} 0 {z}\"/><mass value=\"1\"/><inertia ixx=\"{ixx}\" ixy=\"0\" ixz=\"0\" iyy=\"{}\" iyz=\"0\" izz=\"{izz}\"/></inertial>",
+            "<inertial><origin xyz=\"{x} 0 {z}\"/><mass value=\"1\"/><inertia ixx=\"{ixx}\" \
+            ixy=\"0\" ixz=\"0\" iyy=\"{}\" iyz=\"0\" izz=\"{izz}\"/></inertial>",
             1.0 / 12.0
         )
     };
     let joint = |name: &str, parent: &str, child: &str, x: usize, z: usize| {
         format!(
-            "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/><origin xyz=\"{x} 0 {z}\"/><axis xyz=\"0 -1 0\"/></joint>\n"
+            "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child \
+            link=\"{child}\"/><origin xyz=\"{x} 0 {z}\"/><axis xyz=\"0 -1 0\"/></joint>\n"
         )
     };
     let (mut urdf, mut names, mut loops) =
@@ -35,13 +37,17 @@ pub fn four_bars(n: usize) -> Source {
             );
             names.push(format!("B{i}"));
             loops += &format!(
-                "  - {{cut_joint: C{i}, predecessor_body: {child}, successor_body: crank{}, predecessor_placement: {{xyz: [1, 0, 0]}}, successor_placement: {{xyz: [0, 0, 1]}}, cut_joint_type: planar_revolute, axis: [0, 1, 0]}}\n",
+                "  - {{cut_joint: C{i}, predecessor_body: {child}, successor_body: crank{}, \
+                predecessor_placement: {{xyz: [1, 0, 0]}}, successor_placement: {{xyz: [0, 0, \
+                1]}}, cut_joint_type: planar_revolute, axis: [0, 1, 0]}}\n",
                 i + 1
             );
         }
     }
     let yaml = format!(
-        "submechanisms:\n- type: NUMERICAL\n  contextual_name: r\n  jointnames_spanningtree: [{}]\n  jointnames_independent: [A0]\n  jointnames_active: [A0]\n  loop_constraints:\n{loops}",
+        "submechanisms:\n- type: NUMERICAL\n  contextual_name: r\n  jointnames_spanningtree: \
+        [{}]\n  jointnames_independent: [A0]\n  jointnames_active: \
+        [A0]\n  loop_constraints:\n{loops}",
         names.join(", ")
     );
     Source::Text { urdf: (urdf + "</robot>").into_bytes(), submechanisms: Some(yaml.into_bytes()) }

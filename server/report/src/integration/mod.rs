@@ -45,12 +45,20 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         id: "integration-references".into(),
         title: "What the motions are compared with".into(),
         caption:
-            "The reference is DOP853 at a tolerance of 1e-13; Radau's method at 1e-12 and what is known from elsewhere stand beside it. \
-                  Errors are of y and ẏ at the end, by size."
+            "The reference is DOP853 at a tolerance of 1e-13; Radau's method at 1e-12 and what is \
+            known from elsewhere stand beside it. Errors are of y and ẏ at the end, by size."
                 .into(),
-        columns: ["problem", "Radau5 against DOP853", "known from", "DOP853 against it", "least error reached", "by"]
-            .map(str::to_owned)
-            .to_vec(),
+        columns: [
+            "problem",
+            "Radau5 against DOP853",
+            "known from",
+            "DOP853 against it",
+            "least \
+            error reached",
+            "by",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
         rows: rows.into_iter().map(|row| row.cells).collect(),
     });
     Ok(section)
@@ -160,8 +168,9 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         id: format!("integration-{}", problem.id),
         title: problem.title.into(),
         caption: format!(
-            "Error of y and ẏ at the end, by size, against the time of one whole simulation. The reference is known to {}. A series ends \
-             where its next point would take more than {longest} s.",
+            "Error of y and ẏ at the end, by size, against the time of one whole simulation. The \
+            reference is known to {}. A series ends where its next point would take more than \
+            {longest} s.",
             exponent(known_to)
         ),
         command: String::new(),

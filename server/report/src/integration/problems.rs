@@ -10,7 +10,7 @@ use sarrus_simulation::{
 use super::{four_bars, pendulum};
 use crate::Outcome;
 
-/// A robot, what hangs on it, and where it starts.
+/// A robot, what acts on it, and where it starts.
 pub(super) struct Problem {
     pub(super) id: &'static str,
     pub(super) title: &'static str,
@@ -71,7 +71,7 @@ impl Problem {
         Problem::new(id, title, &Source::Bundled(name.to_owned()), duration, step)
     }
 
-    /// Hangs a spring between points of two links: stiffness, damping, rest length.
+    /// Adds a spring between points of two links: stiffness, damping, rest length.
     fn spring(
         mut self,
         from: (&str, [f64; 3]),

@@ -4,9 +4,15 @@ use serde_json::{Value, json};
 
 use super::figure::{Axis, Figure, Point};
 use super::section::{Case, Report, Section, Table};
+use crate::Outcome;
+use crate::csv_rows::{LineEnd, write};
 
 /// Everything, for scripts. A number that is not finite is null.
 pub(super) fn json(report: &Report) -> Value {
+    let sections: Vec<Value> =
+        report.sections.iter().map(|section| section_value(report, section)).collect();
+    let results: Vec<Value> =
+        report.sections.iter().flat_map(|section| &section.cases).map(case_value).collect();
     json!({
         "cases": report.cases(),
         "silent_failures": report.silent_failures(),
@@ -15,38 +21,60 @@ pub(super) fn json(report: &Report) -> Value {
         "command": report.command,
         "date": report.date,
         "quick": report.quick,
-        "sections": report.sections.iter().map(|section| section_value(report, section)).collect::<Vec<_>>(),
-        "results": report.sections.iter().flat_map(|section| &section.cases).map(case_value).collect::<Vec<_>>(),
+        "sections": sections,
+        "results": results,
     })
 }
 
 fn section_value(report: &Report, section: &Section) -> Value {
+    let figures: Vec<Value> =
+        section.figures.iter().map(|figure| figure_value(report, section, figure)).collect();
     json!({
-        "name": section.name, "title": section.title, "summary": section.summary, "worst_error": section.worst_error,
+        "name": section.name,
+        "title": section.title,
+        "summary": section.summary,
+        "worst_error": section.worst_error,
         "failure": section.failure,
-        "figures": section.figures.iter().map(|figure| figure_value(report, section, figure)).collect::<Vec<_>>(),
+        "figures": figures,
         "tables": section.tables.iter().map(|table| json!({
-            "id": table.id, "title": table.title, "caption": table.caption, "columns": table.columns, "rows": table.rows,
+            "id": table.id,
+            "title": table.title,
+            "caption": table.caption,
+            "columns": table.columns,
+            "rows": table.rows,
         })).collect::<Vec<_>>(),
     })
 }
 
 fn figure_value(report: &Report, section: &Section, figure: &Figure) -> Value {
+    let point = |point: &Point| json!({ "x": point.x, "y": point.y, "label": point.label });
     let axis = |axis: &Axis| json!({ "label": axis.label, "log": axis.log });
     json!({
-        "id": figure.id, "title": figure.title, "caption": figure.caption, "command": report.command_of(section, figure),
+        "id": figure.id,
+        "title": figure.title,
+        "caption": figure.caption,
+        "command": report.command_of(section, figure),
         "x": axis(&figure.x), "y": axis(&figure.y),
         "series": figure.series.iter().map(|series| json!({
             "name": series.name, "line": series.line, "front": series.competes,
-            "points": series.points.iter().map(|point| json!({ "x": point.x, "y": point.y, "label": point.label })).collect::<Vec<_>>(),
+            "points": series.points.iter().map(point).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
     })
 }
 
 fn case_value(case: &Case) -> Value {
     json!({
-        "family": case.family, "robot": case.robot, "parameter": case.parameter, "value": case.value, "method": case.method,
-        "error": case.error, "backward_error": case.backward, "truth": case.reference, "status": case.status, "told": case.reported, "verdict": case.assessment.name(),
+        "family": case.family,
+        "robot": case.robot,
+        "parameter": case.parameter,
+        "value": case.value,
+        "method": case.method,
+        "error": case.error,
+        "backward_error": case.backward,
+        "truth": case.reference,
+        "status": case.status,
+        "told": case.reported,
+        "verdict": case.assessment.name(),
     })
 }
 
@@ -111,16 +139,12 @@ fn number(x: f64) -> String {
 }
 
 /// A table as RFC 4180 has it.
-pub(super) fn csv(table: &Table) -> String {
-    let quoted = |cell: &String| {
-        let plain = !cell.contains([',', '"', '\n', '\r']);
-        if plain { cell.clone() } else { format!("\"{}\"", cell.replace('"', "\"\"")) }
-    };
-    let line = |row: &Vec<String>| row.iter().map(quoted).collect::<Vec<_>>().join(",") + "\r\n";
-    std::iter::once(&table.columns).chain(&table.rows).map(line).collect()
+pub(super) fn csv(table: &Table) -> Outcome<String> {
+    write(std::iter::once(&table.columns).chain(&table.rows), LineEnd::CrLf)
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test that fails panics")]
 mod tests {
     use super::*;
 
@@ -133,7 +157,7 @@ mod tests {
             rows: vec![words(&["say \"x\"", "1"])],
             ..Table::default()
         };
-        assert_eq!(csv(&table), "a,\"b,c\"\r\n\"say \"\"x\"\"\",1\r\n");
+        assert_eq!(csv(&table).unwrap(), "a,\"b,c\"\r\n\"say \"\"x\"\"\",1\r\n");
     }
 
     #[test]

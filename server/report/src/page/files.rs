@@ -42,14 +42,14 @@ pub(crate) fn with_names(mut sections: Vec<Section>) -> Vec<Section> {
 pub(crate) fn files(report: &Report, out: &Path) -> Outcome {
     for section in &report.sections {
         for figure in &section.figures {
-            write(out, &format!("{}.csv", figure.id), &csv(&figure_table(figure)))?;
+            write(out, &format!("{}.csv", figure.id), &csv(&figure_table(figure))?)?;
         }
         for table in &section.tables {
-            write(out, &format!("{}.csv", table.id), &csv(table))?;
+            write(out, &format!("{}.csv", table.id), &csv(table)?)?;
         }
         if !section.cases.is_empty() {
             let table = result_table(section);
-            write(out, &format!("{}.csv", table.id), &csv(&table))?;
+            write(out, &format!("{}.csv", table.id), &csv(&table)?)?;
         }
     }
     write(out, "report.json", &format!("{:#}\n", json(report)))?;

@@ -22,7 +22,7 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
         (top(report))
         @for section in &sections { (section) }
     };
-    Ok(document("sarrus: error against run time, stiff and extreme cases", &body))
+    Ok(document("sarrus: error against run time, stress cases", &body))
 }
 
 /// A page of figures alone, below some lines.
@@ -46,7 +46,8 @@ fn document(title: &str, body: &Markup) -> String {
     let [rules, light, dark] = colours();
     // paper is light whatever the screen was
     let style = format!(
-        "{}\n:root{{{light}}}\n@media screen and (prefers-color-scheme: dark){{:root{{{dark}}}}}\n{rules}\n",
+        "{}\n:root{{{light}}}\n@media screen and (prefers-color-scheme: \
+        dark){{:root{{{dark}}}}}\n{rules}\n",
         include_str!("page.css")
     );
     let markup = html! {
@@ -74,27 +75,39 @@ fn top(report: &Report) -> Markup {
         against.fold((0, 0), |(front, ours), summary| (front + summary.front, ours + summary.ours));
     html! {
         header {
-            h1 { "sarrus: error against run time, stiff and extreme cases" }
+            h1 { "sarrus: error against run time, stress cases" }
             p.soft { code { (report.command) } " on " (report.machine) ", " (report.date) }
             ul.facts {
-                li { b { (report.worst_error().map_or("-".to_owned(), exponent)) } "worst error of an answer given as good" }
+                li { b { (report.worst_error().map_or("-".to_owned(), exponent)) } "worst error of \
+                    an answer given as good" }
                 li.(if silent == 0 { "good" } else { "bad" }) { b { (silent) } "silent failures" }
-                li { b { (report.cases()) } "extreme cases" }
-                @if front > 0 { li { b { (ours) " of " (front) } "points on the Pareto fronts that a peer competes for are ours" } }
+                li { b { (report.cases()) } "stress cases" }
+                @if front > 0 { li { b { (ours) " of " (front) } "points on the Pareto fronts that \
+                    a peer competes for are ours" } }
             }
             @for section in &report.sections {
                 @for sentence in &section.summary { p { (sentence) } }
-                @if let Some(failure) = &section.failure { p.bad { (section.title) ": not finished. " (failure) } }
+                @if let Some(failure) = &section.failure { p.bad { (section.title) ": not \
+                    finished. " (failure) } }
             }
             @if !summaries.is_empty() {
                 h2 id="places" { "Pareto places" }
                 p.soft {
-                    "Fastest and most exact point of each front, as method (cost; error). Peers: the least time factor at which one of ours makes no \
-                     larger error; errors up to " (exponent(ROUNDING)) " are rounding and count as equal there."
+                    "Fastest and most exact point of each front, as method (cost; error). Peers: \
+                    the least time factor at which one of ours makes no larger error; errors up \
+                    to " (exponent(ROUNDING)) " are rounding and count as equal there."
                 }
                 div.scroll {
                     table.summaries {
-                        thead { tr { th { "figure" } th { "on the front, ours of all" } th { "fastest" } th { "most exact" } th { "peers" } } }
+                        thead {
+                            tr {
+                                th { "figure" }
+                                th { "on the front, ours of all" }
+                                th { "fastest" }
+                                th { "most exact" }
+                                th { "peers" }
+                            }
+                        }
                         tbody {
                             @for summary in &summaries {
                                 tr {
@@ -115,8 +128,12 @@ fn top(report: &Report) -> Markup {
             @for section in &report.sections {
                 p { a href={ "#" (section.name) } { (section.title) } }
                 ul {
-                    @for figure in &section.figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
-                    @for table in &section.tables { li { a href={ "#" (table.id) } { (table.title) } } }
+                    @for figure in &section.figures {
+                        li { a href={ "#" (figure.id) } { (figure.title) } }
+                    }
+                    @for table in &section.tables {
+                        li { a href={ "#" (table.id) } { (table.title) } }
+                    }
                 }
             }
         }
@@ -169,7 +186,9 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
             h3 { (figure.title) }
             @match (&wide, &narrow) {
                 (Some(wide), Some(narrow)) => {
-                    ul.legend { @for (sign, name) in &signs { li { (PreEscaped(sign)) span { (name) } } } }
+                    ul.legend {
+                        @for (sign, name) in &signs { li { (PreEscaped(sign)) span { (name) } } }
+                    }
                     p.axis { "↑ " (figure.y.label) }
                     div.wide { (PreEscaped(wide)) }
                     div.narrow { (PreEscaped(narrow)) }
@@ -179,8 +198,11 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
             }
             figcaption {
                 @if !figure.caption.is_empty() { p { (figure.caption) } }
-                @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand in the table." } }
-                @if let Some((report, section)) = origin { p.from { code { (report.command_of(section, figure)) } " on " (report.machine) } }
+                @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand \
+                    in the table." } }
+                @if let Some((report, section)) = origin {
+                    p.from { code { (report.command_of(section, figure)) } " on " (report.machine) }
+                }
             }
             details {
                 summary { "Data: " (all) @if all == 1 { " point" } @else { " points" } }
@@ -212,7 +234,7 @@ fn assessments(section: &Section) -> Markup {
             table {
                 thead {
                     tr {
-                        th { "driven to extremes" }
+                        th { "family" }
                         @for assessment in Assessment::ALL { th { (assessment.name()) } }
                         th { "cases" }
                     }
@@ -221,8 +243,11 @@ fn assessments(section: &Section) -> Markup {
                     @for family in rows {
                         tr {
                             td { (family.unwrap_or("all")) }
-                            @for assessment in Assessment::ALL { @let n = count(family, Some(assessment));
-                                td.number.bad[assessment == Assessment::FailedSilently && n > 0] { (n) } }
+                            @for assessment in Assessment::ALL {
+                                @let n = count(family, Some(assessment));
+                                @let bad = assessment == Assessment::FailedSilently && n > 0;
+                                td.number.bad[bad] { (n) }
+                            }
                             td.number { (count(family, None)) }
                         }
                     }

@@ -19,7 +19,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// How many extreme cases there are.
+    /// How many stress cases there are.
     pub fn cases(&self) -> usize {
         self.results().count()
     }
@@ -38,7 +38,7 @@ impl Report {
     pub fn summary(&self) -> Vec<String> {
         let worst = self.worst_error().map_or("-".to_owned(), exponent);
         let mut lines = vec![format!(
-            "worst error {worst}, {} extreme cases, {} silent failures",
+            "worst error {worst}, {} stress cases, {} silent failures",
             self.cases(),
             self.silent_failures()
         )];
@@ -112,7 +112,7 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// How an extreme case ended.
+/// How a stress case ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Assessment {
     /// A good answer.
@@ -141,7 +141,7 @@ impl Assessment {
     }
 }
 
-/// An extreme case: one value of a parameter, one method.
+/// A stress case: one value of a parameter, one method.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// What is driven to its limits, such as `mass ratio`.

@@ -156,7 +156,7 @@ fn the_data_has_what_scripts_look_for() {
     for key in ["machine", "command", "date", "quick"] {
         assert!(!value[key].is_null(), "{key}");
     }
-    assert_eq!(report.summary()[0], "worst error 1.0e-12, 2 extreme cases, 1 silent failures");
+    assert_eq!(report.summary()[0], "worst error 1.0e-12, 2 stress cases, 1 silent failures");
     let nothing = Report::default();
     assert_eq!(
         (json(&nothing)["worst_error"].clone(), json(&nothing)["cases"].clone()),

@@ -13,29 +13,18 @@ use sarrus_dynamics::description::Description;
 
 use crate::Outcome;
 use crate::page::{PINOCCHIO, Point, Series};
-use crate::robots::State;
+use crate::robots::{Question, State};
 
 /// Where its program is below the folder of what is built.
 const PROGRAM: &str = "peers/pinocchio";
 /// What builds it.
 const BUILD: &str = "benches/peers/build.sh";
 
-/// What is asked of a peer; everything starts from y, ẏ.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asked {
-    /// q from y.
-    State,
-    /// τ_u from y, ẏ, ÿ.
-    InverseDynamics,
-    /// ÿ from y, ẏ, τ_u.
-    ForwardDynamics,
-}
-
 /// A method of a peer with one setting.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// What was asked.
-    pub asked: Asked,
+    /// What was asked, from y, ẏ on; of a state q alone.
+    pub question: Question,
     /// Its name for a legend, the engine's first.
     pub name: String,
     /// Such as its tolerance.
@@ -112,9 +101,13 @@ pub fn pinocchio(
 /// Series for a figure of error over time: one for each method of what was asked, a point for each
 /// setting. `error` is that of an answer to the state of this number; a method without numbers at
 /// some state has no error.
-pub fn series(runs: &[Run], asked: Asked, error: impl Fn(usize, &[f64]) -> f64) -> Vec<Series> {
+pub fn series(
+    runs: &[Run],
+    question: Question,
+    error: impl Fn(usize, &[f64]) -> f64,
+) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
-    for run in runs.iter().filter(|run| run.asked == asked) {
+    for run in runs.iter().filter(|run| run.question == question) {
         let errors = run.answers.iter().enumerate().map(|(state, answer)| error(state, answer));
         let worst = errors.fold(0.0, |worst: f64, error| {
             if error.is_nan() || worst.is_nan() { f64::NAN } else { worst.max(error) }
@@ -155,20 +148,20 @@ fn read(text: &str, n_states: usize) -> Result<Peer, String> {
     let mut runs = Vec::new();
     while let Some(line) = lines.next() {
         let head = || {
-            let (asked, rest) = line.strip_prefix("run ")?.split_once(' ')?;
+            let (question, rest) = line.strip_prefix("run ")?.split_once(' ')?;
             let (method, ns) = rest.rsplit_once("; ")?;
             // the setting begins with what is set
             let at =
                 ["tolerance", "mu"].iter().find_map(|word| method.find(&format!(" {word} ")))?;
-            let asked = match asked {
-                "STATE" => Asked::State,
-                "ID" => Asked::InverseDynamics,
-                "FD" => Asked::ForwardDynamics,
+            let question = match question {
+                "STATE" => Question::State,
+                "ID" => Question::InverseDynamics,
+                "FD" => Question::ForwardDynamics,
                 _ => return None,
             };
             let name = format!("{PINOCCHIO} {}", &method[..at]);
             Some(Run {
-                asked,
+                question,
                 name,
                 setting: method[at + 1..].to_owned(),
                 ns: ns.parse().ok()?,
@@ -198,7 +191,7 @@ mod tests {
 
     use super::*;
     use crate::robots::Robot;
-    use crate::robots::{Question, Subject, packed};
+    use crate::robots::{Subject, packed};
 
     #[test]
     fn pinocchio_agrees_where_it_is_built() {
@@ -212,17 +205,17 @@ mod tests {
             let model = &robot.variants[0].compiled.model;
             let mut workspace = Workspace::new(model);
             for run in &runs {
-                let (question, tolerance) = match (run.asked, run.setting.as_str()) {
-                    (Asked::InverseDynamics, "tolerance 1e-12") => {
+                let (question, tolerance) = match (run.question, run.setting.as_str()) {
+                    (Question::InverseDynamics, "tolerance 1e-12") => {
                         (Question::InverseDynamics, 1e-9)
                     }
-                    (Asked::ForwardDynamics, "tolerance 1e-12" | "mu 1e-8, iterations 2")
+                    (Question::ForwardDynamics, "tolerance 1e-12" | "mu 1e-8, iterations 2")
                         if !run.name.contains("lcaba") =>
                     {
                         (Question::ForwardDynamics, 1e-9)
                     }
                     // its error has a floor
-                    (Asked::ForwardDynamics, "mu 1e-4, iterations 2") => {
+                    (Question::ForwardDynamics, "mu 1e-4, iterations 2") => {
                         (Question::ForwardDynamics, 1e-6)
                     }
                     _ => continue,
@@ -259,15 +252,16 @@ mod tests {
         assert_eq!((engine.as_str(), runs.len()), ("Pinocchio 9", 1));
         let run = &runs[0];
         assert_eq!(
-            (run.asked, run.name.as_str(), run.setting.as_str()),
-            (Asked::ForwardDynamics, "Pinocchio lcaba", "mu 1e-8, iterations 2")
+            (run.question, run.name.as_str(), run.setting.as_str()),
+            (Question::ForwardDynamics, "Pinocchio lcaba", "mu 1e-8, iterations 2")
         );
         assert_eq!((run.ns, run.answers[1].as_slice()), (123.5, &[2.0, 3.0][..]));
         assert!(run.answers[0][1].is_nan());
-        let drawn = series(&runs, Asked::ForwardDynamics, |state, answer| answer[0] - state as f64);
+        let drawn =
+            series(&runs, Question::ForwardDynamics, |state, answer| answer[0] - state as f64);
         assert_eq!((drawn.len(), drawn[0].points[0].x, drawn[0].points[0].y), (1, 123.5, 1.0));
         assert!(
-            series(&runs, Asked::ForwardDynamics, |_, answer| answer[1..].iter().sum())
+            series(&runs, Question::ForwardDynamics, |_, answer| answer[1..].iter().sum())
                 .iter()
                 .all(|series| series.points[0].y.is_nan())
         );

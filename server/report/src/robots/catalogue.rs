@@ -98,7 +98,7 @@ const NUMERICAL: Closing = ("numerical", |_| true);
 const CLOSINGS_OF_UPPER_BODY: [Closing; 2] =
     [("hybrid-torso", |kind| kind == "2SPU+1U"), ("hybrid-elbows", |kind| kind == "RRPR")];
 
-/// The robot as it is given, then with closed forms replaced by Newton's method. `wanted` skips
+/// The robot as it is given, then with closed forms replaced by Newton's method. `query` skips
 /// what need not be loaded.
 pub fn variants(
     subject: Subject,

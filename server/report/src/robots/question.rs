@@ -54,7 +54,7 @@ impl Question {
         matches!(self, Question::ForwardDynamics | Question::Forced(_))
     }
 
-    /// What is given and what is wanted.
+    /// What is given and what is asked, as a query.
     pub fn query(self) -> Query {
         use Field::*;
         let motion = FieldSet::of(&[Y, Yd, Ydd]);

@@ -10,7 +10,7 @@ pub(crate) struct Text {
     pub(crate) submechanisms: &'static str,
 }
 
-/// A joint and the link that it carries: name, kind, parent, origin, axis.
+/// A joint and its child link: name, kind, parent, origin, axis.
 struct Part(&'static str, &'static str, &'static str, &'static str, &'static str);
 
 /// Every one of them.
@@ -71,8 +71,12 @@ pub(crate) const TEXTS: [Text; 3] = [
             Part("left", "revolute", "base", "0 0.1 0", "0 1 0"),
             Part("right", "revolute", "base", "0 -0.1 0", "0 1 0"),
         ],
-        couplings: r#"<transmission name="left"><joint name="left"><depends_on joint="pitch" multiplier="1"/><depends_on joint="roll" multiplier="1"/></joint></transmission>
-<transmission name="right"><joint name="right"><depends_on joint="pitch" multiplier="1"/><depends_on joint="roll" multiplier="-1"/></joint></transmission>
+        couplings: r#"<transmission name="left"><joint name="left">
+<depends_on joint="pitch" multiplier="1"/><depends_on joint="roll" multiplier="1"/>
+</joint></transmission>
+<transmission name="right"><joint name="right">
+<depends_on joint="pitch" multiplier="1"/><depends_on joint="roll" multiplier="-1"/>
+</joint></transmission>
 "#,
         submechanisms: "submechanisms:
 - type: DIFFERENTIAL
@@ -90,8 +94,13 @@ impl Text {
         let mut urdf = format!("<robot name=\"{}\">\n<link name=\"base_link\"/>\n", self.name);
         for Part(name, kind, parent, origin, axis) in self.joints {
             urdf += &format!(
-                r#"<link name="{name}_link"><inertial><origin xyz="0.01 0.1 0.05"/><mass value="0.8"/><inertia ixx="0.006" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.004"/></inertial></link>
-<joint name="{name}" type="{kind}"><parent link="{parent}_link"/><child link="{name}_link"/><origin xyz="{origin}"/><axis xyz="{axis}"/><limit lower="-3" upper="3" effort="1000" velocity="10"/></joint>
+                r#"<link name="{name}_link"><inertial>
+<origin xyz="0.01 0.1 0.05"/><mass value="0.8"/>
+<inertia ixx="0.006" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.004"/></inertial></link>
+<joint name="{name}" type="{kind}">
+<parent link="{parent}_link"/><child link="{name}_link"/>
+<origin xyz="{origin}"/><axis xyz="{axis}"/>
+<limit lower="-3" upper="3" effort="1000" velocity="10"/></joint>
 "#
             );
         }

@@ -16,7 +16,7 @@ const NO_PICTURE: [&str; 4] =
 
 /// Fills the section.
 pub(crate) fn section(cases: &[Case]) -> Section {
-    let mut section = Section::new("extremes", "Stiff and extreme cases");
+    let mut section = Section::new("extremes", "Stress cases");
     // families whose robots take turns come together
     let names: Vec<&str> =
         cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
@@ -54,15 +54,18 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
     let silent = of(Assessment::FailedSilently);
     let mut lines = vec![
         format!(
-            "{} cases in {families} families: {} held, {} degraded and said so, {} failed and said so, {silent} failed silently.",
+            "{} cases in {families} families: {} held, {} degraded and said so, {} failed and said \
+            so, {silent} failed silently.",
             cases.len(),
             of(Assessment::Held),
             of(Assessment::Degraded),
             of(Assessment::Failed)
         ),
         format!(
-            "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a larger error, and the answer warns of \
-            ill_conditioned, or the simulation's own estimate or energy tells the size of its error. Failed and said so: any other status with no number beside it, or a refusal at load. Anything else has failed silently."
+            "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a \
+            larger error, and the answer warns of ill_conditioned, or the simulation's own \
+            estimate or energy reports the size of its error. Failed and said so: any other status \
+            with no number beside it, or a refusal at load. Anything else has failed silently."
         ),
     ];
     let worst = cases
@@ -150,9 +153,11 @@ fn overview(families: &[&[Case]]) -> Table {
     Table {
         id: "extremes-families".into(),
         title: "Every family".into(),
-        caption: "Errors by size against the same robot in double-double, lengths in those of its loops; a closed form or a finer way where the \
-            cases say so. Chains are judged by the backward error of forward dynamics, ‖M_y ÿ + C_y − τ_y‖ relative to its terms, by inverse \
-            dynamics in double-double: the condition of their mass matrix grows with the fourth power of their length."
+        caption: "Errors by size against the same robot in double-double, lengths in those of its \
+            loops; a closed form or a finer way where the cases say so. Chains are assessed by the \
+            backward error of forward dynamics, ‖M_y ÿ + C_y − τ_y‖ relative to its terms, by \
+            inverse dynamics in double-double: the condition of their mass matrix grows with the \
+            fourth power of their length."
             .into(),
         columns: columns.map(str::to_owned).into(),
         rows: families.iter().map(row).collect(),
@@ -195,7 +200,7 @@ fn table(family: &[Case]) -> Table {
     let mut columns =
         vec![if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" }.to_owned()];
     columns.extend(Assessment::ALL.map(|assessment| assessment.name().to_owned()));
-    columns.extend(["first breaks at", "robot", "how the user is told"].map(str::to_owned));
+    columns.extend(["first breaks at", "robot", "how it is reported"].map(str::to_owned));
     Table {
         id: format!("{}-verdicts", id(family[0].family)),
         title: format!("{}: what held", capital(family[0].family)),
@@ -255,8 +260,9 @@ fn errors(family: &[Case]) -> Option<Figure> {
         id: id(name),
         title: format!("{}: error over {}", capital(name), family[0].parameter),
         caption: format!(
-            "The largest error over {}; at most {HELD:.0e} holds. Not drawn: {failed} of {} cases that ended by a status or a refusal. Drawn above \
-            {HELD:.0e}: {degraded} that say so and {silent} that do not. An error of zero is drawn at 1e-17.",
+            "The largest error over {}; at most {HELD:.0e} holds. Not drawn: {failed} of {} cases \
+            that ended by a status or a refusal. Drawn above {HELD:.0e}: {degraded} that say so \
+            and {silent} that do not. An error of zero is drawn at 1e-17.",
             if BY_ROBOT.contains(&name) { "all that is asked" } else { "all robots" },
             family.len()
         ),
@@ -298,7 +304,8 @@ fn times(cases: &[Case]) -> Option<Figure> {
     (!series.is_empty()).then(|| Figure {
         id: "extremes-chain-time".into(),
         title: "Chain: time per body or loop".into(),
-        caption: "The shortest of five calls over the number of bodies, or of loops of three bodies each; level where the cost is O(n)."
+        caption: "The shortest of five calls over the number of bodies, or of loops of three \
+            bodies each; level where the cost is O(n)."
             .into(),
         command: String::new(),
         x: Axis { label: "bodies or loops in a row".into(), log: true },

@@ -1,4 +1,6 @@
 //! What acts on a robot beside gravity and the terms of its joints.
 
+mod gains;
 pub(crate) mod inputs;
 pub(crate) mod springs;
+mod table;

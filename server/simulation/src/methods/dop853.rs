@@ -15,7 +15,7 @@ type Method = ExplicitRungeKutta<Ordinary, DormandPrince, f64, Vec<f64>, 8, 12, 
 
 /// Rejected steps without an answer, one after the other, before it is said that there is none:
 /// each takes the step down to a fifth or less.
-const PATIENCE: u32 = 24;
+const MOST_FAILURES: u32 = 24;
 
 /// Accepted steps between two looks at how stiff the problem is.
 const LOOK: u64 = 100;
@@ -193,7 +193,7 @@ impl Dop853 {
         self.method = None;
         self.first = 0.23 * step;
         match status {
-            Some(status) if self.failures > PATIENCE => {
+            Some(status) if self.failures > MOST_FAILURES => {
                 self.failures = 0;
                 Attempt::Failed(status)
             }

@@ -1,4 +1,4 @@
-//! Steps of a given length: semi-implicit Euler and the classical method of Runge and Kutta.
+//! Steps of a given length, by a method that makes one step; one without an answer is split.
 
 use sarrus_dynamics::Status;
 
@@ -10,25 +10,21 @@ const SPLITS: u32 = 16;
 /// Where: unequally, so that no part ends where the whole one or its middle did.
 const PART: f64 = 0.381_966_011_250_105_2;
 
-/// Which of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rule {
-    Euler,
-    RungeKutta,
+/// One step from a settled state to a new one.
+pub(crate) trait OneStep {
+    /// From t to `to`; x becomes the new settled state, or stays where that has no answer.
+    fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status;
 }
 
 /// A method of fixed step.
-pub(crate) struct Fixed {
-    rule: Rule,
+pub(crate) struct FixedStep<M> {
+    method: M,
     step: f64,
-    stages: [Vec<f64>; 4],
-    at: Vec<f64>,
-    next: Vec<f64>,
 }
 
-impl Fixed {
-    pub(crate) fn new(rule: Rule, step: f64) -> Fixed {
-        Fixed { rule, step, stages: Default::default(), at: Vec::new(), next: Vec::new() }
+impl<M: OneStep + Default> FixedStep<M> {
+    pub(crate) fn new(step: f64) -> FixedStep<M> {
+        FixedStep { method: M::default(), step }
     }
 
     /// One step, and if it has no answer two shorter ones; t and x stay at the last good state.
@@ -40,10 +36,7 @@ impl Fixed {
         to: f64,
         splits: u32,
     ) -> Status {
-        let status = match self.rule {
-            Rule::Euler => self.euler(engine, *t, x, to),
-            Rule::RungeKutta => self.runge_kutta(engine, *t, x, to),
-        };
+        let status = self.method.step(engine, *t, x, to);
         if status == Status::Ok {
             *t = to;
             engine.counts.steps += 1;
@@ -59,50 +52,9 @@ impl Fixed {
             other => other,
         }
     }
-
-    /// ẏ += h ÿ at the old state, then y along the new ẏ by the exponential map.
-    fn euler(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status {
-        let (n_qy, n_vy, h) = (engine.mechanism.sizes.n_qy, engine.mechanism.sizes.n_vy, to - t);
-        self.next.clear();
-        self.next.extend_from_slice(x);
-        let rate = &engine.anchor.rate;
-        (n_qy..x.len()).for_each(|i| self.next[i] += h * rate[i]);
-        let (y, rest) = self.next.split_at_mut(n_qy);
-        engine.mechanism.y.advance(y, &rest[..n_vy], h);
-        self.accept(engine, to, x)
-    }
-
-    /// Four stages; the first is known.
-    fn runge_kutta(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status {
-        let (n, h) = (x.len(), to - t);
-        self.stages.iter_mut().for_each(|stage| stage.resize(n, 0.0));
-        self.at.resize(n, 0.0);
-        self.stages[0].copy_from_slice(&engine.anchor.rate);
-        for (k, part) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
-            for i in 0..n {
-                self.at[i] = x[i] + part * h * self.stages[k - 1][i];
-            }
-            let status = engine.rate(t + part * h, &self.at, &mut self.stages[k]);
-            if status != Status::Ok {
-                return status;
-            }
-        }
-        let [a, b, c, d] = &self.stages;
-        self.next.clear();
-        self.next.extend((0..n).map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])));
-        self.accept(engine, to, x)
-    }
-
-    fn accept(&mut self, engine: &mut Engine, t: f64, x: &mut [f64]) -> Status {
-        let status = engine.settle(t, &mut self.next);
-        if status == Status::Ok {
-            x.copy_from_slice(&self.next);
-        }
-        status
-    }
 }
 
-impl Stepper for Fixed {
+impl<M: OneStep + Default> Stepper for FixedStep<M> {
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt {
         // the last step may be a little longer than the others, never a crumb
         let to = if *t + 1.000_001 * self.step >= limit { limit } else { *t + self.step };

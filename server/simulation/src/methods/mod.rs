@@ -3,7 +3,10 @@
 #[cfg(feature = "adaptive")]
 pub(crate) mod dop853;
 pub(crate) mod fixed_step;
+pub(crate) mod implicit_form;
 pub(crate) mod radau5;
+pub(crate) mod runge_kutta;
+pub(crate) mod semi_implicit_euler;
 
 use sarrus_dynamics::Status;
 

@@ -16,8 +16,8 @@ use crate::planned::Planned;
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
 
-/// Share of the fastest joint's way in a step by which a smooth motion is not off the mean of its
-/// velocities.
+/// Share of the fastest joint's distance in a step by which a smooth motion is not off the mean of
+/// its velocities.
 const JUMP: f64 = 0.3;
 
 /// What was done.
@@ -52,8 +52,8 @@ pub(crate) struct Engine {
     guess: Vec<f64>,
     /// The guess is not at the independents, which are too far.
     is_far: bool,
-    /// Way from the anchor, in ẏ and in q̇.
-    way: (Vec<f64>, Vec<f64>),
+    /// Offset from the anchor, in ẏ and in q̇.
+    offset: (Vec<f64>, Vec<f64>),
     pub(crate) counts: Counts,
     /// Where double precision would lose digits, double-double is used; and it is known to be here.
     pub(crate) may_be_precise: bool,
@@ -141,7 +141,7 @@ impl Engine {
             anchor,
             guess,
             is_far: false,
-            way: (zero(n_vy), zero(n_v)),
+            offset: (zero(n_vy), zero(n_v)),
             counts: Counts::default(),
             may_be_precise: true,
             is_delicate: false,
@@ -219,16 +219,16 @@ impl Engine {
     /// The first state of all where no closed pose is known: closures start from their own zero.
     pub(crate) fn settle_from_zero(&mut self, x: &mut [f64]) -> Result<Status, SimulationError> {
         let model = &self.compiled.model;
-        let mut asked = Planned::new(
+        let mut planned = Planned::new(
             model,
             &Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])),
         )?;
-        asked.give(Field::Y, &x[..self.mechanism.sizes.n_qy]);
-        let answer = asked.run(model, &mut Workspace::for_plans(model, [asked.plan()]));
+        planned.give(Field::Y, &x[..self.mechanism.sizes.n_qy]);
+        let answer = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()]));
         if answer.status != Status::Ok {
             return Ok(answer.status);
         }
-        self.anchor.q.copy_from_slice(asked.get(Field::Q));
+        self.anchor.q.copy_from_slice(planned.get(Field::Q));
         Ok(self.settle(0.0, x))
     }
 
@@ -254,6 +254,15 @@ impl Engine {
         // a closed form knows its angles up to whole turns only
         if !self.is_far {
             self.mechanism.unwind(&self.guess, &mut anchor.q);
+        }
+        status
+    }
+
+    /// Accepts `next` as the new state x at t; x stays where it has no answer.
+    pub(crate) fn accept(&mut self, t: f64, next: &mut [f64], x: &mut [f64]) -> Status {
+        let status = self.settle(t, next);
+        if status == Status::Ok {
+            x.copy_from_slice(next);
         }
         status
     }
@@ -293,7 +302,7 @@ impl Engine {
         if self.mechanism.sizes.n_c == 0 {
             return;
         }
-        let (dy, dq) = (&mut self.way.0, &mut self.way.1);
+        let (dy, dq) = (&mut self.offset.0, &mut self.offset.1);
         if self.mechanism.follows_G() {
             self.mechanism.y.difference(y, &x[..y.len()], dy);
             dq.iter_mut()

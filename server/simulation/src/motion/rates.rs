@@ -202,11 +202,11 @@ impl<T: Scalar> Rates<T> {
         }
         self.y.copy_from_slice(&x[..n_qy]);
         mechanism.y.normalise(&mut self.y);
-        for asked in self.pose.iter_mut().chain([&mut self.forward]) {
-            asked.give(Field::Y, &self.y);
-            asked.give(Field::Yd, &x[n_qy..n_qy + n_vy]);
-            asked.give(Field::QGuess, q);
-            asked.give(Field::QdGuess, qd);
+        for planned in self.pose.iter_mut().chain([&mut self.forward]) {
+            planned.give(Field::Y, &self.y);
+            planned.give(Field::Yd, &x[n_qy..n_qy + n_vy]);
+            planned.give(Field::QGuess, q);
+            planned.give(Field::QdGuess, qd);
         }
         if let Some(pose) = &mut self.pose {
             let answer = pose.run(&self.model, &mut self.workspace);

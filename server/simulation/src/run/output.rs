@@ -2,6 +2,7 @@
 
 use sarrus_dynamics::Status;
 
+use super::events::Event;
 use crate::motion::energy::Energy;
 use crate::motion::engine::Counts;
 
@@ -25,57 +26,10 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Energy less work: constant in truth.
+    /// Energy less work: constant but for errors.
     pub fn balance(&self) -> f64 {
         self.energy.kinetic + self.energy.potential - self.work
     }
-}
-
-/// Something remarkable on the way.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Event {
-    /// When `[s]`.
-    pub time: f64,
-    /// What.
-    pub kind: EventKind,
-}
-
-/// What happened.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum EventKind {
-    /// The simulation went on with other independents.
-    Switched {
-        /// The independents before.
-        from: Vec<String>,
-        /// The independents after.
-        to: Vec<String>,
-        /// Distance to singularity before.
-        before: f64,
-        /// Distance to singularity after.
-        after: f64,
-    },
-    /// Other independents are better, but the robot cannot be compiled with them or its state not
-    /// taken over.
-    NotSwitched {
-        /// Which.
-        to: Vec<String>,
-        /// Why.
-        why: String,
-    },
-    /// A step was taken back because the right-hand side had no answer on its way; a shorter one
-    /// had.
-    Shortened {
-        /// Why.
-        status: Status,
-    },
-    /// The simulation ended near a singularity.
-    NearSingular {
-        /// Distance to it.
-        distance: f64,
-    },
-    /// The problem is stiff for an explicit method.
-    Stiff,
 }
 
 /// How a simulation ended.

@@ -2,8 +2,10 @@
 
 use crate::error::SimulationError;
 use crate::methods::Stepper;
-use crate::methods::fixed_step::{Fixed, Rule};
+use crate::methods::fixed_step::FixedStep;
 use crate::methods::radau5::Radau;
+use crate::methods::runge_kutta::RungeKutta;
+use crate::methods::semi_implicit_euler::SemiImplicitEuler;
 
 /// Steps of a fixed length that one simulation may have.
 const MOST: f64 = 1e9;
@@ -156,9 +158,9 @@ impl Settings {
     pub(crate) fn stepper(&self) -> Result<Box<dyn Stepper>, SimulationError> {
         let step = self.step.unwrap_or(self.duration);
         Ok(match self.method {
-            Method::Euler => Box::new(Fixed::new(Rule::Euler, step)),
+            Method::Euler => Box::new(FixedStep::<SemiImplicitEuler>::new(step)),
             Method::RungeKutta | Method::Baumgarte | Method::Projection => {
-                Box::new(Fixed::new(Rule::RungeKutta, step))
+                Box::new(FixedStep::<RungeKutta>::new(step))
             }
             #[cfg(feature = "adaptive")]
             Method::Dop853 => Box::new(crate::methods::dop853::Dop853::new(

@@ -91,26 +91,26 @@ fn closed(
         FieldSet::of(&[Q, Qd]),
         FieldSet::of(&[Y, Yd, Q, Qd, Residual]),
     );
-    let mut asked = Planned::new(model, &query)?;
-    let mut workspace = Workspace::for_plans(model, [asked.plan()]);
-    asked.give(Q, q);
-    asked.give(Qd, qd);
-    let status = asked.run(model, &mut workspace).status;
+    let mut planned = Planned::new(model, &query)?;
+    let mut workspace = Workspace::for_plans(model, [planned.plan()]);
+    planned.give(Q, q);
+    planned.give(Qd, qd);
+    let status = planned.run(model, &mut workspace).status;
     if status != Status::Ok {
-        let residual = asked.get(Residual).iter().copied().find(|x| x.is_finite());
+        let residual = planned.get(Residual).iter().copied().find(|x| x.is_finite());
         return Err(SimulationError::Start { status, detail: residual.unwrap_or(0.0) });
     }
     let largest = |x: &[f64]| x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
     let mut change = vec![0.0; model.sizes().n_v];
-    tree.difference(q, asked.get(Q), &mut change);
+    tree.difference(q, planned.get(Q), &mut change);
     let moved = largest(&change);
-    let turned: Vec<f64> = asked.get(Qd).iter().zip(qd).map(|(a, b)| a - b).collect();
+    let turned: Vec<f64> = planned.get(Qd).iter().zip(qd).map(|(a, b)| a - b).collect();
     let correction = [moved, largest(&turned)];
     // a good state is left alone
-    let guess = if moved < CLOSED { q } else { asked.get(Q) };
+    let guess = if moved < CLOSED { q } else { planned.get(Q) };
     Ok(Checked {
-        y: asked.get(Y).to_vec(),
-        yd: asked.get(Yd).to_vec(),
+        y: planned.get(Y).to_vec(),
+        yd: planned.get(Yd).to_vec(),
         guess: Some(guess.to_vec()),
         correction,
     })

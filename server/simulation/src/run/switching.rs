@@ -3,10 +3,10 @@
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
+use super::events::EventKind;
 use crate::error::SimulationError;
 use crate::motion::engine::Engine;
 use crate::planned::Planned;
-use crate::run::output::EventKind;
 
 /// Distance to singularity below which better independents are looked for.
 pub(crate) const NEAR: f64 = 0.1;
@@ -22,7 +22,7 @@ const GROWN: f64 = 1.5;
 
 /// Looks at the independents after each step.
 pub(crate) struct Watch {
-    asked: Planned<f64>,
+    planned: Planned<f64>,
     workspace: Workspace<f64>,
     /// How near a singularity others were tried in vain; forgotten away from it.
     refused: f64,
@@ -50,15 +50,15 @@ impl Watch {
             return Ok(None);
         }
         let given = FieldSet::of(&[Y, QGuess, QdGuess]);
-        let asked = Planned::new(
+        let planned = Planned::new(
             model,
             &Query::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
         )?;
-        let workspace = Workspace::for_plans(model, [asked.plan()]);
+        let workspace = Workspace::for_plans(model, [planned.plan()]);
         let (cheap, infinite) = (model.sizes().n_v <= CHEAP, f64::INFINITY);
         Ok(Some(Watch {
             workspace,
-            asked,
+            planned,
             refused: infinite,
             cheap,
             least: infinite,
@@ -85,7 +85,7 @@ impl Watch {
     /// What is singular at the pose that was measured last: the independents where others are good,
     /// else the loops.
     pub(crate) fn blame(&self) -> Status {
-        let good = self.asked.get(Field::GoodIndependents);
+        let good = self.planned.get(Field::GoodIndependents);
         if good.is_empty() || good.iter().any(|x| x.is_nan()) {
             Status::SingularClosure
         } else {
@@ -111,7 +111,7 @@ impl Watch {
             return None;
         }
         let model = &engine.compiled.model;
-        let good = self.asked.get(Field::GoodIndependents);
+        let good = self.planned.get(Field::GoodIndependents);
         let is_good = |name: &String| {
             model.tree_names().iter().zip(good).any(|(of, good)| of == name && *good == 1.0)
         };
@@ -130,11 +130,11 @@ impl Watch {
 
     /// Distance to singularity at a state.
     fn measure(&mut self, engine: &Engine, x: &[f64]) -> Option<f64> {
-        self.asked.give(Field::Y, &x[..engine.mechanism.sizes.n_qy]);
-        self.asked.give(Field::QGuess, &engine.anchor.q);
-        self.asked.give(Field::QdGuess, &engine.anchor.qd);
-        let status = self.asked.run(&engine.compiled.model, &mut self.workspace).status;
-        let distance = self.asked.get(Field::SigmaMin).first().copied()?;
+        self.planned.give(Field::Y, &x[..engine.mechanism.sizes.n_qy]);
+        self.planned.give(Field::QGuess, &engine.anchor.q);
+        self.planned.give(Field::QdGuess, &engine.anchor.qd);
+        let status = self.planned.run(&engine.compiled.model, &mut self.workspace).status;
+        let distance = self.planned.get(Field::SigmaMin).first().copied()?;
         (status == Status::Ok && distance.is_finite()).then_some(distance)
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use sarrus_dynamics::Model;
+use sarrus_report::csv_rows::{self, Row};
 use sarrus_simulation::{Input, Point, Source, Space, Spring};
 
 /// Numbers separated by commas.
@@ -170,9 +171,8 @@ fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
     let text = fs::read_to_string(path).map_err(|error| {
         format!("cannot read {file}: {error}; give the path of a readable file")
     })?;
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let cells = |line: &str| line.split(',').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
-    let heads = lines.next().map(|(_, line)| cells(line)).unwrap_or_default();
+    let mut rows = csv_rows::read(&text).map_err(|error| format!("{file}: {error}"))?.into_iter();
+    let heads = rows.next().map(|row| row.cells).unwrap_or_default();
     let Some((first, names)) = heads.split_first().filter(|(first, _)| first.as_str() == "time")
     else {
         return Err(format!(
@@ -200,9 +200,8 @@ fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
         ));
     };
     let (mut times, mut forces) = (Vec::new(), Vec::new());
-    for (k, line) in lines {
-        let row = cells(line);
-        let at = |column: usize| format!("{file}:{}:{}", k + 1, column + 1);
+    for Row { line, cells: row } in rows {
+        let at = |column: usize| format!("{file}:{line}:{}", column + 1);
         if row.len() != heads.len() {
             return Err(format!(
                 "{}: found {} cell(s), expected {}",

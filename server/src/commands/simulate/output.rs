@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use sarrus_models::Loaded;
+use sarrus_report::csv_rows::{self, LineEnd};
 use sarrus_report::page::{Axis, Figure, Pictures, Point, Series};
 use sarrus_simulation::{EventKind, Method, Run, Sample};
 use serde_json::{Value, json};
@@ -22,7 +23,7 @@ pub(super) fn write(
     fs::create_dir_all(folder)
         .map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
     let table = folder.join("motion.csv");
-    fs::write(&table, csv(loaded, run))
+    fs::write(&table, csv(loaded, run)?)
         .map_err(|error| format!("cannot write {}: {error}", table.display()))?;
     let pictures = Pictures {
         title: format!("{}, {}, {} s", loaded.description.name, method.name(), run.time),
@@ -67,23 +68,13 @@ fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
     columns
 }
 
-fn csv(loaded: &Loaded, run: &Run) -> String {
+/// A head and a row for each sample; numbers are read back bit for bit.
+fn csv(loaded: &Loaded, run: &Run) -> Result<String, String> {
     let columns = columns(loaded);
-    // a name with a comma is no second column
-    let quoted = |name: &String| {
-        if name.contains([',', '"', '\n']) {
-            format!("\"{}\"", name.replace('"', "\"\""))
-        } else {
-            name.clone()
-        }
-    };
-    let mut text =
-        columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n";
-    for sample in &run.samples {
-        let row: Vec<String> = columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
-        text += &(row.join(",") + "\n");
-    }
-    text
+    let mut rows: Vec<Vec<String>> = vec![columns.iter().map(|(name, _)| name.clone()).collect()];
+    let cells = |sample| columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
+    rows.extend(run.samples.iter().map(cells));
+    csv_rows::write(&rows, LineEnd::Lf).map_err(|error| error.to_string())
 }
 
 /// Motion, velocity, energies, and what should stay constant or zero.

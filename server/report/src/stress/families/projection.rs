@@ -11,8 +11,8 @@ use crate::stress::harness::robot::Robot;
 use crate::stress::harness::sweep;
 use crate::stress::mechanisms::open_loops::{apart, off_loops, robots};
 
-/// Poses off their loops are moved onto them; how far they were is reported, and how far they then are
-/// is measured in double-double.
+/// Poses off their loops are moved onto them; how far they were is reported, and how far they then
+/// are is measured in double-double.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("projection", "q off its loops, rad or tenths of the length");
     for robot in robots()? {

@@ -12,7 +12,8 @@ use crate::stress::harness::runs::{Comparison, apart, setup};
 use crate::stress::harness::simulations::{from, reference_run, settings};
 use crate::stress::harness::sweep;
 
-/// Starts off their loops are put on them, and how far is reported; numbers that are none are refused.
+/// Starts off their loops are put on them, and how far is reported; numbers that are none are
+/// refused.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("simulation off its loops", "rad or tenths of the length");
     for name in ["lambda", "wrist", "four_bars_2"] {

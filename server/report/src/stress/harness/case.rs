@@ -1,4 +1,4 @@
-//! One case and what became of it; a collector that asks, compares and judges.
+//! One case and what became of it; a collector that asks, compares and assesses.
 
 use std::borrow::Cow;
 
@@ -118,7 +118,7 @@ impl Cases {
         }
     }
 
-    /// Asks, compares, judges.
+    /// Asks, compares, assesses.
     pub(crate) fn ask(
         &mut self,
         robot: &Robot,
@@ -129,7 +129,8 @@ impl Cases {
     ) -> Outcome<&mut Case> {
         let answer = ask.run(&robot.compiled.model)?;
         let ok = answer.status() == Status::Ok;
-        let (numbers, source) = if ok { true_numbers(robot, ask, reference)? } else { (None, "-") };
+        let (numbers, source) =
+            if ok { reference_numbers(robot, ask, reference)? } else { (None, "-") };
         let error =
             ok.then(|| numbers.map_or(f64::INFINITY, |numbers| error(robot, &answer, &numbers)));
         let forward = ok
@@ -209,8 +210,8 @@ impl Cases {
     }
 }
 
-/// The true numbers of the wanted fields, if there are any, and where they come from.
-fn true_numbers(
+/// The reference numbers of the asked fields, if there are any, and where they come from.
+fn reference_numbers(
     robot: &Robot,
     ask: &Question,
     reference: &Reference<'_>,
@@ -269,7 +270,7 @@ fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<St
     Ok(reported.join(", "))
 }
 
-/// The figures by which a user can judge an answer.
+/// The figures by which a user can assess an answer.
 fn figures(robot: &Robot, ask: &Question) -> Outcome<String> {
     use Field::{CondGu, CondMy, Q, QGuess, SigmaMin, U, Y};
     let given: Vec<_> = ask

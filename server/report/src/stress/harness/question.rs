@@ -185,7 +185,7 @@ impl<T: Scalar> Answered<T> {
         self.answer.warnings
     }
 
-    /// The numbers of a field; none where it was not wanted.
+    /// The numbers of a field; none where it was not asked.
     pub(crate) fn get(&self, field: Field) -> &[T] {
         self.plan.want().slot(field).map_or(&[], |slot| &self.numbers[slot.range()])
     }
@@ -213,8 +213,8 @@ impl<T: Scalar> Answered<T> {
     }
 }
 
-/// The largest error of an answer by size, over the fields that the reference has: max |x − reference| /
-/// max |reference|, lengths in those of the robot.
+/// The largest error of an answer by size, over the fields that the reference has: max |x −
+/// reference| / max |reference|, lengths in those of the robot.
 pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, reference: &[(Field, Vec<Dd>)]) -> f64 {
     let of_field = |(field, reference): &(Field, Vec<Dd>)| {
         let units = robot.units(*field).unwrap_or_else(|| vec![1.0; reference.len()]);

@@ -38,9 +38,9 @@ pub(crate) fn apart(run: &Run, reference: &Run) -> f64 {
 }
 
 impl Cases {
-    /// Simulates with an estimate of the error and judges: held like any answer; degraded and said
-    /// so where the run's own estimate or its energy tells the size of the error; failed and said
-    /// so where it stops with a status or does not start.
+    /// Simulates with an estimate of the error and assesses: held like any answer; degraded and
+    /// said so where the run's own estimate or its energy tells the size of the error; failed and
+    /// said so where it stops with a status or does not start.
     pub(crate) fn simulation(
         &mut self,
         name: &str,

@@ -9,29 +9,14 @@
 //!   (h⁻¹ Λ ⊗ I − I ⊗ J) ΔW = −h⁻¹ (Λ ⊗ I) W + (T⁻¹ ⊗ I) F((T ⊗ I) W),   Λ = diag(γ, [α −β; β α])
 //! ```
 
+mod coefficients;
+
 use nalgebra::{Complex, DMatrix, DVector, Dyn, LU};
 use sarrus_dynamics::Status;
 
+use self::coefficients::{ALPHA, BETA, C, E, GAMMA, T, T_INVERSE};
 use crate::methods::{Attempt, FREE, Stepper};
 use crate::motion::engine::Engine;
-
-const ROOT_6: f64 = 2.449_489_742_783_178;
-const C: [f64; 3] = [(4.0 - ROOT_6) / 10.0, (4.0 + ROOT_6) / 10.0, 1.0];
-const GAMMA: f64 = 3.637_834_252_744_496;
-const ALPHA: f64 = 2.681_082_873_627_752_3;
-const BETA: f64 = 3.050_430_199_247_410_5;
-const T: [[f64; 3]; 3] = [
-    [0.091_232_394_870_892_94, -0.141_255_295_020_954_2, -0.030_029_194_105_147_424],
-    [0.241_717_932_707_107, 0.204_129_352_293_799_93, 0.382_942_112_757_261_9],
-    [0.966_048_182_615_093, 1.0, 0.0],
-];
-const T_INVERSE: [[f64; 3]; 3] = [
-    [4.325_579_890_063_155, 0.339_199_251_815_809_87, 0.541_770_539_935_874_9],
-    [-4.178_718_591_551_905, -0.327_682_820_761_062_4, 0.476_623_554_500_550_45],
-    [-0.502_872_634_945_786_9, 2.571_926_949_855_605, -0.596_039_204_828_224_9],
-];
-/// Weights of the stages in the error estimate (8.19), times γ.
-const E: [f64; 3] = [-(13.0 + 7.0 * ROOT_6) / 3.0, (-13.0 + 7.0 * ROOT_6) / 3.0, -1.0 / 3.0];
 
 /// Steps of Newton's method that one step may take.
 const NEWTON: u32 = 7;
@@ -44,7 +29,7 @@ const SHRINKAGE: f64 = 0.2;
 /// A step that would grow by less is left as it is, and its factors with it.
 const SAME: f64 = 1.2;
 /// Rejected steps without an answer, one after the other, before it is said that there is none.
-const PATIENCE: u32 = 40;
+const MOST_FAILURES: u32 = 40;
 
 /// The method between steps.
 pub(crate) struct Radau {
@@ -279,7 +264,7 @@ impl Radau {
     fn no_answer(&mut self, engine: &mut Engine, step: f64, status: Status) -> Attempt {
         engine.counts.failed += 1;
         self.failures += 1;
-        if self.failures > PATIENCE {
+        if self.failures > MOST_FAILURES {
             self.failures = 0;
             return Attempt::Failed(status);
         }

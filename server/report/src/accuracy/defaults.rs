@@ -1,0 +1,64 @@
+//! Where the methods that are used without asking stand in their figures.
+
+use super::measure::Measured;
+use super::{QUESTIONS, title};
+use crate::page::{Figure, exponent, pareto_front};
+use crate::robots::{Robot, Subject};
+
+/// A time above that of another method that still counts as the same.
+const SAME_TIME: f64 = 1.05;
+
+/// How a default method stands in its figure.
+pub(super) struct DefaultRow {
+    pub(super) question: &'static str,
+    pub(super) error: f64,
+    /// Its time against the fastest that is no less exact.
+    pub(super) factor: f64,
+    pub(super) on_front: bool,
+    pub(super) cells: Vec<String>,
+}
+
+pub(super) fn row(robot: &Robot, figure: &Figure, of: &Measured) -> DefaultRow {
+    let question = QUESTIONS
+        .iter()
+        .find(|(known, ..)| *known == of.question)
+        .map_or("", |(_, name, ..)| *name);
+    let points =
+        figure.series.iter().filter(|series| series.competes).flat_map(|series| &series.points);
+    let fastest = points
+        .filter(|point| point.y <= of.error)
+        .map(|point| point.x)
+        .fold(f64::INFINITY, f64::min);
+    let factor = of.ns / fastest;
+    let on_front = pareto_front(figure)
+        .iter()
+        .any(|point| point.series == of.series && point.label == of.label);
+    let place = if on_front {
+        "on the front".to_owned()
+    } else {
+        format!("{factor:.2} times the time of what is no less exact")
+    };
+    let method = format!("{}, {}", of.series, of.label);
+    let residual = of.residual.map_or("-".to_owned(), exponent);
+    let cells = vec![
+        title(robot.subject),
+        question.to_owned(),
+        method,
+        format!("{:.0}", of.ns),
+        exponent(of.error),
+        residual,
+        place,
+    ];
+    DefaultRow { question, error: of.error, factor, on_front, cells }
+}
+
+/// Where the default methods of a robot stand.
+pub(super) fn sentence(subject: Subject, places: &[DefaultRow]) -> String {
+    let word = |place: &DefaultRow| match (place.on_front, place.factor) {
+        (true, _) => format!("{} on the front", place.question),
+        (_, factor) if factor < SAME_TIME => format!("{} within 5 % of the front", place.question),
+        (_, factor) => format!("{} {factor:.2} times the time of the front", place.question),
+    };
+    let words: Vec<String> = places.iter().map(word).collect();
+    format!("{}, used without asking: {}", title(subject), words.join(", "))
+}

@@ -1,0 +1,115 @@
+//! The figures of one robot: error over time, a series for each method and peer.
+
+use super::measure::{Measured, References, layout, only_q};
+use super::{id, runner, title};
+use crate::Outcome;
+use crate::page::{Axis, Figure, Point, Series};
+use crate::peer::{self};
+use crate::robots::{Question, Robot, Start, Subject};
+
+/// What a peer adds to a figure; of a state it finds q alone.
+pub(super) fn of_peer(
+    robot: &Robot,
+    references: &mut References<'_>,
+    runs: &[peer::Run],
+    question: Question,
+) -> Outcome<Vec<Series>> {
+    let start = if ["hybrid", "numerical"].contains(&robot.variants[0].closures) {
+        Start::Warm
+    } else {
+        Start::None
+    };
+    let want = if question == Question::State { only_q(robot) } else { layout(robot, question) };
+    let mut errors: Vec<Vec<f64>> = Vec::new();
+    for run in runs {
+        let mut of_run = Vec::new();
+        for (state, answer) in run.answers.iter().enumerate().filter(|_| run.question == question) {
+            let fits = answer.len() == want.len();
+            of_run.push(if fits {
+                references.error((question, 0, start), &want, state, answer)?
+            } else {
+                f64::NAN
+            });
+        }
+        errors.push(of_run);
+    }
+    // one run at a time: its answers have their errors beside them
+    let mut all: Vec<Series> = Vec::new();
+    for (run, errors) in runs.iter().zip(&errors) {
+        for series in peer::series(std::slice::from_ref(run), question, |state, _| errors[state]) {
+            match all.iter_mut().find(|of| of.name == series.name) {
+                Some(of) => of.points.extend(series.points),
+                None => all.push(series),
+            }
+        }
+    }
+    Ok(all)
+}
+
+pub(super) fn figure<'a>(
+    robot: &Robot,
+    question: Question,
+    name: &str,
+    measured: impl Iterator<Item = &'a Measured>,
+) -> Figure {
+    let chain_forward =
+        matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;
+    let mut series: Vec<Series> = Vec::new();
+    let mut add = |name: String, competes: bool, point: Point| match series
+        .iter_mut()
+        .find(|of| of.name == name)
+    {
+        Some(of) => {
+            of.line = true;
+            of.points.push(point);
+        }
+        None => series.push(Series { name, line: false, competes, points: vec![point] }),
+    };
+    let mut residuals = Vec::new();
+    for of in measured {
+        let fault = of.fault.as_ref().map_or(String::new(), |fault| format!(": {fault}"));
+        let label = format!("{}{fault}", of.label);
+        if let Some(residual) =
+            of.residual.filter(|_| !of.series.contains("bounded") && !of.series.contains("cold"))
+        {
+            residuals.push((
+                format!("loop residual of {}", of.series),
+                Point { x: of.ns, y: residual, label: label.clone() },
+            ));
+        }
+        add(of.series.clone(), true, Point { x: of.ns, y: of.error, label });
+    }
+    residuals.into_iter().for_each(|(name, point)| add(name, false, point));
+    let what = match question {
+        Question::State => "q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ; a peer finds q alone",
+        Question::InverseDynamics => "τ_u from y, ẏ, ÿ",
+        _ => "ÿ from y, ẏ, τ_u",
+    };
+    let of = if chain_forward {
+        "backward error, by how much the forces would have to change"
+    } else {
+        "by size, against double-double"
+    };
+    let implicit = if question == Question::ForwardDynamics {
+        format!(" The implicit form closes the loops first; α = β = {} 1/s.", runner::STABILISATION)
+    } else {
+        String::new()
+    };
+    Figure {
+        id: id(robot.subject, question),
+        title: format!("{}: {name}", title(robot.subject)),
+        caption: format!(
+            "{what}. The largest error of {} states, {of}, over the median of batches that take \
+            turns. Warm: from the closed pose 1 ms earlier; cold: from that at zero. Single \
+            precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
+            robot.states.len()
+        ),
+        command: String::new(),
+        x: Axis { label: "time of a call in ns".into(), log: true },
+        y: Axis {
+            label: if chain_forward { "backward error" } else { "error by size" }.into(),
+            log: true,
+        },
+        series,
+    }
+}

@@ -1,0 +1,76 @@
+//! A robot with what acts on it, and whether its numbers can be used.
+
+use sarrus_dynamics::description::Description;
+use sarrus_dynamics::{Compiled, Model};
+
+use crate::coordinates::Coordinates;
+use crate::error::SimulationError;
+use crate::forces::inputs::{Input, OnTree};
+use crate::forces::springs::{Spring, Springs};
+
+/// A robot with what acts on it.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup<'a> {
+    /// What the robot's files say: masses for the energy, and what is compiled anew with other
+    /// independents.
+    pub description: &'a Description,
+    /// The same, compiled.
+    pub compiled: &'a Compiled,
+    /// Springs and dampers between links.
+    pub springs: &'a [Spring],
+    /// What pushes the joints.
+    pub inputs: &'a [Input],
+}
+
+impl Setup<'_> {
+    /// Springs and inputs whose numbers can be used.
+    pub(crate) fn checked(&self) -> Result<(Springs, Vec<OnTree>), SimulationError> {
+        let model = &self.compiled.model;
+        check_springs(self.springs, model)?;
+        let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
+        let inputs = self
+            .inputs
+            .iter()
+            .map(|input| OnTree::new(input, model, &tree))
+            .collect::<Result<_, _>>()?;
+        Ok((Springs::new(self.springs), inputs))
+    }
+
+    /// Where the declared independents stand in q and q̇.
+    pub(crate) fn declared(&self) -> (Vec<usize>, Vec<usize>) {
+        let model = &self.compiled.model;
+        let place = |names: &[String], of: &[String]| -> Vec<usize> {
+            names.iter().filter_map(|name| of.iter().position(|other| other == name)).collect()
+        };
+        (
+            place(model.independent_q_names(), model.tree_q_names()),
+            place(model.independent_names(), model.tree_names()),
+        )
+    }
+}
+
+/// Springs end on links and have constants.
+fn check_springs(springs: &[Spring], model: &Model<f64>) -> Result<(), SimulationError> {
+    for (k, spring) in springs.iter().enumerate() {
+        let fault =
+            |found: String, expected| Err(SimulationError::Spring { spring: k, found, expected });
+        for end in [&spring.from, &spring.to] {
+            if end.link >= model.link_names().len() {
+                return fault(format!("link number {}", end.link), "a link of the robot");
+            }
+            if !end.at.iter().all(|x| x.is_finite()) {
+                return fault("a point that is not finite".to_owned(), "three numbers");
+            }
+        }
+        for (what, constant) in [
+            ("stiffness", spring.stiffness),
+            ("damping", spring.damping),
+            ("rest length", spring.rest),
+        ] {
+            if !(constant.is_finite() && constant >= 0.0) {
+                return fault(format!("a {what} of {constant}"), "a number that is not negative");
+            }
+        }
+    }
+    Ok(())
+}

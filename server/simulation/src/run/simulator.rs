@@ -1,0 +1,267 @@
+//! The loop over steps: one attempt after the other, switching of independents, samples.
+
+use sarrus_dynamics::Status;
+use sarrus_dynamics::scalar::Dd;
+
+use super::events::{Event, EventKind};
+use super::output::{End, Run, Sample};
+use super::settings::Settings;
+use super::setup::Setup;
+use super::start::Start;
+use super::switching::{NEAR, Watch};
+use crate::coordinates::Coordinates;
+use crate::error::SimulationError;
+use crate::methods::{Attempt, Stepper};
+use crate::motion::energy::{Energy, Meter};
+use crate::motion::engine::Engine;
+
+/// Distance to singularity below which double precision is not trusted with many digits.
+const DELICATE: f64 = 3e-3;
+/// Attempts after which the time has to have moved on by a part of the duration.
+const STALLED: u64 = 2000;
+const MOVED: f64 = 1e-5;
+/// Switches of independents without a step between them.
+const IN_VAIN: u32 = 2;
+
+/// A simulation under way.
+pub(super) struct Simulator<'a> {
+    settings: &'a Settings,
+    engine: Engine,
+    stepper: Box<dyn Stepper>,
+    meter: Meter<f64>,
+    precise_meter: Option<Meter<Dd>>,
+    watch: Option<Watch>,
+    /// Distance to singularity at the last accepted state.
+    near: Option<f64>,
+    t: f64,
+    x: Vec<f64>,
+    run: Run,
+    /// Where the declared independents stand in q and q̇.
+    declared: (Vec<usize>, Vec<usize>),
+}
+
+impl<'a> Simulator<'a> {
+    pub(super) fn new(
+        setup: &Setup<'_>,
+        start: &Start,
+        settings: &'a Settings,
+    ) -> Result<Simulator<'a>, SimulationError> {
+        let model = &setup.compiled.model;
+        let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
+        let start = start.check(model)?;
+        let (springs, inputs) = setup.checked()?;
+        let robot = (setup.description.clone(), setup.compiled.clone());
+        let mut engine = Engine::new(robot, springs, inputs, start.guess.as_deref())?;
+        engine.may_be_precise = settings.precise;
+        // without a guess closures start from their own zero
+        let mut x = [start.y, start.yd].concat();
+        x.resize(engine.mechanism.n(), 0.0);
+        let status = if start.guess.is_some() {
+            engine.settle(0.0, &mut x)
+        } else {
+            engine.settle_from_zero(&mut x)?
+        };
+        if status != Status::Ok {
+            return Err(SimulationError::Start { status, detail: 0.0 });
+        }
+        let declared = setup.declared();
+        Ok(Simulator {
+            meter: Meter::new(model, setup.description, &tree)?,
+            precise_meter: None,
+            watch: if settings.switching || settings.precise { Watch::new(model)? } else { None },
+            near: None,
+            stepper: settings.stepper()?,
+            settings,
+            t: 0.0,
+            x,
+            run: Run::new(start.correction),
+            engine,
+            declared,
+        })
+    }
+
+    pub(super) fn run(mut self, progress: &mut dyn FnMut(f64)) -> Result<Run, SimulationError> {
+        let end = self.settings.duration;
+        let mut sampled = 0;
+        self.look(false)?;
+        self.sample()?;
+        let (mut attempts, mut in_vain, mut before) = (0, 0, 0.0);
+        while self.t < end {
+            attempts += 1;
+            if attempts > self.settings.most_steps {
+                self.run.end = End::TooManySteps;
+                break;
+            }
+            if attempts % STALLED == 0 {
+                if !self.settings.method.is_fixed()
+                    && self.t - before < MOVED * end
+                    && !self.look(true)?
+                {
+                    self.run.end = End::StepTooShort;
+                    break;
+                }
+                before = self.t;
+            }
+            let next_sample =
+                self.settings.every.map_or(end, |every| (f64::from(sampled) + 1.0) * every);
+            // a crumb at the end is no interval of its own
+            let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
+            // near a singularity a step may turn out to be none
+            let near = self.watch.is_some() && self.near.is_none_or(|near| near < NEAR);
+            let kept = near.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
+            let limit = self.next_kink().min(next_sample);
+            let failed = self.engine.counts.failed;
+            match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
+                Attempt::Done => {
+                    if let Some((t, x, anchor)) =
+                        kept.filter(|(.., anchor)| self.engine.jumped(anchor))
+                    {
+                        (self.t, self.x, self.engine.anchor) = (t, x, anchor);
+                        self.stepper.restart();
+                        in_vain += 1;
+                        if in_vain > IN_VAIN || !self.look(true)? {
+                            self.run.end = End::Failed(
+                                self.watch
+                                    .as_ref()
+                                    .map_or(Status::SingularIndependents, Watch::blame),
+                            );
+                            break;
+                        }
+                        continue;
+                    }
+                    in_vain = 0;
+                    progress(self.t);
+                    if self.engine.counts.failed > failed {
+                        self.note_failure();
+                    }
+                    self.look(false)?;
+                    if self.settings.every.is_none() || self.t >= next_sample {
+                        sampled += u32::from(self.settings.every.is_some());
+                        self.sample()?;
+                    }
+                }
+                Attempt::Rejected => {}
+                Attempt::Failed(status) => {
+                    in_vain += 1;
+                    if in_vain > IN_VAIN || !self.look(true)? {
+                        self.run.end = End::Failed(status);
+                        break;
+                    }
+                }
+                Attempt::TooShort => {
+                    in_vain += 1;
+                    if in_vain > IN_VAIN || !self.look(true)? {
+                        self.run.end = End::StepTooShort;
+                        break;
+                    }
+                }
+            }
+        }
+        if self.run.last().is_none_or(|sample| sample.time < self.t) {
+            self.sample()?;
+        }
+        if self.stepper.finds_stiff() {
+            self.run.events.push(Event { time: self.t, kind: EventKind::Stiff });
+        }
+        if let (false, Some(distance)) =
+            (self.run.end.is_finished(), self.distance().filter(|near| *near < NEAR))
+        {
+            self.run
+                .events
+                .push(Event { time: self.t, kind: EventKind::NearSingular { distance } });
+        }
+        self.run.counts = self.engine.counts;
+        self.run.time = self.t;
+        self.run.independents = self.engine.compiled.model.independent_names().to_vec();
+        Ok(self.run)
+    }
+
+    /// The next time at which a force has a kink.
+    fn next_kink(&self) -> f64 {
+        let kinks = self.engine.mechanism.inputs.iter().flat_map(|input| input.kinks());
+        kinks.copied().filter(|time| *time > self.t).fold(f64::INFINITY, f64::min)
+    }
+
+    /// A step was taken back for want of an answer; one event for each kind of reason in a row.
+    fn note_failure(&mut self) {
+        let Some(status) = self.engine.last_failure else { return };
+        let kind = EventKind::Shortened { status };
+        if self.run.events.last().is_none_or(|event| event.kind != kind) {
+            self.run.events.push(Event { time: self.t, kind });
+        }
+    }
+
+    /// Distance to singularity, where it is watched.
+    fn distance(&mut self) -> Option<f64> {
+        self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x, true))
+    }
+
+    /// Looks how near a singularity is; goes on with other independents if those in use are, and
+    /// says whether it does.
+    fn look(&mut self, pressed: bool) -> Result<bool, SimulationError> {
+        let Some(watch) = &mut self.watch else { return Ok(false) };
+        let close = pressed || self.engine.is_delicate && self.settings.precise;
+        let near = watch.distance(&self.engine, &self.x, close);
+        self.near = near;
+        self.engine.is_delicate = near.is_none_or(|near| near < DELICATE);
+        let Some(near) = near.filter(|_| self.settings.switching) else { return Ok(false) };
+        match watch.better(&self.engine, &self.x, near, pressed) {
+            None => Ok(false),
+            Some(Err(kind)) => {
+                self.run.events.push(Event { time: self.t, kind });
+                Ok(false)
+            }
+            Some(Ok(better)) => {
+                self.run.events.push(Event { time: self.t, kind: better.event });
+                (self.engine, self.x) = (better.engine, better.x);
+                self.engine.may_be_precise = self.settings.precise;
+                let model = &self.engine.compiled.model;
+                let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
+                (self.meter, self.precise_meter) =
+                    (Meter::new(model, &self.engine.description, &tree)?, None);
+                self.watch = Watch::new(model)?;
+                self.stepper.restart();
+                Ok(true)
+            }
+        }
+    }
+
+    /// Notes the settled state.
+    fn sample(&mut self) -> Result<(), SimulationError> {
+        let sizes = self.engine.mechanism.sizes;
+        let anchor = &self.engine.anchor;
+        let (y, yd) = (&self.x[..sizes.n_qy], &self.x[sizes.n_qy..sizes.n_qy + sizes.n_vy]);
+        let (compiled, guess) = (&self.engine.compiled, [anchor.q.as_slice(), &anchor.qd]);
+        let mut measured = Err(Status::NotConverged);
+        if !(self.engine.is_delicate && self.settings.precise) {
+            measured = self.meter.measure(&compiled.model, [y, yd], guess);
+        }
+        if measured.is_err() {
+            if self.precise_meter.is_none() {
+                let tree = &self.engine.mechanism.q;
+                self.precise_meter =
+                    Some(Meter::new(&compiled.exact, &self.engine.description, tree)?);
+            }
+            measured = self
+                .precise_meter
+                .as_mut()
+                .map_or(measured, |meter| meter.measure(&compiled.exact, [y, yd], guess));
+        }
+        // a state that was settled has an energy, unless it overflows
+        let nothing = Energy { kinetic: f64::NAN, potential: f64::NAN, residual: f64::NAN };
+        let mut energy = measured.unwrap_or(nothing);
+        energy.potential += anchor.springs.energy;
+        let pick =
+            |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
+        self.run.samples.push(Sample {
+            time: self.t,
+            y: pick(&anchor.q, &self.declared.0),
+            yd: pick(&anchor.qd, &self.declared.1),
+            q: anchor.q.clone(),
+            qd: anchor.qd.clone(),
+            energy,
+            work: self.x.get(sizes.n_qy + sizes.n_vy).copied().unwrap_or(0.0),
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,117 @@
+//! The loop over steps of the methods for comparison, in all tree coordinates.
+
+use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
+
+use super::output::{End, Run, Sample};
+use super::settings::{Method, Settings};
+use super::setup::Setup;
+use super::start::Start;
+use crate::error::SimulationError;
+use crate::methods::implicit_form::Form;
+use crate::motion::energy::Meter;
+use crate::motion::rates::Mechanism;
+use crate::planned::Planned;
+
+/// Simulates by one of the two methods.
+pub(super) fn run(
+    setup: &Setup<'_>,
+    start: &Start,
+    settings: &Settings,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Run, SimulationError> {
+    let model = &setup.compiled.model;
+    let (springs, inputs) = setup.checked()?;
+    let mut form = Form::new(model, setup.description, springs, inputs, settings.rate())?;
+    let (mut x, correction) = closed(model, &form.mechanism, start)?;
+    let mut meter = Meter::new(model, setup.description, &form.mechanism.q)?;
+    let (n_q, n_v, declared) =
+        (form.mechanism.sizes.n_q, form.mechanism.sizes.n_v, setup.declared());
+    let mut run = Run::new(correction);
+    let mut t = 0.0;
+    let mut sample = |form: &mut Form<'_>, run: &mut Run, t: f64, x: &[f64]| {
+        let pick = |from: &[f64], places: &[usize]| {
+            places.iter().map(|place| from[*place]).collect::<Vec<f64>>()
+        };
+        let (q, qd) = (&x[..n_q], &x[n_q..n_q + n_v]);
+        let (y, yd) = (pick(q, &declared.0), pick(qd, &declared.1));
+        // ẋ here says how far the loops have drifted and what the springs hold
+        let mut rate = vec![0.0; x.len()];
+        form.evaluate(t, x, &mut rate);
+        let mut energy = meter.measure(model, [&y, &yd], [q, qd]).unwrap_or_default();
+        energy.potential += form.stretched;
+        energy.residual = form.form.position_drift();
+        run.samples.push(Sample {
+            time: t,
+            y,
+            yd,
+            q: q.to_vec(),
+            qd: qd.to_vec(),
+            energy,
+            work: x.get(n_q + n_v).copied().unwrap_or(0.0),
+        });
+    };
+    sample(&mut form, &mut run, t, &x);
+    let (end, step) = (settings.duration, settings.step.unwrap_or(settings.duration));
+    let mut sampled = 0_u64;
+    while t < end {
+        let next_sample =
+            settings.every.map_or(end, |every| ((sampled + 1) as f64 * every).min(end));
+        let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
+        // kinks of forces and samples end a step; the last is a little longer than the others,
+        // never a crumb
+        let kinks = form
+            .mechanism
+            .inputs
+            .iter()
+            .flat_map(|input| input.kinks())
+            .copied()
+            .filter(|kink| *kink > t);
+        let limit = kinks.fold(next_sample, f64::min);
+        let to = if t + 1.000_001 * step >= limit { limit } else { t + step };
+        let status = form.step(t, to, &mut x, settings.method == Method::Projection);
+        run.counts.evaluations += 4;
+        if status != Status::Ok {
+            run.counts.failed += 1;
+            run.end = End::Failed(status);
+            break;
+        }
+        (t, run.counts.steps) = (to, run.counts.steps + 1);
+        progress(t);
+        if settings.every.is_none() || t >= next_sample {
+            sampled += 1;
+            sample(&mut form, &mut run, t, &x);
+        }
+    }
+    if run.last().is_none_or(|last| last.time < t) {
+        sample(&mut form, &mut run, t, &x);
+    }
+    run.time = t;
+    run.independents = model.independent_names().to_vec();
+    Ok(run)
+}
+
+/// The closed state of a start.
+fn closed(
+    model: &Model<f64>,
+    mechanism: &Mechanism,
+    start: &Start,
+) -> Result<(Vec<f64>, [f64; 2]), SimulationError> {
+    let checked = start.check(model)?;
+    let guess: &[Field] = if checked.guess.is_some() { &[Field::QGuess] } else { &[] };
+    let given =
+        guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
+    let mut planned = Planned::new(
+        model,
+        &Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd])),
+    )?;
+    planned.give(Field::Y, &checked.y);
+    planned.give(Field::Yd, &checked.yd);
+    checked.guess.iter().for_each(|guess| planned.give(Field::QGuess, guess));
+    let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
+    if status != Status::Ok {
+        return Err(SimulationError::Start { status, detail: 0.0 });
+    }
+    let mut x = [planned.get(Field::Q), planned.get(Field::Qd)].concat();
+    x.extend(mechanism.works().then_some(0.0));
+    Ok((x, checked.correction))
+}
