@@ -21,23 +21,23 @@ pub const N_STATUSES: usize = 32;
 /// Bytes of text in one control answer.
 pub const PAGE: usize = 4096;
 
-/// The number of a plan on the wire: a place in the server's table and a generation, so that the
+/// The number of a plan on the wire: a slot in the server's table and a generation, so that the
 /// number of a plan that was released is never another plan's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct PlanNumber(pub u32);
 
 impl PlanNumber {
-    /// The most often that one place can be used.
+    /// The most often that one slot can be used.
     pub const GENERATIONS: u32 = u32::MAX / MAX_PLANS as u32 + 1;
 
-    /// The number of a place, the `generation`-th time that it is used.
-    pub const fn new(place: usize, generation: u32) -> PlanNumber {
-        PlanNumber(generation * MAX_PLANS as u32 + place as u32)
+    /// The number of a slot, the `generation`-th time that it is used.
+    pub const fn new(slot: usize, generation: u32) -> PlanNumber {
+        PlanNumber(generation * MAX_PLANS as u32 + slot as u32)
     }
 
-    /// The place in the table.
+    /// The slot in the table.
     #[inline]
-    pub const fn place(self) -> usize {
+    pub const fn slot(self) -> usize {
         self.0 as usize % MAX_PLANS
     }
 }
@@ -326,12 +326,12 @@ mod tests {
     }
 
     #[test]
-    fn a_place_has_another_number_each_time() {
+    fn a_slot_has_another_number_each_time() {
         let last = PlanNumber::GENERATIONS - 1;
         assert_eq!(PlanNumber::new(7, 0), PlanNumber(7));
         assert_eq!(PlanNumber::new(MAX_PLANS - 1, last), PlanNumber(u32::MAX));
         for generation in [0, 1, 2, last] {
-            assert_eq!(PlanNumber::new(1000, generation).place(), 1000);
+            assert_eq!(PlanNumber::new(1000, generation).slot(), 1000);
         }
         assert_ne!(PlanNumber::new(1000, 0), PlanNumber::new(1000, 1));
     }

@@ -22,7 +22,7 @@ pub(crate) enum Input<'a> {
 /// Everything that answering needs; belongs to the answering thread.
 pub(crate) struct Engine {
     model: Arc<Model<f64>>,
-    /// By their places.
+    /// By their slots.
     plans: Box<[Option<Box<ServedPlan>>]>,
     orders: Receiver<PlanOrder>,
     retired: SyncSender<Box<ServedPlan>>,
@@ -46,17 +46,17 @@ impl Engine {
         while let Ok(order) = self.orders.try_recv() {
             match order {
                 PlanOrder::Serve(served) => {
-                    let place = served.number.place();
-                    self.plans[place] = Some(served);
+                    let slot = served.number.slot();
+                    self.plans[slot] = Some(served);
                 }
                 PlanOrder::Retire(number) => {
-                    let Some(served) = self.plans[number.place()].take() else { continue };
+                    let Some(served) = self.plans[number.slot()].take() else { continue };
                     // there is room for every plan, so this cannot fail; were it to, the plan would
                     // stay
                     if let Err(TrySendError::Full(served) | TrySendError::Disconnected(served)) =
                         self.retired.try_send(served)
                     {
-                        self.plans[number.place()] = Some(served);
+                        self.plans[number.slot()] = Some(served);
                     }
                 }
             }
@@ -67,7 +67,7 @@ impl Engine {
     #[inline]
     fn has(&mut self, number: PlanNumber) -> bool {
         let is_there = |plans: &[Option<Box<ServedPlan>>]| {
-            plans[number.place()].as_ref().is_some_and(|served| served.number == number)
+            plans[number.slot()].as_ref().is_some_and(|served| served.number == number)
         };
         is_there(&self.plans) || {
             self.obey();
@@ -113,7 +113,7 @@ impl Engine {
         if !self.has(number) {
             return Err(Status::UnknownRequest);
         }
-        let Some(ServedPlan { plan, .. }) = self.plans[number.place()].as_deref() else {
+        let Some(ServedPlan { plan, .. }) = self.plans[number.slot()].as_deref() else {
             return Err(Status::UnknownRequest);
         };
 

@@ -3,7 +3,7 @@
 //!
 //! A client holds a plan from [`Plans::register`] until it releases it, leaves or dies; equal
 //! queries share one plan. The answering thread owns the plans that it runs and never frees one: it
-//! hands each back, and only then its place in the table is free for another plan, under another
+//! hands each back, and only then its slot in the table is free for another plan, under another
 //! number.
 
 use std::sync::mpsc::{Receiver, SyncSender};
@@ -13,7 +13,7 @@ use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
 use sarrus_proto::{NodeId, Query, QueryError};
 
-/// How long a registration waits for a place that is just being given back.
+/// How long a registration waits for a slot that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
 
 /// A plan as the answering thread holds it.
@@ -23,7 +23,7 @@ pub(crate) struct ServedPlan {
 }
 
 /// What the maintenance thread tells the answering thread of plans. There are at most two orders
-/// for each place under way.
+/// for each slot under way.
 pub(crate) enum PlanOrder {
     /// Answer requests for this plan from now on.
     Serve(Box<ServedPlan>),
@@ -61,7 +61,7 @@ enum State {
     Leaving,
 }
 
-struct Place {
+struct Slot {
     /// How often it was used.
     generation: u32,
     state: State,
@@ -69,20 +69,20 @@ struct Place {
 
 /// The plans of all clients.
 pub(crate) struct Plans {
-    places: Vec<Place>,
+    slots: Vec<Slot>,
     orders: SyncSender<PlanOrder>,
     retired: Receiver<Box<ServedPlan>>,
 }
 
 impl Plans {
     pub(crate) fn new(orders: SyncSender<PlanOrder>, retired: Receiver<Box<ServedPlan>>) -> Plans {
-        let places = (0..MAX_PLANS).map(|_| Place { generation: 0, state: State::Free }).collect();
-        Plans { places, orders, retired }
+        let slots = (0..MAX_PLANS).map(|_| Slot { generation: 0, state: State::Free }).collect();
+        Plans { slots, orders, retired }
     }
 
     /// How many there are.
     pub(crate) fn len(&self) -> usize {
-        self.places.iter().filter(|place| matches!(place.state, State::Held { .. })).count()
+        self.slots.iter().filter(|slot| matches!(slot.state, State::Held { .. })).count()
     }
 
     /// The plan of a query, held by `holder` from now on.
@@ -93,8 +93,8 @@ impl Plans {
         holder: NodeId,
     ) -> Result<Registered, Unplanned> {
         // one that others hold
-        for place in &mut self.places {
-            if let State::Held { query: known, registered, holders } = &mut place.state
+        for slot in &mut self.slots {
+            if let State::Held { query: known, registered, holders } = &mut slot.state
                 && known == query
             {
                 if !holders.contains(&holder) {
@@ -110,29 +110,29 @@ impl Plans {
         if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
             return Err(Unplanned::TooLarge { n_in, n_out });
         }
-        let index = self.free_place().ok_or(Unplanned::TooMany)?;
-        let place = &mut self.places[index];
-        let number = PlanNumber::new(index, place.generation);
+        let index = self.free_slot().ok_or(Unplanned::TooMany)?;
+        let slot = &mut self.slots[index];
+        let number = PlanNumber::new(index, slot.generation);
         let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan }));
         // there is room: full means that the answering thread is gone
         self.orders.try_send(order).map_err(|_| Unplanned::TooMany)?;
-        place.generation += 1;
+        slot.generation += 1;
         let registered = Registered { number, n_in, n_out };
-        place.state = State::Held { query: *query, registered, holders: vec![holder] };
+        slot.state = State::Held { query: *query, registered, holders: vec![holder] };
         Ok(registered)
     }
 
     /// Ends what `holder` has of a plan; true where it had it.
     pub(crate) fn release(&mut self, number: PlanNumber, holder: NodeId) -> bool {
-        let Some(place) = self.places.get_mut(number.place()) else { return false };
-        let State::Held { registered, holders, .. } = &mut place.state else { return false };
+        let Some(slot) = self.slots.get_mut(number.slot()) else { return false };
+        let State::Held { registered, holders, .. } = &mut slot.state else { return false };
         if registered.number != number {
             return false;
         }
         let held = holders.len();
         holders.retain(|node| *node != holder);
         let had = holders.len() < held;
-        retire_if_unheld(&self.orders, place);
+        retire_if_unheld(&self.orders, slot);
         had
     }
 
@@ -140,10 +140,10 @@ impl Plans {
     /// often.
     pub(crate) fn upkeep(&mut self, present: &[NodeId]) {
         self.collect();
-        for place in &mut self.places {
-            if let State::Held { holders, .. } = &mut place.state {
+        for slot in &mut self.slots {
+            if let State::Held { holders, .. } = &mut slot.state {
                 holders.retain(|holder| present.contains(holder));
-                retire_if_unheld(&self.orders, place);
+                retire_if_unheld(&self.orders, slot);
             }
         }
     }
@@ -151,23 +151,23 @@ impl Plans {
     fn collect(&mut self) {
         // dropped here, not on the answering thread
         while let Ok(served) = self.retired.try_recv() {
-            self.places[served.number.place()].state = State::Free;
+            self.slots[served.number.slot()].state = State::Free;
         }
     }
 
-    /// The free place that was used least; one whose numbers are used up is never free again.
-    fn free_place(&mut self) -> Option<usize> {
-        let free = |places: &[Place]| {
-            let free = places.iter().enumerate().filter(|(_, place)| {
-                matches!(place.state, State::Free) && place.generation < PlanNumber::GENERATIONS
+    /// The free slot that was used least; one whose numbers are used up is never free again.
+    fn free_slot(&mut self) -> Option<usize> {
+        let free = |slots: &[Slot]| {
+            let free = slots.iter().enumerate().filter(|(_, slot)| {
+                matches!(slot.state, State::Free) && slot.generation < PlanNumber::GENERATIONS
             });
-            free.min_by_key(|(_, place)| place.generation).map(|(index, _)| index)
+            free.min_by_key(|(_, slot)| slot.generation).map(|(index, _)| index)
         };
         let start = Instant::now();
         loop {
             self.collect();
-            let leaving = self.places.iter().any(|place| matches!(place.state, State::Leaving));
-            match free(&self.places) {
+            let leaving = self.slots.iter().any(|slot| matches!(slot.state, State::Leaving));
+            match free(&self.slots) {
                 None if leaving && start.elapsed() < HAND_BACK => {
                     std::thread::sleep(Duration::from_millis(1));
                 }
@@ -177,12 +177,12 @@ impl Plans {
     }
 }
 
-fn retire_if_unheld(orders: &SyncSender<PlanOrder>, place: &mut Place) {
-    if let State::Held { registered, holders, .. } = &place.state
+fn retire_if_unheld(orders: &SyncSender<PlanOrder>, slot: &mut Slot) {
+    if let State::Held { registered, holders, .. } = &slot.state
         && holders.is_empty()
         // else tried again at the next upkeep
         && orders.try_send(PlanOrder::Retire(registered.number)).is_ok()
     {
-        place.state = State::Leaving;
+        slot.state = State::Leaving;
     }
 }

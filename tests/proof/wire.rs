@@ -115,7 +115,7 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 fn calls_refusals_and_what_a_bridge_says_keep_their_numbers_and_names() {
     assert_eq!(PROTOCOL_VERSION, 3);
     let calls = Call::ALL.iter().map(|call| (*call as u32, call.name()));
-    assert!(calls.eq([(1, "hello"), (2, "model"), (3, "plan"), (4, "lane")]));
+    assert!(calls.eq([(1, "hello"), (2, "model"), (3, "plan"), (4, "lane"), (5, "release")]));
     const REFUSALS: [&str; 10] = [
         "wrong_version",
         "unknown_call",
