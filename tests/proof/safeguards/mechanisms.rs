@@ -60,7 +60,7 @@ impl Mechanism {
         rows: &[[f64; 6]],
     ) {
         let [predecessor, successor] = [predecessor, successor].map(|link| self.links[link]);
-        let cut = self.robot.cut("cut", predecessor, successor).at(at);
+        let cut = self.robot.cut("cut0", predecessor, successor).at(at);
         rows.iter().enumerate().fold(cut, |cut, (k, row)| cut.row(format!("{k}"), *row));
     }
 
