@@ -1,10 +1,14 @@
 //! The robot that the motors move.
 //!
 //! One step of the implicit Euler method in the independent coordinates, with the laws of the
-//! motors inside, so that no gain is too stiff: (M_y + Gᵀ (R + h D + h² K) G) ẏ⁺ = M_y ẏ + Gᵀ (R u̇
-//! + h (f − K (u − u*))) − h c, where u̇ = G ẏ, R are the rotors' inertias and D, K the motors'
-//! damping and stiffness as the actuators feel them, and c is the bias with gravity. A motor
-//! without power is held by its brake.
+//! motors inside, so that no gain is too stiff:
+//!
+//! ```text
+//! (M_y + Gᵀ (R + h D + h² K) G) ẏ⁺ = M_y ẏ + Gᵀ (R u̇ + h (f − K (u − u*))) − h c
+//! ```
+//!
+//! where u̇ = G ẏ, R are the rotors' inertias and D, K the motors' damping and stiffness as the
+//! actuators feel them, and c is the bias with gravity. A motor without power is held by its brake.
 
 // the symbols of the equation
 #![allow(non_snake_case)]
