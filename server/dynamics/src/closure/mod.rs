@@ -106,10 +106,12 @@ impl<T: Scalar> Closure<T> {
                     level,
                 ),
             },
-            Closure::Platform(legs) => match &legs.polish {
-                None => report(legs.close(cluster, bodies, local, level), cluster, bodies, local),
+            Closure::Platform(platform) => match &platform.polish {
+                None => {
+                    report(platform.close(cluster, bodies, local, level), cluster, bodies, local)
+                }
                 Some(numerical) => polished(
-                    legs.close(cluster, bodies, local, Level::Position).into(),
+                    platform.close(cluster, bodies, local, Level::Position).into(),
                     numerical,
                     cluster,
                     bodies,
@@ -163,7 +165,7 @@ impl<C> Closure<C> {
             Closure::Serial => None,
             Closure::Coupling(coupling) => coupling.polish.as_mut(),
             Closure::Rrpr(rrpr) => rrpr.polish.as_mut(),
-            Closure::Platform(legs) => legs.polish.as_mut(),
+            Closure::Platform(platform) => platform.polish.as_mut(),
             Closure::Planar(planar) => planar.polish.as_mut(),
             Closure::Numerical(numerical) => Some(numerical),
         }
@@ -177,7 +179,7 @@ impl<C: nalgebra::Scalar + Copy> Closure<C> {
             Closure::Serial => Closure::Serial,
             Closure::Coupling(coupling) => Closure::Coupling(coupling.map(f)),
             Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
-            Closure::Platform(legs) => Closure::Platform(legs.map(f)),
+            Closure::Platform(platform) => Closure::Platform(platform.map(f)),
             Closure::Planar(planar) => Closure::Planar(planar.map(f)),
             Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
         }

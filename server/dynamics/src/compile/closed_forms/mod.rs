@@ -44,7 +44,7 @@ impl Form {
             Closure::Coupling(coupling) => coupling.polish = Some(numerical),
             Closure::Rrpr(rrpr) => rrpr.polish = Some(numerical),
             Closure::Planar(planar) => planar.polish = Some(numerical),
-            Closure::Platform(legs) => legs.polish = Some(numerical),
+            Closure::Platform(platform) => platform.polish = Some(numerical),
             Closure::Serial | Closure::Numerical(_) => {}
         }
     }
