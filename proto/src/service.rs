@@ -66,7 +66,8 @@ pub enum ServiceError {
     },
     /// All ports are in use.
     #[error(
-        "`{service}` has no port left, expected fewer than {limit} clients; close some or use another server"
+        "`{service}` has no port left, expected fewer than {limit} clients; close some or use \
+         another server"
     )]
     Full {
         /// Name of the service.

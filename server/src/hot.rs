@@ -192,8 +192,8 @@ impl Hot {
         answered
     }
 
-    /// Takes new plans and lanes and gives back old ones. Nobody ever blocks on these channels: looking costs
-    /// two loads.
+    /// Takes new plans and lanes and gives back old ones. Nobody ever blocks on these channels:
+    /// looking costs two loads.
     fn obey(&mut self) {
         self.engine.obey();
         while let Ok(order) = self.orders.try_recv() {

@@ -163,18 +163,23 @@ fn lambda(type_name: &str, arm: f64, offset: f64) -> Case {
     let (pin, heading) = ([0.0, arm], arm.atan2(-1.0) - (offset / 1f64.hypot(arm)).asin());
     let link = |name: &str| {
         format!(
-            "<link name=\"{name}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>"
+            "<link name=\"{name}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" \
+             ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>"
         )
     };
     let joint = |name: &str, kind: &str, parent: &str, xyz: [f64; 2], axis: &str| {
         format!(
-            "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{name}_link\"/><origin xyz=\"{:?} {:?} 0\"/><axis xyz=\"{axis}\"/><limit lower=\"-9\" upper=\"9\" effort=\"9\" velocity=\"9\"/></joint>",
+            "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child \
+             link=\"{name}_link\"/><origin xyz=\"{:?} {:?} 0\"/><axis xyz=\"{axis}\"/><limit \
+             lower=\"-9\" upper=\"9\" effort=\"9\" velocity=\"9\"/></joint>",
             xyz[0], xyz[1]
         )
     };
     let along = format!("{:?} {:?} 0", heading.cos(), heading.sin());
     let urdf = format!(
-        "<robot name=\"lambda\">{}{}{}{}{}{}{}<joint name=\"pin\" type=\"fixed\"><parent link=\"rocker_link\"/><child link=\"pin_link\"/><origin xyz=\"{:?} {:?} 0\"/></joint><link name=\"pin_link\"/></robot>",
+        "<robot name=\"lambda\">{}{}{}{}{}{}{}<joint name=\"pin\" type=\"fixed\"><parent \
+         link=\"rocker_link\"/><child link=\"pin_link\"/><origin xyz=\"{:?} {:?} 0\"/></joint>\
+         <link name=\"pin_link\"/></robot>",
         "<link name=\"base\"/>",
         link("rocker_link"),
         link("stator_link"),
@@ -186,7 +191,11 @@ fn lambda(type_name: &str, arm: f64, offset: f64) -> Case {
         pin[1],
     );
     let yaml = format!(
-        "submechanisms:\n- type: {type_name}\n  contextual_name: elbow\n  jointnames_spanningtree: [rocker, stator, slider]\n  jointnames_independent: [rocker]\n  jointnames_active: [slider]\n  loop_constraints:\n  - cut_joint: pin\n    predecessor_body: rocker_link\n    successor_body: slider_link\n    constraint_axes:\n    - {{name: x, axis: [0, 0, 0, 1, 0, 0]}}\n    - {{name: y, axis: [0, 0, 0, 0, 1, 0]}}\n"
+        "submechanisms:\n- type: {type_name}\n  contextual_name: elbow\n  jointnames_spanningtree: \
+         [rocker, stator, slider]\n  jointnames_independent: [rocker]\n  jointnames_active: \
+         [slider]\n  loop_constraints:\n  - cut_joint: pin\n    predecessor_body: rocker_link\n    \
+         successor_body: slider_link\n    constraint_axes:\n    - \
+         {{name: x, axis: [0, 0, 0, 1, 0, 0]}}\n    - {{name: y, axis: [0, 0, 0, 0, 1, 0]}}\n"
     );
     let text = Text { reach: vec![("rocker".into(), 1.0)], ..Text::of(&urdf, &yaml) };
     Case::of_text(&text, 0, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
@@ -312,8 +321,8 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
 
 #[test]
 fn actuators_that_cannot_tell_the_pose_do_not_pretend_to() {
-    // a mechanism with more or fewer actuators than degrees of freedom: from u, without a guess, there is no
-    // answer yet
+    // a mechanism with more or fewer actuators than degrees of freedom: from u, without a guess,
+    // there is no answer yet
     Ledger::over(
         robots().iter().filter(|case| case.name.contains("four-bar w")),
         |case, ledger| {

@@ -268,7 +268,8 @@ fn hyrodyns_ankle_stands_where_ours_does() {
     let tree = names(&file, "joints_spanningtree");
     // the ankle alone has no submechanism file; its type must define its loops
     let yaml = format!(
-        "submechanisms:\n- type: 2SPRR+1U\n  contextual_name: ankle\n  jointnames_spanningtree: [{}]\n  jointnames_independent: [{}]\n  jointnames_active: [{}]\n",
+        "submechanisms:\n- type: 2SPRR+1U\n  contextual_name: ankle\n  jointnames_spanningtree: \
+         [{}]\n  jointnames_independent: [{}]\n  jointnames_active: [{}]\n",
         list(&tree),
         list(&tree[..2]),
         list(&[tree[6].clone(), tree[9].clone()])

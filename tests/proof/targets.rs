@@ -355,7 +355,8 @@ fn no_target_is_answered_wrongly() {
         println!("{}: {} ({seconds:.1} s)", case.name, by_status.join(", "));
         let Counts { followed, reached, beyond, given_up, early, silent, .. } = counts;
         println!(
-            "    of {followed} paths {reached} led to the answer, {given_up} could have been gone, {beyond} stop before a closed form's answer"
+            "    of {followed} paths {reached} led to the answer, {given_up} could have been gone, \
+             {beyond} stop before a closed form's answer"
         );
         if let Some(early) = early {
             println!("    given up too early, the first: {early}");

@@ -136,8 +136,8 @@ impl Case {
         let (mut y, mut yd, mut ydd) = (Vec::new(), Vec::new(), Vec::new());
         for (name, reach) in model.independent_names().iter().zip(&self.reach) {
             if let Some(joint) = name.strip_suffix("/rx") {
-                // a floating joint: position and quaternion stand for its six degrees of freedom; a ball
-                // joint: a quaternion for its three
+                // a floating joint: position and quaternion stand for its six degrees of freedom; a
+                // ball joint: a quaternion for its three
                 if model.independent_names().contains(&format!("{joint}/tx")) {
                     y.extend(seeded.vector(self.scale).map(number));
                 }
@@ -267,7 +267,8 @@ impl Ledger {
             println!("{what:<50} worst {error:.2e}, {ratio:.1e} of what is allowed, on {worst}");
             if *failures > 0 {
                 broken += &format!(
-                    "\n{what}: {failures} failures, worst {error:.2e} ({ratio:.1e}) on {worst}; first {}",
+                    "\n{what}: {failures} failures, worst {error:.2e} ({ratio:.1e}) on {worst}; \
+                     first {}",
                     failing.join(" | ")
                 );
             }

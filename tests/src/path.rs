@@ -21,7 +21,8 @@ const DIFFERENCE: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub struct Paths<'a> {
     description: &'a Description,
-    /// Joints from the root outwards, each with its place in q if it is one of a single degree of freedom.
+    /// Joints from the root outwards, each with its place in q if it is one of a single degree of
+    /// freedom.
     joints: Vec<(&'a Joint, Option<usize>)>,
     rows: Vec<Row>,
     /// Places in q.

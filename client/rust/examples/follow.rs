@@ -89,7 +89,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     match worst {
         Some(worst) => println!(
-            "largest distance from the wanted motion, from two seconds after power on: {worst:.4} rad"
+            "largest distance from the wanted motion, from two seconds after power on: {worst:.4} \
+             rad"
         ),
         None => println!("the motors never had power for two seconds"),
     }

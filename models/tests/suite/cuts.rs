@@ -3,7 +3,8 @@
 
 use super::*;
 
-const AXES: &str = "    constraint_axes:\n    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n    - {name: z, axis: [0, 0, 0, 0, 0, 1]}\n";
+const AXES: &str = "    constraint_axes:\n    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n    - \
+    {name: z, axis: [0, 0, 0, 0, 0, 1]}\n";
 
 /// The lambda's file with these lines in place of its axes.
 fn cut(lines: &str) -> String {
@@ -42,7 +43,9 @@ fn reported_of_cut(lines: &str) -> Vec<String> {
 
 #[test]
 fn an_unknown_cut_joint_is_reported_with_the_nearest() {
-    let expected = "submechanisms.yml:14:21: the cut joint type `revolut` is not known, expected spherical, weld, revolute, planar_revolute, prismatic, cylindrical, universal, did you mean `revolute`?";
+    let expected = "submechanisms.yml:14:21: the cut joint type `revolut` is not known, expected \
+        spherical, weld, revolute, planar_revolute, prismatic, cylindrical, universal, did you \
+        mean `revolute`?";
     assert_eq!(reported_of_cut("cut_joint_type: revolut\n    axis: [0, 0, 1]"), [expected]);
 }
 
@@ -53,22 +56,26 @@ fn a_type_beside_axes_is_an_error() {
         "    constraint_axes:\n",
         "    cut_joint_type: spherical\n    constraint_axes:\n",
     );
-    let expected = "submechanisms.yml:16:7: the loop has `constraint_axes` and a `cut_joint_type`, expected one of them, remove one of them";
+    let expected = "submechanisms.yml:16:7: the loop has `constraint_axes` and a `cut_joint_type`, \
+        expected one of them, remove one of them";
     assert_eq!(reported(URDF, &yaml).lines().collect::<Vec<_>>(), [expected]);
 }
 
 #[test]
 fn an_axis_without_a_type_is_an_error() {
     let yaml = with(YAML, "    constraint_axes:\n", "    axis: [0, 0, 1]\n    constraint_axes:\n");
-    let expected = "submechanisms.yml:14:11: `axis` without a `cut_joint_type`, expected both or neither, add `cut_joint_type`, or write the axis in constraint_axes";
+    let expected = "submechanisms.yml:14:11: `axis` without a `cut_joint_type`, expected both or \
+        neither, add `cut_joint_type`, or write the axis in constraint_axes";
     assert_eq!(reported(URDF, &yaml).lines().collect::<Vec<_>>(), [expected]);
 }
 
 #[test]
 fn missing_and_needless_axes_are_errors() {
-    let missing = "submechanisms.yml:14:21: a revolute cut without `axis`, expected `axis: [x, y, z]` in the cut frame, add it";
+    let missing = "submechanisms.yml:14:21: a revolute cut without `axis`, expected `axis: [x, y, \
+        z]` in the cut frame, add it";
     assert_eq!(reported_of_cut("cut_joint_type: revolute"), [missing]);
-    let second = "submechanisms.yml:14:21: a universal cut without `axis2`, expected `axis2: [x, y, z]` in the cut frame, add it";
+    let second = "submechanisms.yml:14:21: a universal cut without `axis2`, expected `axis2: [x, \
+        y, z]` in the cut frame, add it";
     assert_eq!(reported_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]"), [second]);
     let needless = "submechanisms.yml:15:11: a weld cut with `axis`, expected none, remove it";
     assert_eq!(reported_of_cut("cut_joint_type: weld\n    axis: [1, 0, 0]"), [needless]);
@@ -76,7 +83,9 @@ fn missing_and_needless_axes_are_errors() {
 
 #[test]
 fn the_axes_of_a_universal_cut_are_perpendicular() {
-    let parallel = "submechanisms.yml:16:12: the two axes of a universal cut have the cosine 1.000e0, expected perpendicular axes, correct one of them, or write the cut as revolute joints in the tree and a spherical cut";
+    let parallel = "submechanisms.yml:16:12: the two axes of a universal cut have the cosine \
+        1.000e0, expected perpendicular axes, correct one of them, or write the cut as revolute \
+        joints in the tree and a spherical cut";
     assert_eq!(
         reported_of_cut("cut_joint_type: universal\n    axis: [1, 0, 0]\n    axis2: [2, 0, 0]"),
         [parallel]
@@ -88,9 +97,11 @@ fn the_axes_of_a_universal_cut_are_perpendicular() {
 
 #[test]
 fn axes_without_direction_or_of_the_wrong_count_are_errors() {
-    let zero = "submechanisms.yml:15:11: `axis` of the loop constraint has a length near 0e0, expected a direction as [0, 0, 1], correct it";
+    let zero = "submechanisms.yml:15:11: `axis` of the loop constraint has a length near 0e0, \
+        expected a direction as [0, 0, 1], correct it";
     assert_eq!(reported_of_cut("cut_joint_type: revolute\n    axis: [0, 0, 0]"), [zero]);
-    let two = "submechanisms.yml:15:11: `axis` of the loop constraint holds 2 values, expected 3 finite numbers, correct the list";
+    let two = "submechanisms.yml:15:11: `axis` of the loop constraint holds 2 values, expected 3 \
+        finite numbers, correct the list";
     assert_eq!(reported_of_cut("cut_joint_type: revolute\n    axis: [0, 1]"), [two]);
 }
 

@@ -1,4 +1,5 @@
-//! Files that mean harm, and files that were damaged: reported or read, never a panic, never a wait.
+//! Files that mean harm, and files that were damaged: reported or read, never a panic, never a
+//! wait.
 
 use super::*;
 
@@ -18,24 +19,29 @@ impl Random {
 #[test]
 fn deep_nesting_is_refused_before_a_parser_sees_it() {
     let urdf = format!("<robot name=\"r\">{}", "<link>".repeat(1_000_000));
-    let expected = "robot.urdf:1:395: elements are nested too deep, expected at most 64 levels, flatten the file\n";
+    let expected = "robot.urdf:1:395: elements are nested too deep, expected at most 64 levels, \
+        flatten the file\n";
     assert_eq!(reported_of(urdf.as_bytes(), None, false), expected);
     for (yaml, expected) in [
         (
             "[".repeat(1_000_000),
-            "submechanisms.yml:1:256: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+            "submechanisms.yml:1:256: lists and mappings are nested too deep, expected at most 64 \
+             levels, flatten the file\n",
         ),
         (
             "- ".repeat(1_000_000),
-            "submechanisms.yml:1:129: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+            "submechanisms.yml:1:129: lists and mappings are nested too deep, expected at most 64 \
+             levels, flatten the file\n",
         ),
         (
             "{a: ".repeat(1_000_000),
-            "submechanisms.yml:1:1021: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+            "submechanisms.yml:1:1021: lists and mappings are nested too deep, expected at most 64 \
+             levels, flatten the file\n",
         ),
         (
             "? ".repeat(1_000_000),
-            "submechanisms.yml:1:129: lists and mappings are nested too deep, expected at most 64 levels, flatten the file\n",
+            "submechanisms.yml:1:129: lists and mappings are nested too deep, expected at most 64 \
+             levels, flatten the file\n",
         ),
     ] {
         assert_eq!(reported_of(URDF.as_bytes(), Some(yaml.as_bytes()), false), expected);
@@ -50,8 +56,10 @@ fn deep_nesting_is_refused_before_a_parser_sees_it() {
 
 #[test]
 fn a_bomb_of_entities_is_refused() {
-    let bomb = "<?xml version=\"1.0\"?>\n<!DOCTYPE lolz [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;\">]>\n<robot name=\"&b;\"/>";
-    let expected = "robot.urdf:2:1: a document type declaration (DTD), expected a file without one, remove it; the five entities of XML itself need none\n";
+    let bomb = "<?xml version=\"1.0\"?>\n<!DOCTYPE lolz [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY \
+        b \"&a;&a;&a;&a;&a;\">]>\n<robot name=\"&b;\"/>";
+    let expected = "robot.urdf:2:1: a document type declaration (DTD), expected a file without \
+        one, remove it; the five entities of XML itself need none\n";
     assert_eq!(reported_of(bomb.as_bytes(), None, false), expected);
 }
 
@@ -66,7 +74,8 @@ fn a_bomb_of_aliases_is_refused() {
 #[test]
 fn a_file_too_large_is_refused() {
     let large = vec![b' '; (64 << 20) + 1];
-    let expected = "robot.urdf:1:1: the file is larger than 64 MiB, expected a robot of ordinary size, leave out what a robot does not need\n";
+    let expected = "robot.urdf:1:1: the file is larger than 64 MiB, expected a robot of ordinary \
+        size, leave out what a robot does not need\n";
     assert_eq!(reported_of(&large, None, false), expected);
 }
 
@@ -115,7 +124,8 @@ fn thousands_of_faults_are_listed_up_to_a_thousand() {
 fn many_attributes_and_namespaces_are_refused() {
     let attributes: String = (0..300).map(|i| format!(" a{i}=\"\"")).collect();
     let reported = reported_of(format!("<robot{attributes}/>").as_bytes(), None, false);
-    let expected = "robot.urdf:1:1: the element `robot` has too many attributes or namespaces, expected at most 256, remove those that no reader knows\n";
+    let expected = "robot.urdf:1:1: the element `robot` has too many attributes or namespaces, \
+        expected at most 256, remove those that no reader knows\n";
     assert_eq!(reported, expected);
     let many = "<a xmlns:b=\"c\"/>".repeat(2000);
     assert!(

@@ -22,26 +22,31 @@ fn bytes_that_are_not_utf8_are_reported_with_their_position() {
     let mut urdf = URDF.as_bytes().to_vec();
     let at = URDF.find("rocker").unwrap();
     urdf[at] = 0xe9;
-    let expected = "robot.urdf:3:15: the byte 0xe9 is not UTF-8, expected UTF-8 text, save the file as UTF-8\n";
+    let expected = "robot.urdf:3:15: the byte 0xe9 is not UTF-8, expected UTF-8 text, save the \
+        file as UTF-8\n";
     assert_eq!(reported_of(&urdf, Some(YAML.as_bytes()), false), expected);
     let reported = reported_of(URDF.as_bytes(), Some(b"a: \xff\xfe"), false);
     assert_eq!(
         reported,
-        "submechanisms.yml:1:4: the byte 0xff is not UTF-8, expected UTF-8 text, save the file as UTF-8\n"
+        "submechanisms.yml:1:4: the byte 0xff is not UTF-8, expected UTF-8 text, save the file as \
+         UTF-8\n"
     );
 }
 
 #[test]
 fn another_format_is_reported() {
-    let expected = "robot.urdf:1:1: the outermost element is `sdf`, expected `robot`, give a URDF file (expand xacro files, convert SDF or MJCF first)\n";
+    let expected = "robot.urdf:1:1: the outermost element is `sdf`, expected `robot`, give a URDF \
+        file (expand xacro files, convert SDF or MJCF first)\n";
     assert_eq!(reported_of(b"<sdf version=\"1.7\"/>", None, false), expected);
     assert_eq!(
         reported_of(b"name: robot", None, false),
-        "robot.urdf:1:1: this is not XML: unknown token, expected a well-formed URDF file, correct the file at this position\n"
+        "robot.urdf:1:1: this is not XML: unknown token, expected a well-formed URDF file, correct \
+         the file at this position\n"
     );
     assert_eq!(
         reported_of(b"", None, false),
-        "robot.urdf:1:1: this is not XML: the document does not have a root node, expected a well-formed URDF file, correct the file at this position\n"
+        "robot.urdf:1:1: this is not XML: the document does not have a root node, expected a \
+         well-formed URDF file, correct the file at this position\n"
     );
 }
 
@@ -54,12 +59,14 @@ fn an_empty_robot_and_an_empty_list_are_reported() {
     let reported = reported_of(URDF.as_bytes(), Some(b"submechanisms: []"), false);
     assert_eq!(
         reported,
-        "submechanisms.yml:1:16: `submechanisms` is empty, expected at least one, list the joints in submechanisms\n"
+        "submechanisms.yml:1:16: `submechanisms` is empty, expected at least one, list the joints \
+         in submechanisms\n"
     );
     let reported = reported_of(URDF.as_bytes(), Some(b"submechanisms: {a: b}"), false);
     assert_eq!(
         reported,
-        "submechanisms.yml:1:16: `submechanisms` is a mapping, expected a list, write each submechanism as a list item\n"
+        "submechanisms.yml:1:16: `submechanisms` is a mapping, expected a list, write each \
+         submechanism as a list item\n"
     );
 }
 

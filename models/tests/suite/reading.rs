@@ -147,7 +147,8 @@ fn placements_by_hand_replace_the_cut_joint() {
     let (s, c) = 0.8_f64.sin_cos();
     let (y, z) = (c * y + s * z, c * z - s * y);
     let placed = format!(
-        "cut_joint: pin\n    predecessor_placement: {{xyz: [0, {y}, {z}]}}\n    successor_placement: {{rpy: [0.1, 0, 0]}}"
+        "cut_joint: pin\n    predecessor_placement: {{xyz: [0, {y}, {z}]}}\n    \
+         successor_placement: {{rpy: [0.1, 0, 0]}}"
     );
     let read = good(URDF, Some(&with(YAML, "cut_joint: slide", &placed)));
     assert_eq!(read.report.to_string(), "");
@@ -200,7 +201,8 @@ fn what_other_programs_read_may_be_faulty() {
     let urdf = with(
         URDF,
         "<link name=\"base\"/>",
-        "<link name=\"base\"><visual><origin xyz=\"0 x\"/><geometry/></visual></link><gazebo reference=\"base\"><link name=\"rod\"/></gazebo>",
+        "<link name=\"base\"><visual><origin xyz=\"0 x\"/><geometry/></visual></link><gazebo \
+         reference=\"base\"><link name=\"rod\"/></gazebo>",
     );
     let read = good(&urdf, Some(YAML));
     assert_eq!(read.report.to_string(), "");

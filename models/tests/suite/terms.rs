@@ -23,16 +23,19 @@ fn elbow(urdf: &str) -> (Terms, String) {
 /// The lambda on a ball joint of this type.
 fn on_a_ball(kind: &str, inside: &str) -> String {
     let ball = format!(
-        "<link name=\"world\"/><joint name=\"ball\" type=\"{kind}\"><parent link=\"world\"/><child link=\"base\"/>{inside}</joint>\n</robot>"
+        "<link name=\"world\"/><joint name=\"ball\" type=\"{kind}\"><parent link=\"world\"/><child \
+         link=\"base\"/>{inside}</joint>\n</robot>"
     );
-    let heavy = "<link name=\"base\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>";
+    let heavy = "<link name=\"base\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" \
+        ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>";
     with(&with(URDF, "</robot>", &ball), "<link name=\"base\"/>", heavy)
 }
 
 #[test]
 fn the_names_of_sdf_are_read_from_dynamics() {
     let (terms, reported) = elbow(&with_dynamics(
-        "<dynamics damping=\"0.5\" friction=\"0\" spring_stiffness=\"20\" spring_reference=\"-0.25\"/>",
+        "<dynamics damping=\"0.5\" friction=\"0\" spring_stiffness=\"20\" \
+         spring_reference=\"-0.25\"/>",
     ));
     assert_eq!(terms, Terms { damping: 0.5, stiffness: 20.0, rest: -0.25, ..Terms::default() });
     assert_eq!(reported, "");
@@ -43,7 +46,8 @@ fn the_names_of_sdf_are_read_from_dynamics() {
 fn dry_friction_is_reported_and_not_read() {
     let (terms, reported) = elbow(&with_dynamics("<dynamics damping=\"0\" friction=\"0.1\"/>"));
     assert_eq!(terms, Terms::default());
-    let expected = "robot.urdf:27:5: the joint `elbow` has dry friction, which is not modelled, expected `damping`, add it to the forces of the actuators, or remove it\n";
+    let expected = "robot.urdf:27:5: the joint `elbow` has dry friction, which is not modelled, \
+        expected `damping`, add it to the forces of the actuators, or remove it\n";
     assert_eq!(reported, expected);
 }
 
@@ -57,7 +61,8 @@ fn a_rotor_is_read_from_a_transmission_or_from_dynamics() {
     assert_eq!(elbow(&declared), (expected, String::new()));
     let (terms, reported) = elbow(&with_transmission(drake));
     assert_eq!(terms, expected);
-    let warning = "robot.urdf:42:34: the prefix `drake` is not declared, expected xmlns:drake=\"…\" on the outermost element, declare it\n";
+    let warning = "robot.urdf:42:34: the prefix `drake` is not declared, expected \
+        xmlns:drake=\"…\" on the outermost element, declare it\n";
     assert_eq!(reported, warning);
     let reduction = "<transmission><actuator name=\"m\"><mechanicalReduction>50</mechanicalReduction><rotor_inertia value=\"1e-4\"/></actuator>\
         <joint name=\"elbow\"/></transmission>";
@@ -88,11 +93,13 @@ fn a_ball_joint_has_four_coordinates_and_needs_neither_axis_nor_limits() {
 
 #[test]
 fn a_serial_type_counts_three_rotations_for_a_ball_joint() {
-    let yaml = "submechanisms:\n- {type: 3R, contextual_name: b, jointnames_spanningtree: [ball], jointnames_independent: [ball], jointnames_active: []}\n";
+    let yaml = "submechanisms:\n- \
+        {type: 3R, contextual_name: b, jointnames_spanningtree: [ball], jointnames_independent: [ball], jointnames_active: []}\n";
     let yaml = with(YAML, "submechanisms:\n", yaml);
     assert_eq!(reported(&on_a_ball("ball", ""), &yaml), "");
     let wrong = reported(&on_a_ball("ball", ""), &yaml.replace("3R", "2R"));
-    let expected = "submechanisms.yml:2:10: the type `2R` stands over 3 rotations and 0 translations, expected 2 and 0, correct the type or jointnames_spanningtree\n";
+    let expected = "submechanisms.yml:2:10: the type `2R` stands over 3 rotations and 0 \
+        translations, expected 2 and 0, correct the type or jointnames_spanningtree\n";
     assert_eq!(wrong, expected);
 }
 
@@ -103,7 +110,8 @@ fn joints_of_several_freedoms_and_fixed_ones_have_no_terms() {
     };
     for (kind, column) in [("floating", 98), ("spherical", 99)] {
         let expected = format!(
-            "robot.urdf:42:{column}: the joint `ball` of several freedoms has damping, a spring or a rotor, expected a joint of one freedom, remove it, or change the type of the joint\n"
+            "robot.urdf:42:{column}: the joint `ball` of several freedoms has damping, a spring or \
+             a rotor, expected a joint of one freedom, remove it, or change the type of the joint\n"
         );
         assert_eq!(at(kind), expected);
     }
@@ -123,24 +131,41 @@ fn joints_of_several_freedoms_and_fixed_ones_have_no_terms() {
 
 faults! { urdf:
     a_negative_damping_is_an_error:
-        "<axis xyz=\"0 1 0\"/>" => "<axis xyz=\"0 1 0\"/><dynamics damping=\"-1\" spring_stiffness=\"-2\"/>",
+        "<axis xyz=\"0 1 0\"/>" => "<axis xyz=\"0 1 0\"/><dynamics damping=\"-1\" \
+            spring_stiffness=\"-2\"/>",
         "robot.urdf:39:24: `damping` of `dynamics` is -1, expected zero or more, correct the value",
-        "robot.urdf:39:24: `spring_stiffness` of `dynamics` is -2, expected zero or more, correct the value";
+        "robot.urdf:39:24: `spring_stiffness` of `dynamics` is -2, expected zero or more, correct \
+         the value";
     a_malformed_damping_is_an_error_and_an_unknown_attribute_a_warning:
-        "<axis xyz=\"0 1 0\"/>" => "<axis xyz=\"0 1 0\"/><dynamics damping=\"inf\" dampening=\"1\"/>",
-        "robot.urdf:39:43: `damping` of `dynamics`: `inf` is not finite, expected one finite number, correct the value",
-        "robot.urdf:39:48: the attribute `dampening` of `dynamics` is not known and not read, expected damping, friction, spring_stiffness, spring_reference, rotor_inertia, gear_ratio, did you mean `damping`?";
+        "<axis xyz=\"0 1 0\"/>" => "<axis xyz=\"0 1 0\"/><dynamics damping=\"inf\" \
+            dampening=\"1\"/>",
+        "robot.urdf:39:43: `damping` of `dynamics`: `inf` is not finite, expected one finite \
+         number, correct the value",
+        "robot.urdf:39:48: the attribute `dampening` of `dynamics` is not known and not read, \
+         expected damping, friction, spring_stiffness, spring_reference, rotor_inertia, \
+         gear_ratio, did you mean `damping`?";
     a_rotor_of_no_joint_is_an_error_with_the_nearest:
-        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/></actuator><joint name=\"elbo\"/></transmission></robot>",
-        "robot.urdf:42:34: the rotor belongs to the joint `elbo`, which does not exist, expected a joint of this file, did you mean `elbow`?";
+        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/></actuator>\
+            <joint name=\"elbo\"/></transmission></robot>",
+        "robot.urdf:42:34: the rotor belongs to the joint `elbo`, which does not exist, expected a \
+         joint of this file, did you mean `elbow`?";
     a_second_rotor_of_a_joint_is_an_error:
-        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/></actuator><joint name=\"elbow\"/></transmission>\n<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/></actuator><joint name=\"elbow\"/></transmission></robot>",
-        "robot.urdf:43:34: the joint `elbow` has a second rotor, expected one, add both inertias up, each times its ratio squared";
+        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/></actuator>\
+            <joint name=\"elbow\"/></transmission>\n<transmission><actuator name=\"m\">\
+            <rotor_inertia value=\"1\"/></actuator><joint name=\"elbow\"/></transmission></robot>",
+        "robot.urdf:43:34: the joint `elbow` has a second rotor, expected one, add both inertias \
+         up, each times its ratio squared";
     a_rotor_of_two_joints_is_an_error:
-        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/></actuator><joint name=\"elbow\"/><joint name=\"swing\"/></transmission></robot>",
-        "robot.urdf:42:15: the transmission has 1 rotors and 2 joints, expected one of each, write a transmission for each rotor";
+        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/></actuator>\
+            <joint name=\"elbow\"/><joint name=\"swing\"/></transmission></robot>",
+        "robot.urdf:42:15: the transmission has 1 rotors and 2 joints, expected one of each, write \
+         a transmission for each rotor";
     a_rotor_without_a_ratio_or_of_less_than_nothing_is_an_error:
-        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/><gear_ratio value=\"0\"/></actuator><joint name=\"elbow\"/></transmission>\n<transmission><actuator name=\"m\"><rotor_inertia value=\"-1\"/></actuator><joint name=\"swing\"/></transmission></robot>",
-        "robot.urdf:42:15: the gear ratio of a rotor is zero, expected how often it turns while the joint turns once, correct the value",
+        "</robot>" => "<transmission><actuator name=\"m\"><rotor_inertia value=\"1\"/><gear_ratio \
+            value=\"0\"/></actuator><joint name=\"elbow\"/></transmission>\n<transmission>\
+            <actuator name=\"m\"><rotor_inertia value=\"-1\"/></actuator><joint name=\"swing\"/>\
+            </transmission></robot>",
+        "robot.urdf:42:15: the gear ratio of a rotor is zero, expected how often it turns while \
+         the joint turns once, correct the value",
         "robot.urdf:43:34: the rotor inertia is -1, expected zero or more, correct the value";
 }

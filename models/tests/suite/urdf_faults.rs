@@ -5,20 +5,26 @@ use super::*;
 
 faults! { urdf:
     a_document_type_declaration_is_refused:
-        r#"<robot name="lambda">"# => "<!DOCTYPE robot [<!ENTITY x \"1\">]>\n<robot name=\"lambda\">",
-        "robot.urdf:1:1: a document type declaration (DTD), expected a file without one, remove it; the five entities of XML itself need none";
+        r#"<robot name="lambda">"# => "<!DOCTYPE robot [<!ENTITY x \"1\">]>\n<robot \
+            name=\"lambda\">",
+        "robot.urdf:1:1: a document type declaration (DTD), expected a file without one, remove \
+         it; the five entities of XML itself need none";
     what_is_not_xml_is_reported_where_it_breaks:
         "</robot>" => "</robt>",
-        "robot.urdf:42:1: this is not XML: expected 'robot' tag, not 'robt', expected a well-formed URDF file, correct the file at this position";
+        "robot.urdf:42:1: this is not XML: expected 'robot' tag, not 'robt', expected a \
+         well-formed URDF file, correct the file at this position";
     a_file_that_ends_early_is_reported_at_its_end:
         "</robot>\n" => "",
-        "robot.urdf:42:1: this is not XML: the root node was opened but never closed, expected a well-formed URDF file, correct the file at this position";
+        "robot.urdf:42:1: this is not XML: the root node was opened but never closed, expected a \
+         well-formed URDF file, correct the file at this position";
     a_faulty_attribute_is_reported:
         r#"<mass value="1.5"/>"# => "<mass value=1.5/>",
-        "robot.urdf:6:19: this is not XML: expected a quote not '1', expected a well-formed URDF file, correct the file at this position";
+        "robot.urdf:6:19: this is not XML: expected a quote not '1', expected a well-formed URDF \
+         file, correct the file at this position";
     another_robot_format_is_reported:
         r#"<robot name="lambda">"# => r#"<sdf name="lambda"><robot/></sdf><robot>"#,
-        "robot.urdf:1:34: this is not XML: unknown token, expected a well-formed URDF file, correct the file at this position";
+        "robot.urdf:1:34: this is not XML: unknown token, expected a well-formed URDF file, \
+         correct the file at this position";
     a_robot_needs_a_name:
         r#"<robot name="lambda">"# => "<robot>",
         r#"robot.urdf:1:1: `robot` has no `name`, expected name="…", add it"#;
@@ -30,52 +36,69 @@ faults! { urdf:
         "robot.urdf:1:1: the version `2.0` of `robot`, expected 1.0, 1.1 or 1.2, correct it";
     an_unknown_element_is_a_warning_with_the_nearest:
         r#"<link name="base"/>"# => r#"<link name="base"><inertal/></link>"#,
-        "robot.urdf:2:21: the element `inertal` in `link` is not known and not read, expected inertial, did you mean `inertial`?";
+        "robot.urdf:2:21: the element `inertal` in `link` is not known and not read, expected \
+         inertial, did you mean `inertial`?";
     an_unknown_attribute_is_a_warning:
         r#"<mass value="1.5"/>"# => r#"<mass value="1.5" unit="kg"/>"#,
-        "robot.urdf:6:25: the attribute `unit` of `mass` is not known and not read, expected value, remove it if it is a slip";
+        "robot.urdf:6:25: the attribute `unit` of `mass` is not known and not read, expected \
+         value, remove it if it is a slip";
     an_element_of_another_namespace_is_a_warning:
         r#"<link name="base"/>"# => r#"<link name="base"/><x:macro xmlns:x="http://x.org/"/>"#,
-        "robot.urdf:2:22: the element `macro` in `robot` is not known and not read, expected link, joint, transmission, remove it if it is a slip";
+        "robot.urdf:2:22: the element `macro` in `robot` is not known and not read, expected link, \
+         joint, transmission, remove it if it is a slip";
     a_second_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><axis xyz="0 1 0"/>"#,
         "robot.urdf:33:24: `joint` has a second `axis`, expected one, remove one of them";
     a_letter_among_numbers_is_an_error:
         r#"xyz="0 0.1 0""# => r#"xyz="0 x 0.1 0""#,
-        "robot.urdf:32:18: `xyz` of `origin`: `x` is not a number, expected 3 finite numbers, correct the value";
+        "robot.urdf:32:18: `xyz` of `origin`: `x` is not a number, expected 3 finite numbers, \
+         correct the value";
     a_wrong_count_of_numbers_is_an_error:
         r#"xyz="0 0.1 0""# => r#"xyz="0 0.1""#,
-        "robot.urdf:32:18: `xyz` of `origin`: it holds 2 numbers, expected 3 finite numbers, correct the value";
+        "robot.urdf:32:18: `xyz` of `origin`: it holds 2 numbers, expected 3 finite numbers, \
+         correct the value";
     an_infinite_number_is_an_error:
         r#"rpy="1.1 0 0""# => r#"rpy="inf 0 0""#,
-        "robot.urdf:32:32: `rpy` of `origin`: `inf` is not finite, expected 3 finite numbers, correct the value";
+        "robot.urdf:32:32: `rpy` of `origin`: `inf` is not finite, expected 3 finite numbers, \
+         correct the value";
     a_number_that_is_not_one_is_an_error:
         r#"rpy="1.1 0 0""# => r#"rpy="nan 0 0""#,
-        "robot.urdf:32:32: `rpy` of `origin`: `nan` is not finite, expected 3 finite numbers, correct the value";
+        "robot.urdf:32:32: `rpy` of `origin`: `nan` is not finite, expected 3 finite numbers, \
+         correct the value";
     a_number_too_large_is_an_error:
         r#"rpy="1.1 0 0""# => r#"rpy="1e999 0 0""#,
-        "robot.urdf:32:32: `rpy` of `origin`: `1e999` is not finite, expected 3 finite numbers, correct the value";
+        "robot.urdf:32:32: `rpy` of `origin`: `1e999` is not finite, expected 3 finite numbers, \
+         correct the value";
     an_empty_number_is_an_error:
         r#"velocity="10""# => r#"velocity="""#,
-        "robot.urdf:27:60: `velocity` of `limit`: it holds 0 numbers, expected one finite number, correct the value";
+        "robot.urdf:27:60: `velocity` of `limit`: it holds 0 numbers, expected one finite number, \
+         correct the value";
     a_negative_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="-1.5"/>"#,
-        "robot.urdf:4:5: the mass of link `rocker` is -1.5, expected zero or more, correct the value";
+        "robot.urdf:4:5: the mass of link `rocker` is -1.5, expected zero or more, correct the \
+         value";
     an_infinite_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="inf"/>"#,
-        "robot.urdf:6:20: `value` of `mass`: `inf` is not finite, expected one finite number, correct the value";
+        "robot.urdf:6:20: `value` of `mass`: `inf` is not finite, expected one finite number, \
+         correct the value";
     inertia_without_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="0"/>"#,
-        "robot.urdf:4:5: link `rocker` has inertia but no mass, expected a mass, or zero inertia too, correct one of them";
+        "robot.urdf:4:5: link `rocker` has inertia but no mass, expected a mass, or zero inertia \
+         too, correct one of them";
     a_negative_principal_moment_is_an_error:
         r#"ixx="0.02" ixy="0""# => r#"ixx="0.02" ixy="0.01""#,
-        "robot.urdf:4:5: the inertia of link `rocker` has the negative principal moment -3.293114e-3, expected moments of zero or more, correct the inertia about the centre of mass";
+        "robot.urdf:4:5: the inertia of link `rocker` has the negative principal moment \
+         -3.293114e-3, expected moments of zero or more, correct the inertia about the centre of \
+         mass";
     a_broken_triangle_inequality_is_an_error:
         r#"izz="0.02""# => r#"izz="0.022""#,
-        "robot.urdf:4:5: the principal moments of link `rocker`, 1.000000e-3, 2.000000e-2 and 2.200000e-2, break the triangle inequality, expected none above the sum of the others, correct the inertia about the centre of mass";
+        "robot.urdf:4:5: the principal moments of link `rocker`, 1.000000e-3, 2.000000e-2 and \
+         2.200000e-2, break the triangle inequality, expected none above the sum of the others, \
+         correct the inertia about the centre of mass";
     an_inertial_without_mass_is_an_error:
         "      <mass value=\"1.5\"/>\n" => "",
-        "robot.urdf:4:5: `inertial` has no `mass`, expected <mass …/>, add it or remove the inertial";
+        "robot.urdf:4:5: `inertial` has no `mass`, expected <mass …/>, add it or remove the \
+         inertial";
     an_inertia_without_an_entry_is_an_error:
         r#" iyz="0" izz="0.02""# => r#" izz="0.02""#,
         r#"robot.urdf:7:7: `inertia` has no `iyz`, expected iyz="a number", add it"#;
@@ -85,41 +108,55 @@ faults! { urdf:
       <inertia ixx="0.002" ixy="0" ixz="0" iyy="0.0003" iyz="0" izz="0.002"/>
     </inertial>
 "# => "",
-        "robot.urdf:16:3: link `rod` has no inertial: a massless body, expected mass and inertia, add them if it has any";
+        "robot.urdf:16:3: link `rod` has no inertial: a massless body, expected mass and inertia, \
+         add them if it has any";
     a_zero_mass_is_a_warning:
-        "      <mass value=\"0.4\"/>\n      <inertia ixx=\"0.002\" ixy=\"0\" ixz=\"0\" iyy=\"0.0003\" iyz=\"0\" izz=\"0.002\"/>" => "      <mass value=\"0\"/>\n      <inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>",
-        "robot.urdf:17:5: link `rod` has zero mass: a massless body, expected mass and inertia, add them if it has any";
+        "      <mass value=\"0.4\"/>\n      <inertia ixx=\"0.002\" ixy=\"0\" ixz=\"0\" \
+         iyy=\"0.0003\" iyz=\"0\" izz=\"0.002\"/>" => "      <mass value=\"0\"/>\n      <inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>",
+        "robot.urdf:17:5: link `rod` has zero mass: a massless body, expected mass and inertia, \
+         add them if it has any";
     a_zero_inertia_is_a_warning:
         r#"ixx="0.002" ixy="0" ixz="0" iyy="0.0003" iyz="0" izz="0.002""# => r#"ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0""#,
-        "robot.urdf:17:5: link `rod` has zero inertia: a point mass, expected an inertia, add it if it is known";
+        "robot.urdf:17:5: link `rod` has zero inertia: a point mass, expected an inertia, add it \
+         if it is known";
     a_joint_needs_a_name:
         r#"<joint name="swing""# => "<joint",
         r#"robot.urdf:29:3: `joint` has no `name`, expected name="…", add it"#,
-        "submechanisms.yml:6:23: `jointnames` names the joint `swing`, which does not exist, expected a joint of the URDF, correct the name or add the joint to the URDF",
-        "submechanisms.yml:7:36: `jointnames_spanningtree` names the joint `swing`, which does not exist, expected a joint of the URDF, correct the name or add the joint to the URDF";
+        "submechanisms.yml:6:23: `jointnames` names the joint `swing`, which does not exist, \
+         expected a joint of the URDF, correct the name or add the joint to the URDF",
+        "submechanisms.yml:7:36: `jointnames_spanningtree` names the joint `swing`, which does not \
+         exist, expected a joint of the URDF, correct the name or add the joint to the URDF";
     an_empty_name_is_an_error:
         r#"<link name="base"/>"# => r#"<link name=""/>"#,
         "robot.urdf:2:15: `name` of `link` is empty, expected a name, fill it in",
-        "robot.urdf:23:19: the parent link `base` of joint `elbow` does not exist, expected a link of this file, correct the name or add the link",
-        "robot.urdf:30:19: the parent link `base` of joint `swing` does not exist, expected a link of this file, correct the name or add the link";
+        "robot.urdf:23:19: the parent link `base` of joint `elbow` does not exist, expected a link \
+         of this file, correct the name or add the link",
+        "robot.urdf:30:19: the parent link `base` of joint `swing` does not exist, expected a link \
+         of this file, correct the name or add the link";
     a_joint_needs_a_type:
         r#" type="continuous""# => "",
         r#"robot.urdf:29:3: `joint` has no `type`, expected type="…", add it"#;
     an_unknown_joint_type_is_an_error_with_the_nearest:
         r#"type="continuous""# => r#"type="continous""#,
-        "robot.urdf:29:29: the joint type `continous` is not known, expected revolute, continuous, prismatic, fixed, floating, spherical, ball, did you mean `continuous`?";
+        "robot.urdf:29:29: the joint type `continous` is not known, expected revolute, continuous, \
+         prismatic, fixed, floating, spherical, ball, did you mean `continuous`?";
     a_planar_joint_is_not_supported:
         r#"type="continuous""# => r#"type="planar""#,
-        "robot.urdf:29:29: the joint type `planar` is not supported, expected revolute, continuous, prismatic, fixed, floating, spherical, ball, use two prismatic and one revolute joint";
+        "robot.urdf:29:29: the joint type `planar` is not supported, expected revolute, \
+         continuous, prismatic, fixed, floating, spherical, ball, use two prismatic and one \
+         revolute joint";
     a_zero_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="0 0 0"/>"#,
-        "robot.urdf:33:5: the axis of joint `swing` is zero, expected a direction as 0 0 1, correct it";
+        "robot.urdf:33:5: the axis of joint `swing` is zero, expected a direction as 0 0 1, \
+         correct it";
     a_minute_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="0 0 1e-200"/>"#,
-        "robot.urdf:33:5: the axis of joint `swing` has a length near 1e-200, expected a direction as 0 0 1, correct it";
+        "robot.urdf:33:5: the axis of joint `swing` has a length near 1e-200, expected a direction \
+         as 0 0 1, correct it";
     a_malformed_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0"/>"#,
-        "robot.urdf:33:16: `xyz` of `axis`: it holds 2 numbers, expected 3 finite numbers, correct the value";
+        "robot.urdf:33:16: `xyz` of `axis`: it holds 2 numbers, expected 3 finite numbers, correct \
+         the value";
     an_axis_without_direction_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => "<axis/>",
         "robot.urdf:33:5: `axis` has no `xyz`, expected a direction as 0 0 1, add it";
@@ -131,13 +168,15 @@ faults! { urdf:
         r#"robot.urdf:35:3: the prismatic joint `slide` has no limits, expected <limit lower="…" upper="…" effort="…" velocity="…"/>, add them"#;
     limits_without_a_range_are_an_error:
         r#"lower="-1.5" upper="1.4" "# => "",
-        "robot.urdf:27:5: `limit` has neither `lower` nor `upper`, expected the range of the joint, add them";
+        "robot.urdf:27:5: `limit` has neither `lower` nor `upper`, expected the range of the \
+         joint, add them";
     limits_without_effort_are_an_error:
         r#" effort="100""# => "",
         r#"robot.urdf:27:5: `limit` has no `effort`, expected effort="a number", add it"#;
     limits_in_the_wrong_order_are_an_error:
         r#"upper="1.4""# => r#"upper="-1.6""#,
-        "robot.urdf:27:5: the lower limit -1.5 is above the upper limit -1.6, expected lower ≤ upper, swap them";
+        "robot.urdf:27:5: the lower limit -1.5 is above the upper limit -1.6, expected lower ≤ \
+         upper, swap them";
     a_negative_effort_is_an_error:
         r#"effort="100""# => r#"effort="-100""#,
         "robot.urdf:27:5: the limit `effort` is negative, expected zero or more, correct the value";
@@ -146,41 +185,60 @@ faults! { urdf:
         r#"robot.urdf:29:3: the joint has no `child`, expected <child link="…"/>, add it"#;
     a_link_that_does_not_exist_is_an_error_with_the_nearest:
         r#"<child link="stator"/>"# => r#"<child link="startor"/>"#,
-        "robot.urdf:31:18: the child link `startor` of joint `swing` does not exist, expected a link of this file, did you mean `stator`?";
+        "robot.urdf:31:18: the child link `startor` of joint `swing` does not exist, expected a \
+         link of this file, did you mean `stator`?";
     two_links_of_one_name_are_an_error:
         r#"<link name="base"/>"# => r#"<link name="base"/><link name="rod"/>"#,
-        "robot.urdf:16:3: a second link is named `rod`, expected a name of its own, rename one of them",
-        "robot.urdf:2:22: link `rod` has no inertial: a massless body, expected mass and inertia, add them if it has any";
+        "robot.urdf:16:3: a second link is named `rod`, expected a name of its own, rename one of \
+         them",
+        "robot.urdf:2:22: link `rod` has no inertial: a massless body, expected mass and inertia, \
+         add them if it has any";
     two_joints_of_one_name_are_an_error:
         r#"<joint name="swing""# => r#"<joint name="elbow""#,
-        "robot.urdf:29:3: a second joint is named `elbow`, expected a name of its own, rename one of them",
-        "submechanisms.yml:6:23: `jointnames` names the joint `swing`, which does not exist, expected a joint of the URDF, correct the name or add the joint to the URDF",
-        "submechanisms.yml:7:36: `jointnames_spanningtree` names the joint `swing`, which does not exist, expected a joint of the URDF, correct the name or add the joint to the URDF";
+        "robot.urdf:29:3: a second joint is named `elbow`, expected a name of its own, rename one \
+         of them",
+        "submechanisms.yml:6:23: `jointnames` names the joint `swing`, which does not exist, \
+         expected a joint of the URDF, correct the name or add the joint to the URDF",
+        "submechanisms.yml:7:36: `jointnames_spanningtree` names the joint `swing`, which does not \
+         exist, expected a joint of the URDF, correct the name or add the joint to the URDF";
     two_roots_are_an_error:
         r#"<link name="base"/>"# => r#"<link name="base"/><link name="island"/>"#,
-        "robot.urdf:2:22: the link `island` is a second root beside `base`, expected one root, connect it by a joint or remove it";
+        "robot.urdf:2:22: the link `island` is a second root beside `base`, expected one root, \
+         connect it by a joint or remove it";
     two_parents_are_an_error:
         r#"<child link="stator"/>"# => r#"<child link="rocker"/>"#,
-        "robot.urdf:10:3: the link `stator` is a second root beside `base`, expected one root, connect it by a joint or remove it",
-        "robot.urdf:31:18: the link `rocker` has two parents, by the joints `elbow` and `swing`, expected one, cut the loop here and write it as a loop constraint";
+        "robot.urdf:10:3: the link `stator` is a second root beside `base`, expected one root, \
+         connect it by a joint or remove it",
+        "robot.urdf:31:18: the link `rocker` has two parents, by the joints `elbow` and `swing`, \
+         expected one, cut the loop here and write it as a loop constraint";
     a_cycle_is_an_error:
-        "<parent link=\"base\"/>\n    <child link=\"stator\"/>" => "<parent link=\"rod\"/>\n    <child link=\"stator\"/>",
-        "robot.urdf:29:3: the joint `swing` closes a cycle of links, expected a tree, cut the loop and write it as a loop constraint";
+        "<parent link=\"base\"/>\n    <child \
+         link=\"stator\"/>" => "<parent link=\"rod\"/>\n    <child link=\"stator\"/>",
+        "robot.urdf:29:3: the joint `swing` closes a cycle of links, expected a tree, cut the loop \
+         and write it as a loop constraint";
     a_mimic_of_nothing_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><mimic joint="elbw"/>"#,
-        "robot.urdf:33:38: the joint `swing` follows `elbw`, which does not exist, expected another moving joint of this robot, did you mean `elbow`?";
+        "robot.urdf:33:38: the joint `swing` follows `elbw`, which does not exist, expected \
+         another moving joint of this robot, did you mean `elbow`?";
     a_mimic_of_itself_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><mimic joint="swing"/>"#,
-        "robot.urdf:33:38: the joint `swing` follows `swing`, which is itself, expected another moving joint of this robot, name another joint";
+        "robot.urdf:33:38: the joint `swing` follows `swing`, which is itself, expected another \
+         moving joint of this robot, name another joint";
     a_mimic_with_a_malformed_factor_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><mimic joint="elbow" multiplier="two"/>"#,
-        "robot.urdf:33:57: `multiplier` of `mimic`: `two` is not a number, expected one finite number, correct the value";
+        "robot.urdf:33:57: `multiplier` of `mimic`: `two` is not a number, expected one finite \
+         number, correct the value";
     a_transmission_of_nothing_is_an_error:
-        "</robot>" => "  <transmission name=\"t\"><joint name=\"swng\"><depends_on joint=\"elbow\"/></joint></transmission>\n</robot>",
-        "robot.urdf:42:39: the transmission names the joint `swng`, which does not exist, expected a joint of this file, did you mean `swing`?";
+        "</robot>" => "  <transmission name=\"t\"><joint name=\"swng\"><depends_on \
+            joint=\"elbow\"/></joint></transmission>\n</robot>",
+        "robot.urdf:42:39: the transmission names the joint `swng`, which does not exist, expected \
+         a joint of this file, did you mean `swing`?";
     a_joint_coupled_twice_is_an_error:
-        "</robot>" => "  <transmission><joint name=\"swing\"><depends_on joint=\"elbow\"/></joint></transmission>\n  <transmission><joint name=\"swing\"><depends_on joint=\"slide\"/></joint></transmission>\n</robot>",
-        "robot.urdf:43:30: the joint `swing` is coupled a second time, expected one mimic or one transmission, remove one of them";
+        "</robot>" => "  <transmission><joint name=\"swing\"><depends_on joint=\"elbow\"/></joint>\
+            </transmission>\n  <transmission><joint name=\"swing\"><depends_on joint=\"slide\"/>\
+            </joint></transmission>\n</robot>",
+        "robot.urdf:43:30: the joint `swing` is coupled a second time, expected one mimic or one \
+         transmission, remove one of them";
     a_moving_joint_in_no_submechanism_is_an_error:
         "</robot>" => r#"  <link name="tool"/>
   <joint name="spin" type="continuous">
@@ -188,6 +246,8 @@ faults! { urdf:
     <child link="tool"/>
   </joint>
 </robot>"#,
-        "robot.urdf:43:3: the joint `spin` moves but is in no submechanism, expected every moving joint in one, add it to a jointnames_spanningtree or make it fixed",
-        "robot.urdf:42:3: link `tool` has no inertial: a massless body, expected mass and inertia, add them if it has any";
+        "robot.urdf:43:3: the joint `spin` moves but is in no submechanism, expected every moving \
+         joint in one, add it to a jointnames_spanningtree or make it fixed",
+        "robot.urdf:42:3: link `tool` has no inertial: a massless body, expected mass and inertia, \
+         add them if it has any";
 }

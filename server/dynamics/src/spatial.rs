@@ -158,8 +158,8 @@ pub(crate) fn from_quaternion<T: Real>(x: T, y: T, z: T, w: T) -> Matrix3<T> {
     )
 }
 
-/// Quaternion x, y, z, w of a rotation matrix, w ≥ 0 (\[S78\]: the largest of four squares is divided
-/// by).
+/// Quaternion x, y, z, w of a rotation matrix, w ≥ 0 (\[S78\]: the largest of four squares is
+/// divided by).
 pub(crate) fn to_quaternion<T: Real>(R: &Matrix3<T>) -> [T; 4] {
     let r = |i: usize, j: usize| R[(i, j)];
     // four times the squares of x, y, z, w

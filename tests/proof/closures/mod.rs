@@ -147,7 +147,8 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
     }
     assert!(count > 100, "{count} states of 160");
     println!(
-        "{count} states: to Newton {:.1e}, to double-double {:.1e}, there to Newton {:.1e} of what is allowed",
+        "{count} states: to Newton {:.1e}, to double-double {:.1e}, there to Newton {:.1e} of what \
+         is allowed",
         worst[0], worst[1], worst[2]
     );
 }

@@ -15,7 +15,8 @@ fn assemble(arguments: &[&str]) -> (Option<i32>, Value) {
 /// The lambda elbow with a cut that is placed by hand, a little off.
 fn open_files(folder: &Folder) -> (String, String) {
     let (urdf, yaml) = bundled_text("lambda").unwrap();
-    let placed = "    predecessor_placement: {xyz: [0, 0.26, 0.01], rpy: [0, 0, 0]}\n    successor_placement: {xyz: [0, 0, 0], rpy: [0, 0, 0]}\n";
+    let placed = "    predecessor_placement: {xyz: [0, 0.26, 0.01], rpy: [0, 0, 0]}\n    \
+        successor_placement: {xyz: [0, 0, 0], rpy: [0, 0, 0]}\n";
     let yaml = yaml.replace("    constraint_axes:", &format!("{placed}    constraint_axes:"));
     (folder.file("open.urdf", urdf), folder.file("open.yml", yaml))
 }

@@ -47,7 +47,8 @@ fn printed(robot: &str) -> String {
 /// The first submechanism of each type among the bundled robots.
 fn types() -> String {
     let mut text =
-        "| type | robot | closure | rows | rank | redundant | idle | branches | singular poses |\n|---|---|---|---|---|---|---|---|---|\n"
+        "| type | robot | closure | rows | rank | redundant | idle | branches | singular poses |\n\
+         |---|---|---|---|---|---|---|---|---|\n"
             .to_owned();
     let mut known = Vec::new();
     for (robot, _) in sarrus_models::bundled() {
@@ -98,6 +99,7 @@ fn closures_page_is_what_check_prints() {
     let written = std::fs::read_to_string(&path).unwrap();
     assert!(
         written == page,
-        "the page is stale: SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof closures_page"
+        "the page is stale: SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof \
+         closures_page"
     );
 }

@@ -130,7 +130,8 @@ impl Drop for Folder {
     }
 }
 
-/// A body that floats with a joint on it: a quaternion, and fewer actuators than degrees of freedom.
+/// A body that floats with a joint on it: a quaternion, and fewer actuators than degrees of
+/// freedom.
 const FLOATING: &str = r#"<robot name="floating">
 <link name="world"/>
 <link name="body"><inertial><origin xyz="0 0 1"/><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>

@@ -135,7 +135,8 @@ impl Drop for Process {
 #[test]
 fn through_a_server_the_text_is_the_same() {
     let place = Place::new();
-    let odd = "bad\n{\"y\":[1]}\n{\"yy\":1}\n{\"y\":[1e999]}\n\n{\"u\":[9]}\n{\"want\":[\"q\"],\"u\":[1e9]}\n[]\n";
+    let odd = "bad\n{\"y\":[1]}\n{\"yy\":1}\n{\"y\":[1e999]}\n\n{\"u\":[9]}\n\
+        {\"want\":[\"q\"],\"u\":[1e9]}\n[]\n";
     for robot in ["torso", "wrist", "rh5v2_upper_body"] {
         let server = place.serve(robot, "same");
         let file = vectors(robot);

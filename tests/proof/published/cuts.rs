@@ -8,7 +8,8 @@ use super::*;
 /// A body on six joints, with a seventh above them for the weld, and one cut of this kind between
 /// it and the base.
 fn cut_body(cut: &str, independent: &str) -> Source {
-    const BODY: &str = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>";
+    const BODY: &str = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" \
+        iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>";
     let joints = [
         ("s", "0.6 0 0.8"),
         ("x", "1 0 0"),
@@ -25,13 +26,19 @@ fn cut_body(cut: &str, independent: &str) -> Source {
         let child = if *name == "rz" { "body".to_owned() } else { format!("{name}_link") };
         let kind = if name.len() == 1 && *name != "s" { "prismatic" } else { "revolute" };
         urdf += &format!(
-            "<link name=\"{child}\">{BODY}</link><joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"{axis}\"/><limit lower=\"-3\" upper=\"3\" effort=\"1\" velocity=\"1\"/></joint>\n"
+            "<link name=\"{child}\">{BODY}</link><joint name=\"{name}\" type=\"{kind}\"><parent \
+             link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"{axis}\"/><limit lower=\"-3\" \
+             upper=\"3\" effort=\"1\" velocity=\"1\"/></joint>\n"
         );
         parent = child;
         names.push(*name);
     }
     let yaml = format!(
-        "submechanisms:\n- type: NUMERICAL\n  contextual_name: r\n  jointnames_spanningtree: [{}]\n  jointnames_independent: [{independent}]\n  jointnames_active: [{independent}]\n  loop_constraints:\n  - cut_joint: c\n    predecessor_body: base\n    successor_body: body\n    predecessor_placement: {{xyz: [{XYZ}], rpy: [{RPY}]}}\n    successor_placement: {{xyz: [{XYZ}], rpy: [{RPY}]}}\n    cut_joint_type: {cut}\n",
+        "submechanisms:\n- type: NUMERICAL\n  contextual_name: r\n  jointnames_spanningtree: \
+         [{}]\n  jointnames_independent: [{independent}]\n  jointnames_active: [{independent}]\n  \
+         loop_constraints:\n  - cut_joint: c\n    predecessor_body: base\n    successor_body: \
+         body\n    predecessor_placement: {{xyz: [{XYZ}], rpy: [{RPY}]}}\n    successor_placement: \
+         {{xyz: [{XYZ}], rpy: [{RPY}]}}\n    cut_joint_type: {cut}\n",
         names.join(", ")
     );
     Source::Text { urdf: (urdf + "</robot>").into_bytes(), submechanisms: Some(yaml.into_bytes()) }

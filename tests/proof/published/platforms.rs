@@ -76,7 +76,8 @@ fn the_rods_of_the_active_ankle_keep_their_length_and_it_turns_almost_about_a_po
 fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
     let (urdf, submechanisms) = bundled_text("stewart").unwrap();
     // the bodies between the six joints weigh nothing, as those that are not there
-    let weight = "<mass value=\"0.001\"/><inertia ixx=\"1e-06\" ixy=\"0\" ixz=\"0\" iyy=\"1e-06\" iyz=\"0\" izz=\"1e-06\"/>";
+    let weight = "<mass value=\"0.001\"/><inertia ixx=\"1e-06\" ixy=\"0\" ixz=\"0\" iyy=\"1e-06\" \
+        iyz=\"0\" izz=\"1e-06\"/>";
     let nothing =
         "<mass value=\"0\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>";
     assert_eq!(urdf.matches(weight).count(), 5);

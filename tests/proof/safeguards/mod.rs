@@ -1,5 +1,5 @@
-//! Numerical closures never fail silently: ranks, idle degrees of freedom, reactions, singular poses and
-//! targets out of reach.
+//! Numerical closures never fail silently: ranks, idle degrees of freedom, reactions, singular
+//! poses and targets out of reach.
 
 mod mechanisms;
 

@@ -10,12 +10,16 @@ use super::*;
 fn satellite(gravity: f64) -> Robot {
     let link = |name: &str, mass: f64, at: &str| {
         format!(
-            "<link name=\"{name}\"><inertial><origin xyz=\"{at}\" rpy=\"0.1 0.2 0.3\"/><mass value=\"{mass}\"/><inertia ixx=\"0.04\" ixy=\"0.001\" ixz=\"0\" iyy=\"0.05\" iyz=\"0.002\" izz=\"0.06\"/></inertial></link>"
+            "<link name=\"{name}\"><inertial><origin xyz=\"{at}\" rpy=\"0.1 0.2 0.3\"/><mass \
+             value=\"{mass}\"/><inertia ixx=\"0.04\" ixy=\"0.001\" ixz=\"0\" iyy=\"0.05\" \
+             iyz=\"0.002\" izz=\"0.06\"/></inertial></link>"
         )
     };
     let joint = |name: &str, kind: &str, parent: &str, child: &str, at: &str, axis: &str| {
         format!(
-            "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/><origin xyz=\"{at}\"/><axis xyz=\"{axis}\"/><limit lower=\"-9\" upper=\"9\" effort=\"1\" velocity=\"9\"/></joint>"
+            "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child \
+             link=\"{child}\"/><origin xyz=\"{at}\"/><axis xyz=\"{axis}\"/><limit lower=\"-9\" \
+             upper=\"9\" effort=\"1\" velocity=\"9\"/></joint>"
         )
     };
     let urdf = [

@@ -10,12 +10,16 @@ use super::*;
 pub(super) fn slider_crank(kind: &str, independent: &str) -> Robot {
     let link = |name: &str, mass: f64, at: f64, inertia: f64| {
         format!(
-            "<link name=\"{name}\"><inertial><origin xyz=\"{at} 0 0\"/><mass value=\"{mass}\"/><inertia ixx=\"{inertia}\" ixy=\"0\" ixz=\"0\" iyy=\"{inertia}\" iyz=\"0\" izz=\"{inertia}\"/></inertial></link>"
+            "<link name=\"{name}\"><inertial><origin xyz=\"{at} 0 0\"/><mass value=\"{mass}\"/>\
+             <inertia ixx=\"{inertia}\" ixy=\"0\" ixz=\"0\" iyy=\"{inertia}\" iyz=\"0\" \
+             izz=\"{inertia}\"/></inertial></link>"
         )
     };
     let joint = |name: &str, kind: &str, parent: &str, child: &str, origin: &str, axis: &str| {
         format!(
-            "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/><origin {origin}/><axis xyz=\"{axis}\"/><limit lower=\"-9\" upper=\"9\" effort=\"1\" velocity=\"9\"/></joint>"
+            "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child \
+             link=\"{child}\"/><origin {origin}/><axis xyz=\"{axis}\"/><limit lower=\"-9\" \
+             upper=\"9\" effort=\"1\" velocity=\"9\"/></joint>"
         )
     };
     // the crank stands upright, the rod comes down to the line of the slider
@@ -46,7 +50,12 @@ pub(super) fn slider_crank(kind: &str, independent: &str) -> Robot {
         "</robot>".to_owned(),
     ];
     let submechanisms = format!(
-        "submechanisms:\n- type: {kind}\n  contextual_name: crank\n  jointnames_spanningtree: [turn, pin, slide]\n  jointnames_independent: [{independent}]\n  jointnames_active: [turn]\n  loop_constraints:\n  - cut_joint: eye\n    predecessor_body: rod\n    successor_body: slider\n    predecessor_placement: {{xyz: [0.3, 0, 0]}}\n    successor_placement: {{xyz: [0, 0, 0]}}\n    cut_joint_type: planar_revolute\n    axis: [0, 1, 0]\n"
+        "submechanisms:\n- type: {kind}\n  contextual_name: crank\n  jointnames_spanningtree: \
+         [turn, pin, slide]\n  jointnames_independent: [{independent}]\n  jointnames_active: \
+         [turn]\n  loop_constraints:\n  - cut_joint: eye\n    predecessor_body: rod\n    \
+         successor_body: slider\n    predecessor_placement: {{xyz: [0.3, 0, 0]}}\n    \
+         successor_placement: {{xyz: [0, 0, 0]}}\n    cut_joint_type: planar_revolute\n    axis: \
+         [0, 1, 0]\n"
     );
     Robot::text(&urdf.concat(), Some(&submechanisms))
 }

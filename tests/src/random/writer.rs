@@ -111,7 +111,9 @@ impl Writer {
             let (xyz, rpy) = (self.vector(origin.p, size), self.vector(origin.rpy(), 1.0));
             let _ = write!(
                 inertial,
-                "<inertial><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/><mass value=\"{mass:?}\"/><inertia ixx=\"{:?}\" ixy=\"{:?}\" ixz=\"{:?}\" iyy=\"{:?}\" iyz=\"{:?}\" izz=\"{:?}\"/></inertial>",
+                "<inertial><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/><mass value=\"{mass:?}\"/><inertia \
+                 ixx=\"{:?}\" ixy=\"{:?}\" ixz=\"{:?}\" iyy=\"{:?}\" iyz=\"{:?}\" izz=\"{:?}\"/>\
+                 </inertial>",
                 entry(0, 0),
                 entry(0, 1),
                 entry(0, 2),
@@ -154,7 +156,9 @@ impl Writer {
         let (parent, child_name) = (&self.links[parent].0, &self.links[child].0);
         let _ = writeln!(
             self.urdf,
-            "  <joint name=\"{name}\" type=\"{type_name}\"><parent link=\"{parent}\"/><child link=\"{child_name}\"/><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{axis}{limit}{terms}</joint>"
+            "  <joint name=\"{name}\" type=\"{type_name}\"><parent link=\"{parent}\"/><child \
+             link=\"{child_name}\"/><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>\
+             {axis}{limit}{terms}</joint>"
         );
         (name, child)
     }
@@ -174,7 +178,8 @@ impl Writer {
         let rest = self.seeded.within(-0.5, 0.5) * self.scale / arm;
         let ratio = self.seeded.within(1.0, 10.0) * self.seeded.sign() * arm / self.scale;
         format!(
-            "<dynamics damping=\"{damping:?}\" spring_stiffness=\"{stiffness:?}\" spring_reference=\"{rest:?}\" rotor_inertia=\"{rotor:?}\" gear_ratio=\"{ratio:?}\"/>"
+            "<dynamics damping=\"{damping:?}\" spring_stiffness=\"{stiffness:?}\" \
+             spring_reference=\"{rest:?}\" rotor_inertia=\"{rotor:?}\" gear_ratio=\"{ratio:?}\"/>"
         )
     }
 
@@ -243,7 +248,8 @@ impl Writer {
         self.holds.push("floating base".into());
         let _ = writeln!(
             self.yaml,
-            "- type: SERIAL\n  contextual_name: base\n  jointnames_spanningtree: [{name}]\n  jointnames_independent: [{name}]\n  jointnames_active: []"
+            "- type: SERIAL\n  contextual_name: base\n  jointnames_spanningtree: [{name}]\n  \
+             jointnames_independent: [{name}]\n  jointnames_active: []"
         );
     }
 
@@ -265,7 +271,8 @@ impl Writer {
         let independent: Vec<String> = entry.independent.iter().map(|x| x.0.clone()).collect();
         let _ = writeln!(
             self.yaml,
-            "- type: {}\n  contextual_name: {name}\n  jointnames_spanningtree: [{}]\n  jointnames_independent: [{}]\n  jointnames_active: [{}]",
+            "- type: {}\n  contextual_name: {name}\n  jointnames_spanningtree: [{}]\n  \
+             jointnames_independent: [{}]\n  jointnames_active: [{}]",
             entry.type_name,
             list(&entry.tree),
             list(&independent),
@@ -278,7 +285,8 @@ impl Writer {
             let (p, s) = (&self.links[of.predecessor].0, &self.links[of.successor].0);
             let _ = writeln!(
                 self.yaml,
-                "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    constraint_axes:",
+                "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    \
+                 constraint_axes:",
                 of.cut
             );
             for (k, axis) in of.rows.iter().enumerate() {

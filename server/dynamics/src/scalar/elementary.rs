@@ -234,7 +234,8 @@ mod tests {
             n * core::f64::consts::FRAC_PI_2 * (1.0 + random.spread(-60.0, -20.0))
         });
         println!(
-            "seed {SEED}, largest errors in ulp (sin, cos): {turn:?} {million:?} {range:?} {multiple:?}"
+            "seed {SEED}, largest errors in ulp (sin, cos): {turn:?} {million:?} {range:?} \
+             {multiple:?}"
         );
         for (s, c) in [turn, million, range, multiple] {
             assert!(s <= 0.8 && c <= 0.8);

@@ -8,8 +8,8 @@ use sarrus_client::{
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::ServerName;
 
-/// Plans that are kept: scripts use few, and one that uses a new one for each line must fill neither
-/// the memory nor a server's table.
+/// Plans that are kept: scripts use few, and one that uses a new one for each line must fill
+/// neither the memory nor a server's table.
 const PLANS: usize = 64;
 /// How long a server that is gone is not looked for again.
 const PAUSE: Duration = Duration::from_secs(1);

@@ -4,9 +4,11 @@
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin SARRUS_ROOT=/run/sarrus
 B=BUSYBOX
 $B mount -t proc proc /proc; $B mount -t sysfs sysfs /sys
-$B mkdir -p /dev/pts /dev/shm; $B mount -t devpts devpts /dev/pts; $B mount -t tmpfs tmpfs /dev/shm; $B mount -t tmpfs tmpfs /run
+$B mkdir -p /dev/pts /dev/shm; $B mount -t devpts devpts /dev/pts
+$B mount -t tmpfs tmpfs /dev/shm; $B mount -t tmpfs tmpfs /run
 M=/usr/lib/uml/modules/$($B uname -r)/kernel
-for m in net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/vcan drivers/net/can/slcan/slcan; do
+D=drivers/net/can
+for m in net/can/can net/can/can-raw $D/dev/can-dev $D/vcan $D/slcan/slcan; do
     $B insmod $M/$m.ko || echo "no module $m"
 done
 # not the one of busybox, which knows no `type can`

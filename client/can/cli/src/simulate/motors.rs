@@ -192,12 +192,14 @@ impl Motor {
     fn report(&self, now_ns: u64) -> Value {
         let plant = &self.simulated.plant;
         let heard = self.simulated.last_heard();
+        let mapping = &self.mapping;
+        let age_ms = |heard_ns| now_ns.saturating_sub(heard_ns) as f64 * 1e-6;
         json!({
             "motor": self.name,
             "power": plant.power,
             "fault": plant.fault,
             "frame": heard.map(|(_, frame)| frame.to_string()),
-            "frame_age_ms": heard.map(|(heard_ns, _)| now_ns.saturating_sub(heard_ns) as f64 * 1e-6),
+            "frame_age_ms": heard.map(|(heard_ns, _)| age_ms(heard_ns)),
             "frames": self.simulated.n_heard(),
             "setpoints": plant.n_setpoints,
             "setpoint": setpoint(&self.simulated),
@@ -207,8 +209,8 @@ impl Motor {
             "position": plant.measured(),
             "velocity": plant.velocity,
             "torque": plant.torque,
-            "actuator_position": self.mapping.sign * plant.measured() / self.mapping.gear + self.mapping.offset,
-            "actuator_velocity": self.mapping.sign * plant.velocity / self.mapping.gear,
+            "actuator_position": mapping.sign * plant.measured() / mapping.gear + mapping.offset,
+            "actuator_velocity": mapping.sign * plant.velocity / mapping.gear,
         })
     }
 }
