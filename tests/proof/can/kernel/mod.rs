@@ -246,9 +246,7 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
         ["10000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
     write(
         "vcan.yml",
-        &(bus("socketcan", "vcan0", ", data_bitrate: 5000000")
-            + &slow
-            + &motor("wrist", MOTEUS)),
+        &(bus("socketcan", "vcan0", ", data_bitrate: 5000000") + &slow + &motor("wrist", MOTEUS)),
     );
     write("slcan.yml", &(bus("slcan", &path("bus").display().to_string(), "") + &quick));
     write("kernel.yml", &(bus("socketcan", "slcan0", "") + &quick));
