@@ -1,5 +1,5 @@
-//! What is counted of commands and buses. Each list stands here once: the wire, the bridge and those
-//! who show counts take their names and numbers from it.
+//! What is counted of commands and buses. Each list stands here once: the wire, the bridge and
+//! those who show counts take their names and numbers from it.
 
 /// A command's possible verdicts: variant, name in JSON, words for people.
 macro_rules! verdicts {

@@ -148,6 +148,39 @@ fn long_files_are_listed_with_their_reason() {
 }
 
 #[test]
+fn every_closed_form_has_a_drawing_that_can_be_read() {
+    let page = page("server/dynamics/src/guide/closures.rs");
+    for kind in [
+        "RRPR",
+        "FOURBAR",
+        "SLIDERCRANK",
+        "PARALLELOGRAMCHAIN",
+        "2SPU+1U",
+        "2SPRR+1U",
+        "6UPS",
+        "TRANSMISSION",
+        "DIFFERENTIAL",
+    ] {
+        assert!(page.contains(&format!("//! # {kind}\n")), "no section {kind}");
+        assert!(page.contains(&format!("//! | {kind} |")), "no row {kind}");
+    }
+    let drawings: Vec<String> =
+        files("svg").into_iter().filter(|path| path.starts_with("server/dynamics/docs/")).collect();
+    assert_eq!(drawings.len(), 9, "{drawings:?}");
+    for path in drawings {
+        let name = path.rsplit('/').next().unwrap();
+        assert!(page.contains(&format!("docs/{name}\")")), "{name} is on no page");
+        let drawing = std::fs::read_to_string(root().join(&path)).unwrap();
+        // an empty line would end the drawing inside Markdown
+        assert!(!drawing.contains("\n\n"), "{name} has an empty line");
+        for size in drawing.split("font-size=\"").skip(1) {
+            let size: f64 = size.split('"').next().unwrap().parse().unwrap();
+            assert!(size >= 11.0, "{name}: text of {size} px");
+        }
+    }
+}
+
+#[test]
 fn commands_on_the_pages_name_what_exists() {
     let (packages, robots) =
         (packages(), sarrus_models::bundled().map(|(name, _)| name.to_owned()).collect::<Vec<_>>());

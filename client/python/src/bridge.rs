@@ -60,7 +60,10 @@ impl PyBridge {
     /// Takes a command for all actuators; the verdict is `accepted`, `not_finite`, `negative`,
     /// `old`, `ahead`, `wrong_model` or `wrong_size`. Without a fingerprint it is that of the
     /// configuration's model.
-    #[pyo3(signature = (now_ns, sequence, stamp_ns, position, velocity, effort, stiffness, damping, fingerprint = None))]
+    #[pyo3(signature = (
+        now_ns, sequence, stamp_ns, position, velocity, effort, stiffness, damping,
+        fingerprint = None
+    ))]
     fn command(
         &self,
         now_ns: u64,

@@ -22,7 +22,9 @@ impl std::fmt::Display for PyFrame {
 #[pymethods]
 impl PyFrame {
     #[new]
-    #[pyo3(signature = (id, data = NO_DATA, *, extended = false, fd = false, bit_rate_switch = false))]
+    #[pyo3(signature = (
+        id, data = NO_DATA, *, extended = false, fd = false, bit_rate_switch = false
+    ))]
     fn new(
         id: u32,
         data: &[u8],
@@ -32,7 +34,8 @@ impl PyFrame {
     ) -> PyResult<PyFrame> {
         frame(id, data, extended, fd, bit_rate_switch).map(PyFrame).ok_or_else(|| {
             PyValueError::new_err(format!(
-                "no frame has the identifier 0x{id:X} (extended: {extended}) and {} bytes (FD: {fd})",
+                "no frame has the identifier 0x{id:X} (extended: {extended}) and {} bytes (FD: \
+                    {fd})",
                 data.len()
             ))
         })

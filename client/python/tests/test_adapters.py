@@ -220,7 +220,7 @@ class Serial(unittest.TestCase):
         adapter.close()
         self.open()
 
-    def test_a_port_that_is_gone_is_told(self):
+    def test_a_port_that_is_gone_is_reported(self):
         adapter = self.open()
         os.close(self.terminal.own)
         self.terminal.own = None
@@ -400,7 +400,7 @@ class Virtual(unittest.TestCase):
         with self.assertRaisesRegex(BusError, "arm is gone"):
             adapter.send([Frame(1)])
 
-    def test_interfaces_that_are_not_there_are_told(self):
+    def test_interfaces_that_are_not_there_are_reported(self):
         for interface, channel in (
             ("nonsense", "x"),
             ("socketcan", "nocan9"),

@@ -1,4 +1,7 @@
-"""`python -m sarrus.can` as its users meet it: what they get wrong is told in one line, with an exit code, and never as a traceback."""
+"""`python -m sarrus.can` as its users meet it.
+
+What they get wrong is reported in one line, with an exit code, and never as a traceback.
+"""
 
 import contextlib
 import io
@@ -24,7 +27,8 @@ motors:
 MOTOR = """
 - actuator: motor{id}
   bus: {bus}
-  drive: {{protocol: mit, variant: damiao, id: {id}, reply_id: {reply}, position_range: 12.5, velocity_range: 30, torque_range: 10,
+  drive: {{protocol: mit, variant: damiao, id: {id}, reply_id: {reply}, position_range: 12.5,
+    velocity_range: 30, torque_range: 10,
     stiffness_range: 500, damping_range: 5}}
   offset: 0
   limits: {{effort: 2, velocity: 5}}

@@ -131,7 +131,10 @@ class Ends(unittest.TestCase):
     def test_the_end_of_the_parent_is_noticed(self):
         with tempfile.TemporaryDirectory() as folder:
             log = Path(folder) / "log"
-            middle = "import subprocess, sys; p = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE); p.stdout.readline()"
+            middle = (
+                "import subprocess, sys; "
+                "p = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE); p.stdout.readline()"
+            )
             subprocess.run(
                 [sys.executable, "-c", middle, sys.executable, "-c", SCRIPT, "loop", str(log)],
                 check=True,

@@ -15,7 +15,8 @@ from sarrus.can.worker import Worker
 MOTOR = """
 - actuator: {bus}
   bus: {bus}
-  drive: {{protocol: mit, variant: mini_cheetah, id: {id}, reply_id: 0, position_range: 12.5, velocity_range: 30, torque_range: 10,
+  drive: {{protocol: mit, variant: mini_cheetah, id: {id}, reply_id: 0, position_range: 12.5,
+    velocity_range: 30, torque_range: 10,
     stiffness_range: 50, damping_range: 5}}
   sign: 1
   gear: 1

@@ -5,15 +5,15 @@ mod check;
 mod cut;
 mod inertia;
 mod joint;
+mod submechanism;
 #[cfg(test)]
 mod tests;
 
 pub use cut::{CutBuilder, CutJoint};
 pub use joint::JointBuilder;
 
-use crate::description::{
-    Coupling, Description, Inertial, JointKind, Link, Submechanism, SubmechanismKind,
-};
+use self::submechanism::Group;
+use crate::description::{Coupling, Description, Inertial, JointKind, Link, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::model::{Compiled, Model};
 use crate::scalar::Dd;
@@ -101,17 +101,6 @@ pub struct DescriptionBuilder {
     groups: Vec<Group>,
     /// What no description can hold.
     faults: Vec<Diagnostic>,
-}
-
-/// A submechanism under construction, its lists by joint.
-#[derive(Clone, Debug)]
-struct Group {
-    name: String,
-    kind: SubmechanismKind,
-    spanning_tree: Vec<usize>,
-    independent: Option<Vec<usize>>,
-    active: Option<Vec<usize>>,
-    cuts: Vec<cut::Draft>,
 }
 
 impl DescriptionBuilder {
@@ -208,14 +197,7 @@ impl DescriptionBuilder {
         name: impl Into<String>,
         kind: SubmechanismKind,
     ) -> &mut DescriptionBuilder {
-        self.groups.push(Group {
-            name: name.into(),
-            kind,
-            spanning_tree: Vec::new(),
-            independent: None,
-            active: None,
-            cuts: Vec::new(),
-        });
+        self.groups.push(Group::new(name.into(), kind));
         self
     }
 
@@ -285,7 +267,8 @@ impl DescriptionBuilder {
         let mut description = self.description.clone();
         let mut errors = self.faults.clone();
         for (s, group) in self.groups.iter().enumerate() {
-            description.submechanisms.push(self.finished(s, group, &mut errors));
+            let part = group.finished(s, &self.description.joints, &mut errors);
+            description.submechanisms.push(part);
         }
         errors.extend(check::check(&description));
         if errors.is_empty() {
@@ -311,43 +294,6 @@ impl DescriptionBuilder {
         }
         let last = self.groups.len() - 1;
         &mut self.groups[last]
-    }
-
-    /// A submechanism with the lists that were left out.
-    fn finished(&self, s: usize, group: &Group, errors: &mut Vec<Diagnostic>) -> Submechanism {
-        use SubmechanismKind::{Differential, Numerical, Serial, Transmission};
-        let joints = &self.description.joints;
-        let follows = |j: &usize| joints[*j].coupling.is_some();
-        let kind = match group.kind {
-            Serial if group.spanning_tree.iter().any(follows) => Transmission,
-            kind => kind,
-        };
-        let looped = !group.cuts.is_empty()
-            || !matches!(kind, Serial | Transmission | Differential | Numerical);
-        if group.independent.is_none() && looped {
-            errors.push(Diagnostic {
-                site: Site::Submechanism(s),
-                found: format!("the loops of {} without independent joints", group.name),
-                expected: "as many as the loops leave freedoms".into(),
-                help: "name them by `independent`".into(),
-            });
-        }
-        let cuts = group.cuts.iter().enumerate();
-        let loops = cuts.map(|(l, cut)| cut.finished(Site::Loop(s, l), errors)).collect();
-        let free = || group.spanning_tree.iter().copied().filter(|j| !follows(j)).collect();
-        let independent: Vec<usize> = group.independent.clone().unwrap_or_else(free);
-        let has_motor =
-            |j: &usize| !matches!(joints[*j].kind, JointKind::Floating | JointKind::Spherical);
-        let driven = || independent.iter().copied().filter(has_motor).collect();
-        Submechanism {
-            name: group.name.clone(),
-            kind,
-            type_name: type_name(kind).into(),
-            spanning_tree: group.spanning_tree.clone(),
-            active: group.active.clone().unwrap_or_else(driven),
-            independent,
-            loops,
-        }
     }
 
     /// The joints of these links; what is none is a fault.
@@ -385,24 +331,5 @@ impl DescriptionBuilder {
     fn fault(&mut self, site: Site, found: String, expected: &str, help: &str) {
         let (expected, help) = (expected.into(), help.into());
         self.faults.push(Diagnostic { site, found, expected, help });
-    }
-}
-
-/// A kind as robot files write it.
-fn type_name(kind: SubmechanismKind) -> &'static str {
-    match kind {
-        SubmechanismKind::Serial => "SERIAL",
-        SubmechanismKind::Rrpr => "RRPR",
-        SubmechanismKind::Spu2U1 => "2SPU+1U",
-        SubmechanismKind::Sprr2U1 => "2SPRR+1U",
-        SubmechanismKind::Surrpr2U1 => "2SURRPR+1U",
-        SubmechanismKind::Ups6 => "6UPS",
-        SubmechanismKind::Rus3x2 => "3RUS2",
-        SubmechanismKind::ParallelogramChain => "PARALLELOGRAMCHAIN",
-        SubmechanismKind::Transmission => "TRANSMISSION",
-        SubmechanismKind::FourBar => "FOURBAR",
-        SubmechanismKind::SliderCrank => "SLIDERCRANK",
-        SubmechanismKind::Differential => "DIFFERENTIAL",
-        SubmechanismKind::Numerical => "NUMERICAL",
     }
 }

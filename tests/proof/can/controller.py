@@ -1,7 +1,9 @@
-"""A controller of a test: commands the same target at 250 Hz, and does on stdin's lines what controllers must not do.
+"""A controller of a test: commands the same target at 250 Hz, and does on stdin's lines what
+controllers must not do.
 
-`arm`, `disarm`, `reset` | `target NUMBER` (of all actuators, from where they were at the start) | `nan PLACE`, `old`, `quiet`, `good`: commands
-with one number that is none, commands of before, no commands, good ones again | `state`: prints the bridge's newest state.
+`arm`, `disarm`, `reset` | `target NUMBER` (of all actuators, from where they were at the start) |
+`nan PLACE`, `old`, `quiet`, `good`: commands with a NaN, commands of before, no commands, good ones
+again | `state`: prints the bridge's newest state.
 """
 
 import json
@@ -71,7 +73,10 @@ def main():
         if mode != "old":
             sequence += 1
         stamp = time.monotonic_ns()
-        controller.command(sequence, stamp, state["fingerprint"], position, [0.0] * n, [0.0] * n, stiffness, damping)
+        zeros = [0.0] * n
+        controller.command(
+            sequence, stamp, state["fingerprint"], position, zeros, zeros, stiffness, damping
+        )
 
 
 main()

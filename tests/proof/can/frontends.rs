@@ -61,7 +61,8 @@ impl Session {
     }
 
     fn event(&mut self, bus: usize, name: &str, event: BusEvent, count: u32) {
-        let line = json!({"t": self.now_ns, "event": name, "bus": self.configuration.buses[bus].name, "count": count});
+        let line = json!({"t": self.now_ns, "event": name,
+        "bus": self.configuration.buses[bus].name, "count": count});
         writeln!(self.log, "{line}").unwrap();
         self.bridge.bus_event(self.now_ns, bus, event);
     }
@@ -93,8 +94,10 @@ impl Session {
         // a number that is none becomes null
         let of = |numbers: &[f64; MAX_ACTUATORS]| numbers[..n_u].to_vec();
         let mut line = json!({"t": self.now_ns, "command": {
-            "sequence": command.sequence, "stamp_ns": command.stamp_ns, "position": of(&command.position), "velocity": of(&command.velocity),
-            "effort": of(&command.effort), "stiffness": of(&command.stiffness), "damping": of(&command.damping),
+            "sequence": command.sequence, "stamp_ns": command.stamp_ns,
+            "position": of(&command.position), "velocity": of(&command.velocity),
+            "effort": of(&command.effort), "stiffness": of(&command.stiffness),
+            "damping": of(&command.damping),
         }});
         // what is the configuration's need not be said
         if command.fingerprint != self.configuration.fingerprint {

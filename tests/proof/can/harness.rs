@@ -1,4 +1,5 @@
-//! Processes of the end-to-end tests: motors of each bus, a bridge, a controller. One test at a time.
+//! Processes of the end-to-end tests: motors of each bus, a bridge, a controller. One test at a
+//! time.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -196,7 +197,8 @@ fn upper_body(folder: &Path) -> String {
     let [damping_ms, disable_ms, watchdog_ms] = TIMES;
     let mut text = format!(
         "robot: rh5v2_upper_body\nrate_hz: 250\nramp_ms: 200\n\
-         timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: 700, arming_ms: 10000}}\nbuses:\n"
+         timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: 700, \
+         arming_ms: 10000}}\nbuses:\n"
     );
     for (bus, _) in BUSES {
         let channel = folder.join(bus);
@@ -213,8 +215,10 @@ fn upper_body(folder: &Path) -> String {
     {
         let (id, sign, gear) = (place + 1, sign(place), gear(actuator));
         text += &format!(
-            "- actuator: {actuator}\n  bus: {bus}\n  drive: {{protocol: mit, variant: damiao, id: {id}, reply_id: {}, position_range: 12.5, \
-             velocity_range: 30, torque_range: 10, stiffness_range: 50, damping_range: 5}}\n  sign: {sign}\n  gear: {gear}\n  offset: 0\n  \
+            "- actuator: {actuator}\n  bus: {bus}\n  drive: {{protocol: mit, variant: damiao, id: \
+                {id}, reply_id: {}, position_range: 12.5, \
+             velocity_range: 30, torque_range: 10, stiffness_range: 50, damping_range: 5}}\n  \
+             sign: {sign}\n  gear: {gear}\n  offset: 0\n  \
              limits: {{effort: 500, velocity: 5}}\n  damping: 1\n  watchdog_ms: {watchdog_ms}\n",
             id + 0x100
         );

@@ -121,7 +121,8 @@ fn near(found: &Value, setpoint: f64, by: f64, what: &str) {
 fn cantools_reads_mit_cybergear_and_odrive_commands() {
     let mut peers = Peers::new();
     let mut random = Random(1);
-    let ranges = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
+    let ranges = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: \
+        500, damping_range: 5";
     let mit = drive(
         "mit",
         &format!("{{variant: mini_cheetah, id: 1, reply_id: 0, {ranges}}}"),
@@ -223,7 +224,8 @@ fn canopen_takes_every_request_of_the_set_up() {
                 }
                 first => {
                     let n_bytes = 4 - (first >> 2 & 3);
-                    let took = peers.ask(&json!({"ask": "sdo", "index": index, "sub": sub, "bytes": n_bytes, "data": hex(&bytes)}));
+                    let took = peers.ask(&json!({"ask": "sdo", "index": index, "sub": sub,
+                    "bytes": n_bytes, "data": hex(&bytes)}));
                     written.push((index, sub, took["value"].as_u64().unwrap()));
                     assert_eq!(took["id"], 0x585);
                     took["answer"].as_str().unwrap().to_uppercase()
@@ -282,7 +284,9 @@ BO_ 257 Command: 8 Host
 
 fn decode_dbc(peers: &mut Peers, file: &str, frames: &[Frame]) -> Vec<Value> {
     let ask = |frame: &Frame| {
-        peers.ask(&json!({"ask": "dbc", "file": file, "id": 257, "data": hex(frame.data())}))["values"].clone()
+        peers.ask(&json!({"ask": "dbc", "file": file, "id": 257,
+        "data": hex(frame.data())}))["values"]
+            .clone()
     };
     let mut read: Vec<Value> = frames.iter().map(ask).collect();
     // power comes last
@@ -294,7 +298,8 @@ fn decode_dbc(peers: &mut Peers, file: &str, frames: &[Frame]) -> Vec<Value> {
 fn cantools_reads_what_is_sent_by_a_dbc_file() {
     let mut peers = Peers::new();
     let mut random = Random(4);
-    let text = "{file: motor.dbc, enable: Command.Enable, torque: Command.Torque, position: Command.Position, velocity: Command.Velocity, \
+    let text = "{file: motor.dbc, enable: Command.Enable, torque: Command.Torque, position: \
+        Command.Position, velocity: Command.Velocity, \
                 measured_position: Command.Position}";
     let drive = drive("dbc", text, Mode::Torque);
     for _ in 0..ROUNDS {

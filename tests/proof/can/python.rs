@@ -11,7 +11,8 @@ use super::harness::{BUSES, Frontend, Process, Stage, wait_for};
 
 #[test]
 fn the_package_loads_and_has_the_protocols_of_the_core() {
-    let script = "import sarrus, sarrus.can as can; print(sarrus.__version__); print(*[p['name'] for p in can.protocols()])";
+    let script = "import sarrus, sarrus.can as can; print(sarrus.__version__); print(*[p['name'] \
+        for p in can.protocols()])";
     let output = environment().command(&["-c", script]).output().unwrap();
     assert!(output.status.success(), "{output:?}");
     let names: Vec<&str> =

@@ -19,7 +19,8 @@ const MS: u64 = 1_000_000;
 const ONE_OF_EACH: [(&str, &str); 6] = [
     (
         "mit",
-        "variant: damiao, id: 1, reply_id: 17, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, damping_range: 5",
+        "variant: damiao, id: 1, reply_id: 17, position_range: 12.5, velocity_range: 30, \
+            torque_range: 10, stiffness_range: 500, damping_range: 5",
     ),
     ("cybergear", "id: 10, position_range: 12.5"),
     ("odrive", "node: 3, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301"),
@@ -27,7 +28,8 @@ const ONE_OF_EACH: [(&str, &str); 6] = [
     ("cia402", "node: 5, rated_torque: 2.0, counts_per_turn: 65536"),
     (
         "dbc",
-        "file: motor.dbc, enable: Set.Power, torque: Set.Torque, measured_position: Is.Turn, measured_velocity: Is.Speed, enabled: Is.Power",
+        "file: motor.dbc, enable: Set.Power, torque: Set.Torque, measured_position: Is.Turn, \
+            measured_velocity: Is.Speed, enabled: Is.Power",
     ),
 ];
 
@@ -48,7 +50,8 @@ fn configuration() -> Configuration {
     text += "motors:\n";
     for (name, keys) in ONE_OF_EACH {
         text += &format!(
-            "- actuator: {name}\n  bus: {name}\n  drive: {{protocol: {name}, {keys}}}\n  sign: -1\n  gear: 2\n  offset: 0.1\n"
+            "- actuator: {name}\n  bus: {name}\n  drive: {{protocol: {name}, {keys}}}\n  sign: \
+                -1\n  gear: 2\n  offset: 0.1\n"
         );
         text += "  limits: {effort: 2, velocity: 5}\n  damping: 0.1\n  watchdog_ms: 100\n";
         if name == "dbc" {

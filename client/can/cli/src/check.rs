@@ -174,23 +174,37 @@ pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
 }
 
 fn object(configuration: &Configuration) -> Value {
-    let buses: Vec<Value> = configuration.buses.iter().zip(bus_load::loads(configuration)).map(|(bus, load)| {
-        json!({"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate, "data_bitrate": bus.data_bitrate,
-               "frames": load.frames, "busy_us": load.busy * 1e6, "load": load.fraction, "serial_load": load.serial})
-    }).collect();
+    let buses: Vec<Value> = configuration
+        .buses
+        .iter()
+        .zip(bus_load::loads(configuration))
+        .map(|(bus, load)| {
+            json!({"name": bus.name, "interface": bus.interface, "channel": bus.channel,
+           "bitrate": bus.bitrate, "data_bitrate": bus.data_bitrate,
+               "frames": load.frames, "busy_us": load.busy * 1e6, "load": load.fraction,
+               "serial_load": load.serial})
+        })
+        .collect();
     let motors: Vec<Value> = configuration
         .motors
         .iter()
         .map(|motor| {
-            let frames: Vec<String> = zero(motor).frames().iter().map(ToString::to_string).collect();
-            json!({"actuator": configuration.actuators.get(motor.actuator), "bus": configuration.buses.get(motor.bus).map(|bus| &bus.name),
-               "protocol": motor.protocol.name, "mode": motor.common.mode.name(), "sign": motor.mapping.sign, "gear": motor.mapping.gear,
-               "offset": motor.is_calibrated.then_some(motor.mapping.offset), "torque_constant": motor.mapping.torque_constant,
-               "watchdog_ms": motor.common.watchdog_ms, "mechanism": configuration.mechanisms.get(motor.actuator), "zero": frames})
+            let frames: Vec<String> =
+                zero(motor).frames().iter().map(ToString::to_string).collect();
+            json!({"actuator": configuration.actuators.get(motor.actuator),
+               "bus": configuration.buses.get(motor.bus).map(|bus| &bus.name),
+               "protocol": motor.protocol.name, "mode": motor.common.mode.name(),
+               "sign": motor.mapping.sign, "gear": motor.mapping.gear,
+               "offset": motor.is_calibrated.then_some(motor.mapping.offset),
+               "torque_constant": motor.mapping.torque_constant,
+               "watchdog_ms": motor.common.watchdog_ms,
+               "mechanism": configuration.mechanisms.get(motor.actuator), "zero": frames})
         })
         .collect();
     json!({
-        "robot": configuration.robot, "fingerprint": format!("{:016x}", configuration.fingerprint), "rate_hz": configuration.rate_hz,
-        "actuators": configuration.actuators, "buses": buses, "motors": motors, "warnings": configuration.warnings, "errors": [],
+        "robot": configuration.robot, "fingerprint": format!("{:016x}", configuration.fingerprint),
+        "rate_hz": configuration.rate_hz,
+        "actuators": configuration.actuators, "buses": buses, "motors": motors,
+        "warnings": configuration.warnings, "errors": [],
     })
 }

@@ -72,8 +72,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// A configuration, or the end: every fault of it is reported, and the code is 1 for faults and 2 for a
-/// file that cannot be opened.
+/// A configuration, or the end: every fault of it is reported, and the code is 1 for faults and 2
+/// for a file that cannot be opened.
 fn configuration(path: &Path) -> Result<Configuration, ExitCode> {
     Configuration::load(path).map_err(|error| {
         eprintln!("{error}");

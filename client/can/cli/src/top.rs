@@ -180,7 +180,10 @@ fn bus_state(code: u64) -> &'static str {
 }
 
 fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
-    let times = |times: &Times| json!({"count": times.count, "p50": times.p50, "p99": times.p99, "p999": times.p999, "max": times.max});
+    let times = |times: &Times| {
+        json!({"count": times.count, "p50": times.p50, "p99": times.p99,
+    "p999": times.p999, "max": times.max})
+    };
     let commands: Map<String, Value> = CommandVerdict::ALL
         .iter()
         .map(|verdict| (verdict.name().to_owned(), json!(s.commands.of(*verdict))))
@@ -208,18 +211,25 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
         .enumerate()
         .take(s.n_u as usize)
         .map(|(place, name)| {
-            let number = |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
-            json!({"name": name.as_str(), "state": state_name(of(&state.states, place)), "reason": reason(of(&state.reasons, place)),
-               "position": number(&state.position), "velocity": number(&state.velocity), "effort": number(&state.effort),
-               "temperature": number(&state.temperature), "fault": of(&state.faults, place), "flags": flags(of(&state.flags, place)),
+            let number =
+                |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
+            json!({"name": name.as_str(), "state": state_name(of(&state.states, place)),
+               "reason": reason(of(&state.reasons, place)),
+               "position": number(&state.position), "velocity": number(&state.velocity),
+               "effort": number(&state.effort),
+               "temperature": number(&state.temperature), "fault": of(&state.faults, place),
+               "flags": flags(of(&state.flags, place)),
                "measured_ns": of(&state.measured_ns, place)})
         })
         .collect();
     json!({
-        "state": state_name(state.state), "reason": reason(state.reason), "sequence": state.sequence, "command": state.command,
-        "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint), "process": s.process, "cycles": s.cycles,
+        "state": state_name(state.state), "reason": reason(state.reason),
+        "sequence": state.sequence, "command": state.command,
+        "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint),
+        "process": s.process, "cycles": s.cycles,
         "commands": commands,
-        "times_ns": {"wake": times(&s.wake), "work": times(&s.work), "age": times(&s.age), "reply": times(&s.reply)},
+        "times_ns": {"wake": times(&s.wake), "work": times(&s.work), "age": times(&s.age),
+        "reply": times(&s.reply)},
         "buses": buses, "actuators": actuators,
     })
 }

@@ -98,8 +98,10 @@ mod tests {
     fn a_serial_port_that_is_too_slow_for_its_bus_is_refused() {
         let read = |channel: &str| {
             let text = format!(
-                "rate_hz: 250\nbuses: [{{name: a, interface: slcan, channel: '{channel}'}}]\nmotors: [{{actuator: elbow, bus: a, watchdog_ms: 50, \
-                 limits: {{effort: 1}}, offset: 0, drive: {{protocol: cybergear, id: 1, position_range: 12.5}}}}]\n"
+                "rate_hz: 250\nbuses: [{{name: a, interface: slcan, channel: \
+                    '{channel}'}}]\nmotors: [{{actuator: elbow, bus: a, watchdog_ms: 50, \
+                 limits: {{effort: 1}}, offset: 0, drive: {{protocol: cybergear, id: 1, \
+                 position_range: 12.5}}}}]\n"
             );
             let surroundings =
                 Surroundings { file: &|_| Err(String::new()), robot: &|_| panic!("no robot") };
@@ -121,8 +123,10 @@ mod tests {
     fn heartbeats_count_with_their_part_of_a_cycle() {
         let loads = |watchdog_ms: u32| {
             let text = format!(
-                "rate_hz: 500\nbuses: [{{name: a, channel: can0}}]\nmotors: [{{actuator: elbow, bus: a, watchdog_ms: {watchdog_ms}, \
-                 limits: {{effort: 1}}, drive: {{protocol: cia402, node: 5, rated_torque: 1, counts_per_turn: 1000}}}}]\n"
+                "rate_hz: 500\nbuses: [{{name: a, channel: can0}}]\nmotors: [{{actuator: elbow, \
+                    bus: a, watchdog_ms: {watchdog_ms}, \
+                 limits: {{effort: 1}}, drive: {{protocol: cia402, node: 5, rated_torque: 1, \
+                 counts_per_turn: 1000}}}}]\n"
             );
             let surroundings =
                 Surroundings { file: &|_| Err(String::new()), robot: &|_| panic!("no robot") };

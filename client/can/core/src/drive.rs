@@ -78,8 +78,8 @@ pub enum Power {
     On,
 }
 
-/// What is known of the watchdog in the motor: the time without commands after which it turns its torque off by
-/// itself.
+/// What is known of the watchdog in the motor: the time without commands after which it turns its
+/// torque off by itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Watchdog {
     /// Not read back yet.

@@ -2,7 +2,8 @@
 //! actuator state.
 //!
 //! No I/O, no clock: frames and times are arguments, and frames are results. Nothing allocates
-//! after set-up. The motors' side of each protocol is `sarrus-can-sim`, the program is `sarrus-can`.
+//! after set-up. The motors' side of each protocol is `sarrus-can-sim`, the program is
+//! `sarrus-can`.
 
 #![forbid(unsafe_code)]
 

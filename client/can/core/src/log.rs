@@ -230,7 +230,8 @@ mod tests {
     use sarrus_models::LoadError;
 
     fn configuration() -> Configuration {
-        let yaml = "rate_hz: 500\nbuses:\n- {name: x, channel: can0}\nmotors:\n- {actuator: a, bus: x, drive: {protocol: cybergear, id: 1, \
+        let yaml = "rate_hz: 500\nbuses:\n- {name: x, channel: can0}\nmotors:\n- {actuator: a, \
+            bus: x, drive: {protocol: cybergear, id: 1, \
                     position_range: 12.5}, offset: 0, limits: {effort: 1}, watchdog_ms: 50}\n";
         let surroundings = Surroundings {
             file: &|_| Err("absent".into()),

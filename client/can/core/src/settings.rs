@@ -53,8 +53,8 @@ pub struct Settings {
 
 impl Settings {
     /// Reads the settings `keys` from a mapping, in messages `of`, whose other keys are `others`;
-    /// every fault is reported. `file` gives the content of a file that a setting names, or says why it
-    /// cannot.
+    /// every fault is reported. `file` gives the content of a file that a setting names, or says
+    /// why it cannot.
     pub fn read(
         node: &Node,
         of: &str,

@@ -91,8 +91,8 @@ impl Telemetry {
         }
     }
 
-    /// Everything, when it is time to publish it again: whole histograms are read, which is too much
-    /// for every cycle.
+    /// Everything, when it is time to publish it again: whole histograms are read, which is too
+    /// much for every cycle.
     pub fn due(&mut self, bridge: &Bridge, now_ns: u64) -> Option<BridgeStatistics> {
         let is_due = now_ns.saturating_sub(self.published_ns) > STATISTICS_NS;
         is_due.then(|| {

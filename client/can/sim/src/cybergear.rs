@@ -17,8 +17,8 @@
 //!
 //! Parameters: 7005 run mode (0 operation, 1 position, 2 speed, 3 current), 7006 current, 700A
 //! speed, 700B torque limit, 7016 position, 7017 speed limit, 7019 position, 701B velocity
-//! (measured), 7028 and 200C time without commands in 50 µs after which it turns its torque off, 0 when new.
-//! Source: Xiaomi, *CyberGear user manual*, chapter 4.
+//! (measured), 7028 and 200C time without commands in 50 µs after which it turns its torque off, 0
+//! when new. Source: Xiaomi, *CyberGear user manual*, chapter 4.
 
 use super::{Firmware, Plant};
 use sarrus_can_core::drive::Setpoint;

@@ -2,8 +2,8 @@
 //! rehearsals.
 //!
 //! Everything here is written from the makers' manuals and not from the drives of
-//! [`sarrus_can_core::protocol`]: the two are a check of each other. No I/O and no clock; frames and times
-//! are arguments. To add a protocol: a file here, and its line in `firmware` below.
+//! [`sarrus_can_core::protocol`]: the two are a check of each other. No I/O and no clock; frames
+//! and times are arguments. To add a protocol: a file here, and its line in `firmware` below.
 
 #![forbid(unsafe_code)]
 
@@ -133,7 +133,8 @@ impl Simulated {
         self.plant.power.then_some(&self.plant.law)
     }
 
-    /// Injects a fault by the motor's own code: its torque is off, and it reports the code. 0 removes it.
+    /// Injects a fault by the motor's own code: its torque is off, and it reports the code. 0
+    /// removes it.
     pub fn fault(&mut self, code: u32) {
         self.plant.fault = code;
         if code != 0 {

@@ -16,8 +16,8 @@
 //!
 //! A Damiao has registers at 7FF: `id low, id high, 33 (read) or 55 (write), register, four bytes`,
 //! little-endian, answered on the reply's identifier. Register 9 is its watchdog in 50 µs, off when
-//! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it turns its torque off, 7 and 8 its
-//! identifiers, A its mode, E its firmware, 14 the reduction of its gear.
+//! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it turns its torque off, 7
+//! and 8 its identifiers, A its mode, E its firmware, 14 the reduction of its gear.
 //!
 //! Sources: B. Katz, firmware of the mini cheetah's motor controller; CubeMars, *AK series manual*;
 //! Damiao, *DM-J4310 manual* and its list of registers; RobStride, *RS00 manual*, chapter on the
@@ -33,8 +33,8 @@ use sarrus_can_core::protocol::Settings;
 const REGISTERS: u16 = 0x7FF;
 /// Nanoseconds of one count of a Damiao's watchdog.
 const COUNT_NS: u64 = 50_000;
-/// What turns the torque of a Damiao off `[V]`, the version of its firmware, and the reduction of its gear, as
-/// those of a DM-J4310 are.
+/// What turns the torque of a Damiao off `[V]`, the version of its firmware, and the reduction of
+/// its gear, as those of a DM-J4310 are.
 const UNDER_VOLTAGE: f32 = 15.0;
 const SOFTWARE: u32 = 5013;
 const REDUCTION: f32 = 10.0;

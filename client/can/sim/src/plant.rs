@@ -105,7 +105,8 @@ impl Plant {
         self.fed_ns = now_ns;
     }
 
-    /// Whether the watchdog turns the torque off just now; what that means is the firmware's business.
+    /// Whether the watchdog turns the torque off just now; what that means is the firmware's
+    /// business.
     pub(super) fn trips(&mut self, now_ns: u64) -> bool {
         let late = now_ns.saturating_sub(self.fed_ns) > self.watchdog_ns;
         let again = self.tripped_ns.is_none_or(|tripped_ns| self.fed_ns > tripped_ns);

@@ -9,7 +9,7 @@ use crate::spatial::Pose;
 
 /// A cut as far as it was said.
 #[derive(Clone, Debug)]
-pub(super) struct Draft {
+pub(super) struct PendingCut {
     name: String,
     predecessor: usize,
     successor: usize,
@@ -17,10 +17,10 @@ pub(super) struct Draft {
     rows: Vec<Row>,
 }
 
-impl Draft {
+impl PendingCut {
     /// The loop; a cut that was not placed is a fault.
     pub(super) fn finished(&self, site: Site, errors: &mut Vec<Diagnostic>) -> Loop {
-        let Draft { name, predecessor, successor, place, rows } = self.clone();
+        let PendingCut { name, predecessor, successor, place, rows } = self.clone();
         if place.is_none() {
             errors.push(Diagnostic {
                 site,
@@ -148,7 +148,7 @@ impl<'a> CutBuilder<'a> {
         let [predecessor, successor] =
             [predecessor, successor].map(|link| robot.known(link, Site::Robot).index());
         let (place, rows) = (None, Vec::new());
-        robot.group().cuts.push(Draft { name, predecessor, successor, place, rows });
+        robot.group().cuts.push(PendingCut { name, predecessor, successor, place, rows });
         CutBuilder { robot }
     }
 
@@ -189,7 +189,7 @@ impl<'a> CutBuilder<'a> {
         self
     }
 
-    fn mine(&mut self) -> &mut Draft {
+    fn mine(&mut self) -> &mut PendingCut {
         let cuts = &mut self.robot.group().cuts;
         let last = cuts.len() - 1;
         &mut cuts[last]

@@ -45,7 +45,7 @@ impl<'a> JointBuilder<'a> {
         JointBuilder { robot, joint, x_root_parent }
     }
 
-    /// The link, to hang joints and cuts from, and in lists its joint.
+    /// The link, as parent of other joints and end of cuts; in lists it stands for its joint.
     pub fn link(self) -> LinkId {
         LinkId(self.joint + 1)
     }

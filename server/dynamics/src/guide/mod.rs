@@ -3,11 +3,10 @@
 //!
 //! There is no code here.
 
+pub mod closures;
+
 #[doc = include_str!("notation.md")]
 pub mod notation {}
 
 #[doc = include_str!("bibliography.md")]
 pub mod bibliography {}
-
-#[doc = include_str!("closures.md")]
-pub mod closures {}

@@ -1,4 +1,5 @@
-# The bridge itself: power and its end, a bus that goes away and comes back, bit rates. Motors are asked through orders on 3.
+# The bridge itself: power and its end, a bus that goes away and comes back, bit rates.
+# Motors are asked through orders on 3.
 MOTORS=none
 # what the motors say of themselves now
 report() {

@@ -23,10 +23,13 @@ const START: &str = include_str!("start.sh");
 const TOOLS: [&str; 8] =
     ["linux.uml", "busybox", "cansend", "candump", "cangen", "slcand", "ip", "cc"];
 
-const MIT: &str = "offset: 0, limits: {effort: 10, velocity: 5}, watchdog_ms: WATCHDOG, watchdog: believed, drive: {protocol: mit, \
-    variant: robstride, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, \
+const MIT: &str = "offset: 0, limits: {effort: 10, velocity: 5}, watchdog_ms: WATCHDOG, watchdog: \
+    believed, drive: {protocol: mit, \
+    variant: robstride, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, \
+    torque_range: 10, stiffness_range: 500, \
     damping_range: 5}";
-const MOTEUS: &str = "offset: 0, limits: {effort: 1, velocity: 5}, watchdog_ms: 1000, drive: {protocol: moteus, id: 1}";
+const MOTEUS: &str = "offset: 0, limits: {effort: 1, velocity: 5}, watchdog_ms: 1000, drive: \
+    {protocol: moteus, id: 1}";
 /// What is done with a bridge on a bus that goes away.
 const BRIDGE: &str = include_str!("bridge.sh");
 /// What a RobStride takes its power away for.
@@ -122,7 +125,11 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
             "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2",
         );
         said.has("rate", "slcan0 has a bit rate of 500000 bit/s, expected 1000000");
-        said.has("rate", "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate 1000000`\ncode 2");
+        said.has(
+            "rate",
+            "`ip link set slcan0 down`, then `ip link set slcan0 up type can bitrate \
+            1000000`\ncode 2",
+        );
         said.has(
             "rate",
             "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1",
@@ -224,9 +231,11 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
     let path = |name: &str| stage.folder.join(name);
     let write = |name: &str, text: &str| std::fs::write(path(name), text).unwrap();
     let bus = |interface: &str, channel: &str, more: &str| {
-        let times = "rate_hz: 50\nramp_ms: 200\ntimeouts: {damping_ms: 1000, disable_ms: 3000, feedback_ms: 2000, arming_ms: 10000}\n";
+        let times = "rate_hz: 50\nramp_ms: 200\ntimeouts: {damping_ms: 1000, disable_ms: 3000, \
+            feedback_ms: 2000, arming_ms: 10000}\n";
         format!(
-            "{times}buses: [{{name: arm, interface: {interface}, channel: {channel}, bitrate: 1000000{more}}}]\nmotors:\n"
+            "{times}buses: [{{name: arm, interface: {interface}, channel: {channel}, bitrate: \
+                1000000{more}}}]\nmotors:\n"
         )
     };
     let motor =

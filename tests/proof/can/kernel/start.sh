@@ -1,5 +1,6 @@
 #!BUSYBOX sh
-# The head of what the first process of the virtual machine does: a system with CAN. What follows prints "step NAME" and what each step gave.
+# The head of what the first process of the virtual machine does: a system with CAN. What follows
+# prints "step NAME" and what each step gave.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin SARRUS_ROOT=/run/sarrus
 B=BUSYBOX
 $B mount -t proc proc /proc; $B mount -t sysfs sysfs /sys

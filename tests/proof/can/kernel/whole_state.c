@@ -1,6 +1,7 @@
 /*
- * Lets user-mode Linux run on processors whose extended state is larger than it knows (AMX): Linux takes a state only whole, so what is
- * missing at its end is completed with what the process has. Preloaded into linux.uml by the test of SocketCAN.
+ * Lets user-mode Linux run on processors whose extended state is larger than it knows (AMX): Linux
+ * takes a state only whole, so what is missing at its end is completed with what the process has.
+ * Preloaded into linux.uml by the test of SocketCAN.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>

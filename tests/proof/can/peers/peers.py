@@ -1,4 +1,7 @@
-"""What moteus, canopen and cantools make of our frames, and frames of theirs: JSON lines in, JSON lines out, one for one."""
+"""What moteus, canopen and cantools make of our frames, and frames of theirs.
+
+JSON lines in, JSON lines out, one for one.
+"""
 
 import json
 import sys
@@ -94,7 +97,8 @@ def state402(request: dict) -> dict:
 
 
 def control402(_request: dict) -> dict:
-    return {"commands": {state: command for (_, state), command in State402.TRANSITIONTABLE.items()}}
+    table = State402.TRANSITIONTABLE
+    return {"commands": {state: command for (_, state), command in table.items()}}
 
 
 def sdo(request: dict) -> dict:
@@ -119,8 +123,9 @@ def sdo(request: dict) -> dict:
 
     node.sdo.network = Network()
     node.sdo.on_request(0x605, bytearray.fromhex(request["data"]), 0.0)
-    return {"value": node.sdo[request["index"]].raw if request["sub"] == 0 else node.sdo[request["index"]][request["sub"]].raw,
-            "answer": sent[0][1].hex(), "id": sent[0][0]}
+    entry = node.sdo[request["index"]]
+    value = entry.raw if request["sub"] == 0 else entry[request["sub"]].raw
+    return {"value": value, "answer": sent[0][1].hex(), "id": sent[0][0]}
 
 
 def dbc(request: dict) -> dict:
@@ -130,7 +135,13 @@ def dbc(request: dict) -> dict:
 
 
 DECODERS = {"mit": mit, "cybergear": cybergear, "odrive": odrive, "moteus": moteus_command}
-QUESTIONS = {"moteus_reply": moteus_reply, "state402": state402, "control402": control402, "sdo": sdo, "dbc": dbc}
+QUESTIONS = {
+    "moteus_reply": moteus_reply,
+    "state402": state402,
+    "control402": control402,
+    "sdo": sdo,
+    "dbc": dbc,
+}
 
 
 def main() -> None:

@@ -66,11 +66,13 @@ pub(crate) enum Heard {
 #[derive(Debug, Error)]
 pub(crate) enum BusError {
     #[error(
-        "no interface `{0}`, expected socketcan or slcan; other adapters work through `python -m sarrus.can`"
+        "no interface `{0}`, expected socketcan or slcan; other adapters work through `python -m \
+            sarrus.can`"
     )]
     Interface(String),
     #[error(
-        "{0}: slcan has no bit rate {1}, expected one of 10000, 20000, 50000, 100000, 125000, 250000, 500000, 750000, 1000000"
+        "{0}: slcan has no bit rate {1}, expected one of 10000, 20000, 50000, 100000, 125000, \
+            250000, 500000, 750000, 1000000"
     )]
     Bitrate(String, u32),
     #[error("{0}: slcan has no data bit rate {1}, expected 2000000 or 5000000")]

@@ -19,7 +19,8 @@ pub(crate) fn lock_memory() -> Option<String> {
     let is_root = rustix::process::geteuid().is_root();
     if let (Some(limit), false) = (limit, is_root) {
         return Some(format!(
-            "memory is not locked: RLIMIT_MEMLOCK is {} KiB, expected unlimited; `ulimit -l unlimited` or LimitMEMLOCK=infinity",
+            "memory is not locked: RLIMIT_MEMLOCK is {} KiB, expected unlimited; `ulimit -l \
+                unlimited` or LimitMEMLOCK=infinity",
             limit / 1024
         ));
     }
@@ -35,7 +36,8 @@ pub(crate) fn be_first(priority: u8) {
     let set = value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy));
     if !matches!(set, Ok(Ok(()))) {
         say(format_args!(
-            "no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend on other programs"
+            "no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend \
+                on other programs"
         ));
     }
 }

@@ -14,8 +14,8 @@ use sarrus_client::now_ns;
 
 /// Everything that a cycle needs.
 pub(super) struct Rules<'a> {
-    /// First of all: where this ends, the buses send their shutdown frames before anything else is tidied
-    /// up.
+    /// First of all: where this ends, the buses send their shutdown frames before anything else is
+    /// tidied up.
     pub(super) ends: Vec<BusEnd>,
     pub(super) bridge: Bridge,
     pub(super) telemetry: Telemetry,

@@ -40,11 +40,16 @@ pub(super) fn read(line: &str) -> Result<Order, String> {
                 Some(digits) => u32::from_str_radix(digits, 16).ok(),
                 None => code.parse().ok(),
             };
-            code.map(|code| Order::Fault((*motor).to_owned(), code)).ok_or_else(|| "the code is a whole number".to_owned())
+            code.map(|code| Order::Fault((*motor).to_owned(), code))
+                .ok_or_else(|| "the code is a whole number".to_owned())
         }
         ["reboot", motor] => Ok(Order::Reboot((*motor).to_owned())),
-        ["silence", motor, on @ ("on" | "off")] => Ok(Order::Silence((*motor).to_owned(), *on == "on")),
-        ["wrong_id", motor, on @ ("on" | "off")] => Ok(Order::WrongId((*motor).to_owned(), *on == "on")),
+        ["silence", motor, on @ ("on" | "off")] => {
+            Ok(Order::Silence((*motor).to_owned(), *on == "on"))
+        }
+        ["wrong_id", motor, on @ ("on" | "off")] => {
+            Ok(Order::WrongId((*motor).to_owned(), *on == "on"))
+        }
         ["loss", part, rest @ ..] if rest.len() < 2 => match part.parse() {
             Ok(part) if (0.0..=1.0).contains(&part) => Ok(Order::Loss(part, bus(rest))),
             _ => Err("the part that is lost is a number from 0 to 1".to_owned()),
@@ -57,9 +62,12 @@ pub(super) fn read(line: &str) -> Result<Order, String> {
         ["warning", rest @ ..] if rest.len() < 2 => state(BusEvent::ErrorWarning, bus(rest)),
         ["passive", rest @ ..] if rest.len() < 2 => state(BusEvent::ErrorPassive, bus(rest)),
         ["busoff", rest @ ..] if rest.len() < 2 => state(BusEvent::BusOff, bus(rest)),
-        _ => Err("expected report, fault MOTOR CODE, reboot MOTOR, silence MOTOR on|off, wrong_id MOTOR on|off, loss PART, delay MS, \
+        _ => {
+            Err("expected report, fault MOTOR CODE, reboot MOTOR, silence MOTOR on|off, wrong_id \
+            MOTOR on|off, loss PART, delay MS, \
                   active, warning, passive or busoff"
-            .to_owned()),
+                .to_owned())
+        }
     }
 }
 

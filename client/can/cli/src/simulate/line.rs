@@ -103,7 +103,8 @@ impl Line {
     /// Counts of this bus.
     pub(super) fn report(&self) -> Value {
         let [heard, sent, lost] = self.counts;
-        json!({"bus": self.name, "heard": heard, "sent": sent, "lost": lost, "backlog": self.bus.backlog()})
+        json!({"bus": self.name, "heard": heard, "sent": sent, "lost": lost,
+           "backlog": self.bus.backlog()})
     }
 
     fn count(&mut self, what: usize) {

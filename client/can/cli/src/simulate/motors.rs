@@ -72,7 +72,11 @@ impl Motors {
         let robot = match dynamics {
             Dynamics::Motor => None,
             Dynamics::Robot if buses.len() < configuration.buses.len() => {
-                return Err("--dynamics robot moves all motors together: simulate all buses in one process, without --bus".to_owned());
+                return Err(
+                    "--dynamics robot moves all motors together: simulate all buses in one \
+                    process, without --bus"
+                        .to_owned(),
+                );
             }
             Dynamics::Robot => Some(Moving::new(configuration, physics)?),
         };

@@ -48,7 +48,8 @@ impl Folder {
     fn configuration(&self, motors: &[&str]) -> PathBuf {
         let channel = self.path("bus").display().to_string();
         let head = format!(
-            "rate_hz: 100\nbuses: [{{name: arm, interface: slcan, channel: {channel}, bitrate: 1000000}}]\nmotors:\n"
+            "rate_hz: 100\nbuses: [{{name: arm, interface: slcan, channel: {channel}, bitrate: \
+                1000000}}]\nmotors:\n"
         );
         let text = motors.iter().fold(head, |text, motor| text + "- " + motor + "\n");
         let path = self.path("robot.yml");

@@ -5,8 +5,10 @@ use std::time::{Duration, Instant};
 
 use super::{Folder, Host, Program, TIMEOUT};
 
-const MOTOR: &str = "{actuator: elbow, bus: arm, sign: -1, gear: 10, offset: 0.5, watchdog_ms: 1000, watchdog: believed, limits: {effort: 10}, \
-    drive: {protocol: mit, variant: mini_cheetah, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, \
+const MOTOR: &str = "{actuator: elbow, bus: arm, sign: -1, gear: 10, offset: 0.5, watchdog_ms: \
+    1000, watchdog: believed, limits: {effort: 10}, \
+    drive: {protocol: mit, variant: mini_cheetah, id: 3, reply_id: 19, position_range: 12.5, \
+    velocity_range: 30, torque_range: 10, \
     stiffness_range: 500, damping_range: 5}}";
 const POWER_ON: &str = "t0038FFFFFFFFFFFFFFFC";
 const POWER_OFF: &str = "t0038FFFFFFFFFFFFFFFD";
@@ -149,9 +151,11 @@ fn mischief_is_done_on_demand() {
 #[test]
 fn a_robot_moves_behind_its_motors() {
     let folder = Folder::new();
-    let urdf = "<robot name=\"pendulum\"><link name=\"base\"/><link name=\"rod\"><inertial><origin xyz=\"1 0 0\"/><mass value=\"1\"/>\
+    let urdf = "<robot name=\"pendulum\"><link name=\"base\"/><link \
+        name=\"rod\"><inertial><origin xyz=\"1 0 0\"/><mass value=\"1\"/>\
         <inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/></inertial></link>\
-        <joint name=\"elbow\" type=\"revolute\"><parent link=\"base\"/><child link=\"rod\"/><axis xyz=\"0 1 0\"/>\
+        <joint name=\"elbow\" type=\"revolute\"><parent link=\"base\"/><child link=\"rod\"/><axis \
+        xyz=\"0 1 0\"/>\
         <limit lower=\"-6\" upper=\"6\" effort=\"20\" velocity=\"10\"/></joint></robot>";
     std::fs::write(folder.path("pendulum.urdf"), urdf).unwrap();
     let configuration = folder

@@ -1,5 +1,5 @@
-//! The rules: what the motors are given in each cycle, given commands, measurements and the state of
-//! the buses.
+//! The rules: what the motors are given in each cycle, given commands, measurements and the state
+//! of the buses.
 //!
 //! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits
 //! until every motor measures, is calibrated, has no fault and a watchdog that is on, until the

@@ -75,7 +75,8 @@ pub(super) fn motors(
                 "the protocol {} cannot read the motor's watchdog",
                 read.motor.protocol.name
             );
-            let help = "set it with the maker's tool, then write `watchdog: believed`; without it nothing can be armed";
+            let help = "set it with the maker's tool, then write `watchdog: believed`; without it \
+                nothing can be armed";
             diagnostics.warning(read.place, found, "a watchdog that is known to be on", help);
         }
     }

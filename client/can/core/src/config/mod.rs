@@ -1,7 +1,9 @@
 //! One robot's buses and motors, read from a YAML file and checked against the robot's model.
 //!
 //! ```yaml
-//! robot: rh5v2_upper_body   # a bundled robot, or `urdf: FILE` with `submechanisms: FILE`; without either the motors name the actuators
+//! # a bundled robot, or `urdf: FILE` with `submechanisms: FILE`; without either the motors name
+//! # the actuators
+//! robot: rh5v2_upper_body
 //! rate_hz: 500
 //! timeouts: {damping_ms: 20, disable_ms: 100, feedback_ms: 20}
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
@@ -11,7 +13,7 @@
 //! motors:
 //! - actuator: ALElbowAct
 //!   bus: left_arm
-//!   drive: {protocol: mit, variant: damiao, id: 4, reply_id: 20, position_range: 12.5, velocity_range: 30, torque_range: 10, ...}
+//!   drive: {protocol: mit, variant: damiao, id: 4, reply_id: 20, position_range: 12.5, ...}
 //!   sign: -1
 //!   gear: 3141.6
 //!   offset: 0.12
@@ -147,8 +149,8 @@ pub struct Limits {
 }
 
 impl MotorConfig {
-    /// What is wrong with the motor's own watchdog, as far as it has reported; without one nothing may
-    /// give it power.
+    /// What is wrong with the motor's own watchdog, as far as it has reported; without one nothing
+    /// may give it power.
     pub fn missing_watchdog(&self) -> Option<Reason> {
         // some protocols count in steps of ten
         let longest = self.common.watchdog_ms.next_multiple_of(10);

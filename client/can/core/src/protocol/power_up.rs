@@ -1,5 +1,5 @@
-//! The way to power, the same for every protocol: what is to be said in a cycle. How it is said, and
-//! what the motor answers, is the protocol's.
+//! The way to power, the same for every protocol: what is to be said in a cycle. How it is said,
+//! and what the motor answers, is the protocol's.
 //!
 //! ```text
 //! Off ── ready ──→ Primed ── next cycle ──→ Asked ── the motor has power ──→ On

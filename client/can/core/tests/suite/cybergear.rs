@@ -161,7 +161,8 @@ fn a_robstride_has_its_own_ranges_and_another_watchdog() {
         try_drive("cybergear", "{id: 1, model: robstride, position_range: 12.57}", COMMON, "")
             .unwrap_err();
     assert_eq!(report.lines().count(), 4, "{report}");
-    let yaml = "{id: 1, model: robstride, position_range: 12.57, velocity_range: 20, torque_range: 60, stiffness_range: 5000, damping_range: 100}";
+    let yaml = "{id: 1, model: robstride, position_range: 12.57, velocity_range: 20, \
+        torque_range: 60, stiffness_range: 5000, damping_range: 100}";
     let mut drive =
         drive("cybergear", yaml, Common { mode: Mode::Torque, watchdog_ms: 1000, ..COMMON });
     let mut sent = Vec::new();

@@ -19,8 +19,10 @@ BO_ 2147484673 State: 8 Motor
  SG_ On : 48|1@1+ (1,0) [0|1] "" Host
  SG_ Fault : 56|8@1+ (1,0) [0|255] "" Host
 "#;
-const YAML: &str = "{file: motor.dbc, enable: Command.Enable, torque: Command.Torque, velocity: Command.Velocity, \
-    constants: Command.Kind=5, measured_position: State.Position, measured_velocity: State.Speed, fault: State.Fault, enabled: State.On, \
+const YAML: &str = "{file: motor.dbc, enable: Command.Enable, torque: Command.Torque, velocity: \
+    Command.Velocity, \
+    constants: Command.Kind=5, measured_position: State.Position, measured_velocity: State.Speed, \
+    fault: State.Fault, enabled: State.On, \
     position_unit: 0.017453292519943295, velocity_unit: 0.017453292519943295}";
 
 fn dbc(mode: Mode) -> Box<dyn Drive> {
@@ -159,8 +161,10 @@ BO_ 35 Motion: 8 Motor
 SIG_VALTYPE_ 35 Velocity : 1;
 SIG_VALTYPE_ 35 Torque : 1;
 "#;
-const APART_YAML: &str = "{file: motor.dbc, enable: Power.Enable, position: Target.Position, measured_position: Encoder.Position, \
-    measured_velocity: Motion.Velocity, measured_torque: Motion.Torque, enabled: Status.On, fault: Status.Fault, stale_ms: 100}";
+const APART_YAML: &str = "{file: motor.dbc, enable: Power.Enable, position: Target.Position, \
+    measured_position: Encoder.Position, \
+    measured_velocity: Motion.Velocity, measured_torque: Motion.Torque, enabled: Status.On, \
+    fault: Status.Fault, stale_ms: 100}";
 /// 1.5 and 2.5 as singles.
 const PLACE: &str = "0000C03F";
 const TARGET: &str = "00002040";

@@ -9,7 +9,8 @@ use sarrus_can_core::drive::{
 use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::protocol::{Common, fault};
 
-const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: 500, damping_range: 5";
+const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, \
+    stiffness_range: 500, damping_range: 5";
 const ZERO: Setpoint =
     Setpoint { position: 0.0, velocity: 0.0, torque: 0.0, stiffness: 0.0, damping: 0.0 };
 const MOST: Setpoint =

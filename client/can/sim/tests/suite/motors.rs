@@ -39,7 +39,8 @@ macro_rules! mit {
         concat!(
             "{variant: ",
             $variant,
-            ", id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, damping_range: 5}"
+            ", id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, torque_range: 10, \
+                stiffness_range: 500, damping_range: 5}"
         )
     };
 }
@@ -73,17 +74,24 @@ SIG_VALTYPE_ 2147484673 Position : 1;
 fn cases() -> Vec<Case> {
     let case = |protocol, settings, mode, step| Case { protocol, settings, mode, step };
     let exact = [1e-5, 1e-5, 1e-5];
-    let ranged = "{id: 7, position_range: 12.5, velocity_range: 30, torque_range: 12, stiffness_range: 500, damping_range: 5}";
-    let other = "{model: robstride, id: 8, position_range: 20, velocity_range: 44, torque_range: 17, stiffness_range: 300, damping_range: 3}";
+    let ranged = "{id: 7, position_range: 12.5, velocity_range: 30, torque_range: 12, \
+        stiffness_range: 500, damping_range: 5}";
+    let other = "{model: robstride, id: 8, position_range: 20, velocity_range: 44, torque_range: \
+        17, stiffness_range: 300, damping_range: 3}";
     let cybergear = [25.0 / 65535.0, 60.0 / 65535.0, 24.0 / 65535.0];
-    let odrive = "{node: 5, torque_feedback: true, enable_watchdog_endpoint: 11, watchdog_timeout_endpoint: 12}";
+    let odrive = "{node: 5, torque_feedback: true, enable_watchdog_endpoint: 11, \
+        watchdog_timeout_endpoint: 12}";
     let moteus = [1e-5, 1e-5, 0.01];
     let cia402 = "{node: 6, rated_torque: 10, counts_per_turn: 65536, torque_offset: true}";
     let counted = [std::f64::consts::TAU / 65536.0, std::f64::consts::TAU / 65536.0, 0.01];
-    let dbc = "{file: motor.dbc, enable: Command.Enable, enable_value: 2, disable_value: 1, position: Command.Position, \
-        velocity: Command.Velocity, torque: Command.Torque, stiffness: Gains.Stiffness, damping: Gains.Damping, \
-        measured_position: State.Position, measured_velocity: State.Speed, measured_torque: State.Torque, temperature: Health.Winding, \
-        fault: Health.Fault, enabled: Health.On, enabled_value: 3, position_unit: 0.017453292519943295, velocity_unit: 0.017453292519943295}";
+    let dbc = "{file: motor.dbc, enable: Command.Enable, enable_value: 2, disable_value: 1, \
+        position: Command.Position, \
+        velocity: Command.Velocity, torque: Command.Torque, stiffness: Gains.Stiffness, damping: \
+        Gains.Damping, \
+        measured_position: State.Position, measured_velocity: State.Speed, measured_torque: \
+        State.Torque, temperature: Health.Winding, \
+        fault: Health.Fault, enabled: Health.On, enabled_value: 3, position_unit: \
+        0.017453292519943295, velocity_unit: 0.017453292519943295}";
     let degrees = [1.75e-5, 1.75e-4, 1e-3];
     vec![
         case("mit", mit!("mini_cheetah"), Mode::Impedance, MIT_STEP),

@@ -1,7 +1,7 @@
 """The CAN bridge: the core of `sarrus-can` under python-can.
 
-`python -m sarrus.can` runs it and has the commands for commissioning. Rules, codecs and configuration are the core's, in Rust; buses,
-clock and people are this package's.
+`python -m sarrus.can` runs it and has the commands for commissioning. Rules, codecs and
+configuration are the core's, in Rust; buses, clock and people are this package's.
 """
 
 from sarrus._native import (

@@ -1,7 +1,7 @@
 """`python -m sarrus.can`: results on stdout, the rest on stderr.
 
-Exit codes: 0 done; 1 the configuration is faulty, or what was tried did not come about; 2 wrong flags, or a file or bus that
-cannot be opened.
+Exit codes: 0 done; 1 the configuration is faulty, or what was tried did not come about; 2 wrong
+flags, or a file or bus that cannot be opened.
 """
 
 from __future__ import annotations
@@ -235,11 +235,13 @@ def addresses(
             near = [] if name in names else difflib.get_close_matches(name, names, 1)
             hint = f"; did you mean `{near[0]}`?" if near else ""
             raise WrongFlags(
-                f"--channel `{text}`, expected BUS=CHANNEL with one of the buses {', '.join(names)}{hint}"
+                f"--channel `{text}`, "
+                f"expected BUS=CHANNEL with one of the buses {', '.join(names)}{hint}"
             )
         if name in channels:
             raise WrongFlags(
-                f"--channel `{text}`: {name} has the channel `{channels[name]}` already, expected one for each bus"
+                f"--channel `{text}`: {name} has the channel `{channels[name]}` already, "
+                "expected one for each bus"
             )
         channels[name] = channel
     return lambda bus: Address.of(bus, options.interface, channels.get(bus["name"]))
@@ -343,7 +345,8 @@ def zero(options: argparse.Namespace) -> int:
         motor = motors.chosen[0]
         if options.at is None:
             commissioning.confirm(
-                f"The present position of {options.motor} becomes the zero of its motor. It has no power; it must not move.",
+                f"The present position of {options.motor} becomes the zero of its motor. It has no "
+                "power; it must not move.",
                 options.yes,
             )
             print(f"motor position {commissioning.zero(motors, motor):g} rad")
@@ -369,7 +372,8 @@ def direction(options: argparse.Namespace) -> int:
             options.seconds,
         )
     print(
-        f"from {result['start']:g} to {result['farthest']:g} and back to {result['end']:g}: {100 * result['share']:.0f} % of the distance"
+        f"from {result['start']:g} to {result['farthest']:g} and back to {result['end']:g}: "
+        f"{100 * result['share']:.0f} % of the distance"
     )
     if not 0.5 <= result["share"] <= 1.5:
         print(
@@ -378,7 +382,8 @@ def direction(options: argparse.Namespace) -> int:
         )
         return 1
     print(
-        "if the actuator itself went the other way, turn `sign`; if it went another distance, correct `gear`"
+        "if the actuator itself went the other way, turn `sign`; if it went another distance, "
+        "correct `gear`"
     )
     return 0
 

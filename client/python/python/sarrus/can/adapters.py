@@ -1,15 +1,19 @@
 """Buses by python-can: every loss is counted and one program owns each of them.
 
-`open_bus` gives an `Adapter` for every interface of python-can that a channel and bit rates open. What differs between interfaces is here
-and nowhere else:
+`open_bus` gives an `Adapter` for every interface of python-can that a channel and bit rates open.
+What differs between interfaces is here and nowhere else:
 
-- *slcan*: python-can opens the port; lines, which the core reads and writes, go out in one write and come in by one read that never wait,
-  since python-can reads byte by byte and its `send` can wait for ever on a stalled port.
-- *socketcan*: python-can opens the socket; error frames become events (`bus.state` never changes there), frames that the
-  receive buffer lost are counted, and echoes of our own frames tell how many still wait.
-- every other one: python-can's `send` and `recv` with a time-out of zero, which some interfaces do not keep.
+- *slcan*: python-can opens the port; lines, which the core reads and writes, go out in one write
+  and come in by one read that never wait, since python-can reads byte by byte and its `send` can
+  wait for ever on a stalled port.
+- *socketcan*: python-can opens the socket; error frames become events (`bus.state` never changes
+  there), frames that the receive buffer lost are counted, and echoes of our own frames tell how
+  many still wait.
+- every other one: python-can's `send` and `recv` with a time-out of zero, which some interfaces do
+  not keep.
 
-Cyclic sending in the kernel or in a thread (`send_periodic`) is never used: it would go on while the program hangs.
+Cyclic sending in the kernel or in a thread (`send_periodic`) is never used: it would go on while
+the program hangs.
 """
 
 from __future__ import annotations
@@ -41,13 +45,20 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
 Event = tuple[str, int]
-"""News of a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`, `overrun`, and a count."""
+"""News of a bus.
+
+One of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`,
+`overrun`, and a count.
+"""
 
 RECEIVE_BUFFER = 1 << 20
 """Bytes of a socket's receive buffer: the default one loses most of a burst."""
 
 MOST_RECEIVED = 256
-"""Frames that one call of `Adapter.receive` gives at most: a bus that babbles must not keep the cycle from its end."""
+"""Frames that one call of `Adapter.receive` gives at most.
+
+A bus that babbles must not keep the cycle from its end.
+"""
 
 
 SILENCE = 2.0
@@ -68,7 +79,10 @@ class Address:
     bitrate: int = 1_000_000
     data_bitrate: int | None = None
     listen_only: bool = False
-    """Only to record: nothing is sent, and a bus that others can share belongs to whoever drives it."""
+    """Only to record.
+
+    Nothing is sent, and a bus that others can share belongs to whoever drives it.
+    """
 
     @classmethod
     def of(
@@ -87,7 +101,10 @@ class Adapter(Protocol):
     address: Address
 
     def send(self, frames: Sequence[Frame]) -> int:
-        """Send frames in order until one finds no room; the number of those that did not go and are dropped."""
+        """Send frames in order until one finds no room.
+
+        Give the number of those that did not go and are dropped.
+        """
 
     def receive(self) -> Iterator[Frame | Event]:
         """Frames and events that are already there."""
@@ -136,7 +153,10 @@ def to_message(frame: Frame) -> can.Message:
 
 
 def of_message(message: can.Message) -> Frame | None:
-    """Give python-can's message as a frame; `None` for remote and error frames and for what no frame can be."""
+    """Give python-can's message as a frame.
+
+    Give `None` for remote and error frames and for what no frame can be.
+    """
     if message.is_remote_frame or message.is_error_frame:
         return None
     try:
@@ -154,8 +174,9 @@ def of_message(message: can.Message) -> Frame | None:
 class Ownership:
     """One owner for each bus, released by the system when the program ends, however it ends.
 
-    The mark is a name in the abstract space of Unix sockets: it leaves no file, and like CAN interfaces it belongs to the
-    network namespace. A serial port is locked itself, which every name of it meets.
+    The mark is a name in the abstract space of Unix sockets: it leaves no file, and like CAN
+    interfaces it belongs to the network namespace. A serial port is locked itself, which every name
+    of it meets.
     """
 
     def __init__(self, address: Address) -> None:
@@ -164,7 +185,8 @@ class Ownership:
         if address.interface == "virtual" or (address.listen_only and address.interface != "slcan"):
             return
         taken = BusError(
-            f"{address.name}: {address.interface} {address.channel} is in use by another program; each bus has one owner"
+            f"{address.name}: {address.interface} {address.channel} is in use by another program; "
+            "each bus has one owner"
         )
         if address.interface == "slcan":
             port = os.open(
@@ -300,7 +322,8 @@ class SlcanAdapter(AnyAdapter):
         port = cast("int", self._ownership._marks[0])
         if not select.select([], [port], [], 0.5)[1]:
             raise BusError(
-                f"{self.address.channel} takes no bytes; is the adapter, or the program behind the terminal, alive?"
+                f"{self.address.channel} takes no bytes; is the adapter, "
+                "or the program behind the terminal, alive?"
             )
         bus = can.Bus(
             interface="slcan",
@@ -330,7 +353,10 @@ class SlcanAdapter(AnyAdapter):
             raise self._gone(error) from error
 
     def send(self, frames: Sequence[Frame]) -> int:
-        """Send frames in order by one write; what finds no room is dropped, but a line that was begun is ended first."""
+        """Send frames in order by one write.
+
+        What finds no room is dropped, but a line that was begun is ended first.
+        """
         if self._unwritten:
             self._unwritten = self._unwritten[self._write(self._unwritten) :]
             if self._unwritten:
@@ -408,7 +434,7 @@ _LONGEST_ECHO = 1.0
 
 
 class SocketcanAdapter(AnyAdapter):
-    """A CAN interface of Linux, by the structures `can_frame` and `canfd_frame` on python-can's socket."""
+    """A CAN interface of Linux, by `can_frame` and `canfd_frame` on python-can's socket."""
 
     def _open(self) -> can.BusABC:
         fd, name = self.address.data_bitrate is not None, self.address.channel
@@ -432,7 +458,10 @@ class SocketcanAdapter(AnyAdapter):
         return bus
 
     def _look(self, name: str) -> list[Event]:
-        """Ask the kernel for the interface, compare it with the configuration, and give what is to be told of its controller."""
+        """Ask the kernel for the interface and compare it with the configuration.
+
+        Give what there is to say of its controller.
+        """
         try:
             with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW) as route:
                 route.send(interface_question(name))

@@ -46,7 +46,8 @@ class Commissioning:
         names = [motor["actuator"] for motor in self.motors]
         if only is not None and only not in names:
             raise WrongFlags(
-                f"no motor for the actuator `{only}` in the configuration, expected one of {', '.join(names)}"
+                f"no motor for the actuator `{only}` in the configuration, "
+                f"expected one of {', '.join(names)}"
             )
         self.chosen = [names.index(only)] if only is not None else list(range(len(names)))
         self.drives = Drives(configuration)
@@ -74,11 +75,15 @@ class Commissioning:
         """Send frames to a motor."""
         if dropped := self._adapters[self.motors[motor]["bus"]].send(frames):
             raise BusError(
-                f"{self._buses[self.motors[motor]['bus']]['name']}: no room for {dropped} frame(s); is the bus connected and powered?"
+                f"{self._buses[self.motors[motor]['bus']]['name']}: "
+                f"no room for {dropped} frame(s); is the bus connected and powered?"
             )
 
     def hear(self, seconds: float) -> Iterator[tuple[int, str, Any]]:
-        """What motors say within a time: `(motor, what, value)`. `Leave` when somebody asks for the end."""
+        """What motors say within a time: `(motor, what, value)`.
+
+        Raise `Leave` when somebody asks for the end.
+        """
         end = time.monotonic() + seconds
         while True:
             self.ending.check()
@@ -92,7 +97,8 @@ class Commissioning:
                         yield from of_motors
                     elif heard[0] in ("bus_off", "error_passive"):
                         raise BusError(
-                            f"{self._buses[place]['name']} is {heard[0].replace('_', '-')}: check wiring, termination, bit rate"
+                            f"{self._buses[place]['name']} is {heard[0].replace('_', '-')}: "
+                            "check wiring, termination, bit rate"
                         )
             if time.monotonic() >= end:
                 return
@@ -121,7 +127,10 @@ class Commissioning:
         return lambda: self.drives.off(motor, time.monotonic_ns())
 
     def guarded(self, motor: int) -> float:
-        """Wait without power until the motor's own watchdog is known to be on; the actuator's position then."""
+        """Wait without power until the motor's own watchdog is known to be on.
+
+        Give the actuator's position then.
+        """
         end = time.monotonic() + READY
         while True:
             position = self.measure(motor, self.off(motor))["position"]
@@ -130,7 +139,8 @@ class Commissioning:
             if time.monotonic() > end:
                 state = self.drives.state(motor)["watchdog"]
                 raise Failed(
-                    f"{self.name(motor)} gets no power: {why}, its watchdog is {state}; see `watchdog` of the configuration"
+                    f"{self.name(motor)} gets no power: {why}, its watchdog is {state}; "
+                    "see `watchdog` of the configuration"
                 )
 
     def disable(self, motor: int) -> None:
@@ -143,7 +153,10 @@ class Commissioning:
 
 
 def scan(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
-    """Ask every motor for a heartbeat. Rows of `actuator, bus, identifiers, answer`; and whether all answered."""
+    """Ask every motor for a heartbeat.
+
+    Give rows of `actuator, bus, identifiers, answer`; and whether all answered.
+    """
     heard: dict[int, Counter[str]] = {motor: Counter() for motor in motors.chosen}
     for motor in motors.chosen:
         motors.send(motor, motors.drives.probe(motor))
@@ -170,7 +183,10 @@ def scan(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
 
 
 def read(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
-    """Read every parameter. Rows of `actuator, parameter, value, unit`; and whether all were answered."""
+    """Read every parameter.
+
+    Give rows of `actuator, parameter, value, unit`; and whether all were answered.
+    """
     rows, complete = [], True
     for motor in motors.chosen:
         measured = motors.measure(motor, motors.off(motor))
@@ -212,13 +228,17 @@ def offset_at(motor: dict[str, Any], measured: dict[str, float], at: float) -> f
 
 
 def zero(motors: Commissioning, motor: int) -> float:
-    """Make the motor's present position its zero; what it says afterwards, at its own shaft `[rad]`."""
+    """Make the motor's present position its zero.
+
+    Give what it says afterwards, at its own shaft `[rad]`.
+    """
     motors.disable(motor)
     motors.measure(motor, motors.off(motor))
     frames = motors.drives.set_zero(motor)
     if frames is None:
         raise Failed(
-            f"{motors.name(motor)}: {motors.motors[motor]['protocol']} cannot set a zero by command; use `zero --at` and the offset"
+            f"{motors.name(motor)}: {motors.motors[motor]['protocol']} cannot set a zero by "
+            "command; use `zero --at` and the offset"
         )
     motors.send(motor, frames)
     time.sleep(0.1)
@@ -234,11 +254,15 @@ def direction(
     damping: float,
     seconds: float,
 ) -> dict[str, float]:
-    """Move an actuator by a little and back, softly; how far it came `[rad, m]` and what share that is of the distance.
+    """Move an actuator by a little and back, softly.
 
-    Power comes when the motor's own watchdog is known to be on. The set-point follows p₀ + d (1 - cos(π t / T)) / 2. Power goes when
-    the motor tells a fault, is silent, or is farther from its set-point than the whole distance and a half: then the sign of the
-    motor's own control, or the load, is not as it should be. It also goes when somebody asks for the end.
+    Give how far it came `[rad, m]` and what share that is of the distance.
+
+
+    Power comes when the motor's own watchdog is known to be on. The set-point follows p₀ + d (1 -
+    cos(π t / T)) / 2. Power goes when the motor tells a fault, is silent, or is farther from its
+    set-point than the whole distance and a half: then the sign of the motor's own control, or the
+    load, is not as it should be. It also goes when somebody asks for the end.
     """
     limit = 1.5 * abs(distance)
 
@@ -264,7 +288,8 @@ def direction(
         while motors.drives.state(motor)["power"] != "on":
             if time.monotonic() > end:
                 raise Failed(
-                    f"{motors.name(motor)} does not take power; its state is {motors.drives.state(motor)}"
+                    f"{motors.name(motor)} does not take power; "
+                    f"its state is {motors.drives.state(motor)}"
                 )
             cycle(start, 0.0)
         begin = heard_at = time.monotonic()
@@ -281,7 +306,8 @@ def direction(
                 raise Failed(f"{motors.name(motor)} went silent")
             if abs(position - setpoint) > limit:
                 raise Failed(
-                    f"{motors.name(motor)} is {position - setpoint:+.4g} from its set-point; sign, load or stiffness are not right"
+                    f"{motors.name(motor)} is {position - setpoint:+.4g} from its set-point; sign, "
+                    "load or stiffness are not right"
                 )
     return {
         "start": start,
@@ -292,7 +318,10 @@ def direction(
 
 
 def confirm(question: str, yes: bool) -> None:
-    """Ask a person; `yes` was said beforehand. Anything but `yes` ends the program without power."""
+    """Ask a person; `yes` was said beforehand.
+
+    Anything but `yes` ends the program without power.
+    """
     print(question)
     if yes:
         return

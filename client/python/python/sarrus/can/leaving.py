@@ -28,7 +28,10 @@ _HARMLESS = (signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH)
 _NOBODYS = (signal.SIGKILL, signal.SIGSTOP)
 
 SIGNALS = sorted(signal.valid_signals() - {*IGNORED, *_FAULTS, *_HARMLESS, *_NOBODYS})
-"""Every other signal ends or stops a program that does nothing about it, so each of them asks for an orderly end."""
+"""Every other signal ends or stops a program that does nothing about it.
+
+So each of them asks for an orderly end.
+"""
 
 
 def name_of(number: int) -> str:
@@ -41,7 +44,10 @@ class Leave(BaseException):
 
 
 class Ending:
-    """Whether somebody asked for the end: by a signal, or by the end of the process that started this one."""
+    """Whether somebody asked for the end.
+
+    Asked by a signal, or by the end of the process that started this one.
+    """
 
     def __init__(self, *, deferred: bool) -> None:
         self._parent = os.getppid()
@@ -79,8 +85,8 @@ class Ending:
 def ending(*, deferred: bool = True) -> Iterator[Ending]:
     """Give what tells within this block whether somebody asked for the end.
 
-    If it is not deferred the first signal also raises `Leave` where the program is: for programs that wait for people and give no power, which
-    `Ending.defer` makes good before power is given.
+    If it is not deferred the first signal also raises `Leave` where the program is: for programs
+    that wait for people and give no power, which `Ending.defer` makes good before power is given.
     """
     end = Ending(deferred=deferred)
     with ExitStack() as stack:

@@ -1,4 +1,7 @@
-"""Recording of frames: `.blf`, `.asc` and `.log` keep everything; other formats lose fields and are not offered."""
+"""Recording of frames: `.blf`, `.asc` and `.log` keep everything.
+
+Other formats lose fields and are not offered.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,9 @@ ROOM = 1 << 16
 
 
 class Recorder:
-    """A file of frames. In `.log` a bus has its name, in `.blf` and `.asc` its number in the configuration, from 1.
+    """A file of frames.
+
+    In `.log` a bus has its name, in `.blf` and `.asc` its number in the configuration, from 1.
 
     A thread of its own writes; what a slow disk leaves no room for is lost and counted.
     """

@@ -1,4 +1,7 @@
-"""Replay of a log: the frames that the bridge sends for it, as `candump -L` writes them. No bus, no clock."""
+"""Replay of a log: the frames that the bridge sends for it, as `candump -L` writes them.
+
+No bus, no clock.
+"""
 
 from __future__ import annotations
 

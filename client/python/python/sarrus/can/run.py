@@ -74,7 +74,10 @@ class Frontend:
                 self._lose(bus, adapter, error)
 
     def send(self) -> None:
-        """Send the bridge's frames; what finds no room is dropped, since the next cycle knows better."""
+        """Send the bridge's frames.
+
+        What finds no room is dropped, since the next cycle knows better.
+        """
         for bus, adapter in enumerate(self.adapters):
             frames = self.bridge.frames(bus)
             dropped = len(frames)
@@ -115,7 +118,8 @@ class Frontend:
             time.sleep(PAUSE)
         for bus in sorted(unreached):
             self._say(
-                f"{self.names[bus]}: the frames that take the power found no way; the motors' own watchdogs are left"
+                f"{self.names[bus]}: the frames that take the power found no way; "
+                "the motors' own watchdogs are left"
             )
 
     def close(self) -> None:
@@ -137,7 +141,10 @@ class Frontend:
         self._say(str(error))
 
     def _reopen(self, bus: int, adapter: Adapter) -> None:
-        """Try to open a bus that is gone until it is back: in a thread of its own, since it may take long."""
+        """Try to open a bus that is gone until it is back.
+
+        Runs in a thread of its own, since it may take long.
+        """
         close_all([adapter])
         said = ""
         while not self._closed.wait(REOPEN):
@@ -206,9 +213,13 @@ def run(
     record: str | None = None,
     log: str | None = None,
 ) -> int:
-    """Run the bridge of a configuration until a signal, its parent's end, or for some seconds; its exit code.
+    """Run the bridge of a configuration until a signal, its parent's end, or for some seconds.
 
-    `record` is a file for all frames, `log` one for everything that the bridge is given, which `replay` reads.
+    Give its exit code.
+
+
+    `record` is a file for all frames, `log` one for everything that the bridge is given, which
+    `replay` reads.
     """
     for warning in configuration.warnings:
         say(f"sarrus.can: warning: {warning}")
@@ -272,7 +283,10 @@ def in_words(times: dict[str, int]) -> str:
 def _loop(
     frontend: Frontend, service: Service, period: int, stop: Ending, seconds: float | None
 ) -> Callable[[], str]:
-    """Cycle until the end; gives what makes the report, which takes time that motors under power do not have."""
+    """Cycle until the end.
+
+    Gives what makes the report, which takes time that motors under power do not have.
+    """
     missed = 0
     begin = deadline = time.monotonic_ns()
     telemetry = Telemetry(frontend.bridge, begin)
@@ -302,6 +316,9 @@ def _loop(
     def report() -> str:
         times = telemetry.times(frontend.bridge)
         all_of_them = "; ".join(f"{name} {in_words(times[name])}" for name in ("wake", "work"))
-        return f"{why or 'the time is over'}; {times['work']['count']} cycles, {missed} missed; {all_of_them}"
+        return (
+            f"{why or 'the time is over'}; {times['work']['count']} cycles, {missed} missed; "
+            f"{all_of_them}"
+        )
 
     return report

@@ -1,4 +1,7 @@
-"""Work that must not hold up a cycle: it is done by a thread of its own, without the cycle's priority."""
+"""Work that must not hold up a cycle.
+
+It is done by a thread of its own, without the cycle's priority.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,10 @@ Item = TypeVar("Item")
 
 
 class Worker(Generic[Item]):
-    """A thread that does one thing with each item that it is given, in their order. What finds no room is lost and counted."""
+    """A thread that does one thing with each item that it is given, in their order.
+
+    What finds no room is lost and counted.
+    """
 
     def __init__(self, work: Callable[[Item], object], room: int) -> None:
         self._work, self._room = work, room
@@ -64,5 +70,8 @@ def start(work: Callable[[], object]) -> threading.Thread:
 
 
 def stderr_worker() -> Worker[str]:
-    """A worker that writes lines on stderr. Nobody may be there to read them, or somebody who reads slowly: the program goes on."""
+    """A worker that writes lines on stderr.
+
+    Nobody may be there to read them, or somebody who reads slowly: the program goes on.
+    """
     return Worker(lambda line: os.write(2, f"sarrus.can: {line}\n".encode()), 100)

@@ -26,7 +26,8 @@ pub(super) const KEYS: &[Key] = &[
         name: "position_range",
         kind: KeyKind::Number(1e-3, 1e5),
         default: None,
-        about: "position at the end of the range [rad]; of a CyberGear 12.5 in the maker's code and 4 π in its manual",
+        about: "position at the end of the range [rad]; of a CyberGear 12.5 in the maker's code \
+            and 4 π in its manual",
     },
     range("velocity_range", "velocity at the end of the range [rad/s]; of a CyberGear 30"),
     range("torque_range", "torque at the end of the range [N m]; of a CyberGear 12"),
@@ -36,7 +37,8 @@ pub(super) const KEYS: &[Key] = &[
         name: "watchdog_index",
         kind: KeyKind::Integer(0, 0xFFFF),
         default: Some(""),
-        about: "index of the parameter canTimeout, 0 where the firmware has none; else 0x200C (CyberGear) or 0x7028 (RobStride)",
+        about: "index of the parameter canTimeout, 0 where the firmware has none; else 0x200C \
+            (CyberGear) or 0x7028 (RobStride)",
     },
 ];
 

@@ -256,7 +256,8 @@ SIG_VALTYPE_ 2147484672 Angle : 1;
 
     #[test]
     fn signals_of_no_message_are_passed_over() {
-        let none = "BO_ 3221225472 VECTOR__INDEPENDENT_SIG_MSG: 0 Vector__XXX\n SG_ Old : 0|32@1- (1,0) [0|0] \"\" Vector__XXX\n\n";
+        let none = "BO_ 3221225472 VECTOR__INDEPENDENT_SIG_MSG: 0 Vector__XXX\n SG_ Old : 0|32@1- \
+            (1,0) [0|0] \"\" Vector__XXX\n\n";
         let text = FILE.replace("BO_ 2147484672", &format!("{none}BO_ 2147484672"));
         let text = format!("{text}SIG_VALTYPE_ 3221225472 Old : 1;\n");
         assert_eq!(parse(&text), parse(FILE));

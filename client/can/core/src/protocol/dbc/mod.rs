@@ -10,9 +10,9 @@
 //! The motor has power while `enable` has the value `enable_value`. Without power it is told the
 //! position that it measured, and nothing else; the first set-point goes out a cycle before power.
 //! In each cycle the frames with `enable` come last when they give power and first when they take
-//! it. What the motor reported counts for `stale_ms`: later there is no velocity and torque, and where
-//! `fault` or `enabled` have stopped, that is a fault. A DBC file says nothing of a watchdog: it
-//! cannot be read.
+//! it. What the motor reported counts for `stale_ms`: later there is no velocity and torque, and
+//! where `fault` or `enabled` have stopped, that is a fault. A DBC file says nothing of a watchdog:
+//! it cannot be read.
 
 mod file;
 mod signals;
@@ -59,7 +59,8 @@ pub(super) const DBC: Protocol = Protocol {
             name: "stale_ms",
             kind: KeyKind::Integer(1, 60_000),
             default: Some("200"),
-            about: "what the motor has not reported again after this time is not believed any more, in ms",
+            about: "what the motor has not reported again after this time is not believed any \
+                more, in ms",
         },
         number("position_unit", "1", "rad for 1 of the file's positions"),
         number("velocity_unit", "1", "rad/s for 1 of the file's velocities"),
@@ -172,7 +173,10 @@ fn make(
         finder.wrong(key, format!("`{key}` is 0"), "what 1 of the file is", "correct it");
     }
     let sent = frames(desired).unwrap_or_else(|switch| {
-        let found = format!("`{switch}` is the switch of its message, and other signals of that message say what it is");
+        let found = format!(
+            "`{switch}` is the switch of its message, and other signals of that \
+            message say what it is"
+        );
         finder.wrong("constants", found, "a signal that is no switch", "remove it");
         Vec::new()
     });

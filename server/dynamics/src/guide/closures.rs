@@ -1,0 +1,173 @@
+//! Every closed form: its drawing, the order of its joints, γ, G and g.
+//!
+//! A closed form maps the independent coordinates y of one mechanism to all of its coordinates q =
+//! γ(y), with q̇ = G ẏ and q̈ = G ÿ + g, see [notation](super::notation). A form is read off the
+//! geometry at the zero pose: points, axes, and signs, never off names. So coordinates are zero
+//! where the robot was written, a length is the one at zero plus the slider's coordinate, and a
+//! coordinate may run against a drawing's sense where its axis points the other way. J is a turn by
+//! a right angle in the plane, W = x × y the number J x · y.
+//!
+//! What fits the form up to the rounding of a file is closed by it alone; up to 1e-3 of the
+//! mechanism's size the form starts Newton's method on the true rows; beyond, loading fails and
+//! names the axis. Every form has two solutions or more; the one of the zero pose is kept for all
+//! y, by the sign of its root.
+//!
+//! | type | joints, in the order of their lists | y | cut rows |
+//! |---|---|---|---|
+//! | RRPR | rocker, stator, slider | rocker | 2 |
+//! | FOURBAR | crank, coupler, rocker | any one | 2 |
+//! | SLIDERCRANK | crank, coupler, slider | any one | 2 |
+//! | PARALLELOGRAMCHAIN | crank, coupler, follower of each loop, any order | 1 a loop | 2 a loop |
+//! | 2SPU+1U | J₁ J₂ of the universal joint; turn, turn, slider of each leg: 8 | J₁ J₂ | 3 a leg |
+//! | 2SPRR+1U | the same 8; or J₁ J₂, two arms, then the legs: 10 | J₁ J₂ | 3 or 4 a leg |
+//! | 6UPS | x y z rx ry rz of the platform; turn, turn, slider a leg: 24 | first 6 | 3 a leg |
+//! | TRANSMISSION | any | those that follow none | by couplings |
+//! | DIFFERENTIAL | cage, spider and wheels, 3 or 4 | two of them | by couplings |
+//!
+//! A cut of five rows, as a hinge writes it, is as good as two in the plane; what is redundant is
+//! dropped and named. RRPR, SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts where none is
+//! given: the pin is the origin of the slider's frame.
+//!
+//! # RRPR
+//!
+#![doc = include_str!("../../docs/rrpr.svg")]
+//!
+//! A lambda: the rocker turns about J₁, the stator about J₂, and the slider's pin is cut from the
+//! rocker. In the plane perpendicular to the rocker's axis, with d₃ the pin and d₁ the stator's
+//! pivot, both from J₁ at zero, ε what the pin lies beside the pivot across the slider:
+//!
+//! ```text
+//!   d = R(y) d₃ − d₁ = R(θ) (ℓ t₀ + ε J t₀)
+//!   ℓ = ±√(|d|² − ε²),    q₃ = ℓ − ℓ₀ = (|d|² − |d₀|²) / (ℓ + ℓ₀)
+//!   q₂ = θ = atan2(w × d, w · d),    w = ℓ t₀ + ε J t₀
+//!
+//!   with p = J R(y) d₃, t = R(θ) t₀, b = J t
+//!   G₂ = b · p / ℓ                       g₂ = b · x / ℓ
+//!   G₃ = t · p + ε G₂                    g₃ = t · x + ε g₂
+//!   x = q̇₂² d − ẏ² R(y) d₃ − 2 q̇₂ q̇₃ b
+//! ```
+//! Singular where ℓ = 0: the pin comes as near to J₂ as the slider passes it.
+//!
+//! # FOURBAR
+//!
+#![doc = include_str!("../../docs/fourbar.svg")]
+//!
+//! Four turns J₀ to J₃ and four links a, b, c, d of any length; J₀ is the independent joint, one of
+//! the others is cut. With p = R(y) a the place of J₁ and D = d − p from there to J₃:
+//!
+//! ```text
+//!   b = κ D + η J D,   c = b − D,   κ = (|D|² + |b|² − |c|²) / (2 |D|²),   W = b × c = η |D|²
+//!   W = ±√(|b|² |D|² − κ² |D|⁴)
+//!   q₁ = ∠b − y,    q₂ = ∠c − ∠b,    q₃ = −∠c          angles since zero
+//!
+//!   with D′ = −J p
+//!   b′ = D′ · c / W        c′ = D′ · b / W        rates of the links for ẏ = 1
+//!   b″ = x · c / W         c″ = x · b / W,    x = p + b′² b − c′² c
+//!   G₁ = b′ − 1,  G₂ = c′ − b′,  G₃ = −c′              g = (b″, c″ − b″, −c″) ẏ²
+//! ```
+//! q₃ has the other sign where, as drawn, its joint moves the rocker. Singular where W = 0: coupler
+//! and rocker in one line.
+//!
+//! # SLIDERCRANK
+//!
+#![doc = include_str!("../../docs/slidercrank.svg")]
+//!
+//! The same with J₃ a slider along t, c its bearing. With p the place of J₁, p = R(y) a where J₀
+//! turns and a + y t where it slides:
+//!
+//! ```text
+//!   b = L t + ε J t,    ε = ε₀ − J t · (p − a),    L = ±√(|b|² − ε²)
+//!   q₃ = L − L₀ + t · (p − a),    q₁ = ∠b − y,    q₂ = −∠b
+//!
+//!   b′ = −p′ · J t / L     s′ = p′ · b / L                     for ẏ = 1
+//!   b″ = x · J t / L       s″ = −x · b / L,    x = b′² b − p″
+//!   G₁ = b′ − 1 (b′ where J₀ slides),  G₂ = −b′,  G₃ = s′      g = (b″, −b″, s″) ẏ²
+//! ```
+//! A slider opposite to the independent joint makes the loop an RRPR. Singular where L = 0: the
+//! coupler stands across the slider.
+//!
+//! # PARALLELOGRAMCHAIN
+//!
+#![doc = include_str!("../../docs/parallelogramchain.svg")]
+//!
+//! Opposite sides are equal, so opposite links turn as one and every coupler keeps its direction:
+//!
+//! ```text
+//!   q = M y + b,    M: 1 at crank and follower, −1 at the coupler,    G = M,    g = 0
+//! ```
+//! with signs by the senses of the axes; couplings (`<mimic>`) may stand for loops. Singular where
+//! all bars lie in one line, which q does not show: the linear branch is kept through it.
+//!
+//! # 2SPU+1U
+//!
+#![doc = include_str!("../../docs/spu2u1.svg")]
+//!
+//! A platform on two turns, held by two legs, each of two turns whose axes X and Y cross at C at a
+//! right angle and a slider whose end P is cut from the platform as a ball. In the leg's frame,
+//! with v = P − C by the pose of the platform, a the slider's direction at zero and e ⟂ a what it
+//! passes beside C:
+//!
+//! ```text
+//!   v = R_x(q₁) R_y(q₂) w,    w = ℓ a + e,    ℓ = ±√(|v|² − |e|²),    q₃ = ℓ − ℓ₀
+//!   z = ±√(v_y² + v_z² − w_y²)
+//!   q₂ carries (w_x, w_z) onto (v_x, z),    q₁ carries (w_y, z) onto (v_y, v_z)
+//!
+//!   S q̇_leg = Ṗ,    S = [ X × v   a₂ × v   a₃ ],    a₂ = R_x Y,   a₃ = R_x R_y a
+//!   column k of G for a leg: S⁻¹ (z_k × (P − p_k))
+//! ```
+//! with z_k and p_k axis and point of the k-th joint under the platform; g is S⁻¹ of the pin's
+//! acceleration at ÿ = 0 less that of the leg at its own rates. Here q₁ q₂ q₃ are those of one leg.
+//! Singular where a leg lies along its first axis or has no length.
+//!
+//! # 2SPRR+1U
+//!
+#![doc = include_str!("../../docs/sprr2u1.svg")]
+//!
+//! 2SPU+1U with an offset in each leg.
+//!
+//! Offset at the base: the two axes pass at a distance r along Z. Then
+//!
+//! ```text
+//!   v = R_x(q₁) (r Z + R_y(q₂) w),    z = ±√(v_y² + v_z² − e_y²) − r
+//!   ℓ² = v_x² + z² + e_y² − |e|²,     S = [ X × v   a₂ × (v − r R_x Z)   a₃ ]
+//! ```
+//! Arms on the platform: an arm turns about n through P, and C stays in a plane of the arm with
+//! normal m ⟂ n. In the axes of the platform, with D = C − P, k m n right-handed and h = m · D at
+//! zero:
+//!
+//! ```text
+//!   m₀ · R_n(−θ) D = h,    k₀ · R_n(−θ) D = ±√(D_k² + D_m² − h²)
+//!   θ̇ (k · D) = −m · v_platform(C)
+//! ```
+//! which gives the arm's tip, for which the leg reaches as in 2SPU+1U. Singular as there, and where
+//! k · D = 0.
+//!
+//! # 6UPS
+//!
+#![doc = include_str!("../../docs/ups6.svg")]
+//!
+//! A Stewart platform: six legs as in 2SPU+1U, on a platform that three sliders and three turns
+//! carry, or one floating joint. For a sliding joint under the platform the column of G is S⁻¹ z_k.
+//!
+//! # TRANSMISSION
+//!
+#![doc = include_str!("../../docs/transmission.svg")]
+//!
+//! Joints that follow others linearly, also one after the other, by `<mimic>` or `<transmission>`:
+//!
+//! ```text
+//!   q_j = Σ c q_master + b    solved for    q = M y + b,    G = M,    g = 0
+//! ```
+//! A motor may sit on any of them: u̇ = G_u ẏ takes its row of M.
+//!
+//! # DIFFERENTIAL
+//!
+#![doc = include_str!("../../docs/differential.svg")]
+//!
+//! Bevel gears: two couplings of two masters each.
+//!
+//! ```text
+//!   q_left = y₁ + y₂,    q_right = y₁ − y₂
+//! ```
+//! Whether the file gives the wheels by cage and spider or the other way round does not matter: the
+//! rows are solved for whichever joints depend.

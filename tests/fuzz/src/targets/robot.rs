@@ -1,0 +1,201 @@
+//! Robot files: URDF alone, and a submechanism file with the URDF that it is about.
+
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
+use sarrus_models::{LoadError, Loaded, Options, Source, bundled, bundled_text, load};
+
+use super::{BETWEEN, Check, Target, corpus, diagnostics, law, parts};
+
+/// The longest URDF of a bundled robot that is a seed `[byte]`: larger ones are slow.
+const LARGE: usize = 9000;
+
+pub(super) const URDF: Target = Target {
+    name: "urdf",
+    seeds: || {
+        let mut seeds = corpus!("urdf/terms.urdf", "urdf/couplings.urdf", "urdf/balls.urdf")();
+        seeds.extend(robots().map(|(urdf, _)| urdf.as_bytes().to_vec()));
+        seeds
+    },
+    tokens: &[
+        "<link name=\"a\"/>",
+        "<joint name=\"j\" type=\"revolute\">",
+        "</joint>",
+        "<robot name=\"r\">",
+        "</robot>",
+        "<parent link=\"a\"/>",
+        "<child link=\"b\"/>",
+        "<axis xyz=\"0 0 1\"/>",
+        "<limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/>",
+        "<mimic joint=\"j\"/>",
+        "<inertial>",
+        "</inertial>",
+        "<mass value=\"1\"/>",
+        "<origin xyz=\"0 0 1\" rpy=\"0 0 0\"/>",
+        "<inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/>",
+        "continuous",
+        "prismatic",
+        "floating",
+        "planar",
+        "fixed",
+        "spherical",
+        "<dynamics damping=\"1\"/>",
+        "spring_stiffness=\"1\"",
+        "<transmission name=\"t\">",
+        "</transmission>",
+        "<actuator>",
+        "<rotor_inertia value=\"1\"/>",
+        "drake:",
+        "xmlns:drake=\"x\"",
+        "<!--",
+        "-->",
+        "<![CDATA[",
+        "]]>",
+        "<?xml version=\"1.0\"?>",
+        "&amp;",
+        "&#0;",
+        "&lt;",
+        "<!DOCTYPE",
+        "\u{feff}",
+        "\u{0}",
+        "<depends_on joint=\"j\" multiplier=\"2\"/>",
+        "ü",
+        "\u{202e}",
+        "\u{85}",
+        "\r\n",
+    ],
+    start: || {
+        let check: Check = Box::new(|input| check(input, None));
+        Ok(check)
+    },
+};
+
+pub(super) const SUBMECHANISMS: Target = Target {
+    name: "submechanisms",
+    seeds: || {
+        let mut seeds = corpus!("submechanisms/lambda.txt", "submechanisms/cuts.txt")();
+        seeds.extend(robots().map(|(urdf, yaml)| format!("{yaml}{BETWEEN}{urdf}").into_bytes()));
+        seeds
+    },
+    tokens: &[
+        "submechanisms:",
+        "- name: a",
+        "type: NUMERICAL",
+        "RRPR",
+        "2SPU+1U",
+        "2SPRR+1U",
+        "6UPS",
+        "PARALLELOGRAMCHAIN",
+        "FOURBAR",
+        "SLIDERCRANK",
+        "TRANSMISSION",
+        "DIFFERENTIAL",
+        "contextual_name: a",
+        "file_path: a.urdf",
+        "jointnames: []",
+        "jointnames_spanningtree: []",
+        "jointnames_independent: []",
+        "jointnames_active: []",
+        "loop_constraints:",
+        "- cut_joint: a",
+        "predecessor_body: a",
+        "successor_body: a",
+        "constraint_axes:",
+        "- {name: x, axis: [0, 0, 0, 1, 0, 0]}",
+        "cut_joint_type: spherical",
+        "weld",
+        "universal",
+        "planar_revolute",
+        "axis: [0, 0, 1]",
+        "axis2: [1, 0, 0]",
+        "predecessor_placement: {xyz: [0, 0, 0], rpy: [0, 0, 0]}",
+        "successor_placement: {}",
+        "&a ",
+        "*a",
+        "!!str ",
+        "? ",
+        ": ",
+        "| ",
+        "> ",
+        "---\n",
+        "...\n",
+        "%YAML 1.2\n",
+        "~",
+        "null",
+        "<<: ",
+        "\t",
+        "\u{feff}",
+        "\u{85}",
+        "\u{2028}",
+        "# ",
+        "'",
+        "\"\\x00\"",
+        "\r\n",
+    ],
+    start: || {
+        let check: Check = Box::new(|input| {
+            let [yaml, urdf] = parts(input);
+            check(urdf, Some(yaml))
+        });
+        Ok(check)
+    },
+};
+
+/// The bundled robots that are small.
+fn robots() -> impl Iterator<Item = (&'static str, &'static str)> {
+    bundled().filter_map(|(name, _)| bundled_text(name)).filter(|(urdf, _)| urdf.len() < LARGE)
+}
+
+fn check(urdf: &[u8], yaml: Option<&[u8]>) -> Result<u64, String> {
+    let source = Source::Text { urdf: urdf.to_vec(), submechanisms: yaml.map(<[u8]>::to_vec) };
+    let files = [("robot.urdf", urdf), ("submechanisms.yml", yaml.unwrap_or_default())];
+    let lenient = Options { lenient: true, ..Options::default() };
+    let report_of = |outcome: &Result<Loaded, LoadError>| match outcome {
+        Ok(loaded) => Ok(loaded.report.clone()),
+        Err(LoadError::Faults(report)) => Ok(report.clone()),
+        Err(other) => Err(format!("texts that cannot be opened: {other}")),
+    };
+
+    // reading is repeatable
+    let outcome = load(&source, &Options::default());
+    let report = report_of(&outcome)?;
+    let again = load(&source, &Options::default());
+    law(outcome.is_ok() == again.is_ok(), || "read once and not again".to_owned())?;
+    law(report == report_of(&again)?, || "two reports on one text".to_owned())?;
+    let kind = diagnostics::check(&report, &files)?;
+    match (&outcome, &again) {
+        (Ok(loaded), Ok(again)) => {
+            law(report.errors.is_empty(), || "loaded with errors".to_owned())?;
+            let [one, two] = [loaded, again].map(|loaded| loaded.compiled.model.fingerprint());
+            law(one == two, || "two models of one text".to_owned())?;
+            Ok(kind ^ moves(&loaded.compiled.model)? << 32)
+        }
+        _ => {
+            law(!report.errors.is_empty(), || "refused without an error".to_owned())?;
+            // lenient: what is loaded then can be asked too
+            let outcome = load(&source, &lenient);
+            diagnostics::check(&report_of(&outcome)?, &files)?;
+            if let Ok(loaded) = outcome {
+                moves(&loaded.compiled.model)?;
+            }
+            Ok(kind)
+        }
+    }
+}
+
+/// What compiles can be asked: an answer is numbers, or a status without them.
+fn moves(model: &Model<f64>) -> Result<u64, String> {
+    let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+    let want = FieldSet::of(&[Field::Q, Field::TauY, Field::TauQ]);
+    let plan = Plan::new(model, &Query::new(Request::InverseDynamics, given, want))
+        .map_err(|error| format!("a model that cannot be asked: {error}"))?;
+    // quaternions are of no length here: that is a bad request and no more
+    let input: Vec<f64> = (0..plan.given().len()).map(|k| 1e-3 * (k % 7) as f64).collect();
+    let mut output = vec![0.0; plan.want().len()];
+    let answer = plan.run(model, &mut Workspace::new(model), &input, &mut output);
+    let is_ok = answer.status == Status::Ok;
+    let holds = match is_ok {
+        true => output.iter().all(|number| number.is_finite()),
+        false => output.iter().all(|number| number.is_nan()),
+    };
+    law(holds, || format!("status {} with {output:?}", answer.status.name()))?;
+    Ok(answer.status as u64)
+}

@@ -1,0 +1,388 @@
+//! Messages of a client that may say anything: queries as the server plans them, and calls and
+//! requests through the services of a server in this process.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::channel;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use iceoryx2::node::Node;
+use iceoryx2::prelude::ipc;
+use sarrus_client::describe;
+use sarrus_dynamics::{Model, Plan, Workspace};
+use sarrus_models::{Options, Source, load};
+use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
+use sarrus_proto::message::{
+    Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, Refusal,
+    RequestHead,
+};
+use sarrus_proto::service::{ControlClient, open_compute, open_control};
+use sarrus_proto::{
+    Domain, Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, PROTOCOL_VERSION, Query, Request,
+    ServerName, Status, Warnings,
+};
+use sarrus_server::{ServeOptions, Wait, serve};
+
+use super::{Check, Target, law};
+
+/// The robot that is asked.
+const ROBOT: &str = "r3_lambda_r";
+/// How long an answer may take.
+const PATIENT: Duration = Duration::from_secs(20);
+
+pub(super) const QUERY: Target = Target {
+    name: "query",
+    seeds,
+    tokens: &[],
+    start: || {
+        let model = model()?;
+        let mut workspace = Workspace::new(&model);
+        let check: Check = Box::new(move |input| {
+            let mut bytes = Bytes(input);
+            let query = bytes.query();
+            planned(&model, &mut workspace, &query, &mut bytes)
+        });
+        Ok(check)
+    },
+};
+
+pub(super) const SERVER: Target = Target {
+    name: "server",
+    seeds,
+    tokens: &[],
+    start: || {
+        let mut served = Served::start()?;
+        let check: Check = Box::new(move |input| {
+            let mut bytes = Bytes(input);
+            if bytes.u8() & 1 == 0 { served.call(&mut bytes) } else { served.request(&mut bytes) }
+        });
+        Ok(check)
+    },
+};
+
+/// Bytes of plausible messages: kinds of calls and requests with known fields.
+fn seeds() -> Vec<Vec<u8>> {
+    let numbers = [0.1_f64, -0.2, 0.0, f64::NAN, 1e308, 5e-324].map(f64::to_le_bytes).concat();
+    let mut seeds = Vec::new();
+    for kind in 0..8_u8 {
+        for request in 1..=4_u8 {
+            // the gate's five bytes, then request, counts and sets of fields
+            let mut seed = vec![kind, kind >> 1, request, request, 2, 1];
+            seed.extend(0x0040_0000_1009_u64.rotate_left(kind.into()).to_le_bytes());
+            seed.extend(0x0000_0fff_8038_u64.rotate_left(request.into()).to_le_bytes());
+            seed.extend([0, 1, 2, 3]);
+            seed.extend(&numbers);
+            seeds.push(seed);
+        }
+    }
+    seeds
+}
+
+/// Bytes as what they are read for; zeros follow.
+struct Bytes<'a>(&'a [u8]);
+
+impl Bytes<'_> {
+    fn u8(&mut self) -> u8 {
+        match self.0.split_first() {
+            Some((first, rest)) => {
+                self.0 = rest;
+                *first
+            }
+            None => 0,
+        }
+    }
+
+    fn u64(&mut self) -> u64 {
+        u64::from_le_bytes([(); 8].map(|()| self.u8()))
+    }
+
+    /// A value that is right more often than not.
+    fn or(&mut self, right: u64) -> u64 {
+        if self.u8() < 224 { right } else { self.u64() }
+    }
+
+    /// A query whose parts are mostly within what there is.
+    fn query(&mut self) -> Query {
+        let request = self.u8();
+        let request = if request < 250 { u32::from(request % 5) } else { self.u64() as u32 };
+        let counts = [self.u8(), self.u8()];
+        let [n_frames, n_wrenches] =
+            counts.map(|n| if n < 240 { u16::from(n % 4) } else { u16::from(n) << 6 | 3 });
+        let known = (1 << Field::ALL.len()) - 1;
+        let sets = [self.u64(), self.u64()];
+        let [given, want] = match self.u8() {
+            0..240 => sets.map(|set| FieldSet(set & known)),
+            _ => sets.map(FieldSet),
+        };
+        let mut query = Query { n_frames, n_wrenches, ..Query::new(Request::Map, given, want) };
+        query.request = request;
+        let mut link = || self.u8();
+        let linked = |n: u8| if n < 250 { u16::from(n % 8) } else { u16::from(n) << 8 };
+        (0..MAX_FRAMES.min(4)).for_each(|k| query.frames[k] = linked(link()));
+        (0..MAX_WRENCHES.min(4)).for_each(|k| query.wrench_links[k] = linked(link()));
+        query
+    }
+
+    /// Numbers, mostly small ones.
+    fn numbers(&mut self, n: usize) -> Vec<f64> {
+        (0..n)
+            .map(|_| match self.u8() {
+                byte @ 0..224 => f64::from(byte) / 128.0 - 0.875,
+                _ => f64::from_bits(self.u64()),
+            })
+            .collect()
+    }
+}
+
+fn model() -> Result<Model<f64>, String> {
+    load(&Source::Bundled(ROBOT.to_owned()), &Options::default())
+        .map(|loaded| loaded.compiled.model)
+        .map_err(|error| error.to_string())
+}
+
+/// A query is refused by its check or planned; a plan takes any numbers.
+fn planned(
+    model: &Model<f64>,
+    workspace: &mut Workspace<f64>,
+    query: &Query,
+    bytes: &mut Bytes<'_>,
+) -> Result<u64, String> {
+    let plan = match (query.check(model.link_names().len()), Plan::new(model, query)) {
+        (Ok(_), Ok(plan)) => plan,
+        (Err(why), Err(error)) if why == error => {
+            return Ok(super::kind(&error.to_string()));
+        }
+        (checked, planned) => {
+            let planned = planned.map(|_| ());
+            return Err(format!("checked as {checked:?}, planned as {planned:?}: {query:?}"));
+        }
+    };
+    let input = bytes.numbers(plan.given().len());
+    let mut output = vec![0.0; plan.want().len()];
+    let answer = plan.run(model, workspace, &input, &mut output);
+    kept(plan.want(), answer.status, &output)?;
+
+    // what was asked before does not matter
+    let mut again = vec![0.0; output.len()];
+    let same = plan.run(model, workspace, &input, &mut again);
+    let alike = output.iter().zip(&again).all(|(a, b)| a.to_bits() == b.to_bits());
+    law(answer.status == same.status && alike, || {
+        format!("{output:?} and then {again:?}: {input:?}, {query:?}")
+    })?;
+    Ok(answer.status as u64 ^ u64::from(query.request) << 8)
+}
+
+/// Numbers for what is well; NaN for what failed, but where numbers survive.
+fn kept(layout: &sarrus_dynamics::Layout, status: Status, output: &[f64]) -> Result<(), String> {
+    if status == Status::Ok {
+        return Ok(());
+    }
+    for slot in layout.slots().iter().filter(|slot| !slot.field.survives_failure()) {
+        let numbers = output.get(slot.range()).unwrap_or_default();
+        law(numbers.iter().all(|number| number.is_nan()), || {
+            format!("{} with {}: {numbers:?}", status.name(), slot.field.name())
+        })?;
+    }
+    Ok(())
+}
+
+/// A server in this process and a client of its services.
+struct Served {
+    model: Model<f64>,
+    control: ControlClient,
+    compute: ComputeClient<ipc::Service>,
+    instance: u64,
+    sequence: u64,
+    plans: Vec<Query>,
+    _nodes: (Node<Threadsafe>, Node<ipc::Service>),
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.stop.store(true, Relaxed);
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+impl Served {
+    fn start() -> Result<Served, String> {
+        static COUNT: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Relaxed);
+        let name = format!("fuzz-{}-{count}", std::process::id());
+        let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())
+            .map_err(|error| error.to_string())?;
+        let (info, served) = (describe(&loaded), Arc::new(loaded.compiled.model));
+        let options = ServeOptions { name: name.clone(), wait: Wait::Sleep, lanes: 2 };
+        let (stop, (ready, is_ready)) = (Arc::new(AtomicBool::new(false)), channel());
+        let thread = {
+            let stop = stop.clone();
+            std::thread::spawn(move || {
+                let started = ready.clone();
+                let outcome = serve(served, &info, &options, &stop, move || {
+                    let _ = started.send(Ok(()));
+                });
+                let _ = ready.send(outcome.map_err(|error| error.to_string()));
+            })
+        };
+        is_ready.recv().map_err(|error| error.to_string())??;
+
+        let words = |error: &dyn std::fmt::Display| error.to_string();
+        let name = ServerName::new(&name).map_err(|error| words(&error))?;
+        let domain = Domain::of_user().map_err(|error| words(&error))?;
+        let node = domain.node::<Threadsafe>().map_err(|error| words(&error))?;
+        let other = domain.node::<ipc::Service>().map_err(|error| words(&error))?;
+        let control = open_control(&node, &name).map_err(|error| words(&error))?;
+        let hello = ask(&control, request_of(Call::Hello as u32))?;
+        let compute = open_compute(&other, &name, hello.instance).map_err(|error| words(&error))?;
+        Ok(Served {
+            model: model()?,
+            control,
+            compute,
+            instance: hello.instance,
+            sequence: 0,
+            plans: Vec::new(),
+            _nodes: (node, other),
+            stop,
+            thread: Some(thread),
+        })
+    }
+
+    /// A call of the control service is granted or refused for the first reason that there is.
+    fn call(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
+        let call = bytes.u8();
+        let call = if call < 250 { u32::from(call % 6) } else { bytes.u64() as u32 };
+        let request = ControlRequest {
+            version: bytes.or(PROTOCOL_VERSION.into()) as u32,
+            fingerprint: bytes.or(self.model.fingerprint()),
+            arguments: [bytes.or(1), bytes.or(20)],
+            query: bytes.query(),
+            call,
+        };
+        let response = ask(&self.control, request)?;
+        let refusal = Refusal::from_code(response.refusal);
+        let about = |words: &str| format!("{words}: {refusal:?} for {request:?}");
+
+        // the head is that of this server, whatever was asked
+        let head = (response.version, response.fingerprint, response.instance);
+        let right = (PROTOCOL_VERSION, self.model.fingerprint(), self.instance);
+        law(head == right, || about("another head"))?;
+        law(refusal.is_some() || response.refusal == 0, || about("an unknown refusal"))?;
+        law(std::str::from_utf8(response.text()).is_ok(), || about("a text that is none"))?;
+
+        // the gate
+        let gate = match Call::from_code(call) {
+            _ if request.version != PROTOCOL_VERSION => Some(Refusal::WrongVersion),
+            _ if ![0, self.model.fingerprint()].contains(&request.fingerprint) => {
+                Some(Refusal::WrongModel)
+            }
+            None => Some(Refusal::UnknownCall),
+            Some(_) => None,
+        };
+        if gate.is_some() {
+            law(refusal == gate, || about("another reason"))?;
+        } else if Call::from_code(call) == Some(Call::Plan) {
+            self.check_plan(&request.query, &response, refusal)?;
+        }
+        Ok(u64::from(call) << 8 | u64::from(response.refusal))
+    }
+
+    /// A query is registered as it is planned, and the same one has the same number.
+    fn check_plan(
+        &mut self,
+        query: &Query,
+        response: &ControlResponse,
+        refusal: Option<Refusal>,
+    ) -> Result<(), String> {
+        let about = |words: &str| format!("{words}: {refusal:?} for {query:?}");
+        let [number, n_in, n_out, _] = response.numbers;
+        let sizes =
+            Plan::new(&self.model, query).map(|plan| (plan.given().len(), plan.want().len()));
+        match (sizes, refusal) {
+            (Err(_), Some(Refusal::BadQuery)) => {
+                law(!response.text().is_empty(), || about("no reason"))
+            }
+            (Ok((given, want)), Some(Refusal::TooLarge)) => {
+                law(given > MAX_NUMBERS_IN || want > MAX_NUMBERS_OUT, || about("it is not"))
+            }
+            (Ok(_), Some(Refusal::TooManyPlans)) => {
+                law(self.plans.len() == MAX_PLANS, || about("there is room"))
+            }
+            (Ok((given, want)), None) => {
+                law([n_in, n_out] == [given as u64, want as u64], || about("other sizes"))?;
+                let number = number as usize;
+                if number == self.plans.len() {
+                    self.plans.push(*query);
+                }
+                law(self.plans.get(number) == Some(query), || about("another plan's number"))
+            }
+            _ => Err(about("planned here and not there")),
+        }
+    }
+
+    /// A request through the service is answered with its own number and a status that fits.
+    fn request(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
+        self.sequence += 1;
+        let plan = bytes.u8() as usize % (self.plans.len() + 1);
+        let head = RequestHead {
+            version: bytes.or(PROTOCOL_VERSION.into()) as u32,
+            plan: bytes.or(plan as u64) as u32,
+            fingerprint: bytes.or(self.model.fingerprint()),
+            sequence: self.sequence,
+        };
+        let numbers = bytes.numbers(64);
+        let sent = send_request(&self.compute, &head, &numbers).ok_or("nobody takes a request")?;
+        let since = Instant::now();
+        loop {
+            let received = sent.receive().map_err(|error| format!("{error:?}"))?;
+            if let Some(response) = received {
+                let answer = response.payload();
+                let about = |words: &str| format!("{words}: {:?} to {head:?}", answer.head);
+                law(answer.head.sequence == head.sequence, || about("another number"))?;
+                let status = Status::from_code(answer.head.status);
+                let status = status.ok_or_else(|| about("an unknown status"))?;
+                let all = Warnings::LIMITS_EXCEEDED.0 | Warnings::ILL_CONDITIONED.0;
+                law(answer.head.warnings & !all == 0, || about("warnings"))?;
+                let plan = self.plans.get(head.plan as usize);
+                let gate = if head.version != PROTOCOL_VERSION {
+                    Some(Status::BadRequest)
+                } else if head.fingerprint != self.model.fingerprint() {
+                    Some(Status::WrongModel)
+                } else if plan.is_none() {
+                    Some(Status::UnknownRequest)
+                } else {
+                    None
+                };
+                law(gate.is_none_or(|gate| gate == status), || about("another status"))?;
+                if let (None, Some(query)) = (gate, plan) {
+                    let plan = Plan::new(&self.model, query).map_err(|error| error.to_string())?;
+                    kept(plan.want(), status, &answer.numbers)?;
+                }
+                return Ok(1 << 40 | status as u64);
+            }
+            law(since.elapsed() < PATIENT, || format!("no answer to {head:?}"))?;
+            std::thread::sleep(Duration::from_micros(50));
+        }
+    }
+}
+
+/// A call without arguments.
+fn request_of(call: u32) -> ControlRequest {
+    let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
+    ControlRequest { version: PROTOCOL_VERSION, call, fingerprint: 0, arguments: [0; 2], query }
+}
+
+/// The answer to a call.
+fn ask(port: &ControlClient, request: ControlRequest) -> Result<ControlResponse, String> {
+    let pending = port.send_copy(request).map_err(|error| format!("{error:?}"))?;
+    let since = Instant::now();
+    loop {
+        if let Some(response) = pending.receive().map_err(|error| format!("{error:?}"))? {
+            return Ok(*response.payload());
+        }
+        law(since.elapsed() < PATIENT, || format!("no answer to {request:?}"))?;
+        std::thread::sleep(Duration::from_micros(50));
+    }
+}
