@@ -12,6 +12,8 @@
 //! request up and writes again, the reader's check leans on the processor here: x86-64 orders both,
 //! and that is the baseline.
 
+#![allow(clippy::unwrap_used, reason = "a test that fails panics")]
+
 mod board;
 
 use board::{Board, Orderings, Reader, Whole, Words, Writer};
