@@ -117,12 +117,13 @@ impl<T: Real> Pass<'_, T> {
     /// Meets the columns of a cluster with the joints towards the root.
     #[inline]
     fn meet_ancestors(&mut self, cluster: &Cluster<T::Const>, M_y: &mut [T]) {
-        let (model, sparsity) = (self.model, &self.model.sparsity);
+        let (model, motion, sparsity) = (self.model, self.motion, &self.model.sparsity);
+        let blocks = self.G;
         let columns = &mut self.columns[..cluster.n_vy];
         let mut at = cluster.parent;
         while at != 0 {
             let ancestor = &model.clusters[model.cluster_of[at]];
-            let (m, G) = (ancestor.n_vy, ancestor.G(self.G));
+            let (m, G) = (ancestor.n_vy, ancestor.G(blocks));
             let first = sparsity.depth.get(ancestor.vy).copied().unwrap_or(0);
             while at != ancestor.parent {
                 let body = &model.bodies[at];
@@ -136,7 +137,7 @@ impl<T: Real> Pass<'_, T> {
                         }
                     }
                     if body.parent != 0 {
-                        *column = transform_force(column, &self.motion[at]);
+                        *column = transform_force(column, &motion[at]);
                     }
                 }
                 at = body.parent;
