@@ -6,6 +6,8 @@
 //! to whom the one before is not known to have finished, end the test. That the check can fail is
 //! shown on the same file with atomics that are too weak.
 
+#![allow(clippy::duplicate_mod, reason = "the same file is checked with other atomics")]
+
 mod relaxed;
 mod right;
 mod untagged;
