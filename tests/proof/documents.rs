@@ -227,6 +227,24 @@ fn commands_on_the_pages_name_what_exists() {
 }
 
 #[test]
+fn the_first_page_is_one_page() {
+    let page = page("README.md");
+    assert!(page.lines().count() <= 120, "the README has {} lines", page.lines().count());
+    let drawn =
+        |line: &str| line.split_once("](").map(|(_, rest)| rest.trim_end_matches(')').into());
+    let pictures: Vec<String> =
+        page.lines().filter(|line| line.starts_with("![")).filter_map(drawn).collect();
+    assert!(!pictures.is_empty(), "no picture on the first page");
+    for path in &pictures {
+        assert!(root().join(path).exists(), "the README shows {path}, which is not there");
+    }
+    let pages = quoted(&page).into_iter().filter(|word| word.ends_with(".md"));
+    for path in pages {
+        assert!(root().join(path).exists(), "the README leads to {path}, which is not there");
+    }
+}
+
+#[test]
 fn the_two_commands_are_on_the_first_page() {
     let page = page("README.md");
     for command in ["cargo run --release -- demo", "cargo test --release --workspace"] {

@@ -44,6 +44,10 @@ RUSTFLAGS="-C target-cpu=x86-64-v3" cargo install ...
 For processors without FMA turn on the feature `portable`: the same results, slowly."#
 );
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+mod readme {}
+
 mod algorithms;
 mod builder;
 mod closure;
