@@ -76,11 +76,11 @@ pub(crate) fn child(role: Role, processors: &[usize]) -> Outcome {
     let &[server, upkeep] = processors else { return Err("--child needs --processors".into()) };
     pin(server);
     let stop = Arc::new(AtomicBool::new(false));
-    let told = stop.clone();
+    let flag = stop.clone();
     std::thread::spawn(move || {
         // ends with the process that started this one, however that ends
         let _ = std::io::stdin().read_to_end(&mut Vec::new());
-        told.store(true, Relaxed);
+        flag.store(true, Relaxed);
     });
     match role {
         Role::Floor => floor::far(&stop),

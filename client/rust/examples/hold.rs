@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let number = |place: usize| numbers.get(place).copied().unwrap_or(0.0);
     let [stiffness, damping, swing] = [number(0), number(1), number(2)];
 
-    // where all actuators are, once every motor has told it
+    // where all actuators are, once every motor has reported it
     let observer = Observer::connect(&bridge)?;
     let start = loop {
         match observer.state().filter(|state| {

@@ -272,7 +272,7 @@ impl<'a> Check<'a, '_> {
         }
         if let Some(known) = KNOWN.iter().find(|known| known.name == type_name.0) {
             // a joint of several freedoms stands for as many joints
-            let [in_tree, in_independent] = [tree, independent].map(|names| self.freedoms(names));
+            let [in_tree, in_independent] = [tree, independent].map(|names| self.dofs(names));
             if !known.tree.is_empty() && !known.tree.contains(&in_tree) {
                 let found = format!("{written} with {}", counted(in_tree, "spanning-tree joint"));
                 let expected =
@@ -409,7 +409,7 @@ impl<'a> Check<'a, '_> {
     }
 
     /// How many freedoms these joints have; a joint that is not known counts one.
-    fn freedoms(&self, names: &[Named]) -> usize {
+    fn dofs(&self, names: &[Named]) -> usize {
         let kind = |name: &String| self.urdf.and_then(|urdf| urdf.joint(name)?.kind);
         let of = |(name, _): &Named| match kind(name) {
             Some(JointKind::Spherical) => 3,

@@ -59,7 +59,7 @@ impl Operate {
         while begin.elapsed() < timeout {
             thread::sleep(Duration::from_millis(5));
             let Some(state) = observer.state() else { continue };
-            let now = Standings::of(&state);
+            let now = StateCounts::of(&state);
             let before = *before.get_or_insert(now);
             last = Some(now);
             if state.stamp_ns > asked {
@@ -99,7 +99,7 @@ fn goal(operation: Operation) -> &'static str {
 
 /// How many actuators with motors stand where, and the worst of their reasons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Standings {
+struct StateCounts {
     all: usize,
     enabled: usize,
     arming: usize,
@@ -108,8 +108,8 @@ struct Standings {
     reason: u32,
 }
 
-impl Standings {
-    fn of(state: &ActuatorState) -> Standings {
+impl StateCounts {
+    fn of(state: &ActuatorState) -> StateCounts {
         let flags = state.flags.iter().zip(&state.states).take(state.n_u as usize);
         let with_motor: Vec<u32> = flags
             .filter(|(flags, _)| *flags & flag::NO_MOTOR == 0)
@@ -117,7 +117,7 @@ impl Standings {
             .collect();
         let count =
             |state: MechanismState| with_motor.iter().filter(|of| **of == state as u32).count();
-        Standings {
+        StateCounts {
             all: with_motor.len(),
             enabled: count(MechanismState::Enabled),
             arming: count(MechanismState::Arming),
@@ -128,7 +128,7 @@ impl Standings {
     }
 }
 
-impl core::fmt::Display for Standings {
+impl core::fmt::Display for StateCounts {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let state = MechanismState::from_code(self.state).map_or("unknown", MechanismState::name);
         let reason = Reason::from_code(self.reason).map_or("unknown", Reason::name);

@@ -231,7 +231,7 @@ fn set_points_saturate() {
     let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
     let sent = decode(last(&mut *drive, DriveCommand::On(MOST)).data());
     assert_eq!((sent[2], sent[3], sent[4]), (0.0, 0.0, 18.0));
-    assert!(sent[0].abs() < 1e-3, "a motor in torque mode is told no position");
+    assert!(sent[0].abs() < 1e-3, "a motor in torque mode gets no position");
 }
 
 #[test]
@@ -313,6 +313,6 @@ fn a_motor_cannot_answer_on_its_own_identifier() {
     assert!(report.contains("drive.yml:1:"), "{report}");
     assert!(report.contains("`id` and `reply_id` are both 1"), "{report}");
     let report = try_drive("mit", "{variant: damiao, id: 1, reply_id: 2}", COMMON, "").unwrap_err();
-    assert_eq!(report.lines().count(), 5, "every missing range is told: {report}");
+    assert_eq!(report.lines().count(), 5, "every missing range is reported: {report}");
     assert_eq!(frame("7FF##1010203").to_string(), "7FF##1010203");
 }

@@ -106,7 +106,7 @@ impl Reading<'_> {
     }
 
     /// The degree of freedom of a joint that has one.
-    fn freedom(&self, j: usize) -> Dof {
+    fn dof(&self, j: usize) -> Dof {
         self.cluster.dofs[self.bodies[j].v - self.cluster.v]
     }
 

@@ -118,7 +118,7 @@ fn strut(
         return Err("leg is stretched along its first axis or has no length at zero".into());
     }
     let square0 = if apart { w[0] * w[0] + w[2] * w[2] } else { dot(&v, &v) };
-    let joints = joints.map(|j| of.freedom(j));
+    let joints = joints.map(|j| of.dof(j));
     let e_square = dot(&e, &e);
     Ok(Strut {
         joints,
@@ -168,7 +168,7 @@ fn arm(
         return Err("arm's axis passes through the point that the arm turns to".into());
     }
     let arm = Arm {
-        joint: of.freedom(j),
+        joint: of.dof(j),
         axes: mul_mat(&of.zero[platform].R.transpose(), &axes),
         pivot: of.zero[platform].inverse().point(&x_arm.p),
         center,
