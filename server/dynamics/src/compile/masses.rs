@@ -15,8 +15,8 @@ use crate::diagnostic::{Diagnostic, Site};
 use crate::model::{Model, UNEQUAL};
 use crate::workspace::{Needs, Workspace};
 
-/// Least Δ against the joint's own inertia, and against the largest of the robot, that is reported
-/// from rounding.
+/// Least Δ against the joint's own inertia, and against the largest of the robot, that is
+/// distinguished from rounding.
 const NOTHING: f64 = 1e-15;
 const LEAST: f64 = 1e-18;
 
