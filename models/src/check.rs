@@ -3,7 +3,7 @@
 use sarrus_dynamics::{ClosureInfo, ModelInfo};
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
-use crate::assembly::AssemblyReport;
+use crate::assembly_report::AssemblyReport;
 use crate::closures;
 use crate::load::{LoadError, Loaded};
 use crate::report::{Diagnostic, Report};

@@ -52,6 +52,7 @@
 #![forbid(unsafe_code)]
 
 mod assembly;
+mod assembly_report;
 mod build;
 mod bundled;
 mod check;
@@ -68,7 +69,8 @@ mod text;
 mod urdf;
 pub mod yaml;
 
-pub use assembly::{AssemblyReport, Moved, NewPlacements, assemble};
+pub use assembly::assemble;
+pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use load::{LoadError, Loaded, Options, Source, load};

@@ -1,0 +1,129 @@
+//! What came of an assembly: the pose that was found, and the numbers to write into the files.
+
+use sarrus_dynamics::description::Placement;
+use sarrus_dynamics::{AssembleError, Assembled};
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+/// What came of an assembly.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct AssemblyReport {
+    /// Why there is no closed pose, in words; then `q` is the nearest that was found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// The pose by coordinate.
+    #[serde(serialize_with = "by_name")]
+    pub q: Vec<Moved>,
+    /// Largest scaled loop residual.
+    pub residual: f64,
+    /// The same at the given pose.
+    pub residual_before: f64,
+    /// Weighted way from the given pose.
+    pub distance: f64,
+    /// Steps taken.
+    pub iterations: u32,
+    /// Branch of each cluster with loops that is not a pure coupling; empty for files that are open
+    /// at zero.
+    pub branch: Vec<f64>,
+    /// Of files that are open at zero: what to write so that the found pose is the zero pose.
+    #[serde(skip_serializing_if = "NewPlacements::is_empty")]
+    pub new_zero: NewPlacements,
+    /// Of the same files, where the joints are right: placements that coincide at the zero pose as
+    /// it is.
+    #[serde(skip_serializing_if = "NewPlacements::is_empty")]
+    pub at_zero: NewPlacements,
+}
+
+/// One coordinate of the pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moved {
+    /// Its name.
+    pub name: String,
+    /// Where it was given.
+    pub given: f64,
+    /// Where it is.
+    pub found: f64,
+}
+
+/// Numbers to write into the files.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct NewPlacements {
+    /// Origins of joints, by name.
+    #[serde(serialize_with = "placements")]
+    pub origins: Vec<(String, Placement)>,
+    /// Predecessor's placements, by submechanism and cut joint.
+    #[serde(serialize_with = "placements")]
+    pub predecessors: Vec<(String, Placement)>,
+    /// Successor's placements, by the same.
+    #[serde(serialize_with = "placements")]
+    pub successors: Vec<(String, Placement)>,
+}
+
+impl NewPlacements {
+    /// True where nothing is to be written.
+    pub fn is_empty(&self) -> bool {
+        self.origins.is_empty() && self.predecessors.is_empty() && self.successors.is_empty()
+    }
+}
+
+fn by_name<S: Serializer>(q: &[Moved], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(q.iter().map(|of| (&of.name, of.found)))
+}
+
+fn placements<S: Serializer>(of: &[(String, Placement)], serializer: S) -> Result<S::Ok, S::Error> {
+    struct Written<'a>(&'a Placement);
+    impl Serialize for Written<'_> {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            let mut map = serializer.serialize_map(Some(2))?;
+            map.serialize_entry("xyz", &self.0.xyz)?;
+            map.serialize_entry("rpy", &self.0.rpy)?;
+            map.end()
+        }
+    }
+    serializer.collect_map(of.iter().map(|(name, placement)| (name, Written(placement))))
+}
+
+impl AssemblyReport {
+    pub(crate) fn new(
+        names: &[String],
+        near: &[f64],
+        found: Result<Assembled, AssembleError>,
+    ) -> AssemblyReport {
+        let error = found.as_ref().err().map(ToString::to_string);
+        let none = Assembled {
+            q: near.to_vec(),
+            residual: f64::NAN,
+            residual_before: f64::NAN,
+            distance: f64::NAN,
+            iterations: 0,
+            branch: Vec::new(),
+        };
+        let found = match found {
+            Ok(found) => found,
+            Err(
+                AssembleError::Unreachable { residual, nearest }
+                | AssembleError::NotConverged { residual, nearest, .. },
+            ) => Assembled { q: nearest, residual, ..none },
+            Err(_) => none,
+        };
+        let moved = names.iter().zip(near).zip(&found.q);
+        AssemblyReport {
+            error,
+            q: moved
+                .map(|((name, given), found)| Moved {
+                    name: name.clone(),
+                    given: *given,
+                    found: *found,
+                })
+                .collect(),
+            residual: found.residual,
+            residual_before: found.residual_before,
+            distance: found.distance,
+            iterations: found.iterations,
+            branch: found.branch,
+            new_zero: NewPlacements::default(),
+            at_zero: NewPlacements::default(),
+        }
+    }
+}
