@@ -217,17 +217,24 @@ impl Pile {
 /// A name for a message: in backticks, shortened when long, control characters made visible.
 pub fn quoted(name: &str) -> String {
     const LONGEST: usize = 60;
-    let mut shown = String::from("`");
-    for character in name.chars().take(LONGEST) {
+    let start: String = name.chars().take(LONGEST).collect();
+    let mut shown = format!("`{}", visible(&start));
+    if name.chars().nth(LONGEST).is_some() {
+        shown.push('…');
+    }
+    shown.push('`');
+    shown
+}
+
+/// A text for a message, on one line: control characters made visible.
+pub(crate) fn visible(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for character in text.chars() {
         if character.is_control() {
             shown.extend(character.escape_default());
         } else {
             shown.push(character);
         }
     }
-    if name.chars().nth(LONGEST).is_some() {
-        shown.push('…');
-    }
-    shown.push('`');
     shown
 }

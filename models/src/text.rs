@@ -102,6 +102,16 @@ impl Text {
         Span { file: self.file, line: line as u32, column: column as u32 }
     }
 
+    /// A position that a parser reports, kept within the text: some count a line behind the last.
+    pub(crate) fn span_at(&self, line: usize, column: usize) -> Span {
+        let Some(start) = self.lines.get(line.max(1) - 1) else {
+            return self.span(self.content.len());
+        };
+        let end = self.lines.get(line.max(1)).map_or(self.content.len(), |next| next - 1);
+        let last = self.span(end.max(*start));
+        Span { column: last.column.min(column.max(1) as u32), ..last }
+    }
+
     fn characters_before(&self, offset: usize) -> usize {
         let block = offset / BLOCK;
         let before = self.counts.get(block).copied().unwrap_or(0);

@@ -4,7 +4,7 @@ use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
 use super::{Version, guard};
 use crate::number;
-use crate::report::{Diagnostics, Span, quoted};
+use crate::report::{Diagnostics, Span, quoted, visible};
 use crate::text::Text;
 
 /// Most nodes of a document.
@@ -38,7 +38,7 @@ pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
             diagnostics.error(
                 span,
-                format!("this is not XML: {what}"),
+                format!("this is not XML: {}", visible(what)),
                 "a well-formed URDF file",
                 "correct the file at this position",
             );
@@ -54,7 +54,7 @@ fn span_of(error: &roxmltree::Error, text: &Text) -> Span {
         }
         _ => {
             let at = error.pos();
-            Span { file: text.file, line: at.row, column: at.col }
+            text.span_at(at.row as usize, at.col as usize)
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle};
 
-use crate::report::{Diagnostics, Span, quoted};
+use crate::report::{Diagnostics, Span, quoted, visible};
 use crate::text::{DEEPEST, Text};
 
 /// Most nodes of a file.
@@ -72,11 +72,7 @@ struct Open {
 /// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error
 /// that leaves no tree.
 pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) -> Option<Node> {
-    let span_of = |mark: &Marker| Span {
-        file: text.file,
-        line: mark.line().max(1) as u32,
-        column: mark.col() as u32 + 1,
-    };
+    let span_of = |mark: &Marker| text.span_at(mark.line(), mark.col() + 1);
     let mut open: Vec<Open> = Vec::new();
     let mut root: Option<Node> = None;
     let mut n_nodes = 0;
@@ -89,7 +85,7 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
                     too_deep(span_of(error.marker()), diagnostics);
                     return None;
                 }
-                let found = format!("this is not YAML: {}", error.info());
+                let found = format!("this is not YAML: {}", visible(error.info()));
                 diagnostics.error(
                     span_of(error.marker()),
                     found,

@@ -189,3 +189,21 @@ fn damaged_files_are_reported_or_read() {
         reported_of(&files[0], Some(&files[1]), random.below(2) == 0);
     }
 }
+
+#[test]
+fn what_a_parser_says_of_control_characters_and_of_the_end_stays_one_line_within_the_text() {
+    for (urdf, position, sign) in
+        [("<robot name=\"a\"\u{15}/>", "1:16", "\\u{15}"), ("<robot/\n>", "1:8", "\\n")]
+    {
+        let reported = reported_of(urdf.as_bytes(), None, false);
+        assert!(
+            reported.starts_with(&format!("robot.urdf:{position}: this is not XML")),
+            "{reported}"
+        );
+        assert!(reported.contains(sign) && reported.trim_end().lines().count() == 1, "{reported}");
+        assert!(!reported.trim_end().chars().any(char::is_control), "{reported:?}");
+    }
+    // the scanner reports the line behind the last
+    let reported = reported_of(URDF.as_bytes(), Some(b"{"), false);
+    assert!(reported.starts_with("submechanisms.yml:1:2: this is not YAML"), "{reported}");
+}
