@@ -172,9 +172,9 @@ fn a_motor_is_not_moved_before_its_own_watchdog_is_known_to_be_on() {
     std::fs::write(&stage.configuration, &text).unwrap();
     let motors = stage.motors("left");
     let output = direction(&stage, "0.2").output().unwrap();
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{text}");
-    assert!(text.contains("ALElbowAct gets no power: watchdog_unknown"), "{text}");
+    let reported = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{reported}");
+    assert!(reported.contains("ALElbowAct gets no power: watchdog_unknown"), "{reported}");
     assert!(motors.said().iter().all(|event| event["event"] != "power"));
     // its owner set it by other means and says so
     std::fs::write(
