@@ -1,6 +1,6 @@
 //! From a source to a compiled model, or to everything that is wrong with it.
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::Description;
@@ -247,7 +247,7 @@ fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, diagnostics:
         .iter()
         .filter(|entry| entry.type_name.as_ref().is_some_and(|(name, _)| name == "TRANSMISSION"))
     {
-        let joints: HashSet<&str> =
+        let joints: BTreeSet<&str> =
             entry.tree.iter().flatten().map(|(name, _)| name.as_str()).collect();
         let is_coupled = joints
             .iter()

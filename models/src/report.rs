@@ -172,6 +172,7 @@ impl Diagnostics {
 
     fn diagnostic(&self, span: Span, found: String, expected: String, help: String) -> Diagnostic {
         let file = self.files.get(span.file as usize).cloned().unwrap_or_default();
+        let [found, expected, help] = bounded([found, expected, help]);
         Diagnostic {
             file,
             line: span.line as usize,
@@ -226,8 +227,26 @@ pub fn quoted(name: &str) -> String {
     shown
 }
 
+/// The parts of a message on one line of at most 400 characters with its position: control
+/// characters are made visible, and the longest part is cut where all are too long together.
+fn bounded(parts: [String; 3]) -> [String; 3] {
+    const MOST: usize = 360;
+    let mut parts = parts.map(|part| visible(&part));
+    let length = |part: &String| part.chars().count();
+    loop {
+        let excess = parts.iter().map(length).sum::<usize>().saturating_sub(MOST);
+        let Some(part) = parts.iter_mut().max_by_key(|part| length(part)) else { return parts };
+        if excess == 0 {
+            return parts;
+        }
+        // never shorter than its share, so that each part stays
+        let kept = length(part).saturating_sub(excess + 1).max(MOST / 3 - 1);
+        *part = part.chars().take(kept).chain(['…']).collect();
+    }
+}
+
 /// A text for a message, on one line: control characters made visible.
-pub(crate) fn visible(text: &str) -> String {
+fn visible(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for character in text.chars() {
         if character.is_control() {
@@ -237,4 +256,21 @@ pub(crate) fn visible(text: &str) -> String {
         }
     }
     shown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::bounded;
+
+    #[test]
+    fn a_message_is_one_line_of_bounded_length_and_keeps_its_parts() {
+        let short = ["a\nb", "c", "d"].map(str::to_owned);
+        assert_eq!(bounded(short), ["a\\nb", "c", "d"]);
+        for lengths in [[500, 10, 10], [500, 500, 500], [119, 121, 121], [0, 0, 361]] {
+            let cut = bounded(lengths.map(|n| "é".repeat(n)));
+            let kept = cut.each_ref().map(|part| part.chars().count());
+            assert!(kept.iter().sum::<usize>() <= 360, "{lengths:?}: {kept:?}");
+            assert!(kept.iter().zip(lengths).all(|(kept, n)| *kept >= n.min(119)), "{kept:?}");
+        }
+    }
 }

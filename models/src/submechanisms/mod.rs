@@ -6,7 +6,7 @@ pub(crate) mod kind;
 mod values;
 mod walk;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 
 use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 
@@ -35,14 +35,14 @@ pub(crate) fn check(
     urdf: Option<&Urdf>,
     diagnostics: &mut Diagnostics,
 ) -> Submechanisms {
-    let mut names: HashSet<&str> = HashSet::new();
+    let mut names: BTreeSet<&str> = BTreeSet::new();
     for (name, span) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
         if !names.insert(name) {
             let found = format!("a second submechanism is named {}", quoted(name));
             diagnostics.error(*span, found, "a contextual_name of its own", "rename one of them");
         }
     }
-    let mut owner: HashMap<&str, &Entry> = HashMap::new();
+    let mut owner: BTreeMap<&str, &Entry> = BTreeMap::new();
     for entry in &entries {
         let kind = entry
             .type_name
@@ -140,7 +140,7 @@ struct Check<'a, 'f> {
 }
 
 impl<'a> Check<'a, '_> {
-    fn run(&mut self, owner: &mut HashMap<&'a str, &'a Entry>) {
+    fn run(&mut self, owner: &mut BTreeMap<&'a str, &'a Entry>) {
         let entry = self.entry;
         self.names(entry.all.as_deref(), "jointnames", false);
         self.names(entry.tree.as_deref(), "jointnames_spanningtree", true);
@@ -168,7 +168,7 @@ impl<'a> Check<'a, '_> {
             }
         }
         self.counts();
-        let mut cuts: HashSet<[Option<&str>; 3]> = HashSet::new();
+        let mut cuts: BTreeSet<[Option<&str>; 3]> = BTreeSet::new();
         for each in &entry.loops {
             self.loop_names(each);
             let cut = [&each.cut_joint, &each.predecessor, &each.successor]
@@ -185,7 +185,7 @@ impl<'a> Check<'a, '_> {
 
     /// Each name exists, moves where it must, and is there once.
     fn names(&mut self, names: Option<&'a [Named]>, key: &str, must_move: bool) {
-        let mut seen: HashSet<&str> = HashSet::new();
+        let mut seen: BTreeSet<&str> = BTreeSet::new();
         for (name, span) in names.into_iter().flatten() {
             if !seen.insert(name) {
                 self.diagnostics.error(
@@ -224,8 +224,8 @@ impl<'a> Check<'a, '_> {
 
     /// Each name is in the spanning tree, and there once.
     fn within_tree(&mut self, names: Option<&'a [Named]>, key: &str) {
-        let mut seen: HashSet<&str> = HashSet::new();
-        let tree: Option<HashSet<&str>> = self
+        let mut seen: BTreeSet<&str> = BTreeSet::new();
+        let tree: Option<BTreeSet<&str>> = self
             .entry
             .tree
             .as_ref()

@@ -1,6 +1,6 @@
 //! The shape of a submechanism file: which keys, what kind of values.
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use super::cut;
 use crate::report::{Diagnostics, Span, quoted};
@@ -210,7 +210,7 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
         let found = format!("the loop constraint has {} constraint_axes", axes.len());
         diagnostics.error(seventh.span, found, "at most six", "remove those that the others imply");
     }
-    let mut names: HashSet<String> = HashSet::new();
+    let mut names: BTreeSet<String> = BTreeSet::new();
     for axis in axes {
         row(axis, &mut names, diagnostics);
     }
@@ -219,7 +219,7 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, is_placed, rows })
 }
 
-fn row(node: &Node, names: &mut HashSet<String>, diagnostics: &mut Diagnostics) {
+fn row(node: &Node, names: &mut BTreeSet<String>, diagnostics: &mut Diagnostics) {
     if !keys(node, "a constraint axis", ROW, diagnostics) {
         return;
     }

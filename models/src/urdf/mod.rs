@@ -9,7 +9,7 @@ mod transmission;
 mod values;
 mod xml;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 
 use sarrus_dynamics::description::JointKind;
 
@@ -48,8 +48,8 @@ pub(crate) struct Urdf {
     pub(crate) span: Span,
     pub(crate) links: Vec<LinkEntry>,
     pub(crate) joints: Vec<JointEntry>,
-    pub(crate) link_index: HashMap<String, usize>,
-    pub(crate) joint_index: HashMap<String, usize>,
+    pub(crate) link_index: BTreeMap<String, usize>,
+    pub(crate) joint_index: BTreeMap<String, usize>,
     /// Byte ranges that no part of sarrus reads.
     unread: Vec<core::ops::Range<usize>>,
     /// Byte ranges of values that urdf-rs knows by another name.
@@ -110,8 +110,8 @@ impl Urdf {
             span,
             links: Vec::new(),
             joints: Vec::new(),
-            link_index: HashMap::new(),
-            joint_index: HashMap::new(),
+            link_index: BTreeMap::new(),
+            joint_index: BTreeMap::new(),
             unread: Vec::new(),
             replaced: Vec::new(),
         };
@@ -158,7 +158,7 @@ impl Urdf {
     pub(crate) fn couple_from(
         &mut self,
         text: &Text,
-        joints: &HashSet<&str>,
+        joints: &BTreeSet<&str>,
         diagnostics: &mut Diagnostics,
     ) {
         let Some(document) = xml::parse(text, diagnostics) else { return };

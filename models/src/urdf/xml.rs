@@ -4,7 +4,7 @@ use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
 use super::{Version, guard};
 use crate::number;
-use crate::report::{Diagnostics, Span, quoted, visible};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 
 /// Most nodes of a document.
@@ -38,7 +38,7 @@ pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
             diagnostics.error(
                 span,
-                format!("this is not XML: {}", visible(what)),
+                format!("this is not XML: {what}"),
                 "a well-formed URDF file",
                 "correct the file at this position",
             );

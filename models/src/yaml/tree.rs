@@ -3,7 +3,7 @@
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle};
 
-use crate::report::{Diagnostics, Span, quoted, visible};
+use crate::report::{Diagnostics, Span, quoted};
 use crate::text::{DEEPEST, Text};
 
 /// Most nodes of a file.
@@ -85,7 +85,7 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
                     too_deep(span_of(error.marker()), diagnostics);
                     return None;
                 }
-                let found = format!("this is not YAML: {}", visible(error.info()));
+                let found = format!("this is not YAML: {}", error.info());
                 diagnostics.error(
                     span_of(error.marker()),
                     found,
