@@ -1,9 +1,5 @@
 //! The robots that come with sarrus.
 
-use crate::LoadError;
-use crate::load::Contents;
-use crate::nearest::nearest;
-
 struct Bundled {
     name: &'static str,
     about: &'static str,
@@ -53,22 +49,4 @@ pub fn bundled() -> impl Iterator<Item = (&'static str, &'static str)> {
 /// The URDF and the submechanism file of a bundled robot.
 pub fn bundled_text(name: &str) -> Option<(&'static str, &'static str)> {
     ROBOTS.iter().find(|robot| robot.name == name).map(|robot| (robot.urdf, robot.submechanisms))
-}
-
-pub(crate) fn contents(name: &str) -> Result<Contents, LoadError> {
-    let Some((urdf, submechanisms)) = bundled_text(name) else {
-        let names = || ROBOTS.iter().map(|robot| robot.name);
-        let near = nearest(name, names()).map(str::to_owned);
-        return Err(LoadError::UnknownRobot {
-            name: name.to_owned(),
-            known: names().collect::<Vec<_>>().join(", "),
-            near,
-        });
-    };
-    let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
-    Ok(Contents {
-        urdf: (label("urdf"), urdf.into()),
-        submechanisms: Some((label("yml"), submechanisms.into())),
-        folder: None,
-    })
 }

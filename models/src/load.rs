@@ -7,6 +7,7 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
 use crate::build::{self, Spans};
+use crate::nearest::nearest;
 use crate::report::{Diagnostics, Report};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
@@ -102,6 +103,25 @@ pub(crate) struct Contents {
     pub(crate) folder: Option<PathBuf>,
 }
 
+/// The contents of a bundled robot.
+fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
+    let Some((urdf, submechanisms)) = bundled::bundled_text(name) else {
+        let names = || bundled::bundled().map(|(name, _)| name);
+        let near = nearest(name, names()).map(str::to_owned);
+        return Err(LoadError::UnknownRobot {
+            name: name.to_owned(),
+            known: names().collect::<Vec<_>>().join(", "),
+            near,
+        });
+    };
+    let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
+    Ok(Contents {
+        urdf: (label("urdf"), urdf.into()),
+        submechanisms: Some((label("yml"), submechanisms.into())),
+        folder: None,
+    })
+}
+
 /// Reads and compiles a robot.
 ///
 /// # Errors
@@ -126,7 +146,7 @@ pub(crate) fn contents(
     diagnostics: &mut Diagnostics,
 ) -> Result<Option<Contents>, LoadError> {
     match source {
-        Source::Bundled(name) => bundled::contents(name).map(Some),
+        Source::Bundled(name) => bundled_contents(name).map(Some),
         Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {
             smurf::contents(urdf, submechanisms.as_deref(), diagnostics)
         }
