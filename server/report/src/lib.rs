@@ -3,7 +3,7 @@
 //! [`run()`] measures the sections of a report (error against run time, time integration, stress
 //! cases) and writes them as a page that opens offline, with its data as JSON and CSV. Figures
 //! can be drawn on a page of their own by [`page::Pictures`]. What is measured, and how, serves
-//! programs that measure more: [`robots`], [`reference`] and [`measure`].
+//! programs that measure more: [`robots`], [`mod@reference`] and [`measure`].
 //!
 //! The modules know each other in this order, each only those above it:
 //!
