@@ -1,22 +1,17 @@
-//! Boards: the lanes, made by the server and claimed by its clients, and the status that anybody
-//! may read.
+//! The boards of a lane, made by the server and claimed by its client.
 
 use iceoryx2::node::Node;
-use iceoryx2::port::reader::{EntryHandle, Reader};
-use iceoryx2::port::writer::{EntryHandleMut, Writer, WriterCreateError};
-use iceoryx2::prelude::{CallbackProgression, PortFactory, ServiceName, ZeroCopySend};
+use iceoryx2::port::writer::WriterCreateError;
+use iceoryx2::prelude::{ServiceName, ZeroCopySend};
 use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
 use iceoryx2::service::port_factory::blackboard;
 
+use crate::PROTOCOL_VERSION;
 use crate::lane::{Inbox, KEY, Outbox, Threadsafe, inbox, outbox};
-use crate::message::{Entry, Heartbeat, RequestHead, ResponseHead, Statistics};
-use crate::service::ServiceError;
-use crate::{LaneId, NodeId, PROTOCOL_VERSION, ServerName};
+use crate::message::{Entry, RequestHead, ResponseHead};
+use crate::service::{ServiceError, link_service};
 
 type Board = blackboard::PortFactory<Threadsafe, u64>;
-
-/// Processes and threads that can read one status board.
-const MAX_OBSERVERS: usize = 128;
 
 /// The classes of lanes: how many numbers an entry has room for.
 pub const CLASSES: [usize; 11] = [16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384];
@@ -46,72 +41,52 @@ macro_rules! by_class {
     };
 }
 
-/// The server's side of a lane; made and retired beside the thread that answers.
+/// The server's ends of a lane.
 pub struct ServedLane {
-    request: Board,
-    /// Sees that the client has been there, also when it left at once.
-    claimed: Box<dyn Inbox<RequestHead>>,
+    /// Where requests appear.
+    pub inbox: Box<dyn Inbox<RequestHead>>,
+    /// Where answers are written.
+    pub outbox: Box<dyn Outbox<ResponseHead>>,
 }
 
 impl ServedLane {
-    /// Makes both boards of a lane and the ends that the answering thread polls and writes.
+    /// Makes both boards of a lane for these classes in and out; made and dropped beside the thread
+    /// that answers.
     pub fn create(
         node: &Node<Threadsafe>,
-        name: &ServerName,
-        instance: u64,
-        lane: LaneId,
         [class_in, class_out]: [usize; 2],
-    ) -> Result<
-        (ServedLane, Box<dyn Inbox<RequestHead>>, Box<dyn Outbox<ResponseHead>>),
-        ServiceError,
-    > {
-        let [request_name, response_name] = name.lane(instance, lane)?;
-        let no_class = |class: usize| {
-            move || ServiceError::Memory {
-                service: name.as_str().to_owned(),
-                reason: format!("no class of {class} numbers"),
-            }
+    ) -> Result<ServedLane, ServiceError> {
+        let [request_name, response_name] = names()?;
+        let no_class = |service: &ServiceName, class: usize| ServiceError::Memory {
+            service: service.to_string(),
+            reason: format!("no class of {class} numbers"),
         };
         let request = by_class!(class_in, RequestHead, create_board(node, &request_name))
-            .ok_or_else(no_class(class_in))??;
+            .ok_or_else(|| no_class(&request_name, class_in))??;
         let response = by_class!(class_out, ResponseHead, create_board(node, &response_name))
-            .ok_or_else(no_class(class_out))??;
+            .ok_or_else(|| no_class(&response_name, class_out))??;
 
+        let locked = |service: &ServiceName| ServiceError::Locked { service: service.to_string() };
         let reader = request
             .reader_builder()
             .create()
             .map_err(|error| ServiceError::memory(&request_name, &error))?;
-        let claimed = by_class!(class_in, RequestHead, inbox(&reader)).flatten();
         let inbox = by_class!(class_in, RequestHead, inbox(&reader)).flatten();
         let writer = response
             .writer_builder()
             .create()
             .map_err(|error| ServiceError::memory(&response_name, &error))?;
         let outbox = by_class!(class_out, ResponseHead, outbox(writer)).flatten();
-        let inbox =
-            inbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
-        let claimed =
-            claimed.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
-        let mut outbox =
-            outbox.ok_or_else(|| ServiceError::Locked { service: response_name.to_string() })?;
-        map(outbox.as_mut());
-        Ok((ServedLane { request, claimed }, inbox, outbox))
+        Ok(ServedLane {
+            inbox: inbox.ok_or_else(|| locked(&request_name))?,
+            outbox: outbox.ok_or_else(|| locked(&response_name))?,
+        })
     }
 
-    /// True once a client has claimed the lane, whether it is still there or not.
-    pub fn was_claimed(&self) -> bool {
-        self.claimed.has_news()
-    }
-
-    /// True while a client holds the request board's write port.
-    pub fn is_claimed(&self) -> bool {
-        // listed, not counted: the count keeps writers that died
-        let mut claimed = false;
-        self.request.dynamic_config().list_writers(|_| {
-            claimed = true;
-            CallbackProgression::Stop
-        });
-        claimed
+    /// Writes both cells of the answers, so that their memory is mapped before anybody waits; call
+    /// it when the memory is reserved.
+    pub fn map(&mut self) {
+        map(self.outbox.as_mut());
     }
 }
 
@@ -127,12 +102,9 @@ impl ClaimedLane {
     /// Takes a lane that the server made for this client.
     pub fn claim(
         node: &Node<Threadsafe>,
-        name: &ServerName,
-        instance: u64,
-        lane: LaneId,
         [class_in, class_out]: [usize; 2],
     ) -> Result<ClaimedLane, ServiceError> {
-        let [request_name, response_name] = name.lane(instance, lane)?;
+        let [request_name, response_name] = names()?;
         let (request, response) =
             (open_board(node, &request_name)?, open_board(node, &response_name)?);
         let reader = response
@@ -159,6 +131,11 @@ impl ClaimedLane {
     }
 }
 
+/// The boards of a link's lane.
+fn names() -> Result<[ServiceName; 2], ServiceError> {
+    Ok([link_service("request")?, link_service("response")?])
+}
+
 /// Writes both cells of an entry, so that their memory is there before anybody waits for it.
 fn map<H: Default>(outbox: &mut dyn Outbox<H>) {
     for _ in 0..2 {
@@ -179,7 +156,7 @@ where
         .service_builder(service)
         .blackboard_creator::<u64>()
         .max_readers(1)
-        .max_nodes(4)
+        .max_nodes(2)
         .add::<Entry<H, N>>(KEY, zero);
     builder.create().map_err(|error| board_not_made(service, error))
 }
@@ -198,118 +175,6 @@ fn open_board(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Board, S
         BlackboardOpenError::DoesNotExist | BlackboardOpenError::IsMarkedForDestruction => {
             ServiceError::Absent { service: service.to_string() }
         }
-        BlackboardOpenError::ExceedsMaxNumberOfNodes => {
-            ServiceError::Full { service: service.to_string(), limit: MAX_OBSERVERS }
-        }
         other => ServiceError::memory(service, &other),
     })
-}
-
-const STATISTICS: u64 = 0;
-const HEARTBEAT: u64 = 1;
-
-/// Where the answering thread writes its heartbeat.
-pub type HeartbeatEntry = EntryHandleMut<Threadsafe, u64, Heartbeat>;
-/// The writing port of a status board.
-pub type StatusPort = Writer<Threadsafe, u64>;
-/// Where statistics are written.
-pub type StatisticsEntry = EntryHandleMut<Threadsafe, u64, Statistics>;
-
-/// The server's side of the status board: two entries, one for each thread that writes.
-pub struct StatusBoard {
-    /// Written by the thread that answers.
-    pub heartbeat: HeartbeatEntry,
-    /// Written beside it.
-    pub statistics: StatisticsEntry,
-    /// Who reads it.
-    pub readers: StatusReaders,
-    /// Goes last: entries whose port is gone are never recognised as a dead server's.
-    pub port: StatusPort,
-}
-
-impl StatusBoard {
-    /// Makes the status board of a run of the server.
-    pub fn create(
-        node: &Node<Threadsafe>,
-        name: &ServerName,
-        instance: u64,
-    ) -> Result<StatusBoard, ServiceError> {
-        let service = name.status(instance)?;
-        let builder = node
-            .service_builder(&service)
-            .blackboard_creator::<u64>()
-            .max_readers(MAX_OBSERVERS)
-            .max_nodes(MAX_OBSERVERS);
-        let builder =
-            builder.add(STATISTICS, Statistics::default()).add(HEARTBEAT, Heartbeat::default());
-        let board = builder.create().map_err(|error| board_not_made(&service, error))?;
-        let writer = board
-            .writer_builder()
-            .create()
-            .map_err(|error| ServiceError::memory(&service, &error))?;
-        let heartbeat =
-            writer.entry(&HEARTBEAT).map_err(|error| ServiceError::memory(&service, &error))?;
-        let statistics =
-            writer.entry(&STATISTICS).map_err(|error| ServiceError::memory(&service, &error))?;
-        let readers = StatusReaders { board };
-        Ok(StatusBoard { heartbeat, statistics, readers, port: writer })
-    }
-}
-
-/// Who reads a status board: every client of the run, from before it registers its first plan.
-pub struct StatusReaders {
-    board: Board,
-}
-
-impl StatusReaders {
-    /// The nodes of all readers; those of processes that died stay until they are cleared away.
-    pub fn nodes(&self) -> Vec<NodeId> {
-        let mut nodes = Vec::new();
-        self.board.dynamic_config().list_readers(|reader| {
-            nodes.push(reader.node_id);
-            CallbackProgression::Continue
-        });
-        nodes
-    }
-}
-
-/// The reading side of a status board; reading takes nothing from the server.
-pub struct StatusReader {
-    heartbeat: EntryHandle<Threadsafe, u64, Heartbeat>,
-    statistics: EntryHandle<Threadsafe, u64, Statistics>,
-    // the server sees by it that this client is there
-    _port: Reader<Threadsafe, u64>,
-}
-
-impl StatusReader {
-    /// Opens the status board of a run of the server.
-    pub fn open(
-        node: &Node<Threadsafe>,
-        name: &ServerName,
-        instance: u64,
-    ) -> Result<StatusReader, ServiceError> {
-        let service = name.status(instance)?;
-        let board = open_board(node, &service)?;
-        let reader = board
-            .reader_builder()
-            .create()
-            .map_err(|error| ServiceError::memory(&service, &error))?;
-        let other_version = |_| ServiceError::OtherVersion {
-            service: service.to_string(),
-            version: PROTOCOL_VERSION,
-        };
-        let heartbeat = reader.entry(&HEARTBEAT).map_err(other_version)?;
-        let statistics = reader.entry(&STATISTICS).map_err(other_version)?;
-        Ok(StatusReader { heartbeat, statistics, _port: reader })
-    }
-
-    /// The last heartbeat.
-    pub fn heartbeat(&self) -> Heartbeat {
-        *self.heartbeat.get()
-    }
-
-    /// The last statistics.
-    pub fn statistics(&self) -> Statistics {
-        *self.statistics.get()
-    }
 }

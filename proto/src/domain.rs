@@ -2,26 +2,55 @@
 
 use std::fs::{self, File};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
+use std::ops::Deref;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use iceoryx2::prelude::{
     Config, FileName, LogLevel, NodeBuilder, SemanticString, SignalHandlingMode, set_log_level,
 };
 use iceoryx2::prelude::{Node, Service, ServiceName};
+use rustix::fs::OFlags;
 
 /// The longest name that a server may have.
 pub const MAX_NAME: usize = 64;
 
-/// The directory and the prefix of all shared memory of one installation, fixed in code: no
-/// configuration file changes it.
+/// Where the kernel keeps named shared memory.
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+/// The file that processes with a node of the domain hold locked.
+const ALIVE: &str = "alive";
+/// The file with the random part of the names of the domain's nodes.
+const PREFIX: &str = "prefix";
+
+/// The directory and the names of all shared memory of one installation, fixed in code: no
+/// configuration file changes them.
 ///
-/// Every user has a domain of their own, `/tmp/sarrus-UID`; the environment variable `SARRUS_ROOT`
-/// names another directory, which is a domain apart from all others.
+/// Every user has a domain of their own: `/run/user/UID/sarrus` where the system makes such
+/// folders, else `/tmp/sarrus-UID`; the environment variable `SARRUS_ROOT` names another directory,
+/// which is a domain apart from all others. Names in shared memory begin with [`Domain::prefix`]
+/// and go on with random digits that only this user can read.
 #[derive(Clone, Debug)]
 pub struct Domain {
     root: PathBuf,
-    config: Config,
+    /// Where a server of this user may be as well: its root when it started.
+    other: Option<PathBuf>,
+}
+
+/// A node of this process in a domain; the domain is not cleared while it is there.
+#[derive(Debug)]
+pub struct DomainNode<S: Service> {
+    // before the lock: what it leaves is cleared under it
+    node: Node<S>,
+    _alive: Arc<File>,
+}
+
+impl<S: Service> Deref for DomainNode<S> {
+    type Target = Node<S>;
+
+    fn deref(&self) -> &Node<S> {
+        &self.node
+    }
 }
 
 /// Why the shared memory cannot be entered.
@@ -85,33 +114,32 @@ pub enum DomainError {
 impl Domain {
     /// The domain of this user.
     pub fn of_user() -> Result<Domain, DomainError> {
-        let root =
-            std::env::var_os("SARRUS_ROOT").filter(|root| !root.is_empty()).map(PathBuf::from);
-        Domain::at(&root.unwrap_or_else(|| {
-            PathBuf::from(format!("/tmp/sarrus-{}", rustix::process::getuid().as_raw()))
-        }))
+        if let Some(root) = std::env::var_os("SARRUS_ROOT").filter(|root| !root.is_empty()) {
+            return Domain::at(Path::new(&root));
+        }
+        let user = rustix::process::geteuid().as_raw();
+        let runtime = PathBuf::from(format!("/run/user/{user}"));
+        let fallback = PathBuf::from(format!("/tmp/sarrus-{user}"));
+        let is_ours =
+            fs::metadata(&runtime).is_ok_and(|found| found.is_dir() && found.uid() == user);
+        match is_ours {
+            true => {
+                let domain = Domain::at(&runtime.join("sarrus"))?;
+                // a server may have started before the user's folder was there
+                Ok(Domain { other: Some(fallback), ..domain })
+            }
+            false => Domain::at(&fallback),
+        }
     }
 
-    /// The domain under a directory, which is made if it is missing and must belong to this user.
+    /// The domain under a directory, which must belong to this user where it is there.
     pub fn at(root: &Path) -> Result<Domain, DomainError> {
         set_log_level(LogLevel::Fatal);
-        let path_error = || DomainError::Path { path: root.to_owned() };
-        let text = root
-            .to_str()
-            .filter(|text| root.is_absolute() && text.len() <= 100)
-            .ok_or_else(path_error)?;
-
-        let mut config = Config::default();
-        config.global.set_root_path(
-            &iceoryx2::prelude::Path::new(text.as_bytes()).map_err(|_| path_error())?,
-        );
-        // files in /dev/shm lie side by side whatever their root: the prefix keeps domains and
-        // users apart
-        config.global.prefix = FileName::new(format!("sarrus_{:08x}_", hash(text)).as_bytes())
-            .map_err(|_| path_error())?;
-
-        let domain = Domain { root: root.to_owned(), config };
-        domain.make_root()?;
+        root.to_str()
+            .filter(|text| root.is_absolute() && text.len() <= MAX_ROOT)
+            .ok_or_else(|| DomainError::Path { path: root.to_owned() })?;
+        let domain = Domain { root: root.to_owned(), other: None };
+        domain.check_owner()?;
         Ok(domain)
     }
 
@@ -120,96 +148,192 @@ impl Domain {
         &self.root
     }
 
-    /// What the names of this domain's files in /dev/shm begin with.
+    /// What the names of all of this domain's files in /dev/shm begin with.
     pub fn prefix(&self) -> String {
-        self.config.global.prefix.to_string()
+        // files lie side by side there whatever their root
+        format!("sarrus_{:08x}_", hash(&self.root.to_string_lossy()))
+    }
+
+    /// The folders in which a server of this name may be found, the likely one first.
+    pub fn server_folders(&self, name: &ServerName) -> impl Iterator<Item = PathBuf> {
+        let roots = [Some(self.root.clone()), self.other.clone()];
+        roots.into_iter().flatten().map(move |root| root.join("server").join(name.as_str()))
     }
 
     /// A node of this process in the domain; clears away what dead processes left.
-    pub fn node<S: Service>(&self) -> Result<Node<S>, DomainError> {
+    pub fn node<S: Service>(&self) -> Result<DomainNode<S>, DomainError> {
         let _lock = self.lock(File::lock_shared)?;
-        let builder = NodeBuilder::new()
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .config(&self.config);
-        let failed =
-            |error| DomainError::Node { path: self.root.clone(), reason: format!("{error:?}") };
-        let node = builder.create::<S>().map_err(failed)?;
-        // the transport lets everybody write its counter of nodes
-        for path in self.counters() {
-            let _ = fs::set_permissions(path, fs::Permissions::from_mode(0o600));
-        }
-        Ok(node)
+        let failed = |source| DomainError::Root { path: self.root.clone(), source };
+        let alive = self.open(ALIVE).map_err(failed)?;
+        alive.lock_shared().map_err(failed)?;
+        let random = self.random_part().map_err(failed)?;
+        let config = config(&self.root, &format!("{}{random}_", self.prefix()))?;
+        Ok(DomainNode { node: node(&self.root, &config)?, _alive: Arc::new(alive) })
     }
 
-    /// Removes what outlives the last node: empty directories and the transport's counter. Call it
-    /// when the nodes of this process are gone; does nothing while another process has one.
-    pub fn tidy(&self) {
-        let Ok(_lock) = self.lock(|directory| directory.try_lock().map_err(io::Error::from)) else {
-            return;
-        };
-        let nodes = self.root.join("nodes");
-        for entry in fs::read_dir(&nodes).into_iter().flatten().flatten() {
-            let _ = fs::remove_dir(entry.path());
+    /// Removes what nodes left once nobody has one any more, and the root where it is empty.
+    pub(crate) fn clear_nodes(&self) -> Vec<PathBuf> {
+        let lock = self.lock_existing(|directory| directory.try_lock().map_err(io::Error::from));
+        let Ok(Some(_lock)) = lock else { return Vec::new() };
+        let Ok(alive) = self.open(ALIVE) else { return Vec::new() };
+        if alive.try_lock().is_err() {
+            return Vec::new();
+        }
+        let mut cleared = Vec::new();
+        if let Ok(random) = fs::read_to_string(self.root.join(PREFIX)) {
+            cleared.extend(remove_shared(&format!("{}{random}_", self.prefix())));
+        }
+        for folder in ["nodes", "services"].map(|name| self.root.join(name)) {
+            if folder.exists() && fs::remove_dir_all(&folder).is_ok() {
+                cleared.push(folder);
+            }
+        }
+        for file in [PREFIX, ALIVE] {
+            let _ = fs::remove_file(self.root.join(file));
         }
         // a directory that somebody uses is not empty and stays
-        let used = |path: &Path| {
-            fs::remove_dir(path).is_err_and(|error| error.kind() != io::ErrorKind::NotFound)
-        };
-        if !used(&nodes) {
-            for path in self.counters() {
-                let _ = fs::remove_file(path);
+        if fs::remove_dir(&self.root).is_ok() {
+            cleared.push(self.root.clone());
+        }
+        cleared
+    }
+
+    /// The random part of the names of nodes, made by whoever needs it first.
+    fn random_part(&self) -> io::Result<String> {
+        let path = self.root.join(PREFIX);
+        loop {
+            match fs::read_to_string(&path) {
+                Ok(text) if text.len() == 8 => return Ok(text),
+                // half-written by somebody who died
+                Ok(_) => fs::remove_file(&path)?,
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
             }
-            let _ = used(&self.root.join("services")) || used(&self.root);
+            let text = format!("{:08x}", random() as u32);
+            let draft = self.root.join(format!("{PREFIX}.{text}"));
+            fs::write(&draft, &text)?;
+            // the first one stays
+            let _ = fs::hard_link(&draft, &path);
+            fs::remove_file(&draft)?;
         }
     }
 
-    /// The transport's counter of nodes, which it never removes itself.
-    fn counters(&self) -> impl Iterator<Item = PathBuf> {
-        let prefix = self.prefix();
-        let ours = move |path: &PathBuf| {
-            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-            name.starts_with(&prefix) && name.ends_with(".global_mgmt")
-        };
-        fs::read_dir("/dev/shm")
-            .into_iter()
-            .flatten()
-            .flatten()
-            .map(|entry| entry.path())
-            .filter(ours)
+    fn open(&self, name: &str) -> io::Result<File> {
+        let flags = OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        fs::OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .custom_flags(flags.bits() as i32)
+            .open(self.root.join(name))
     }
 
     /// The root directory, made if it is missing, and locked: nobody tidies while a node is being
     /// made.
     fn lock(&self, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, DomainError> {
-        let failed = |source| DomainError::Root { path: self.root.clone(), source };
         loop {
             self.make_root()?;
-            let directory = match File::open(&self.root) {
-                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-                other => other.map_err(failed)?,
-            };
-            lock(&directory).map_err(failed)?;
-            // it may have been removed between opening and locking
-            let same = |path: fs::Metadata| {
-                directory.metadata().is_ok_and(|ours| ours.ino() == path.ino())
-            };
-            if fs::metadata(&self.root).is_ok_and(same) {
+            if let Some(directory) = self.lock_existing(&lock)? {
                 return Ok(directory);
             }
         }
     }
 
-    fn make_root(&self) -> Result<(), DomainError> {
+    /// The same where the directory is there.
+    fn lock_existing(
+        &self,
+        lock: impl Fn(&File) -> io::Result<()>,
+    ) -> Result<Option<File>, DomainError> {
         let failed = |source| DomainError::Root { path: self.root.clone(), source };
-        fs::DirBuilder::new().recursive(true).mode(0o700).create(&self.root).map_err(failed)?;
-        let owner = fs::symlink_metadata(&self.root).map_err(failed)?.uid();
+        let directory = match File::open(&self.root) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            other => other.map_err(failed)?,
+        };
+        lock(&directory).map_err(failed)?;
+        // it may have been removed between opening and locking
+        Ok(is_at(&directory, &self.root).then_some(directory))
+    }
+
+    pub(crate) fn make_root(&self) -> Result<(), DomainError> {
+        let failed = |source| DomainError::Root { path: self.root.clone(), source };
+        make_folder(&self.root).map_err(failed)?;
+        self.check_owner()
+    }
+
+    fn check_owner(&self) -> Result<(), DomainError> {
         let user = rustix::process::geteuid().as_raw();
-        if owner == user {
-            Ok(())
-        } else {
-            Err(DomainError::Foreign { path: self.root.clone(), owner, user })
+        match fs::symlink_metadata(&self.root) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            Err(source) => Err(DomainError::Root { path: self.root.clone(), source }),
+            Ok(found) if found.uid() == user && found.is_dir() => Ok(()),
+            Ok(found) => {
+                Err(DomainError::Foreign { path: self.root.clone(), owner: found.uid(), user })
+            }
         }
     }
+}
+
+/// The longest path of a root; with it the longest path below is one that the transport takes.
+const MAX_ROOT: usize = 100;
+
+/// The transport's settings for a part of shared memory.
+pub(crate) fn config(root: &Path, prefix: &str) -> Result<Config, DomainError> {
+    let path_error = || DomainError::Path { path: root.to_owned() };
+    let text = root.to_str().ok_or_else(path_error)?;
+    let mut config = Config::default();
+    config
+        .global
+        .set_root_path(&iceoryx2::prelude::Path::new(text.as_bytes()).map_err(|_| path_error())?);
+    config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| path_error())?;
+    Ok(config)
+}
+
+/// A node in a part of shared memory.
+pub(crate) fn node<S: Service>(root: &Path, config: &Config) -> Result<Node<S>, DomainError> {
+    let builder =
+        NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(config);
+    builder
+        .create::<S>()
+        .map_err(|error| DomainError::Node { path: root.to_owned(), reason: format!("{error:?}") })
+}
+
+/// A folder of this user alone, with those above it.
+pub(crate) fn make_folder(path: &Path) -> io::Result<()> {
+    fs::DirBuilder::new().recursive(true).mode(0o700).create(path)
+}
+
+/// True while this open directory is the one at `path`.
+pub(crate) fn is_at(directory: &File, path: &Path) -> bool {
+    let ours = directory.metadata().map(|ours| ours.ino());
+    let there = fs::symlink_metadata(path).map(|there| there.ino());
+    ours.is_ok_and(|ours| there.is_ok_and(|there| ours == there))
+}
+
+/// The files in shared memory whose names begin with `prefix`.
+pub(crate) fn shared_files(prefix: &str) -> impl Iterator<Item = PathBuf> {
+    fs::read_dir(SHARED_MEMORY)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(move |entry| {
+            entry.file_name().to_str().is_some_and(|name| name.starts_with(prefix))
+        })
+        .map(|entry| entry.path())
+}
+
+/// Removes the files in shared memory whose names begin with `prefix`; those that it removed.
+pub(crate) fn remove_shared(prefix: &str) -> Vec<PathBuf> {
+    shared_files(prefix).filter(|path| fs::remove_file(path).is_ok()).collect()
+}
+
+/// A number that nobody guesses.
+pub(crate) fn random() -> u64 {
+    let mut bytes = [0; 8];
+    // a kernel that gives no random numbers at all does not run this server
+    let _ = rustix::rand::getrandom(&mut bytes, rustix::rand::GetRandomFlags::empty());
+    u64::from_le_bytes(bytes)
 }
 
 /// The services of one server.
@@ -232,27 +356,6 @@ impl ServerName {
         &self.0
     }
 
-    /// Attaching and information; the one service that outlives a run of the server.
-    pub fn control(&self) -> Result<ServiceName, DomainError> {
-        self.service("control")
-    }
-
-    /// The service of one run of the server.
-    pub fn compute(&self, instance: u64) -> Result<ServiceName, DomainError> {
-        self.service(&format!("{instance:x}/compute"))
-    }
-
-    /// The status board of one run of the server.
-    pub fn status(&self, instance: u64) -> Result<ServiceName, DomainError> {
-        self.service(&format!("{instance:x}/status"))
-    }
-
-    /// The request and the response board of one lane.
-    pub fn lane(&self, instance: u64, lane: LaneId) -> Result<[ServiceName; 2], DomainError> {
-        let base = format!("{instance:x}/lane/{}/{}", lane.slot, lane.generation);
-        Ok([self.service(&format!("{base}/request"))?, self.service(&format!("{base}/response"))?])
-    }
-
     /// A service of the CAN bridge of this name.
     pub fn bridge(&self, part: &str) -> Result<ServiceName, DomainError> {
         self.service(&format!("can/{part}"))
@@ -262,17 +365,6 @@ impl ServerName {
         ServiceName::new(&format!("sarrus/{}/{rest}", self.0))
             .map_err(|_| DomainError::Name { name: self.0.clone() })
     }
-}
-
-/// A lane: its slot and how many lanes have been there before. A lane dies with its client and is
-/// never used again.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(C)]
-pub struct LaneId {
-    /// Index among the server's lanes.
-    pub slot: u32,
-    /// Lanes made in this slot so far.
-    pub generation: u32,
 }
 
 /// FNV-1a, folded to 32 bits.
@@ -300,16 +392,15 @@ mod tests {
         let base = std::env::temp_dir().join(format!("sarrus-domain-test-{}", std::process::id()));
         let [a, b] = ["a", "b"].map(|name| Domain::at(&base.join(name)).unwrap());
         assert_ne!(a.prefix(), b.prefix());
-        a.tidy();
-        b.tidy();
-        fs::remove_dir(&base).unwrap();
+        // to look at a domain makes nothing
+        assert!(!base.exists());
     }
 
     #[test]
     fn a_directory_of_somebody_else_is_refused() {
         let error = Domain::at(Path::new("relative")).unwrap_err();
         assert!(matches!(error, DomainError::Path { .. }), "{error}");
-        // the directory of the system's processes is never ours unless we are root
+        // the directory of the first process is never ours unless we are root
         if !rustix::process::geteuid().is_root() {
             assert!(matches!(Domain::at(Path::new("/proc/1")), Err(DomainError::Foreign { .. })));
         }

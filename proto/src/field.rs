@@ -161,6 +161,7 @@ impl Field {
 /// assert_eq!([Field::U, Field::Ud].into_iter().collect::<FieldSet>(), asked - state);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
 #[repr(transparent)]
 pub struct FieldSet(pub u64);
 

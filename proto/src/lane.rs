@@ -18,8 +18,9 @@ use iceoryx2::port::writer::{EntryHandleMut, EntryValueUninit, Writer};
 use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};
 
 use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
-use crate::message::{ComputeRequest, ComputeResponse, ControlRequest, ControlResponse, Entry};
-use crate::message::{Heartbeat, MAX_NUMBERS_OUT, RequestHead, ResponseHead, Statistics};
+use crate::message::{
+    ComputeRequest, ComputeResponse, Entry, MAX_NUMBERS_OUT, RequestHead, ResponseHead,
+};
 use crate::watch::BridgeStatistics;
 
 /// The service variant of boards and of everything that moves between threads.
@@ -40,17 +41,13 @@ macro_rules! plain {
 }
 
 plain! {
-    Entry<RequestHead, N> = "sarrus.LaneRequest.v3", const N;
-    Entry<ResponseHead, N> = "sarrus.LaneResponse.v3", const N;
+    Entry<RequestHead, N> = "sarrus.LaneRequest.v4", const N;
+    Entry<ResponseHead, N> = "sarrus.LaneResponse.v4", const N;
     ActuatorCommand = "sarrus.ActuatorCommand.v1";
     ActuatorState = "sarrus.ActuatorState.v1";
     BridgeStatistics = "sarrus.BridgeStatistics.v1";
     OperatorRequest = "sarrus.OperatorRequest.v1";
-    ComputeRequest = "sarrus.ComputeRequest.v3";
-    ControlRequest = "sarrus.ControlRequest.v3";
-    ControlResponse = "sarrus.ControlResponse.v3";
-    Heartbeat = "sarrus.Heartbeat.v3";
-    Statistics = "sarrus.Statistics.v3";
+    ComputeRequest = "sarrus.ComputeRequest.v4";
 }
 
 /// The reading end of a board.
@@ -189,11 +186,4 @@ pub fn send_response<S: Service>(
         response.assume_init()
     };
     response.send().is_ok()
-}
-
-/// Copies a control request out of shared memory, reading it once whatever its writer does
-/// meanwhile.
-pub fn copy_once(request: &ControlRequest) -> ControlRequest {
-    // SAFETY: the reference is valid and aligned, and any bits are a value of plain integers.
-    unsafe { core::ptr::from_ref(request).read_volatile() }
 }

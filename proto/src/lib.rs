@@ -21,13 +21,21 @@ pub mod board;
 #[cfg(feature = "transport")]
 pub mod bridge;
 #[cfg(feature = "transport")]
+pub mod control;
+#[cfg(feature = "transport")]
 mod domain;
+#[cfg(feature = "transport")]
+pub mod heartbeat;
 #[cfg(feature = "transport")]
 pub mod lane;
 #[cfg(feature = "transport")]
 pub mod message;
 #[cfg(feature = "transport")]
+pub mod run;
+#[cfg(feature = "transport")]
 pub mod service;
+#[cfg(feature = "transport")]
+pub mod socket;
 
 pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};
@@ -37,8 +45,6 @@ pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, Request};
 pub use status::{Status, Warnings};
 
 #[cfg(feature = "transport")]
-pub use domain::{Domain, DomainError, LaneId, MAX_NAME, ServerName};
+pub use domain::{Domain, DomainError, DomainNode, MAX_NAME, ServerName};
 #[cfg(feature = "transport")]
 pub use message::PROTOCOL_VERSION;
-#[cfg(feature = "transport")]
-pub use service::NodeId;

@@ -2,28 +2,25 @@
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use crate::wire_enum::wire_enum;
-use crate::{LaneId, Query, Status, Warnings};
+use crate::{Status, Warnings};
 
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
-pub const PROTOCOL_VERSION: u32 = 3;
+pub const PROTOCOL_VERSION: u32 = 4;
 /// Plans that one server holds at one time; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
 /// Numbers that one request can carry through the service.
 pub const MAX_NUMBERS_IN: usize = 2048;
 /// Numbers that one answer can carry.
 pub const MAX_NUMBERS_OUT: usize = 16384;
-/// Clients that the service takes at one time.
-pub const MAX_REQUEST_CLIENTS: usize = 32;
+/// Clients that can have a service at one time.
+pub const MAX_SERVICE_CLIENTS: usize = 32;
 /// Counters of statuses, more than there are.
 pub const N_STATUSES: usize = 32;
-/// Bytes of text in one control answer.
-pub const PAGE: usize = 4096;
 
 /// The number of a plan on the wire: a slot in the server's table and a generation, so that the
 /// number of a plan that was released is never another plan's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub struct PlanNumber(pub u32);
 
 impl PlanNumber {
@@ -138,119 +135,9 @@ impl ComputeRequest {
 /// An answer through the service.
 pub type ComputeResponse = Entry<ResponseHead, MAX_NUMBERS_OUT>;
 
-wire_enum! {
-    /// What a client asks of the control service.
-    Call: u32 {
-        /// Who is there? Answers [`ControlResponse::instance`], `fingerprint` and, in `numbers[0]`,
-        /// the bytes of the model information.
-        Hello = 1, "hello";
-        /// A page of the model information as JSON; `arguments[0]` is the page's number.
-        Model = 2, "model";
-        /// Register a query; answers plan number, numbers in, numbers out. The server holds the
-        /// plan as long as one of the clients that registered it is there and has not released it;
-        /// a client is there while its node reads the status board of this run.
-        Plan = 3, "plan";
-        /// A lane for plans of up to `arguments[0]` numbers in and `arguments[1]` out; answers a
-        /// [`LaneId`] and both classes.
-        Lane = 4, "lane";
-        /// Release the plan of number `arguments[0]`; answers 1 where this client held it, else 0.
-        Release = 5, "release";
-    }
-}
-
-wire_enum! {
-    /// Why the control service refuses a call. The numbers are part of the wire contract.
-    Refusal: u32 {
-        /// The client speaks another version of the protocol; the answer's `version` is the
-        /// server's.
-        WrongVersion = 1, "wrong_version";
-        /// The call's number is unknown.
-        UnknownCall = 2, "unknown_call";
-        /// The client was made for a model with another fingerprint.
-        WrongModel = 3, "wrong_model";
-        /// The query cannot be planned; the text says why.
-        BadQuery = 4, "bad_query";
-        /// The plan takes or gives more numbers than the service carries; `numbers` are its counts.
-        TooLarge = 5, "too_large";
-        /// The table of plans is full.
-        TooManyPlans = 6, "too_many_plans";
-        /// Every lane is taken.
-        NoLane = 7, "no_lane";
-        /// The server is stopping.
-        Stopping = 8, "stopping";
-        /// The model information has no such page.
-        NoSuchPage = 9, "no_such_page";
-        /// The server could not make the lane; the text says why.
-        Failed = 10, "failed";
-    }
-}
-
-/// A call of the control service.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub struct ControlRequest {
-    /// [`PROTOCOL_VERSION`] of the client.
-    pub version: u32,
-    /// Number of the [`Call`].
-    pub call: u32,
-    /// Fingerprint of the model that the client expects; zero for any.
-    pub fingerprint: u64,
-    /// What the call needs.
-    pub arguments: [u64; 2],
-    /// The query of [`Call::Plan`].
-    pub query: Query,
-}
-
-/// An answer of the control service.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub struct ControlResponse {
-    /// [`PROTOCOL_VERSION`] of the server.
-    pub version: u32,
-    /// Zero, or the number of the [`Refusal`].
-    pub refusal: u32,
-    /// Fingerprint of the model.
-    pub fingerprint: u64,
-    /// Distinguishes the runs of a server.
-    pub instance: u64,
-    /// What the call answers.
-    pub numbers: [u64; 4],
-    /// How many of `text` count.
-    pub n_text: u64,
-    /// A page of JSON, or the words of a refusal.
-    pub text: [u8; PAGE],
-}
-
-impl ControlResponse {
-    /// The lane that [`Call::Lane`] answers, and its classes in and out.
-    pub fn lane(&self) -> (LaneId, usize, usize) {
-        let [slot, generation, class_in, class_out] = self.numbers;
-        (
-            LaneId { slot: slot as u32, generation: generation as u32 },
-            class_in as usize,
-            class_out as usize,
-        )
-    }
-
-    /// The bytes of text that count.
-    pub fn text(&self) -> &[u8] {
-        &self.text[..(self.n_text as usize).min(PAGE)]
-    }
-}
-
-/// Whether a run of the server is alive: written by the thread that answers, by itself.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(C)]
-pub struct Heartbeat {
-    /// Grows while the server answers.
-    pub beats: u64,
-    /// 1 when this run has ended in order and answers no more.
-    pub stopped: u64,
-}
-
 /// What the thread that answers counts, every counter once: a `u64` as it travels, an atomic
 /// integer where it is counted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[repr(C)]
 pub struct Counts<N = u64> {
     /// Requests answered through lanes.
@@ -273,10 +160,8 @@ impl<N> Counts<N> {
     }
 }
 
-/// The state of a run of the server, written a few times each second beside the thread that
-/// answers.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C)]
+/// The state of a run of the server, as its maintenance thread tells whoever asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Statistics {
     /// Seconds since the server was ready.
     pub uptime: f64,
@@ -313,16 +198,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn payloads_keep_the_sizes_of_version_3() {
-        assert_eq!(PROTOCOL_VERSION, 3);
+    fn payloads_keep_the_sizes_of_version_4() {
+        assert_eq!(PROTOCOL_VERSION, 4);
         assert_eq!(size_of::<RequestHead>(), 24);
         assert_eq!(size_of::<ResponseHead>(), 16);
         assert_eq!(size_of::<LaneRequest<16>>(), 24 + 8 * 16);
         assert_eq!(size_of::<ComputeRequest>(), 24 + 8 * MAX_NUMBERS_IN);
         assert_eq!(size_of::<ComputeResponse>(), 16 + 8 * MAX_NUMBERS_OUT);
-        assert_eq!(size_of::<ControlRequest>(), 32 + size_of::<Query>());
-        assert_eq!(size_of::<ControlResponse>(), 64 + PAGE);
-        assert_eq!(size_of::<Statistics>(), 8 * (1 + 2 + N_STATUSES + 5 + 7));
+        assert!(Status::ALL.len() < N_STATUSES);
     }
 
     #[test]
@@ -334,15 +217,5 @@ mod tests {
             assert_eq!(PlanNumber::new(1000, generation).slot(), 1000);
         }
         assert_ne!(PlanNumber::new(1000, 0), PlanNumber::new(1000, 1));
-    }
-
-    #[test]
-    fn numbers_of_calls_and_refusals_are_the_wire_contract() {
-        for code in 0..16 {
-            assert_eq!(Call::from_code(code).map_or(code, |call| call as u32), code);
-            assert_eq!(Refusal::from_code(code).map_or(code, |refusal| refusal as u32), code);
-        }
-        assert_eq!((Call::from_code(0), Refusal::from_code(0)), (None, None));
-        assert!(Status::ALL.len() < N_STATUSES);
     }
 }

@@ -39,6 +39,7 @@ impl Request {
 /// bytes are those on the wire, so it holds plain numbers only and is checked by [`Query::check`]
 /// before use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
 #[repr(C)]
 pub struct Query {
     /// Number of the [`Request`].

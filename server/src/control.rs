@@ -1,166 +1,168 @@
-//! Answers of the control service: who is here, what the model is, plans and lanes.
+//! Answers to the clients' calls: who is here, what the model is, plans, lanes and services.
 
+use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 
-use iceoryx2::node::Node;
 use sarrus_dynamics::Model;
-use sarrus_proto::board::{StatusReaders, class_of};
-use sarrus_proto::lane::{Threadsafe, copy_once};
-use sarrus_proto::message::{Call, ControlRequest, ControlResponse, PAGE, PlanNumber, Refusal};
-use sarrus_proto::service::{ControlCallers, ControlServer};
-use sarrus_proto::{NodeId, PROTOCOL_VERSION, Query};
+use sarrus_proto::PROTOCOL_VERSION;
+use sarrus_proto::board::class_of;
+use sarrus_proto::control::{
+    Call, CallHead, ControlRequest, ControlResponse, Grant, PAGE, Refusal, query_hash,
+};
+use sarrus_proto::message::Statistics;
+use sarrus_proto::run::Run;
 
-use crate::lanes::{Lanes, NoLane};
-use crate::plans::{Plans, Registered, Unplanned};
+use crate::connections::Connections;
+use crate::plans::{Plans, Unplanned};
 
-/// The control service's side of the server.
+/// The control path's side of the server.
 pub(crate) struct Control {
-    pub(crate) port: ControlServer,
-    pub(crate) callers: ControlCallers,
-    pub(crate) readers: StatusReaders,
-    pub(crate) instance: u64,
+    pub(crate) run: Run,
+    pub(crate) root: String,
+    pub(crate) connections: Connections,
     pub(crate) model: Arc<Model<f64>>,
     pub(crate) plans: Plans,
-    pub(crate) info: Vec<u8>,
+    /// The model information in pages.
+    pub(crate) pages: Vec<String>,
     pub(crate) fingerprint: u64,
+    pub(crate) heartbeat: OwnedFd,
+    /// What is read of a message.
+    pub(crate) buffer: Vec<u8>,
 }
 
-/// A refusal with the words and numbers that go with it.
-type Refused = (Refusal, String, [u64; 4]);
-/// The numbers and the text of an answer.
-type Granted = ([u64; 4], Vec<u8>);
+/// Cuts the model information into pages.
+pub(crate) fn pages(info: &str) -> Vec<String> {
+    let mut pages = vec![String::new()];
+    for letter in info.chars() {
+        if pages.last().is_some_and(|page| page.len() + letter.len_utf8() > PAGE) {
+            pages.push(String::new());
+        }
+        if let Some(page) = pages.last_mut() {
+            page.push(letter);
+        }
+    }
+    pages
+}
 
 impl Control {
-    /// Answers every call that waits; true when there was one.
-    pub(crate) fn serve(
+    /// Answers one call of a client that speaks; ends its connection where it is gone, says what is
+    /// no message, or does not read.
+    pub(crate) fn answer(
         &mut self,
-        node: &Node<Threadsafe>,
-        lanes: &mut Lanes,
+        client: u64,
         stopping: bool,
-    ) -> bool {
-        let mut any = false;
-        // an error concerns a client that is about to go
-        while let Ok(Some(active)) = self.port.receive() {
-            any = true;
-            let request = copy_once(active.payload());
-            let outcome = match stopping {
-                false => {
-                    let caller = self.callers.node_of(active.origin());
-                    self.answer(&request, caller, node, lanes)
-                }
-                true => Err((Refusal::Stopping, String::new(), [0; 4])),
-            };
-            // a client that went away needs no answer
-            let _ = active.send_copy(self.response(outcome));
-        }
-        any
-    }
-
-    /// Takes plans back whose holders have left or died.
-    pub(crate) fn upkeep(&mut self) {
-        self.plans.upkeep(&self.readers.nodes());
-    }
-
-    /// A plan for a caller; where the table is full, after a search for the dead.
-    fn plan(
-        &mut self,
-        query: &Query,
-        caller: NodeId,
-        node: &Node<Threadsafe>,
-    ) -> Result<Registered, Unplanned> {
-        match self.plans.register(&self.model, query, caller) {
-            Err(Unplanned::TooMany) => {
-                node.try_cleanup_dead_nodes();
-                self.upkeep();
-                self.plans.register(&self.model, query, caller)
-            }
-            outcome => outcome,
-        }
-    }
-
-    fn answer(
-        &mut self,
-        request: &ControlRequest,
-        caller: Option<NodeId>,
-        node: &Node<Threadsafe>,
-        lanes: &mut Lanes,
-    ) -> Result<Granted, Refused> {
-        let refused = |refusal| (refusal, String::new(), [0; 4]);
-        if request.version != PROTOCOL_VERSION {
-            return Err(refused(Refusal::WrongVersion));
-        }
-        if request.fingerprint != 0 && request.fingerprint != self.fingerprint {
-            return Err(refused(Refusal::WrongModel));
-        }
-        match Call::from_code(request.call) {
-            Some(Call::Hello) => Ok(([self.info.len() as u64, 0, 0, 0], Vec::new())),
-            Some(Call::Model) => {
-                let page = usize::try_from(request.arguments[0])
-                    .ok()
-                    .and_then(|page| self.info.chunks(PAGE).nth(page));
-                page.map(|page| ([page.len() as u64, 0, 0, 0], page.to_vec()))
-                    .ok_or_else(|| refused(Refusal::NoSuchPage))
-            }
-            Some(Call::Plan) => {
-                let gone = || (Refusal::Failed, "the client is gone".to_owned(), [0; 4]);
-                match self.plan(&request.query, caller.ok_or_else(gone)?, node) {
-                    Ok(Registered { number, n_in, n_out }) => {
-                        Ok(([number.0.into(), n_in as u64, n_out as u64, 0], Vec::new()))
-                    }
-                    Err(Unplanned::Query(error)) => {
-                        Err((Refusal::BadQuery, error.to_string(), [0; 4]))
-                    }
-                    Err(Unplanned::TooLarge { n_in, n_out }) => {
-                        Err((Refusal::TooLarge, String::new(), [n_in as u64, n_out as u64, 0, 0]))
-                    }
-                    Err(Unplanned::TooMany) => Err(refused(Refusal::TooManyPlans)),
-                }
-            }
-            Some(Call::Release) => {
-                let number = u32::try_from(request.arguments[0]).ok().map(PlanNumber);
-                let had = number
-                    .zip(caller)
-                    .is_some_and(|(number, caller)| self.plans.release(number, caller));
-                Ok(([had.into(), 0, 0, 0], Vec::new()))
-            }
-            Some(Call::Lane) => {
-                let class = |n: u64| usize::try_from(n).ok().and_then(class_of);
-                let [n_in, n_out] = request.arguments;
-                let (Some(class_in), Some(class_out)) = (class(n_in), class(n_out)) else {
-                    return Err((Refusal::TooLarge, String::new(), [n_in, n_out, 0, 0]));
-                };
-                match lanes.make(node, [class_in, class_out]) {
-                    Ok(id) => Ok((
-                        [id.slot.into(), id.generation.into(), class_in as u64, class_out as u64],
-                        Vec::new(),
-                    )),
-                    Err(NoLane::Full) => {
-                        Err((Refusal::NoLane, String::new(), [lanes.len() as u64, 0, 0, 0]))
-                    }
-                    Err(NoLane::Failed(error)) => Err((Refusal::Failed, error.to_string(), [0; 4])),
-                }
-            }
-            _ => Err(refused(Refusal::UnknownCall)),
-        }
-    }
-
-    fn response(&self, outcome: Result<Granted, Refused>) -> ControlResponse {
-        let (refusal, numbers, bytes) = match outcome {
-            Ok((numbers, bytes)) => (0, numbers, bytes),
-            Err((refusal, words, numbers)) => (refusal as u32, numbers, words.into_bytes()),
+        statistics: impl FnOnce(&Control) -> Statistics,
+    ) {
+        let Some(connection) = self.connections.get(client) else { return };
+        let bytes = match connection.receive(&mut self.buffer) {
+            Ok(Some(bytes)) => bytes,
+            // a look that came for nothing
+            Ok(None) => return,
+            Err(_) => return self.end(client),
         };
-        let mut text = [0; PAGE];
-        let n_text = bytes.len().min(PAGE);
-        text[..n_text].copy_from_slice(&bytes[..n_text]);
-        let (version, fingerprint, instance) = (PROTOCOL_VERSION, self.fingerprint, self.instance);
-        ControlResponse {
-            version,
-            refusal,
-            fingerprint,
-            instance,
-            numbers,
-            n_text: n_text as u64,
-            text,
+        let request = self.buffer.get(..bytes).map(ControlRequest::from_bytes);
+        let (head, query, outcome) = match request {
+            Some(Ok(ControlRequest { head, fingerprint, call })) => {
+                let query = match &call {
+                    Call::Plan { query } => query_hash(query),
+                    _ => 0,
+                };
+                (head, query, self.grant(client, fingerprint, call, stopping, statistics))
+            }
+            Some(Err((head, refusal))) => (head, 0, Err(refusal)),
+            None => (CallHead::default(), 0, Err(Refusal::UnknownCall)),
+        };
+        let descriptor = matches!(outcome, Ok(Grant::Hello { .. })).then(|| self.heartbeat.as_fd());
+        let response = ControlResponse {
+            version: PROTOCOL_VERSION,
+            nonce: head.nonce,
+            query,
+            fingerprint: self.fingerprint,
+            instance: self.run.instance(),
+            outcome,
+        };
+        let sent = self
+            .connections
+            .get(client)
+            .map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
+        if !matches!(sent, Some(Ok(()))) {
+            self.end(client);
         }
+    }
+
+    /// Ends a connection and all that hangs on it.
+    fn end(&mut self, client: u64) {
+        self.plans.release_all(client);
+        self.connections.close(client);
+    }
+
+    fn grant(
+        &mut self,
+        client: u64,
+        fingerprint: u64,
+        call: Call,
+        stopping: bool,
+        statistics: impl FnOnce(&Control) -> Statistics,
+    ) -> Result<Grant, Refusal> {
+        if stopping {
+            return Err(Refusal::Stopping);
+        }
+        if fingerprint != 0 && fingerprint != self.fingerprint {
+            return Err(Refusal::WrongModel);
+        }
+        if self.connections.are_too_many() {
+            return Err(Refusal::TooManyClients { limit: self.connections.limit() });
+        }
+        match call {
+            Call::Hello => Ok(Grant::Hello {
+                root: self.root.clone(),
+                process: std::process::id(),
+                pages: self.pages.len(),
+            }),
+            Call::Model { page } => {
+                let text = self.pages.get(page).cloned().ok_or(Refusal::NoSuchPage)?;
+                Ok(Grant::Page { text })
+            }
+            Call::Plan { query } => match self.plans.register(&self.model, &query, client) {
+                Ok(plan) => {
+                    Ok(Grant::Plan { number: plan.number, n_in: plan.n_in, n_out: plan.n_out })
+                }
+                Err(Unplanned::Query(error)) => {
+                    Err(Refusal::BadQuery { reason: error.to_string() })
+                }
+                Err(Unplanned::TooLarge { n_in, n_out }) => Err(Refusal::TooLarge { n_in, n_out }),
+                Err(Unplanned::TooMany) => Err(Refusal::TooManyPlans),
+            },
+            Call::Release { plan } => Ok(Grant::Released { had: self.plans.release(plan, client) }),
+            Call::Lane { n_in, n_out } => {
+                let (Some(class_in), Some(class_out)) = (class_of(n_in), class_of(n_out)) else {
+                    return Err(Refusal::TooLarge { n_in, n_out });
+                };
+                let link = self.connections.make_lane(&self.run, client, [class_in, class_out])?;
+                Ok(Grant::Lane { link, class_in, class_out })
+            }
+            Call::Service => {
+                Ok(Grant::Service { link: self.connections.make_service(&self.run, client)? })
+            }
+            Call::Serve => {
+                self.connections.serve_service(client)?;
+                Ok(Grant::Served)
+            }
+            Call::Statistics => Ok(Grant::Statistics(Box::new(statistics(self)))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_are_the_text_again() {
+        let text = "äx".repeat(PAGE);
+        let pages = pages(&text);
+        assert!(pages.len() > 2 && pages.iter().all(|page| page.len() <= PAGE));
+        assert_eq!(pages.concat(), text);
+        assert_eq!(super::pages(""), [""]);
     }
 }

@@ -2,9 +2,8 @@
 //!
 //! One sweep takes what waits, at most one request of each client, and answers all of it: no client
 //! can starve another, and none is overwritten, because a client has one request under way. After
-//! start-up the loop takes no lock, writes no log, reads no clock but the processor's counter, and
-//! in busy mode makes no system call. Two things the transport does on it are no part of a request:
-//! when a client of the service comes or goes its memory is mapped or unmapped.
+//! start-up the loop waits for nobody, writes no log, reads no clock but the processor's counter,
+//! and in busy mode makes no system call. What comes and goes is mapped and unmapped beside it.
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
 //! each other client. A client that gives up a request and asks again before the server took it is
@@ -13,14 +12,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{Receiver, SyncSender};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
 use std::time::Duration;
 
-use iceoryx2::prelude::ipc;
 use quanta::Clock;
-use sarrus_proto::board::HeartbeatEntry;
-use sarrus_proto::lane::{ComputeActive, Inbox, Outbox, send_response};
-use sarrus_proto::message::{Heartbeat, MAX_REQUEST_CLIENTS, RequestHead, ResponseHead};
+use sarrus_proto::board::ServedLane;
+use sarrus_proto::heartbeat::HeartbeatWriter;
+use sarrus_proto::lane::{Threadsafe, send_response};
+use sarrus_proto::message::{RequestHead, ResponseHead};
 use sarrus_proto::service::ComputeServer;
 use sarrus_proto::{Status, Warnings};
 
@@ -44,22 +43,22 @@ const LONG_NAP: Duration = Duration::from_millis(1);
 /// in vain.
 const FAREWELL: Duration = Duration::from_millis(100);
 
-/// The answering thread's ends of a lane.
-pub(crate) struct HotLane {
-    pub(crate) inbox: Box<dyn Inbox<RequestHead>>,
-    pub(crate) outbox: Box<dyn Outbox<ResponseHead>>,
+/// The answering thread's end of what a client has.
+pub(crate) enum End {
+    Lane(ServedLane),
+    Service(ComputeServer<Threadsafe>),
 }
 
 /// Orders of the maintenance thread to the answering thread.
 pub(crate) enum Order {
-    /// Poll this lane from now on.
-    Serve { slot: usize, lane: HotLane },
-    /// Give the lane back.
-    Retire { slot: usize },
+    /// Poll this end from now on.
+    Serve { place: usize, end: End },
+    /// Give the end back.
+    Retire { place: usize },
 }
 
-/// A lane given back, with its slot.
-pub(crate) type Retired = (usize, HotLane);
+/// An end given back, with its place.
+pub(crate) type Retired = (usize, End);
 
 /// What both threads see.
 pub(crate) struct Shared {
@@ -70,12 +69,11 @@ pub(crate) struct Shared {
 /// The answering thread's state.
 pub(crate) struct Hot {
     pub(crate) engine: Engine,
-    pub(crate) transport: ComputeServer<ipc::Service>,
-    pub(crate) lanes: Box<[Option<HotLane>]>,
-    pub(crate) waiting: [Option<ComputeActive<ipc::Service>>; MAX_REQUEST_CLIENTS],
+    /// What is polled, with its place; there is room for all.
+    pub(crate) ends: Vec<Retired>,
     pub(crate) orders: Receiver<Order>,
     pub(crate) retired: SyncSender<Retired>,
-    pub(crate) heartbeat: HeartbeatEntry,
+    pub(crate) heartbeat: HeartbeatWriter,
     pub(crate) shared: Arc<Shared>,
     pub(crate) clock: Clock,
     pub(crate) wait: Wait,
@@ -87,7 +85,7 @@ impl Hot {
         let ticks = |span: Duration| Ticks::of(&self.clock, span);
         let (beat, idle, quiet, farewell) =
             (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(FAREWELL));
-        let (mut beats, mut sweeps) = (0, 0_u32);
+        let mut sweeps = 0_u32;
         let (mut last_beat, mut last_request, mut stop_since) =
             (self.clock.raw(), self.clock.raw(), None);
 
@@ -117,97 +115,87 @@ impl Hot {
                 self.obey();
                 let now = self.clock.raw();
                 if now.wrapping_sub(last_beat) > beat.0 {
-                    (beats, last_beat) = (beats + 1, now);
-                    self.heartbeat.update_with_copy(Heartbeat { beats, stopped: 0 });
+                    last_beat = now;
+                    self.heartbeat.beat(false);
                 }
                 if stopping && now.wrapping_sub(*stop_since.get_or_insert(now)) > farewell.0 {
-                    self.heartbeat.update_with_copy(Heartbeat { beats: beats + 1, stopped: 1 });
+                    self.heartbeat.beat(true);
                     return;
                 }
             }
         }
     }
 
-    /// Takes what waits at both transports and answers it; how many requests there were.
+    /// Looks at each client once, and answers what waits; how many requests there were.
     fn sweep(&mut self, stopping: bool) -> usize {
+        let Hot { engine, ends, shared, clock, .. } = self;
         let mut answered = 0;
-
-        // take from the service: a client's next request can only come after this one's
-        // answer
-        let found = self.clock.raw();
-        let mut n_waiting = 0;
-        while let Some(slot) = self.waiting.get_mut(n_waiting) {
-            // an error concerns a client that is about to go: the others are served
-            let Ok(Some(request)) = self.transport.receive() else { break };
-            *slot = Some(request);
-            n_waiting += 1;
-        }
-
-        // each lane once
-        for lane in self.lanes.iter_mut().flatten() {
-            let Some((head, numbers)) = lane.inbox.poll() else { continue };
-            // not a request: the client has just claimed its lane
-            if head.sequence == 0 {
-                continue;
-            }
-            let start = self.clock.raw();
-            let output = lane.outbox.numbers();
-            let answer = match stopping {
-                false => self.engine.answer(&head, Input::Copied(numbers), output),
-                true => refuse(&head, Status::ShuttingDown, output),
+        for (_, end) in ends {
+            let (transport, status, start) = match end {
+                End::Lane(lane) => {
+                    let Some((head, numbers)) = lane.inbox.poll() else { continue };
+                    // not a request: the client has just claimed its lane
+                    if head.sequence == 0 {
+                        continue;
+                    }
+                    let start = clock.raw();
+                    let output = lane.outbox.numbers();
+                    let answer = match stopping {
+                        false => engine.answer(&head, Input::Copied(numbers), output),
+                        true => refuse(&head, Status::ShuttingDown, output),
+                    };
+                    lane.outbox.publish(answer);
+                    (Transport::Lane, answer.status, start)
+                }
+                End::Service(port) => {
+                    // an error concerns a client that is about to go
+                    let Ok(Some(request)) = port.receive() else { continue };
+                    let start = clock.raw();
+                    // given up meanwhile, or its client is gone: dropping it releases it
+                    if !request.is_connected() {
+                        continue;
+                    }
+                    let payload = request.payload();
+                    let head = payload.head();
+                    let mut status = Status::Overloaded as u32;
+                    let sent = send_response(&request, |output| {
+                        let answer = match stopping {
+                            false => engine.answer(&head, Input::Shared(payload), output),
+                            true => refuse(&head, Status::ShuttingDown, output),
+                        };
+                        status = answer.status;
+                        answer
+                    });
+                    // a client that went away meanwhile hears nothing; it is counted as what it
+                    // would have heard
+                    let _ = sent;
+                    (Transport::Service, status, start)
+                }
             };
-            lane.outbox.publish(answer);
-            self.shared.counters.record(
-                Transport::Lane,
-                answer.status,
-                self.clock.raw().wrapping_sub(start),
-            );
-            answered += 1;
-        }
-
-        // what was taken from the service
-        for request in self.waiting[..n_waiting].iter_mut().filter_map(Option::take) {
-            let payload = request.payload();
-            let head = payload.head();
-            let mut status = Status::Overloaded as u32;
-            let engine = &mut self.engine;
-            let sent = send_response(&request, |output| {
-                let answer = match stopping {
-                    false => engine.answer(&head, Input::Shared(payload), output),
-                    true => refuse(&head, Status::ShuttingDown, output),
-                };
-                status = answer.status;
-                answer
-            });
-            // a client that went away meanwhile hears nothing; it is counted as what it would have
-            // heard
-            let _ = sent;
-            self.shared.counters.record(
-                Transport::Service,
-                status,
-                self.clock.raw().wrapping_sub(found),
-            );
+            shared.counters.record(transport, status, clock.raw().wrapping_sub(start));
             answered += 1;
         }
         answered
     }
 
-    /// Takes new plans and lanes and gives back old ones. Nobody ever blocks on these channels:
+    /// Takes new plans and ends and gives back old ones. Nobody ever blocks on these channels:
     /// looking costs two loads.
     fn obey(&mut self) {
         self.engine.obey();
         while let Ok(order) = self.orders.try_recv() {
             match order {
-                Order::Serve { slot, lane } => self.lanes[slot] = Some(lane),
-                Order::Retire { slot } => {
-                    if let Some(lane) = self.lanes[slot].take() {
-                        // there is room for every lane, so this cannot fail; were it to, the lane
-                        // would stay
-                        if let Err(error) = self.retired.try_send((slot, lane)) {
-                            let (std::sync::mpsc::TrySendError::Full((slot, lane))
-                            | std::sync::mpsc::TrySendError::Disconnected((slot, lane))) = error;
-                            self.lanes[slot] = Some(lane);
-                        }
+                // never more than there is room for: a place is served once
+                Order::Serve { place, end } => self.ends.push((place, end)),
+                Order::Retire { place } => {
+                    let Some(index) = self.ends.iter().position(|(one, _)| *one == place) else {
+                        continue;
+                    };
+                    // there is room for every end, so this cannot fail; were it to, the end would
+                    // stay
+                    if let Err(TrySendError::Full(retired) | TrySendError::Disconnected(retired)) =
+                        self.retired.try_send(self.ends.swap_remove(index))
+                    {
+                        self.ends.push(retired);
                     }
                 }
             }

@@ -2,14 +2,15 @@
 //!
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
 //! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
-//! (`lanes.rs`) and plans (`plans.rs`), answers the control service (`control.rs`) and publishes
-//! statistics (`counters.rs`). They meet in counters and in bounded channels, never in a lock.
+//! and services (`connections.rs`) and plans (`plans.rs`), answers the control socket (`control.rs`)
+//! and counts (`counters.rs`). They meet in counters and in bounded channels, never in a lock.
 
+mod bus_guard;
+mod connections;
 mod control;
 mod counters;
 mod engine;
 mod hot;
-mod lanes;
 mod plans;
 pub mod pool;
 mod serve;

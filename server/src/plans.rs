@@ -1,8 +1,8 @@
 //! Plans beside the answering thread: made for the clients that register them, taken back when
 //! nobody holds them any more.
 //!
-//! A client holds a plan from [`Plans::register`] until it releases it, leaves or dies; equal
-//! queries share one plan. The answering thread owns the plans that it runs and never frees one: it
+//! A connection holds a plan from [`Plans::register`] until it releases it or ends; equal queries
+//! share one plan. The answering thread owns the plans that it runs and never frees one: it
 //! hands each back, and only then its slot in the table is free for another plan, under another
 //! number.
 
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
-use sarrus_proto::{NodeId, Query, QueryError};
+use sarrus_proto::{Query, QueryError};
 
 /// How long a registration waits for a slot that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
@@ -55,7 +55,7 @@ enum State {
     Held {
         query: Query,
         registered: Registered,
-        holders: Vec<NodeId>,
+        holders: Vec<u64>,
     },
     /// Ordered back from the answering thread.
     Leaving,
@@ -90,7 +90,7 @@ impl Plans {
         &mut self,
         model: &Model<f64>,
         query: &Query,
-        holder: NodeId,
+        holder: u64,
     ) -> Result<Registered, Unplanned> {
         // one that others hold
         for slot in &mut self.slots {
@@ -123,29 +123,33 @@ impl Plans {
     }
 
     /// Ends what `holder` has of a plan; true where it had it.
-    pub(crate) fn release(&mut self, number: PlanNumber, holder: NodeId) -> bool {
+    pub(crate) fn release(&mut self, number: PlanNumber, holder: u64) -> bool {
         let Some(slot) = self.slots.get_mut(number.slot()) else { return false };
         let State::Held { registered, holders, .. } = &mut slot.state else { return false };
         if registered.number != number {
             return false;
         }
         let held = holders.len();
-        holders.retain(|node| *node != holder);
+        holders.retain(|one| *one != holder);
         let had = holders.len() < held;
         retire_if_unheld(&self.orders, slot);
         had
     }
 
-    /// Takes back what the answering thread returned and what nobody of `present` holds; call it
-    /// often.
-    pub(crate) fn upkeep(&mut self, present: &[NodeId]) {
-        self.collect();
+    /// Ends all that `holder` has.
+    pub(crate) fn release_all(&mut self, holder: u64) {
         for slot in &mut self.slots {
             if let State::Held { holders, .. } = &mut slot.state {
-                holders.retain(|holder| present.contains(holder));
+                holders.retain(|one| *one != holder);
                 retire_if_unheld(&self.orders, slot);
             }
         }
+    }
+
+    /// Takes back what the answering thread returned and what nobody holds; call it often.
+    pub(crate) fn upkeep(&mut self) {
+        self.collect();
+        self.slots.iter_mut().for_each(|slot| retire_if_unheld(&self.orders, slot));
     }
 
     fn collect(&mut self) {

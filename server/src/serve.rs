@@ -1,28 +1,27 @@
 //! A run of the server: start, upkeep beside the answering thread, end.
 
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{self, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
-use iceoryx2::prelude::ipc;
 use quanta::Clock;
+use rustix::process::{Resource, getrlimit, setrlimit};
 use sarrus_dynamics::Model;
-use sarrus_proto::board::{HeartbeatEntry, StatisticsEntry, StatusBoard};
-use sarrus_proto::lane::Threadsafe;
-use sarrus_proto::message::{MAX_PLANS, Statistics};
-use sarrus_proto::service::{
-    ControlCallers, ControlServer, ServiceError, serve_compute, serve_control,
-};
+use sarrus_proto::heartbeat::HeartbeatWriter;
+use sarrus_proto::message::{MAX_PLANS, MAX_SERVICE_CLIENTS, Statistics};
+use sarrus_proto::run::{Run, RunError};
 use sarrus_proto::{Domain, DomainError, ModelInfo, ServerName};
 
-use crate::control::Control;
+use crate::bus_guard;
+use crate::connections::Connections;
+use crate::control::{Control, pages};
 use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
-use crate::hot::{Hot, Order, Retired, Shared};
-use crate::lanes::Lanes;
+use crate::hot::{Hot, Shared};
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
 
@@ -78,9 +77,28 @@ pub enum ServeError {
         /// The name.
         name: String,
     },
-    /// A service cannot be made.
-    #[error(transparent)]
-    Service(ServiceError),
+    /// A folder of the server cannot be made or locked.
+    #[error("{}: {source}; {}", path.display(), owner_of(path))]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The socket that clients connect to cannot be made.
+    #[error("no socket in {}: {source}; see whether the folder can be written", path.display())]
+    Socket {
+        /// The server's folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The page of the heartbeat cannot be made.
+    #[error("no memory for the heartbeat: {0}; check the limits of this process")]
+    Heartbeat(io::Error),
+    /// The handler of missing memory cannot be installed.
+    #[error("SIGBUS cannot be handled: {0}")]
+    Guard(io::Error),
     /// More lanes than there can be.
     #[error("{found} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
     TooManyLanes {
@@ -101,10 +119,23 @@ pub enum ServeError {
     Died,
 }
 
+/// Who owns the nearest path that is there.
+fn owner_of(path: &Path) -> String {
+    use std::os::unix::fs::MetadataExt;
+    let found = path.ancestors().find_map(|path| Some((path, path.symlink_metadata().ok()?.uid())));
+    match found {
+        Some((path, user)) => format!(
+            "{} belongs to user {user}; remove it or name another directory in SARRUS_ROOT",
+            path.display()
+        ),
+        None => "name another directory in SARRUS_ROOT".to_owned(),
+    }
+}
+
 /// Serves a model until `stop` is set; calls `ready` once clients can attach.
 ///
-/// This thread makes and retires lanes and answers the control service; a thread of its own answers
-/// requests.
+/// This thread answers the control socket and makes and retires lanes and services; a thread of its
+/// own answers requests.
 ///
 /// # Errors
 /// [`ServeError`]; whatever it is, nothing is left in shared memory.
@@ -134,232 +165,175 @@ fn run(
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
-    let service = |error| match error {
-        ServiceError::Taken { .. } => ServeError::NameTaken { name: options.name.clone() },
-        other => ServeError::Service(other),
-    };
-
-    // the control port is what makes this server the only one of its name; what a dead one left is
-    // cleared on the way
-    let node = domain.node::<Threadsafe>()?;
-    let (port, callers) = take_name(&node, name).map_err(service)?;
-    let instance = instance();
-    let status = StatusBoard::create(&node, name, instance).map_err(service)?;
+    bus_guard::install().map_err(ServeError::Guard)?;
+    allow_descriptors();
+    // the lock of the name is what makes this server the only one of it
+    let run = take_name(domain, name)?;
 
     // the answering thread
     let shared = Arc::new(Shared { counters: Counters::new(), stopping: AtomicBool::new(false) });
     let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
     let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
-    // a lane is ordered there and back before it is free again
-    let (orders_in, orders) = sync_channel(2 * options.lanes + 1);
-    let (retired, retired_out) = sync_channel(options.lanes + 1);
-    let engine = Engine::new(model.clone(), plan_orders, retired_plans);
+    // an end is ordered there and back before its place is free again
+    let places = options.lanes + MAX_SERVICE_CLIENTS;
+    let (orders_in, orders) = sync_channel(2 * places);
+    let (retired, retired_out) = sync_channel(places);
+    let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;
+    let heartbeat_reader = heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
     let clock = Clock::new();
-    let start = HotStart {
-        engine,
-        n_lanes: options.lanes,
+    let hot = Hot {
+        engine: Engine::new(model.clone(), plan_orders, retired_plans),
+        ends: Vec::with_capacity(places),
         orders,
         retired,
-        heartbeat: status.heartbeat,
+        heartbeat,
         shared: shared.clone(),
         clock: clock.clone(),
         wait: options.wait,
     };
-    let thread = start.spawn(domain.clone(), name.clone(), instance)?;
+    let thread = spawn(hot)?;
 
     // upkeep
-    let lanes = Lanes::new(name.clone(), instance, options.lanes, orders_in, retired_out);
-    let fingerprint = info.fingerprint;
+    let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
+    let listener = run.listen().map_err(socket)?;
+    let connections = Connections::new(listener, options.lanes, orders_in, retired_out);
     let control = Control {
-        port,
-        callers,
-        readers: status.readers,
-        instance,
+        root: domain.root().to_string_lossy().into_owned(),
+        connections,
         model,
         plans: Plans::new(plan_orders_in, retired_plans_out),
-        info: info.to_json(),
-        fingerprint,
+        pages: pages(&String::from_utf8_lossy(&info.to_json())),
+        fingerprint: info.fingerprint,
+        heartbeat: heartbeat_reader,
+        buffer: Vec::new(),
+        run,
     };
     let latency = Latency::new(clock).ok_or(ServeError::Died)?;
-    let mut upkeep = Upkeep {
-        node,
-        control,
-        lanes,
-        latency,
-        statistics: status.statistics,
-        shared: shared.clone(),
-        since: Instant::now(),
-        naps: 0,
-    };
-    upkeep.publish();
+    let now = Instant::now();
+    let mut upkeep =
+        Upkeep { control, latency, shared: shared.clone(), since: now, folded: now, checked: now };
     ready();
     while !stop.load(Relaxed) && !thread.is_finished() {
-        upkeep.step();
+        upkeep.step(false);
     }
 
     // the end: refuse what still comes, then take everything down in order
     shared.stopping.store(true, Relaxed);
     while !thread.is_finished() {
-        upkeep.control.serve(&upkeep.node, &mut upkeep.lanes, true);
-        std::thread::sleep(Duration::from_millis(1));
+        upkeep.step(true);
     }
     let ended = thread.join();
-    upkeep.publish();
     if ended.is_ok() && stop.load(Relaxed) { Ok(()) } else { Err(ServeError::Died) }
 }
 
-/// The control port. A server that ended just now may still be going: the name is asked for a few
-/// times.
-fn take_name(
-    node: &Node<Threadsafe>,
-    name: &ServerName,
-) -> Result<(ControlServer, ControlCallers), ServiceError> {
+/// Takes the name. A server that ended just now may still be going, and somebody may be clearing
+/// up: the name is asked for a few times.
+fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
     let mut attempts = 0;
     loop {
-        node.blocking_cleanup_dead_nodes(Duration::from_secs(1));
-        match serve_control(node, name) {
-            Err(
-                ServiceError::Taken { .. }
-                | ServiceError::Memory { .. }
-                | ServiceError::Absent { .. },
-            ) if attempts < 6 => attempts += 1,
-            outcome => return outcome,
+        match Run::start(domain, name) {
+            Ok(run) => return Ok(run),
+            Err(RunError::Taken) if attempts < 6 => attempts += 1,
+            Err(RunError::Taken) => {
+                return Err(ServeError::NameTaken { name: name.as_str().to_owned() });
+            }
+            Err(RunError::Folder { path, source }) => {
+                return Err(ServeError::Folder { path, source });
+            }
+            Err(RunError::Domain(error)) => return Err(error.into()),
         }
         std::thread::sleep(Duration::from_millis(50));
     }
 }
 
-/// Distinguishes runs: the time of the start and the process.
-fn instance() -> u64 {
-    let now =
-        SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
-    (now ^ u64::from(std::process::id()) << 40).max(1)
+/// As many descriptors as this process may have: each client takes about a dozen.
+fn allow_descriptors() {
+    let mut limit = getrlimit(Resource::Nofile);
+    limit.current = limit.maximum;
+    // where that is refused fewer clients can come, and the next one is told why
+    let _ = setrlimit(Resource::Nofile, limit);
 }
 
-struct HotStart {
-    engine: Engine,
-    n_lanes: usize,
-    orders: mpsc::Receiver<Order>,
-    retired: mpsc::SyncSender<Retired>,
-    heartbeat: HeartbeatEntry,
-    shared: Arc<Shared>,
-    clock: Clock,
-    wait: Wait,
-}
-
-impl HotStart {
-    /// Starts the answering thread and waits until it answers.
-    fn spawn(
-        self,
-        domain: Domain,
-        name: ServerName,
-        instance: u64,
-    ) -> Result<JoinHandle<()>, ServeError> {
-        let (started, outcome) = mpsc::channel();
-        let body = move || match self.prepare(&domain, &name, instance) {
-            Err(error) => {
-                let _ = started.send(Err(error));
-            }
-            Ok((_node, mut hot)) => {
-                let _ = started.send(Ok(()));
-                drop(started);
-                let adopted = pool::adopt_thread();
-                hot.run();
-                // taking ports down is the system allocator's again
-                drop(adopted);
-            }
-        };
-        // entries of large lanes pass over the stack
-        let builder =
-            std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
-        let thread = builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
-        outcome.recv().unwrap_or(Err(ServeError::Died))?;
-        Ok(thread)
-    }
-
-    fn prepare(
-        self,
-        domain: &Domain,
-        name: &ServerName,
-        instance: u64,
-    ) -> Result<(Node<ipc::Service>, Hot), ServeError> {
-        let node = domain.node::<ipc::Service>()?;
-        let transport = serve_compute(&node, name, instance).map_err(ServeError::Service)?;
-        let HotStart { engine, n_lanes, orders, retired, heartbeat, shared, clock, wait } = self;
-        let lanes = (0..n_lanes).map(|_| None).collect();
-        Ok((
-            node,
-            Hot {
-                engine,
-                transport,
-                lanes,
-                waiting: [const { None }; _],
-                orders,
-                retired,
-                heartbeat,
-                shared,
-                clock,
-                wait,
-            },
-        ))
-    }
+/// Starts the answering thread.
+fn spawn(mut hot: Hot) -> Result<JoinHandle<()>, ServeError> {
+    let body = move || {
+        let adopted = pool::adopt_thread();
+        hot.run();
+        // taking ports down is the system allocator's again
+        drop(adopted);
+    };
+    // entries of large lanes pass over the stack
+    let builder = std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
+    builder.spawn(body).map_err(|source| ServeError::Thread { source })
 }
 
 /// What happens beside the answering thread.
 struct Upkeep {
-    node: Node<Threadsafe>,
     control: Control,
-    lanes: Lanes,
     latency: Latency,
-    statistics: StatisticsEntry,
     shared: Arc<Shared>,
     since: Instant,
-    naps: u32,
+    folded: Instant,
+    checked: Instant,
 }
 
-/// Between two looks at the control service while nobody calls.
-const NAP: Duration = Duration::from_millis(1);
-/// Naps between two looks at lanes and plans.
-const LANES: u32 = 20;
-/// Naps between two statistics.
-const PUBLISH: u32 = 50;
-/// Naps between two searches for the dead; a search takes about a millisecond.
-const DEAD: u32 = 200;
+/// The longest wait for clients.
+const WAIT: Duration = Duration::from_millis(20);
+/// Between two looks at the counters of latency.
+const FOLD: Duration = Duration::from_millis(50);
+/// Between two looks whether clients can find the server.
+const CHECK: Duration = Duration::from_secs(1);
 
 impl Upkeep {
-    /// One look at the control service, and what else is due.
-    fn step(&mut self) {
-        if !self.control.serve(&self.node, &mut self.lanes, false) {
-            std::thread::sleep(NAP);
+    /// Waits for clients, answers one call of each that speaks, and does what else is due.
+    fn step(&mut self, stopping: bool) {
+        let wait = if stopping { Duration::from_millis(1) } else { WAIT };
+        for client in self.control.connections.wait(wait) {
+            let (latency, shared, since) = (&mut self.latency, &self.shared, self.since);
+            self.control.answer(client, stopping, |control| {
+                latency.fold(&shared.counters);
+                statistics(control, latency, shared, since)
+            });
         }
-        self.naps = self.naps.wrapping_add(1);
-        if self.naps.is_multiple_of(DEAD) {
-            self.node.try_cleanup_dead_nodes();
+        self.control.connections.collect();
+        self.control.plans.upkeep();
+        let now = Instant::now();
+        if now - self.folded > FOLD {
+            self.folded = now;
+            self.latency.fold(&self.shared.counters);
         }
-        if self.naps.is_multiple_of(LANES) {
-            self.lanes.upkeep();
-            self.control.upkeep();
-        }
-        if self.naps.is_multiple_of(PUBLISH) {
-            self.publish();
+        if now - self.checked > CHECK {
+            self.checked = now;
+            self.restore();
         }
     }
 
-    fn publish(&mut self) {
-        self.latency.fold(&self.shared.counters);
-        let counters = &self.shared.counters;
-        let pool = pool::counts();
-        self.statistics.update_with_copy(Statistics {
-            uptime: self.since.elapsed().as_secs_f64(),
-            counts: counters.counts(),
-            latency_ns: self.latency.percentiles(),
-            lanes_taken: self.lanes.taken() as u64,
-            lanes: self.lanes.len() as u64,
-            lanes_made: self.lanes.made(),
-            plans: self.control.plans.len() as u64,
-            system_allocations: pool.system,
-            pool_allocations: pool.pool,
-            process: std::process::id().into(),
-        });
+    /// Makes folders and socket again where somebody cleared them away.
+    fn restore(&mut self) {
+        let Control { run, connections, .. } = &mut self.control;
+        run.restore();
+        let listener = connections.listener_mut();
+        if !listener.is_reachable(run.name_folder())
+            && let Ok(fresh) = run.listen()
+        {
+            *listener = fresh;
+        }
+    }
+}
+
+fn statistics(control: &Control, latency: &Latency, shared: &Shared, since: Instant) -> Statistics {
+    let pool = pool::counts();
+    let connections = &control.connections;
+    Statistics {
+        uptime: since.elapsed().as_secs_f64(),
+        counts: shared.counters.counts(),
+        latency_ns: latency.percentiles(),
+        lanes_taken: connections.lanes_taken() as u64,
+        lanes: connections.n_lanes() as u64,
+        lanes_made: connections.lanes_made(),
+        plans: control.plans.len() as u64,
+        system_allocations: pool.system,
+        pool_allocations: pool.pool,
+        process: std::process::id().into(),
     }
 }

@@ -5,7 +5,10 @@ use std::mem::{align_of, offset_of, size_of};
 use sarrus_dynamics::{Field, FieldSet, Layout, Query, Request, Sizes, Status};
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::actuators::{MechanismState, Operation, Reason};
-use sarrus_proto::message::{Call, Counts, Refusal, Statistics};
+use sarrus_proto::control::{
+    Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, query_hash,
+};
+use sarrus_proto::message::PlanNumber;
 
 #[test]
 fn a_query_is_120_bytes_with_its_fields_at_fixed_places() {
@@ -112,25 +115,67 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 }
 
 #[test]
-fn calls_refusals_and_what_a_bridge_says_keep_their_numbers_and_names() {
-    assert_eq!(PROTOCOL_VERSION, 3);
-    let calls = Call::ALL.iter().map(|call| (*call as u32, call.name()));
-    assert!(calls.eq([(1, "hello"), (2, "model"), (3, "plan"), (4, "lane"), (5, "release")]));
-    const REFUSALS: [&str; 10] = [
-        "wrong_version",
-        "unknown_call",
-        "wrong_model",
-        "bad_query",
-        "too_large",
-        "too_many_plans",
-        "no_lane",
-        "stopping",
-        "no_such_page",
-        "failed",
+fn calls_and_their_answers_keep_their_words() {
+    assert_eq!(PROTOCOL_VERSION, 4);
+    let head = CallHead { version: PROTOCOL_VERSION, nonce: 7 };
+    let text = |call| ControlRequest { head, fingerprint: 1, call }.to_bytes();
+    let calls = [
+        (Call::Hello, r#""hello""#),
+        (Call::Model { page: 3 }, r#"{"model":{"page":3}}"#),
+        (Call::Release { plan: PlanNumber(9) }, r#"{"release":{"plan":9}}"#),
+        (Call::Lane { n_in: 39, n_out: 13 }, r#"{"lane":{"n_in":39,"n_out":13}}"#),
+        (Call::Service, r#""service""#),
+        (Call::Serve, r#""serve""#),
+        (Call::Statistics, r#""statistics""#),
     ];
-    let refusals = Refusal::ALL.iter().map(|refusal| (*refusal as u32, refusal.name()));
-    assert!(refusals.eq((1..).zip(REFUSALS)));
+    for (call, words) in calls {
+        let expected = format!(r#"{{"version":4,"nonce":7,"fingerprint":1,"call":{words}}}"#);
+        assert_eq!(String::from_utf8(text(call)).unwrap(), expected);
+    }
+    let refusals = [
+        (Refusal::WrongVersion, r#""wrong_version""#),
+        (Refusal::UnknownCall, r#""unknown_call""#),
+        (Refusal::WrongModel, r#""wrong_model""#),
+        (Refusal::BadQuery { reason: "x".into() }, r#"{"bad_query":{"reason":"x"}}"#),
+        (Refusal::TooLarge { n_in: 1, n_out: 2 }, r#"{"too_large":{"n_in":1,"n_out":2}}"#),
+        (Refusal::TooManyPlans, r#""too_many_plans""#),
+        (Refusal::NoLane { limit: 16 }, r#"{"no_lane":{"limit":16}}"#),
+        (Refusal::NoService { limit: 32 }, r#"{"no_service":{"limit":32}}"#),
+        (Refusal::NoEnd, r#""no_end""#),
+        (Refusal::TooManyClients { limit: 112 }, r#"{"too_many_clients":{"limit":112}}"#),
+        (Refusal::NoSpace { needed: 2, free: 1 }, r#"{"no_space":{"needed":2,"free":1}}"#),
+        (Refusal::Stopping, r#""stopping""#),
+        (Refusal::NoSuchPage, r#""no_such_page""#),
+        (Refusal::Failed { reason: "x".into() }, r#"{"failed":{"reason":"x"}}"#),
+    ];
+    let answer = |outcome| ControlResponse {
+        version: PROTOCOL_VERSION,
+        nonce: 7,
+        query: 0,
+        fingerprint: 1,
+        instance: 2,
+        outcome,
+    };
+    for (refusal, words) in refusals {
+        let expected = format!(
+            r#"{{"version":4,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
+        );
+        let bytes = answer(Err(refusal)).to_bytes();
+        assert_eq!(String::from_utf8(bytes).unwrap(), expected);
+    }
+    let plan = Grant::Plan { number: PlanNumber(9), n_in: 39, n_out: 13 };
+    assert!(
+        String::from_utf8(answer(Ok(plan)).to_bytes())
+            .unwrap()
+            .ends_with(r#""outcome":{"Ok":{"plan":{"number":9,"n_in":39,"n_out":13}}}}"#)
+    );
+    let query = Query::new(Request::Kinematics, FieldSet(1), FieldSet(2));
+    let other = Query::new(Request::Kinematics, FieldSet(1), FieldSet(3));
+    assert_ne!(query_hash(&query), query_hash(&other));
+}
 
+#[test]
+fn what_a_bridge_says_keeps_its_numbers_and_names() {
     let states = MechanismState::ALL.iter().map(|state| (*state as u32, state.name()));
     assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault"])));
     let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
@@ -166,20 +211,9 @@ fn a_number_that_this_version_does_not_know_has_no_meaning() {
         assert_eq!(Status::of_answer(code), Status::UnknownStatus);
     }
     for code in [99, u32::MAX] {
-        assert_eq!((Call::from_code(code), Refusal::from_code(code)), (None, None));
         assert_eq!((Request::name_of(code), Operation::name_of(code)), ("unknown", "unknown"));
         assert_eq!((Reason::name_of(code), MechanismState::name_of(code)), ("unknown", "unknown"));
     }
-    assert_eq!((Call::from_code(0), Refusal::from_code(0)), (None, None));
-}
-
-#[test]
-fn counters_travel_in_statistics_behind_the_uptime() {
-    assert_eq!(
-        (offset_of!(Statistics, counts), size_of::<Counts>(), size_of::<Statistics>()),
-        (8, 8 * 34, 8 * 47)
-    );
-    assert_eq!(offset_of!(Counts, statuses), 16);
 }
 
 #[test]

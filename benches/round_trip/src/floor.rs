@@ -11,10 +11,11 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc::Service;
+use sarrus_proto::Domain;
 use sarrus_proto::lane::{ComputeActive, ComputeClient, ComputePending, send_request};
 use sarrus_proto::message::{ComputeRequest, RequestHead};
+use sarrus_proto::run::Link;
 use sarrus_proto::service::{ComputeServer, open_compute, serve_compute};
-use sarrus_proto::{Domain, ServerName};
 use sarrus_report::Outcome;
 use sarrus_report::measure::cores::Cores;
 
@@ -26,29 +27,32 @@ const LONGEST_WAIT: Duration = Duration::from_secs(5);
 const SPINS: u64 = 1 << 27;
 /// Numbers that one message can carry.
 const MOST: usize = 64;
+/// The links of the two processes.
+const NEAR: u64 = 1;
+const FAR: u64 = 2;
 
 /// One end: what this process writes, what it reads, and what keeps both mapped.
 struct End {
     mine: ComputePending<Service>,
     theirs: ComputeActive<Service>,
-    _ports: (ComputeServer<Service>, ComputeClient<Service>, Node<Service>),
+    _ports: (ComputeServer<Service>, ComputeClient<Service>, [Node<Service>; 2]),
 }
 
 impl End {
     /// Meets the other end; `opened` is called once it can come.
     fn meet(
         domain: &Domain,
-        mine: &str,
-        theirs: &str,
+        [mine, theirs]: [u64; 2],
         opened: impl FnOnce() -> Outcome,
     ) -> Outcome<End> {
-        let node = domain.node::<Service>()?;
-        let server = serve_compute(&node, &ServerName::new(mine)?, 1)?;
+        let node = Link::new(domain, 0, mine)?.node::<Service>()?;
+        let server = serve_compute(&node)?;
         opened()?;
+        let other = Link::new(domain, 0, theirs)?.node::<Service>()?;
         let start = Instant::now();
         let late = || start.elapsed() > LONGEST_WAIT;
         let client = loop {
-            match open_compute(&node, &ServerName::new(theirs)?, 1) {
+            match open_compute(&other) {
                 Ok(client) => break client,
                 Err(error) if late() => return Err(error.into()),
                 Err(_) => std::thread::sleep(Duration::from_millis(1)),
@@ -64,7 +68,7 @@ impl End {
             }
             match (sent, received) {
                 (Some(mine), Some(theirs)) => {
-                    return Ok(End { mine, theirs, _ports: (server, client, node) });
+                    return Ok(End { mine, theirs, _ports: (server, client, [node, other]) });
                 }
                 _ if late() => return Err("the other end of the floor does not come".into()),
                 (s, r) => (sent, received) = (s, r),
@@ -117,7 +121,7 @@ impl Near {
     /// Starts the other process.
     pub(crate) fn start(domain: &Domain, cores: &Cores) -> Outcome<Near> {
         let mut child = None;
-        let end = End::meet(domain, "floor-near", "floor-far", || {
+        let end = End::meet(domain, [NEAR, FAR], || {
             child = Some(Child::start(Role::Floor, domain, cores)?);
             Ok(())
         })?;
@@ -150,7 +154,7 @@ impl Near {
 /// The other end, until told to stop.
 pub(crate) fn far(stop: &AtomicBool) -> Outcome {
     let domain = Domain::of_user()?;
-    let end = End::meet(&domain, "floor-far", "floor-near", || {
+    let end = End::meet(&domain, [FAR, NEAR], || {
         println!("ready");
         Ok(())
     })?;

@@ -6,7 +6,7 @@ use pyo3::types::PyDict;
 use sarrus_proto::actuators::{Operation, OperatorRequest};
 use sarrus_proto::bridge::{BridgeEnd, ControllerEnd, ObserverEnd};
 use sarrus_proto::lane::Threadsafe;
-use sarrus_proto::{Domain, ServerName};
+use sarrus_proto::{Domain, DomainNode, ServerName};
 
 use crate::bridge::{PyBridge, command, state_fields};
 use crate::telemetry::PyTelemetry;
@@ -17,7 +17,7 @@ use crate::telemetry::PyTelemetry;
 pub(crate) struct PyService {
     // ports go before their node
     end: Option<BridgeEnd>,
-    node: Option<iceoryx2::node::Node<Threadsafe>>,
+    node: Option<DomainNode<Threadsafe>>,
     domain: Domain,
 }
 
@@ -78,7 +78,7 @@ impl PyService {
 pub(crate) struct PyController {
     // ports go before their node
     end: Option<End>,
-    node: Option<iceoryx2::node::Node<Threadsafe>>,
+    node: Option<DomainNode<Threadsafe>>,
     domain: Domain,
 }
 

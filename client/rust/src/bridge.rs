@@ -7,7 +7,7 @@ use sarrus_proto::bridge::{ControllerEnd, ObserverEnd};
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::service::ServiceError;
 use sarrus_proto::watch::BridgeStatistics;
-use sarrus_proto::{Domain, DomainError, ServerName};
+use sarrus_proto::{Domain, DomainError, DomainNode, ServerName};
 
 use crate::ConnectError;
 
@@ -120,7 +120,7 @@ pub fn now_ns() -> u64 {
 /// This process's place in the shared memory; the node goes before what it leaves is tidied away.
 #[derive(Debug)]
 struct Place {
-    node: Option<Node<Threadsafe>>,
+    node: Option<DomainNode<Threadsafe>>,
     domain: Domain,
 }
 

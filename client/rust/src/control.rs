@@ -1,188 +1,251 @@
-//! Calls of the control service.
+//! A connection to a run of a server: calls beside the data path, and whether the server is there.
 
+use std::io::ErrorKind;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::lane::Threadsafe;
-use sarrus_proto::message::{
-    Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PAGE,
-    Refusal,
+use sarrus_proto::control::{
+    Call, CallHead, ControlRequest, ControlResponse, Grant, NoResponse, Refusal, exchange,
 };
-use sarrus_proto::service::{ControlClient, open_control};
-use sarrus_proto::{FieldSet, ModelInfo, PROTOCOL_VERSION, Query, Request, ServerName};
+use sarrus_proto::heartbeat::HeartbeatReader;
+use sarrus_proto::lane::{ComputeClient, Threadsafe};
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, Statistics};
+use sarrus_proto::run::Link;
+use sarrus_proto::service::open_compute;
+use sarrus_proto::socket::ControlSocket;
+use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName};
 
+use crate::life::Life;
 use crate::{ConnectError, Error, Prepared};
 
-/// A port of the control service, open while a client attaches or registers plans.
-pub(crate) struct Control<'a> {
-    node: &'a Node<Threadsafe>,
-    name: &'a ServerName,
-    port: ControlClient,
+/// Between two attempts to reach a server that others reach as well.
+const RETRY: Duration = Duration::from_millis(1);
+
+/// A node of this process in a link.
+pub(crate) type LinkNode = iceoryx2::node::Node<Threadsafe>;
+
+/// A connection to a run of a server. The server keeps what it granted as long as this is open.
+pub(crate) struct Control {
+    socket: ControlSocket,
+    name: String,
     fingerprint: u64,
-    deadline: Instant,
-    timeout: Duration,
-    /// The run that answers; 0 before the first answer.
     instance: u64,
+    process: u32,
+    /// The server's, which may be another than this process would choose.
+    domain: Domain,
+    pages: usize,
+    heartbeat: HeartbeatReader,
+    nonce: AtomicU64,
 }
 
-impl<'a> Control<'a> {
-    /// Opens the service and says hello. Fails where the model has another fingerprint than
-    /// `fingerprint`, if that is given.
+/// When a wait of this length is over; what is too long is for ever.
+pub(crate) fn deadline_after(timeout: Duration) -> Instant {
+    let now = Instant::now();
+    let century = Duration::from_secs(100 * 365 * 86_400);
+    now.checked_add(timeout.min(century)).unwrap_or(now)
+}
+
+impl Control {
+    /// Connects and says hello. Fails where the model has another fingerprint than `fingerprint`,
+    /// if that is given.
     pub(crate) fn open(
-        node: &'a Node<Threadsafe>,
-        name: &'a ServerName,
+        domain: &Domain,
+        name: &ServerName,
         fingerprint: Option<u64>,
         deadline: Instant,
-    ) -> Result<(Control<'a>, Hello), ConnectError> {
-        let mut control = Control::resume(node, name, fingerprint.unwrap_or(0), 0, deadline)?;
-        let response = control.granted(Call::Hello, [0; 2], None)?;
-        control.fingerprint = response.fingerprint;
-        control.instance = response.instance;
-        Ok((
-            control,
-            Hello {
-                fingerprint: response.fingerprint,
-                instance: response.instance,
-                info_bytes: response.numbers[0] as usize,
-            },
-        ))
+    ) -> Result<Control, ConnectError> {
+        let start = Instant::now();
+        let socket = connect(domain, name, deadline)?;
+        let process = socket.peer().map_or(0, |peer| peer.process);
+        let head = CallHead { version: PROTOCOL_VERSION, nonce: 1 };
+        let request =
+            ControlRequest { head, fingerprint: fingerprint.unwrap_or(0), call: Call::Hello };
+        let (response, descriptor) = exchange(&socket, &request, deadline)
+            .map_err(|error| failed(error, name.as_str(), start, || Life::of(process, None)))?;
+        let expected = request.fingerprint;
+        let Grant::Hello { root, process, pages } = granted(&response, expected)? else {
+            return Err(ConnectError::BadAnswer { what: "to an attach" });
+        };
+        let bad = || ConnectError::BadAnswer { what: "to an attach" };
+        let heartbeat = HeartbeatReader::new(&descriptor.ok_or_else(bad)?).map_err(|_| bad())?;
+        Ok(Control {
+            socket,
+            name: name.as_str().to_owned(),
+            fingerprint: response.fingerprint,
+            instance: response.instance,
+            process: *process,
+            domain: Domain::at(Path::new(root))?,
+            pages: *pages,
+            heartbeat,
+            nonce: AtomicU64::new(2),
+        })
     }
 
-    /// Opens the service for the run that a client is attached to, without a word: the answer of
-    /// another run is no answer.
-    pub(crate) fn resume(
-        node: &'a Node<Threadsafe>,
-        name: &'a ServerName,
-        fingerprint: u64,
-        instance: u64,
-        deadline: Instant,
-    ) -> Result<Control<'a>, ConnectError> {
-        let timeout = deadline.saturating_duration_since(Instant::now());
-        let port = open_control(node, name)
-            .map_err(|error| ConnectError::of_service(name.as_str(), error))?;
-        Ok(Control { node, name, port, fingerprint, deadline, timeout, instance })
+    /// Fingerprint of the server's model.
+    pub(crate) fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    /// True once the server is gone, or has ended in order and answers no more.
+    pub(crate) fn is_over(&self) -> bool {
+        self.heartbeat.read().stopped != 0 || self.socket.is_closed()
+    }
+
+    /// What is known of the server's life.
+    pub(crate) fn life(&self) -> Life {
+        Life::of(self.process, Some(&self.heartbeat))
     }
 
     /// The model information.
-    pub(crate) fn model(&self, hello: &Hello) -> Result<ModelInfo, ConnectError> {
-        let mut bytes = Vec::new();
-        for page in 0..hello.info_bytes.div_ceil(PAGE) {
-            bytes.extend_from_slice(self.granted(Call::Model, [page as u64, 0], None)?.text());
+    pub(crate) fn model(&self, deadline: Instant) -> Result<ModelInfo, ConnectError> {
+        let mut json = String::new();
+        for page in 0..self.pages {
+            match self.granted(Call::Model { page }, deadline)? {
+                Grant::Page { text } => json.push_str(&text),
+                _ => return Err(ConnectError::BadAnswer { what: "about the model" }),
+            }
         }
-        ModelInfo::from_json(&bytes).ok_or(ConnectError::BadAnswer { what: "about the model" })
+        let info = ModelInfo::from_json(json.as_bytes());
+        info.ok_or(ConnectError::BadAnswer { what: "about the model" })
     }
 
     /// Registers a plan; the server's number of it.
-    pub(crate) fn plan(&self, prepared: &Prepared) -> Result<u32, Error> {
-        let response = self.call(Call::Plan, [0; 2], Some(prepared.query()))?;
-        let [number, n_in, n_out, _] = response.numbers;
-        match Refusal::from_code(response.refusal) {
+    pub(crate) fn plan(&self, prepared: &Prepared, deadline: Instant) -> Result<u32, Error> {
+        let query = Box::new(*prepared.query());
+        let response = self.call(Call::Plan { query }, deadline)?;
+        match &response.outcome {
             // client and server must mean the same numbers
-            None if response.refusal == 0
-                && [n_in, n_out]
-                    == [prepared.given().len() as u64, prepared.want().len() as u64] =>
+            Ok(Grant::Plan { number, n_in, n_out })
+                if [*n_in, *n_out] == [prepared.given().len(), prepared.want().len()] =>
             {
-                Ok(number as u32)
+                Ok(number.0)
             }
-            None => Err(ConnectError::BadAnswer { what: "for a plan" }.into()),
-            Some(Refusal::BadQuery) => Err(Error::NotPlanned {
-                reason: String::from_utf8_lossy(response.text()).into_owned(),
+            Ok(_) => Err(ConnectError::BadAnswer { what: "for a plan" }.into()),
+            Err(Refusal::BadQuery { reason }) => Err(Error::NotPlanned { reason: reason.clone() }),
+            Err(Refusal::TooLarge { n_in, n_out }) => Err(Error::TooLarge {
+                n_in: *n_in,
+                n_out: *n_out,
+                max_in: MAX_NUMBERS_IN,
+                max_out: MAX_NUMBERS_OUT,
             }),
-            Some(Refusal::TooLarge) => {
-                let [n_in, n_out, ..] = response.numbers.map(|n| n as usize);
-                Err(Error::TooLarge {
-                    n_in,
-                    n_out,
-                    max_in: MAX_NUMBERS_IN,
-                    max_out: MAX_NUMBERS_OUT,
-                })
+            Err(Refusal::TooManyPlans) => Err(Error::TooManyPlans { limit: MAX_PLANS }),
+            Err(refusal) => {
+                Err(ConnectError::of_refusal(refusal, &response, self.fingerprint).into())
             }
-            Some(Refusal::TooManyPlans) => Err(Error::TooManyPlans { limit: MAX_PLANS }),
-            refusal => Err(ConnectError::of_refusal(refusal, &response, self.fingerprint).into()),
         }
     }
 
     /// Releases a plan by the server's number of it.
-    pub(crate) fn release(&self, number: u32) -> Result<(), ConnectError> {
-        self.granted(Call::Release, [number.into(), 0], None).map(|_| ())
+    pub(crate) fn release(&self, number: u32, deadline: Instant) -> Result<(), ConnectError> {
+        let plan = sarrus_proto::message::PlanNumber(number);
+        self.granted(Call::Release { plan }, deadline).map(|_| ())
+    }
+
+    /// What the server counts.
+    pub(crate) fn statistics(&self, deadline: Instant) -> Option<Statistics> {
+        match self.granted(Call::Statistics, deadline) {
+            Ok(Grant::Statistics(statistics)) => Some(*statistics),
+            _ => None,
+        }
     }
 
     /// A lane of one's own that holds so many numbers each way.
     pub(crate) fn lane(
         &self,
         [n_in, n_out]: [usize; 2],
-    ) -> Result<(ClaimedLane, [usize; 2]), ConnectError> {
-        let response = self.granted(Call::Lane, [n_in as u64, n_out as u64], None)?;
-        let (id, class_in, class_out) = response.lane();
-        let classes = [class_in, class_out];
-        let lane = ClaimedLane::claim(self.node, self.name, self.instance, id, classes);
-        Ok((lane.map_err(|error| ConnectError::of_service(self.name.as_str(), error))?, classes))
+        deadline: Instant,
+    ) -> Result<(LinkNode, ClaimedLane, [usize; 2]), ConnectError> {
+        let Grant::Lane { link, class_in, class_out } =
+            self.granted(Call::Lane { n_in, n_out }, deadline)?
+        else {
+            return Err(ConnectError::BadAnswer { what: "for a lane" });
+        };
+        let node = self.link(link)?.node()?;
+        let lane = ClaimedLane::claim(&node, [class_in, class_out]);
+        let lane = lane.map_err(|error| ConnectError::of_service(&self.name, error))?;
+        Ok((node, lane, [class_in, class_out]))
     }
 
-    fn granted(
+    /// A service of one's own.
+    pub(crate) fn service(
         &self,
-        call: Call,
-        arguments: [u64; 2],
-        query: Option<&Query>,
-    ) -> Result<ControlResponse, ConnectError> {
-        let response = self.call(call, arguments, query)?;
-        if response.refusal == 0 {
-            return Ok(response);
-        }
-        Err(ConnectError::of_refusal(
-            Refusal::from_code(response.refusal),
-            &response,
-            self.fingerprint,
-        ))
+        deadline: Instant,
+    ) -> Result<(LinkNode, ComputeClient<Threadsafe>), ConnectError> {
+        let Grant::Service { link } = self.granted(Call::Service, deadline)? else {
+            return Err(ConnectError::BadAnswer { what: "for a service" });
+        };
+        let node = self.link(link)?.node()?;
+        let client =
+            open_compute(&node).map_err(|error| ConnectError::of_service(&self.name, error))?;
+        self.granted(Call::Serve, deadline)?;
+        Ok((node, client))
     }
 
-    fn call(
-        &self,
-        call: Call,
-        arguments: [u64; 2],
-        query: Option<&Query>,
-    ) -> Result<ControlResponse, ConnectError> {
-        const NOTHING: Query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
-        let query = *query.unwrap_or(&NOTHING);
-        let request = ControlRequest {
-            version: PROTOCOL_VERSION,
-            call: call as u32,
-            fingerprint: self.fingerprint,
-            arguments,
-            query,
-        };
-        let silent = || ConnectError::NoAnswer {
-            name: self.name.as_str().to_owned(),
-            timeout: self.timeout,
-        };
-        let pending = self.port.send_copy(request).map_err(|_| silent())?;
-        if pending.number_of_server_connections() == 0 {
-            return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() });
-        }
-        loop {
-            match pending.receive() {
-                Ok(Some(response)) => {
-                    let response = *response.payload();
-                    return match self.instance == 0 || self.instance == response.instance {
-                        true => Ok(response),
-                        false => {
-                            Err(ConnectError::NoServer { name: self.name.as_str().to_owned() })
-                        }
-                    };
-                }
-                Ok(None) if Instant::now() < self.deadline => {
-                    std::thread::sleep(Duration::from_micros(100))
-                }
-                _ => return Err(silent()),
-            }
+    fn link(&self, number: u64) -> Result<Link, ConnectError> {
+        Ok(Link::new(&self.domain, self.instance, number)?)
+    }
+
+    fn granted(&self, call: Call, deadline: Instant) -> Result<Grant, ConnectError> {
+        let response = self.call(call, deadline)?;
+        granted(&response, self.fingerprint).cloned()
+    }
+
+    fn call(&self, call: Call, deadline: Instant) -> Result<ControlResponse, ConnectError> {
+        let start = Instant::now();
+        let head = CallHead { version: PROTOCOL_VERSION, nonce: self.nonce.fetch_add(1, Relaxed) };
+        let request = ControlRequest { head, fingerprint: self.fingerprint, call };
+        match exchange(&self.socket, &request, deadline) {
+            Ok((response, _)) => Ok(response),
+            Err(error) => Err(failed(error, &self.name, start, || self.life())),
         }
     }
 }
 
-/// What the server says of itself.
-pub(crate) struct Hello {
-    pub(crate) fingerprint: u64,
-    pub(crate) instance: u64,
-    info_bytes: usize,
+/// A connection to whoever serves under a name.
+fn connect(
+    domain: &Domain,
+    name: &ServerName,
+    deadline: Instant,
+) -> Result<ControlSocket, ConnectError> {
+    loop {
+        let mut busy = false;
+        for folder in domain.server_folders(name) {
+            match ControlSocket::connect(&folder) {
+                Ok(socket) => return Ok(socket),
+                Err(error) => match error.kind() {
+                    ErrorKind::NotFound | ErrorKind::ConnectionRefused => {}
+                    ErrorKind::WouldBlock | ErrorKind::Interrupted => busy = true,
+                    _ => return Err(ConnectError::Unreachable { path: folder, source: error }),
+                },
+            }
+        }
+        if !busy || Instant::now() >= deadline {
+            return Err(ConnectError::NoServer { name: name.as_str().to_owned() });
+        }
+        std::thread::sleep(RETRY);
+    }
+}
+
+fn failed(
+    error: NoResponse,
+    name: &str,
+    start: Instant,
+    life: impl FnOnce() -> Life,
+) -> ConnectError {
+    let name = name.to_owned();
+    match error {
+        NoResponse::Gone => ConnectError::NoServer { name },
+        NoResponse::Late => ConnectError::NoAnswer { name, timeout: start.elapsed(), life: life() },
+        NoResponse::OtherVersion(found) => ConnectError::WrongVersion { found },
+        NoResponse::Nonsense => ConnectError::BadAnswer { what: "to a call" },
+    }
+}
+
+fn granted(response: &ControlResponse, expected: u64) -> Result<&Grant, ConnectError> {
+    response
+        .outcome
+        .as_ref()
+        .map_err(|refusal| ConnectError::of_refusal(refusal, response, expected))
 }

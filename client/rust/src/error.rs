@@ -1,10 +1,13 @@
+use std::io;
+use std::path::PathBuf;
 use std::time::Duration;
 
-use sarrus_proto::message::Refusal;
+use sarrus_proto::control::{ControlResponse, Refusal};
 use sarrus_proto::service::ServiceError;
 use sarrus_proto::{DomainError, FailedState, Field, PROTOCOL_VERSION, QueryError};
 
 use crate::UnknownName;
+use crate::life::Life;
 
 /// Why a client cannot attach to a server.
 #[derive(Debug, thiserror::Error)]
@@ -17,16 +20,26 @@ pub enum ConnectError {
         name: String,
     },
     /// A server has this name but does not answer.
-    #[error(
-        "the server `{name}` gave no answer within {} s; see whether its process is stopped or \
-         has crashed",
-        timeout.as_secs_f64()
-    )]
+    #[error("the server `{name}` gave no answer within {} s: {life}", seconds(timeout))]
     NoAnswer {
         /// The name.
         name: String,
         /// How long was waited.
         timeout: Duration,
+        /// What is known of the server.
+        life: Life,
+    },
+    /// The server's socket cannot be used.
+    #[error(
+        "the server's folder {} cannot be used: {source}; see whose it is, and whether this \
+         process may open more files",
+        path.display()
+    )]
+    Unreachable {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
     },
     /// No CAN bridge has this name.
     #[error("no bridge named `{name}` runs; start one with `sarrus-can run CONFIG --name {name}`")]
@@ -85,10 +98,20 @@ pub enum ConnectError {
         what: &'static str,
     },
     /// The server could not do its part.
-    #[error("the server could not make a lane: {reason}")]
+    #[error("the server could not take this client: {reason}")]
     Failed {
         /// What the server says.
         reason: String,
+    },
+    /// The shared memory is too full for another client.
+    #[error(
+        "/dev/shm has {} KiB left, too few for another client; remove what is not needed there \
+         (`sarrus tidy`) or give it more room",
+        free / 1024
+    )]
+    NoSpace {
+        /// What is free `[byte]`.
+        free: u64,
     },
     /// The shared memory cannot be entered.
     #[error(transparent)]
@@ -115,17 +138,15 @@ pub enum Error {
         /// How long was waited.
         timeout: Duration,
     },
-    /// The server lives but did not answer in time.
-    #[error(
-        "the server `{name}` lives but gave no answer within {} s; allow more time in \
-         `ConnectOptions::timeout`",
-        timeout.as_secs_f64()
-    )]
+    /// The server is there but did not answer in time.
+    #[error("the server `{name}` gave no answer within {} s: {life}", seconds(timeout))]
     NoAnswer {
         /// The server's name.
         name: String,
         /// How long was waited.
         timeout: Duration,
+        /// What is known of the server.
+        life: Life,
     },
     /// Attaching failed, at first or again after the server was restarted.
     #[error(transparent)]
@@ -197,6 +218,10 @@ fn lines(names: &[UnknownName]) -> String {
     names.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
+fn seconds(timeout: &Duration) -> String {
+    format!("{:.3}", timeout.as_secs_f64()).trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 impl ConnectError {
     pub(crate) fn of_service(name: &str, error: ServiceError) -> ConnectError {
         match error {
@@ -223,25 +248,34 @@ impl ConnectError {
     }
 
     pub(crate) fn of_refusal(
-        refusal: Option<Refusal>,
-        response: &sarrus_proto::message::ControlResponse,
+        refusal: &Refusal,
+        response: &ControlResponse,
         expected: u64,
     ) -> ConnectError {
         match refusal {
-            Some(Refusal::WrongVersion) => ConnectError::WrongVersion { found: response.version },
-            Some(Refusal::WrongModel) => {
+            Refusal::WrongVersion => ConnectError::WrongVersion { found: response.version },
+            Refusal::WrongModel => {
                 ConnectError::WrongModel { found: response.fingerprint, expected }
             }
-            Some(Refusal::NoLane) => ConnectError::NoFreeSlot {
+            Refusal::NoLane { limit } => ConnectError::NoFreeSlot {
                 transport: "lanes of the server",
-                limit: response.numbers[0] as usize,
+                limit: *limit,
                 help: "close a client, serve with more --lanes, or connect through \
                        Transport::Service",
             },
-            Some(Refusal::Stopping) => ConnectError::ShuttingDown,
-            Some(Refusal::Failed) => ConnectError::Failed {
-                reason: String::from_utf8_lossy(response.text()).into_owned(),
+            Refusal::NoService { limit } => ConnectError::NoFreeSlot {
+                transport: "services of the server",
+                limit: *limit,
+                help: "close a client, or connect through a lane",
             },
+            Refusal::TooManyClients { limit } => ConnectError::NoFreeSlot {
+                transport: "connections of the server",
+                limit: *limit,
+                help: "close a client, or serve with more --lanes",
+            },
+            Refusal::NoSpace { free, .. } => ConnectError::NoSpace { free: *free },
+            Refusal::Stopping => ConnectError::ShuttingDown,
+            Refusal::Failed { reason } => ConnectError::Failed { reason: reason.clone() },
             _ => ConnectError::BadAnswer { what: "to an attach" },
         }
     }

@@ -3,24 +3,22 @@
 
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::message::{RequestHead, Statistics};
 use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, Status, Warnings};
 
-use crate::control::Control;
+use crate::control::{Control, deadline_after};
 use crate::plan::Plans;
 use crate::session::{Exchange, Session};
 use crate::{Answer, ConnectError, ConnectOptions, Error};
 
-/// Between two attempts to attach again.
-const RETRY: Duration = Duration::from_millis(20);
+/// Between two attempts to attach again, at first and after a while.
+const RETRY: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
+/// How long attempts follow each other quickly: a server that is watched over is back by then.
+const QUICK: Duration = Duration::from_millis(250);
 
 /// The connection to a server.
 pub(crate) struct Remote {
-    // before the node: ports go first
     session: Option<Session>,
-    node: Option<Node<Threadsafe>>,
     domain: Domain,
     name: ServerName,
     options: ConnectOptions,
@@ -35,29 +33,27 @@ impl Remote {
         options: ConnectOptions,
     ) -> Result<(Remote, ModelInfo), ConnectError> {
         let name = ServerName::new(name)?;
-        let node = domain.node::<Threadsafe>()?;
-        let mut remote = Remote {
-            session: None,
-            node: Some(node),
-            domain,
-            name,
-            options,
-            fingerprint: 0,
-            sequence: 0,
-        };
-        let deadline = Instant::now() + options.timeout;
-        let info = remote.first_session(deadline)?;
-        Ok((remote, info))
+        let deadline = deadline_after(options.timeout);
+        let control = Control::open(&domain, &name, options.fingerprint, deadline)?;
+        let (info, fingerprint) = (control.model(deadline)?, control.fingerprint());
+        let session = Session::open(control, &Plans::new(), options.transport, deadline);
+        let session = Some(session.map_err(|error| match error {
+            Error::Connect(error) => error,
+            // nothing but attaching can fail without plans
+            _ => ConnectError::BadAnswer { what: "to an attach" },
+        })?);
+        Ok((Remote { session, domain, name, options, fingerprint, sequence: 0 }, info))
     }
 
-    /// The statistics of the server, as of its last note of them.
+    /// The statistics of the server, as it answers.
     pub(crate) fn statistics(&self) -> Option<Statistics> {
-        self.session.as_ref().map(|session| session.status.statistics())
+        let deadline = deadline_after(self.options.timeout);
+        self.session.as_ref().and_then(|session| session.control.statistics(deadline))
     }
 
     /// Registers the plan in this place with the server, and sees that the lane holds them all.
     pub(crate) fn register(&mut self, prepared: &Plans, place: usize) -> Result<(), Error> {
-        let deadline = Instant::now() + self.options.timeout;
+        let deadline = deadline_after(self.options.timeout);
         if self.session.is_some() {
             match self.extend(prepared, place, deadline) {
                 Err(Error::Connect(error)) if error.may_pass() => {}
@@ -70,12 +66,10 @@ impl Remote {
     /// Tells the server that the plan in this place is held no more. Where it does not hear that,
     /// the session ends, and with it all that the server holds for it.
     pub(crate) fn release(&mut self, place: usize) {
-        let (Some(node), Some(session)) = (&self.node, &mut self.session) else { return };
+        let Some(session) = &mut self.session else { return };
         let Some(number) = session.plans.get_mut(place).and_then(Option::take) else { return };
-        let deadline = Instant::now() + self.options.timeout;
-        let (fingerprint, instance) = (self.fingerprint, session.instance);
-        let control = Control::resume(node, &self.name, fingerprint, instance, deadline);
-        if control.and_then(|control| control.release(number)).is_err() {
+        let deadline = deadline_after(self.options.timeout);
+        if session.control.release(number, deadline).is_err() {
             self.session = None;
         }
     }
@@ -93,7 +87,7 @@ impl Remote {
         loop {
             if self.session.is_none() {
                 let deadline =
-                    *deadline.get_or_insert_with(|| Instant::now() + self.options.timeout);
+                    *deadline.get_or_insert_with(|| deadline_after(self.options.timeout));
                 self.attach(prepared, deadline)?;
             }
             let Some(session) = &mut self.session else { continue };
@@ -116,47 +110,26 @@ impl Remote {
                 }
                 Exchange::Lost => self.session = None,
                 Exchange::TimedOut => {
+                    let life = session.control.life();
                     // an answer that comes late must meet nobody
                     self.session = None;
                     return Err(Error::NoAnswer {
                         name: self.name.as_str().to_owned(),
                         timeout: self.options.timeout,
+                        life,
                     });
                 }
             }
         }
     }
 
-    /// Attaches for the first time.
-    fn first_session(&mut self, deadline: Instant) -> Result<ModelInfo, ConnectError> {
-        let Some(node) = &self.node else {
-            return Err(ConnectError::NoServer { name: self.name.as_str().to_owned() });
-        };
-        let (control, hello) = Control::open(node, &self.name, self.options.fingerprint, deadline)?;
-        let info = control.model(&hello)?;
-        let transport = self.options.transport;
-        let session = Session::open(node, &self.name, &control, &hello, &Plans::new(), transport);
-        drop(control);
-        self.fingerprint = hello.fingerprint;
-        self.session = Some(session.map_err(|error| match error {
-            Error::Connect(error) => error,
-            // nothing but attaching can fail without plans
-            _ => ConnectError::BadAnswer { what: "to an attach" },
-        })?);
-        Ok(info)
-    }
-
     /// Adds a plan to a session that goes on.
     fn extend(&mut self, prepared: &Plans, place: usize, deadline: Instant) -> Result<(), Error> {
-        let (Some(node), Some(session), Some(plan)) =
-            (&self.node, &mut self.session, prepared.at(place))
-        else {
+        let (Some(session), Some(plan)) = (&mut self.session, prepared.at(place)) else {
             return Ok(());
         };
-        let (fingerprint, instance) = (self.fingerprint, session.instance);
-        let control = Control::resume(node, &self.name, fingerprint, instance, deadline)?;
-        let number = control.plan(plan)?;
-        if let Err(error) = session.grow(&control, prepared.needs()) {
+        let number = session.control.plan(plan, deadline)?;
+        if let Err(error) = session.grow(prepared.needs(), deadline) {
             // without a lane, and with a plan that nobody knows here: begin anew
             self.session = None;
             return Err(error.into());
@@ -169,44 +142,32 @@ impl Remote {
     /// Attaches again, as often as it takes until the deadline.
     fn attach(&mut self, prepared: &Plans, deadline: Instant) -> Result<(), Error> {
         self.session = None;
+        let start = Instant::now();
         loop {
             let error = match self.try_attach(prepared, deadline) {
                 Err(Error::Connect(error)) if error.may_pass() => error,
                 outcome => return outcome,
             };
-            if Instant::now() + RETRY >= deadline {
+            let retry = RETRY[usize::from(start.elapsed() > QUICK)];
+            if Instant::now() + retry >= deadline {
                 return Err(match error {
-                    ConnectError::Service(_) => error.into(),
-                    _ => Error::ServerGone {
-                        name: self.name.as_str().to_owned(),
-                        timeout: self.options.timeout,
-                    },
+                    ConnectError::NoServer { .. } | ConnectError::ShuttingDown => {
+                        Error::ServerGone {
+                            name: self.name.as_str().to_owned(),
+                            timeout: self.options.timeout,
+                        }
+                    }
+                    other => other.into(),
                 });
             }
-            std::thread::sleep(RETRY);
+            std::thread::sleep(retry);
         }
     }
 
     fn try_attach(&mut self, prepared: &Plans, deadline: Instant) -> Result<(), Error> {
-        let node = match &mut self.node {
-            Some(node) => node,
-            none => none.insert(self.domain.node::<Threadsafe>().map_err(ConnectError::from)?),
-        };
-        // a dead server still holds its ports until somebody clears them away
-        node.try_cleanup_dead_nodes();
-        let attempt = deadline.min(Instant::now() + 10 * RETRY);
-        let (control, hello) = Control::open(node, &self.name, Some(self.fingerprint), attempt)?;
+        let control = Control::open(&self.domain, &self.name, Some(self.fingerprint), deadline)?;
         let transport = self.options.transport;
-        let session = Session::open(node, &self.name, &control, &hello, prepared, transport)?;
-        self.session = Some(session);
+        self.session = Some(Session::open(control, prepared, transport, deadline)?);
         Ok(())
-    }
-}
-
-impl Drop for Remote {
-    fn drop(&mut self) {
-        self.session = None;
-        self.node = None;
-        self.domain.tidy();
     }
 }

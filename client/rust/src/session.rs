@@ -2,40 +2,37 @@
 
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
-use sarrus_proto::board::{ClaimedLane, StatusReader};
+use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
-use sarrus_proto::message::{Heartbeat, RequestHead, ResponseHead};
-use sarrus_proto::service::open_compute;
-use sarrus_proto::{ServerName, Status, Warnings};
+use sarrus_proto::message::{RequestHead, ResponseHead};
+use sarrus_proto::{Status, Warnings};
 
-use crate::control::{Control, Hello};
+use crate::control::{Control, LinkNode, deadline_after};
 use crate::plan::Plans;
 use crate::wait::Waiter;
 use crate::{ConnectError, ConnectOptions, Error, Transport};
 
-/// A server without a sign of life for this long is looked for anew.
-const SILENCE: Duration = Duration::from_millis(100);
-
 /// What holds for one run of the server.
 pub(crate) struct Session {
-    pub(crate) instance: u64,
     /// The server's number of each plan, by its place.
     pub(crate) plans: Vec<Option<u32>>,
-    /// Read as long as the session: the server holds this client's plans meanwhile.
-    pub(crate) status: StatusReader,
+    // before the connection, whose end tells the server to take its side down
     end: End,
+    pub(crate) control: Control,
 }
 
+/// Ports go before their node.
 enum End {
     /// Given up for a larger lane that did not come.
     None,
     Lane {
         lane: ClaimedLane,
         classes: [usize; 2],
+        _node: LinkNode,
     },
     Requests {
         client: ComputeClient<Threadsafe>,
+        _node: LinkNode,
     },
 }
 
@@ -49,33 +46,29 @@ pub(crate) enum Exchange {
 }
 
 impl Session {
-    /// Attaches to a run and registers these plans.
+    /// Registers these plans with a run, and gets an end.
     pub(crate) fn open(
-        node: &Node<Threadsafe>,
-        name: &ServerName,
-        control: &Control<'_>,
-        hello: &Hello,
+        control: Control,
         prepared: &Plans,
         transport: Transport,
+        deadline: Instant,
     ) -> Result<Session, Error> {
-        let service = |error| ConnectError::of_service(name.as_str(), error);
-        // before the plans: the server holds a plan for those who read its status
-        let status = StatusReader::open(node, name, hello.instance).map_err(service)?;
         let mut plans = Vec::new();
         for (place, prepared) in prepared.iter() {
             plans.resize(place, None);
-            plans.push(Some(control.plan(prepared)?));
+            plans.push(Some(control.plan(prepared, deadline)?));
         }
         let end = match transport {
             Transport::Lane => {
-                let (lane, classes) = control.lane(prepared.needs())?;
-                End::Lane { lane, classes }
+                let (node, lane, classes) = control.lane(prepared.needs(), deadline)?;
+                End::Lane { lane, classes, _node: node }
             }
             Transport::Service => {
-                End::Requests { client: open_compute(node, name, hello.instance).map_err(service)? }
+                let (node, client) = control.service(deadline)?;
+                End::Requests { client, _node: node }
             }
         };
-        Ok(Session { instance: hello.instance, plans, status, end })
+        Ok(Session { plans, end, control })
     }
 
     /// The server's number of the plan in this place.
@@ -88,15 +81,15 @@ impl Session {
     /// server's last.
     pub(crate) fn grow(
         &mut self,
-        control: &Control<'_>,
         needs: [usize; 2],
+        deadline: Instant,
     ) -> Result<(), ConnectError> {
         if let End::Lane { classes, .. } = &self.end
             && (needs[0] > classes[0] || needs[1] > classes[1])
         {
             self.end = End::None;
-            let (lane, classes) = control.lane(needs)?;
-            self.end = End::Lane { lane, classes };
+            let (node, lane, classes) = self.control.lane(needs, deadline)?;
+            self.end = End::Lane { lane, classes, _node: node };
         }
         Ok(())
     }
@@ -110,7 +103,7 @@ impl Session {
         deadline: &mut Option<Instant>,
     ) -> Exchange {
         let mut waiter = Waiter::new(options.wait_strategy);
-        let mut watch = Watch::new();
+        let control = &self.control;
         let overloaded = ResponseHead::new(Status::Overloaded, Warnings::NONE, head.sequence);
         match &mut self.end {
             End::None => Exchange::Lost,
@@ -128,22 +121,20 @@ impl Session {
                         return Exchange::Answered(answer);
                     }
                     if let Some(waited) = waiter.pause()
-                        && let Some(end) =
-                            watch.look(&self.status, waited, options.timeout, deadline)
+                        && let Some(end) = look(control, waited, options.timeout, deadline)
                     {
                         return end;
                     }
                 }
             }
-            End::Requests { client } => {
+            End::Requests { client, .. } => {
                 let Some(pending) = send_request(client, head, input) else {
                     // nobody took it: the server is gone, or busy with a request that this client
                     // gave up
                     output.fill(f64::NAN);
-                    return if watch.is_alive(&self.status) {
-                        Exchange::Answered(overloaded)
-                    } else {
-                        Exchange::Lost
+                    return match control.is_over() {
+                        true => Exchange::Lost,
+                        false => Exchange::Answered(overloaded),
                     };
                 };
                 loop {
@@ -159,8 +150,7 @@ impl Session {
                         Err(_) => return Exchange::Lost,
                     }
                     if let Some(waited) = waiter.pause()
-                        && let Some(end) =
-                            watch.look(&self.status, waited, options.timeout, deadline)
+                        && let Some(end) = look(control, waited, options.timeout, deadline)
                     {
                         return end;
                     }
@@ -177,47 +167,18 @@ fn copy_or_nan(numbers: &[f64], output: &mut [f64]) {
     }
 }
 
-/// Looks for the server's sign of life during a wait.
-struct Watch {
-    last: Option<(Heartbeat, Duration)>,
-}
-
-impl Watch {
-    fn new() -> Watch {
-        Watch { last: None }
+/// Whether to give a wait up, and why: the kernel reports at once when the server is gone, and as
+/// long as it does not, the server may only be late.
+#[cold]
+fn look(
+    control: &Control,
+    waited: Duration,
+    timeout: Duration,
+    deadline: &mut Option<Instant>,
+) -> Option<Exchange> {
+    if control.is_over() {
+        return Some(Exchange::Lost);
     }
-
-    /// Whether to give the wait up, and why.
-    #[cold]
-    fn look(
-        &mut self,
-        status: &StatusReader,
-        waited: Duration,
-        timeout: Duration,
-        deadline: &mut Option<Instant>,
-    ) -> Option<Exchange> {
-        let deadline =
-            *deadline.get_or_insert_with(|| Instant::now() + timeout.saturating_sub(waited));
-        let now = status.heartbeat();
-        match self.last {
-            _ if now.stopped != 0 => return Some(Exchange::Lost),
-            Some((last, since)) if last == now => {
-                if waited.saturating_sub(since) > SILENCE {
-                    return Some(Exchange::Lost);
-                }
-            }
-            _ => self.last = Some((now, waited)),
-        }
-        (Instant::now() >= deadline).then_some(Exchange::TimedOut)
-    }
-
-    /// Whether the server gives a sign of life within a few beats.
-    fn is_alive(&self, status: &StatusReader) -> bool {
-        let first = status.heartbeat();
-        first.stopped == 0
-            && (0..20).any(|_| {
-                std::thread::sleep(Duration::from_millis(1));
-                status.heartbeat().beats != first.beats
-            })
-    }
+    let deadline = *deadline.get_or_insert_with(|| deadline_after(timeout.saturating_sub(waited)));
+    (Instant::now() >= deadline).then_some(Exchange::TimedOut)
 }

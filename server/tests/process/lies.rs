@@ -5,55 +5,94 @@ use std::time::{Duration, Instant};
 use iceoryx2::node::Node;
 use sarrus_client::{Status, Transport};
 use sarrus_proto::board::{ClaimedLane, class_of};
-use sarrus_proto::lane::{Threadsafe, send_request};
-use sarrus_proto::message::{
-    Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, Refusal, RequestHead, ResponseHead,
-};
-use sarrus_proto::service::{ControlClient, open_compute, open_control};
+use sarrus_proto::control::{Call, CallHead, ControlRequest, Grant, Refusal, exchange};
+use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
+use sarrus_proto::message::{MAX_NUMBERS_IN, PlanNumber, RequestHead, ResponseHead};
+use sarrus_proto::run::Link;
+use sarrus_proto::service::open_compute;
+use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
 use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, ServerName};
 
 use crate::support::{Asker, STATE, Sandbox};
 
-pub(crate) fn call(client: &ControlClient, request: ControlRequest) -> ControlResponse {
-    let pending = client.send_copy(request).unwrap();
-    let start = Instant::now();
-    while start.elapsed() < Duration::from_secs(2) {
-        if let Some(response) = pending.receive().unwrap() {
-            return *response.payload();
+/// A client that says whatever a test likes.
+pub(crate) struct Liar<'a> {
+    sandbox: &'a Sandbox,
+    pub(crate) socket: ControlSocket,
+    pub(crate) fingerprint: u64,
+    instance: u64,
+}
+
+impl Liar<'_> {
+    pub(crate) fn new<'a>(sandbox: &'a Sandbox, name: &str) -> Liar<'a> {
+        let name = ServerName::new(name).unwrap();
+        let folder = sandbox.domain.server_folders(&name).next().unwrap();
+        let socket = ControlSocket::connect(&folder).unwrap();
+        let mut liar = Liar { sandbox, socket, fingerprint: 0, instance: 0 };
+        let request = ControlRequest { head: head(), fingerprint: 0, call: Call::Hello };
+        let (hello, descriptor) = exchange(&liar.socket, &request, soon()).unwrap();
+        assert!(descriptor.is_some() && matches!(hello.outcome, Ok(Grant::Hello { .. })));
+        (liar.fingerprint, liar.instance) = (hello.fingerprint, hello.instance);
+        liar
+    }
+
+    pub(crate) fn call(&self, call: Call) -> Result<Grant, Refusal> {
+        self.send(&ControlRequest { head: head(), fingerprint: 0, call })
+    }
+
+    fn send(&self, request: &ControlRequest) -> Result<Grant, Refusal> {
+        exchange(&self.socket, request, soon()).unwrap().0.outcome
+    }
+
+    /// What the server says to a message that is no call.
+    fn raw(&self, message: &[u8]) -> Refusal {
+        self.socket.send(message, None).unwrap();
+        let mut buffer = vec![0; MAX_MESSAGE];
+        assert!(self.socket.wait(soon()).unwrap());
+        let (bytes, _) = self.socket.receive(&mut buffer).unwrap().unwrap();
+        let response = sarrus_proto::control::ControlResponse::from_bytes(&buffer[..bytes]);
+        response.unwrap().outcome.unwrap_err()
+    }
+
+    pub(crate) fn plan(&self, query: Query) -> Result<PlanNumber, Refusal> {
+        match self.call(Call::Plan { query: Box::new(query) })? {
+            Grant::Plan { number, .. } => Ok(number),
+            other => panic!("{other:?}"),
         }
     }
-    panic!("no answer");
-}
 
-pub(crate) fn request(call: u32) -> ControlRequest {
-    ControlRequest {
-        version: PROTOCOL_VERSION,
-        call,
-        fingerprint: 0,
-        arguments: [0; 2],
-        query: STATE,
+    /// A lane, claimed.
+    pub(crate) fn lane(&self, [n_in, n_out]: [usize; 2]) -> (Node<Threadsafe>, ClaimedLane) {
+        let granted = self.call(Call::Lane { n_in, n_out }).unwrap();
+        let Grant::Lane { link, class_in, class_out } = granted else { panic!("{granted:?}") };
+        assert_eq!((Some(class_in), Some(class_out)), (class_of(n_in), class_of(n_out)));
+        let node = self.link(link);
+        let lane = ClaimedLane::claim(&node, [class_in, class_out]).unwrap();
+        // a lane is one client's
+        assert!(ClaimedLane::claim(&node, [class_in, class_out]).is_err());
+        (node, lane)
+    }
+
+    pub(crate) fn service(&self) -> (Node<Threadsafe>, ComputeClient<Threadsafe>) {
+        let granted = self.call(Call::Service).unwrap();
+        let Grant::Service { link } = granted else { panic!("{granted:?}") };
+        let node = self.link(link);
+        let client = open_compute(&node).unwrap();
+        assert_eq!(self.call(Call::Serve), Ok(Grant::Served));
+        (node, client)
+    }
+
+    fn link(&self, number: u64) -> Node<Threadsafe> {
+        Link::new(&self.sandbox.domain, self.instance, number).unwrap().node().unwrap()
     }
 }
 
-/// Says hello as any client does.
-pub(crate) fn hello(node: &Node<Threadsafe>, name: &ServerName) -> ControlResponse {
-    call(&open_control(node, name).unwrap(), request(Call::Hello as u32))
+fn head() -> CallHead {
+    CallHead { version: PROTOCOL_VERSION, nonce: 7 }
 }
 
-/// A lane, claimed.
-pub(crate) fn lane(
-    node: &Node<Threadsafe>,
-    name: &ServerName,
-    [n_in, n_out]: [usize; 2],
-) -> ClaimedLane {
-    let client = open_control(node, name).unwrap();
-    let hello = call(&client, request(Call::Hello as u32));
-    let granted = call(
-        &client,
-        ControlRequest { arguments: [n_in as u64, n_out as u64], ..request(Call::Lane as u32) },
-    );
-    let (id, class_in, class_out) = granted.lane();
-    ClaimedLane::claim(node, name, hello.instance, id, [class_in, class_out]).unwrap()
+fn soon() -> Instant {
+    Instant::now() + Duration::from_secs(5)
 }
 
 /// Heads that lie, what they should get, and numbers that go with them.
@@ -79,75 +118,69 @@ fn lies(fingerprint: u64, n_in: usize) -> Vec<(RequestHead, Vec<f64>, Status)> {
 }
 
 #[test]
-fn lies_through_the_control_service_are_refused() {
+fn lies_through_the_control_socket_are_refused() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("liar", &["--lanes", "1"]);
-    let name = ServerName::new("liar").unwrap();
-    let node = sandbox.domain.node::<Threadsafe>().unwrap();
-    let client = open_control(&node, &name).unwrap();
+    let liar = Liar::new(&sandbox, "liar");
 
-    let refusal = |request| Refusal::from_code(call(&client, request).refusal);
-    let hello = request(Call::Hello as u32);
-    assert_eq!(refusal(ControlRequest { version: 7, ..hello }), Some(Refusal::WrongVersion));
-    assert_eq!(refusal(ControlRequest { fingerprint: 42, ..hello }), Some(Refusal::WrongModel));
-    assert_eq!(refusal(request(0)), Some(Refusal::UnknownCall));
-    assert_eq!(refusal(request(u32::MAX)), Some(Refusal::UnknownCall));
-    for page in [1000, u64::MAX] {
-        assert_eq!(
-            refusal(ControlRequest { arguments: [page, 0], ..request(Call::Model as u32) }),
-            Some(Refusal::NoSuchPage)
-        );
+    let hello = || ControlRequest { head: head(), fingerprint: 0, call: Call::Hello };
+    let other = CallHead { version: 7, nonce: 9 };
+    let refusal = |request| liar.send(&request).unwrap_err();
+    assert_eq!(refusal(ControlRequest { head: other, ..hello() }), Refusal::WrongVersion);
+    assert_eq!(refusal(ControlRequest { fingerprint: 42, ..hello() }), Refusal::WrongModel);
+    for page in [1000, usize::MAX] {
+        assert_eq!(liar.call(Call::Model { page }), Err(Refusal::NoSuchPage));
+    }
+    let deep = "[".repeat(10_000);
+    for garbage in ["{", "\0", &deep, "{\"version\":4,\"nonce\":1}", "null"] {
+        assert_eq!(liar.raw(garbage.as_bytes()), Refusal::UnknownCall);
     }
 
     // queries
-    let plan = |query: Query| refusal(ControlRequest { query, ..request(Call::Plan as u32) });
-    assert_eq!(plan(Query { request: 99, ..STATE }), Some(Refusal::BadQuery));
-    assert_eq!(plan(Query { want: FieldSet(u64::MAX), ..STATE }), Some(Refusal::BadQuery));
-    assert_eq!(plan(Query { n_frames: u16::MAX, ..STATE }), Some(Refusal::BadQuery));
-    assert_eq!(plan(Query { n_wrenches: 17, ..STATE }), Some(Refusal::BadQuery));
-    assert_eq!(
-        plan(Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE }),
-        Some(Refusal::BadQuery)
-    );
-    assert_eq!(plan(STATE), None);
+    for bad in [
+        Query { request: 99, ..STATE },
+        Query { want: FieldSet(u64::MAX), ..STATE },
+        Query { n_frames: u16::MAX, ..STATE },
+        Query { n_wrenches: 17, ..STATE },
+        Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE },
+    ] {
+        assert!(matches!(liar.plan(bad), Err(Refusal::BadQuery { .. })), "{bad:?}");
+    }
+    assert!(liar.plan(STATE).is_ok());
 
-    // lanes
-    let lane = |arguments| refusal(ControlRequest { arguments, ..request(Call::Lane as u32) });
-    assert_eq!(lane([u64::MAX, 1]), Some(Refusal::TooLarge));
-    assert_eq!(lane([1, 16385]), Some(Refusal::TooLarge));
-    // who attaches and never comes is forgotten in the end
-    assert_eq!(lane([1, 16384]), None);
-    assert_eq!(lane([1, 1]), Some(Refusal::NoLane));
-    std::thread::sleep(Duration::from_millis(5300));
-    assert_eq!(lane([1, 1]), None);
+    // lanes and services
+    let lane = |n_in, n_out| liar.call(Call::Lane { n_in, n_out });
+    assert_eq!(liar.call(Call::Serve), Err(Refusal::NoEnd));
+    assert!(matches!(lane(usize::MAX, 1), Err(Refusal::TooLarge { .. })));
+    assert!(matches!(lane(1, 16385), Err(Refusal::TooLarge { .. })));
+    assert!(lane(1, 16384).is_ok());
+    let second = Liar::new(&sandbox, "liar");
+    assert_eq!(second.call(Call::Lane { n_in: 1, n_out: 1 }), Err(Refusal::NoLane { limit: 1 }));
+    // another end replaces the one before
+    assert!(liar.call(Call::Service).is_ok());
+    assert!(second.call(Call::Lane { n_in: 1, n_out: 1 }).is_ok());
+    assert_eq!(liar.call(Call::Serve), Ok(Grant::Served));
+    assert_eq!(liar.call(Call::Serve), Err(Refusal::NoEnd));
+
+    // what is longer than any message ends the connection, and nobody else's
+    assert!(liar.socket.send(&vec![b' '; MAX_MESSAGE + 1], None).is_ok());
+    let start = Instant::now();
+    while !liar.socket.is_closed() {
+        assert!(start.elapsed() < Duration::from_secs(5));
+    }
+    assert!(second.plan(STATE).is_ok());
 }
 
 #[test]
 fn lies_through_a_lane_get_their_status() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("lane", &[]);
-    let name = ServerName::new("lane").unwrap();
     let mut honest = Asker::new(sandbox.connect("lane", Transport::Lane).unwrap());
     let n_in = honest.input.len();
 
-    let node = sandbox.domain.node::<Threadsafe>().unwrap();
-    let client = open_control(&node, &name).unwrap();
-    let hello = call(&client, request(Call::Hello as u32));
-    let granted = call(
-        &client,
-        ControlRequest {
-            arguments: [n_in as u64, honest.output.len() as u64],
-            ..request(Call::Lane as u32)
-        },
-    );
-    let (id, class_in, class_out) = granted.lane();
-    assert_eq!((Some(class_in), Some(class_out)), (class_of(n_in), class_of(honest.output.len())));
-    let mut lane =
-        ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).unwrap();
-    // a lane is one client's
-    assert!(ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).is_err());
-
-    for (k, (head, numbers, status)) in lies(hello.fingerprint, n_in).into_iter().enumerate() {
+    let liar = Liar::new(&sandbox, "lane");
+    let (node, mut lane) = liar.lane([n_in, honest.output.len()]);
+    for (k, (head, numbers, status)) in lies(liar.fingerprint, n_in).into_iter().enumerate() {
         let head = RequestHead { sequence: k as u64 + 1, ..head };
         lane.outbox.numbers()[..n_in].copy_from_slice(&numbers);
         lane.outbox.publish(head);
@@ -175,14 +208,12 @@ fn lies_through_a_lane_get_their_status() {
     }
 
     // a lane that is too small for another client's plan
-    let small = call(&client, ControlRequest { arguments: [1, 1], ..request(Call::Lane as u32) });
-    let (id, class_in, class_out) = small.lane();
-    let mut lane =
-        ClaimedLane::claim(&node, &name, hello.instance, id, [class_in, class_out]).unwrap();
+    drop((lane, node));
+    let (node, mut lane) = liar.lane([1, 1]);
     lane.outbox.publish(RequestHead {
         version: PROTOCOL_VERSION,
         plan: 0,
-        fingerprint: hello.fingerprint,
+        fingerprint: liar.fingerprint,
         sequence: 1,
     });
     let start = Instant::now();
@@ -195,7 +226,7 @@ fn lies_through_a_lane_get_their_status() {
     assert_eq!(answer.status, Status::WrongSize as u32);
 
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
-    drop((lane, client, node, honest));
+    drop((lane, node, liar, honest));
     assert!(server.stop("-TERM").success());
 }
 
@@ -203,14 +234,12 @@ fn lies_through_a_lane_get_their_status() {
 fn lies_through_the_service_get_their_status() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("transport", &[]);
-    let name = ServerName::new("transport").unwrap();
     let mut honest = Asker::new(sandbox.connect("transport", Transport::Service).unwrap());
     let n_in = honest.input.len();
-    let node = sandbox.domain.node::<Threadsafe>().unwrap();
-    let hello = call(&open_control(&node, &name).unwrap(), request(Call::Hello as u32));
-    let client = open_compute(&node, &name, hello.instance).unwrap();
+    let liar = Liar::new(&sandbox, "transport");
+    let (_node, client) = liar.service();
 
-    for (k, (head, mut numbers, status)) in lies(hello.fingerprint, n_in).into_iter().enumerate() {
+    for (k, (head, mut numbers, status)) in lies(liar.fingerprint, n_in).into_iter().enumerate() {
         let head = RequestHead { sequence: k as u64 + 1, ..head };
         // more numbers than the plan takes mean nothing
         numbers.resize(MAX_NUMBERS_IN + 100, f64::NAN);
@@ -238,7 +267,7 @@ fn lies_through_the_service_get_their_status() {
     let head = RequestHead {
         version: PROTOCOL_VERSION,
         plan: 0,
-        fingerprint: hello.fingerprint,
+        fingerprint: liar.fingerprint,
         sequence: 99,
     };
     let first = send_request(&client, &head, &vec![0.0; n_in]).unwrap();

@@ -6,13 +6,13 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use sarrus_client::{Options, Robot, Source, Status, Transport};
+use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::RequestHead;
-use sarrus_proto::service::open_compute;
-use sarrus_proto::{PROTOCOL_VERSION, ServerName};
 use sarrus_server::pool;
 
+use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, Sandbox};
 
 #[test]
@@ -166,25 +166,27 @@ impl Pusher {
 fn no_client_starves_another() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("fair", &["--wait", "busy"]);
-    let name = ServerName::new("fair").unwrap();
     let asker = Asker::new(sandbox.connect("fair", Transport::Service).unwrap());
     let numbers = asker.input.clone();
 
     // three clients of the service and two lanes, all backlogged, driven by one thread
-    let node = sandbox.domain.node::<Threadsafe>().unwrap();
-    let hello = crate::lies::hello(&node, &name);
+    let liars: Vec<Liar<'_>> = (0..5).map(|_| Liar::new(&sandbox, "fair")).collect();
+    let mut nodes = Vec::new();
     let head = RequestHead {
         version: PROTOCOL_VERSION,
         plan: 0,
-        fingerprint: hello.fingerprint,
+        fingerprint: liars[0].fingerprint,
         sequence: 1,
     };
     let mut pushers: Vec<Pusher> = Vec::new();
-    for _ in 0..3 {
-        pushers.push(Pusher::Requests(open_compute(&node, &name, hello.instance).unwrap(), None));
+    for liar in &liars[..3] {
+        let (node, client) = liar.service();
+        nodes.push(node);
+        pushers.push(Pusher::Requests(client, None));
     }
-    for _ in 0..2 {
-        let mut lane = crate::lies::lane(&node, &name, [numbers.len(), asker.output.len()]);
+    for liar in &liars[3..] {
+        let (node, mut lane) = liar.lane([numbers.len(), asker.output.len()]);
+        nodes.push(node);
         lane.outbox.numbers()[..numbers.len()].copy_from_slice(&numbers);
         lane.outbox.publish(head);
         pushers.push(Pusher::Lane(lane));

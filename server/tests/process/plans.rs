@@ -3,17 +3,15 @@
 
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
 use sarrus_client::{
     Error, Field, FieldSet, Options, PlanId, Query, Request, Robot, Source, Status, Transport,
 };
-use sarrus_proto::board::StatusReader;
-use sarrus_proto::lane::{Threadsafe, send_request};
-use sarrus_proto::message::{Call, ControlRequest, MAX_PLANS, RequestHead};
-use sarrus_proto::service::{open_compute, open_control};
-use sarrus_proto::{PROTOCOL_VERSION, ServerName};
+use sarrus_proto::PROTOCOL_VERSION;
+use sarrus_proto::control::{Call, Grant};
+use sarrus_proto::lane::send_request;
+use sarrus_proto::message::{MAX_PLANS, PlanNumber, RequestHead};
 
-use crate::lies::{call, request};
+use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, Sandbox, options};
 
 /// More queries than a server holds, each another one.
@@ -177,25 +175,17 @@ fn plans_of_clients_that_leave_or_are_killed_come_free() {
 fn the_number_of_a_released_plan_is_never_another_plans() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("stale", &[]);
-    let name = ServerName::new("stale").unwrap();
-    let node: Node<Threadsafe> = sandbox.domain.node().unwrap();
-    let control = open_control(&node, &name).unwrap();
-    let hello = call(&control, request(Call::Hello as u32));
-    let status = StatusReader::open(&node, &name, hello.instance).unwrap();
-    let client = open_compute(&node, &name, hello.instance).unwrap();
-    let plan = |number| {
-        let query = distinct(number);
-        call(&control, ControlRequest { query, ..request(Call::Plan as u32) }).numbers[0]
+    let liar = Liar::new(&sandbox, "stale");
+    let (_node, client) = liar.service();
+    let release = |plan| match liar.call(Call::Release { plan }) {
+        Ok(Grant::Released { had }) => had,
+        other => panic!("{other:?}"),
     };
-    let release = |number| {
-        let arguments = [number, 0];
-        call(&control, ControlRequest { arguments, ..request(Call::Release as u32) }).numbers[0]
-    };
-    let ask = |plan: u64| {
+    let ask = |plan: PlanNumber| {
         let head = RequestHead {
             version: PROTOCOL_VERSION,
-            plan: plan as u32,
-            fingerprint: hello.fingerprint,
+            plan: plan.0,
+            fingerprint: liar.fingerprint,
             sequence: 1,
         };
         let pending = send_request(&client, &head, &[0.0; 256]).unwrap();
@@ -211,26 +201,25 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
     let mut seen = Vec::new();
     // more than there are places
     for number in 0..MAX_PLANS + 100 {
-        let registered = plan(number);
+        let registered = liar.plan(distinct(number)).unwrap();
         assert_eq!(ask(registered), Status::Ok);
-        assert!(!seen.contains(&registered), "{registered} twice");
+        assert!(!seen.contains(&registered), "{registered:?} twice");
         seen.push(registered);
-        assert_eq!((release(registered), release(registered)), (1, 0));
+        assert_eq!((release(registered), release(registered)), (true, false));
     }
     // what others hold cannot be released
     let mut other = sandbox.connect("stale", Transport::Lane).unwrap();
     let held = other.prepare(&distinct(1)).unwrap();
     let start = Instant::now();
-    for stale in [seen[0], seen[1], seen[MAX_PLANS], u64::from(u32::MAX), u64::MAX] {
-        assert_eq!(release(stale), 0);
+    for stale in [seen[0], seen[1], seen[MAX_PLANS], PlanNumber(u32::MAX)] {
+        assert!(!release(stale));
         // given back at the next look at the orders
         while ask(stale) == Status::Ok {
-            assert!(start.elapsed() < Duration::from_secs(2), "{stale} still answers");
+            assert!(start.elapsed() < Duration::from_secs(2), "{stale:?} still answers");
         }
         assert_eq!(ask(stale), Status::UnknownRequest);
     }
     assert_eq!(crate::plans::status(&mut other, held), Status::Ok);
-    drop(status);
 }
 
 #[test]

@@ -5,7 +5,6 @@ use std::os::unix::process::CommandExt;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use iceoryx2::prelude::ipc;
 use rustix::process::{Pid, Signal, kill_process};
 use sarrus_client::Domain;
 use sarrus_server::Wait;
@@ -59,11 +58,10 @@ impl Drop for ServerProcess {
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        // what a killed server leaves is cleared by the next node
+        // what a killed server leaves is cleared here
         let _ = self.child.kill();
         let _ = self.child.wait();
         if let Ok(domain) = Domain::of_user() {
-            drop(domain.node::<ipc::Service>().map(|node| node.blocking_cleanup_dead_nodes(STOP)));
             domain.tidy();
         }
     }

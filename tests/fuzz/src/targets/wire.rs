@@ -8,16 +8,18 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
-use iceoryx2::prelude::ipc;
 use sarrus_client::describe;
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_models::{Options, Source, load};
-use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
-use sarrus_proto::message::{
-    Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, Refusal,
-    RequestHead,
+use sarrus_proto::board::class_of;
+use sarrus_proto::control::{
+    Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, exchange,
 };
-use sarrus_proto::service::{ControlClient, open_compute, open_control};
+use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead};
+use sarrus_proto::run::Link;
+use sarrus_proto::service::open_compute;
+use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
 use sarrus_proto::{
     Domain, Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, PROTOCOL_VERSION, Query, Request,
     ServerName, Status, Warnings,
@@ -55,7 +57,11 @@ pub(super) const SERVER: Target = Target {
         let mut served = Served::start()?;
         let check: Check = Box::new(move |input| {
             let mut bytes = Bytes(input);
-            if bytes.u8() & 1 == 0 { served.call(&mut bytes) } else { served.request(&mut bytes) }
+            match bytes.u8() % 3 {
+                0 => served.call(&mut bytes),
+                1 => served.garbage(&mut bytes),
+                _ => served.request(&mut bytes),
+            }
         });
         Ok(check)
     },
@@ -190,12 +196,12 @@ fn kept(layout: &sarrus_dynamics::Layout, status: Status, output: &[f64]) -> Res
 /// A server in this process and a client of its services.
 struct Served {
     model: Model<f64>,
-    control: ControlClient,
-    compute: ComputeClient<ipc::Service>,
+    control: ControlSocket,
+    compute: ComputeClient<Threadsafe>,
     instance: u64,
     sequence: u64,
     plans: Vec<Query>,
-    _nodes: (Node<Threadsafe>, Node<ipc::Service>),
+    _node: Node<Threadsafe>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -232,11 +238,17 @@ impl Served {
         let words = |error: &dyn std::fmt::Display| error.to_string();
         let name = ServerName::new(&name).map_err(|error| words(&error))?;
         let domain = Domain::of_user().map_err(|error| words(&error))?;
-        let node = domain.node::<Threadsafe>().map_err(|error| words(&error))?;
-        let other = domain.node::<ipc::Service>().map_err(|error| words(&error))?;
-        let control = open_control(&node, &name).map_err(|error| words(&error))?;
-        let hello = ask(&control, request_of(Call::Hello as u32))?;
-        let compute = open_compute(&other, &name, hello.instance).map_err(|error| words(&error))?;
+        let folder = domain.server_folders(&name).next().ok_or("no folder")?;
+        let control = ControlSocket::connect(&folder).map_err(|error| words(&error))?;
+        let hello = ask(&control, &request_of(Call::Hello))?;
+        let service = ask(&control, &request_of(Call::Service))?;
+        let Ok(Grant::Service { link }) = service.outcome else {
+            return Err(format!("no service: {service:?}"));
+        };
+        let link = Link::new(&domain, hello.instance, link).map_err(|error| words(&error))?;
+        let node = link.node::<Threadsafe>().map_err(|error| words(&error))?;
+        let compute = open_compute(&node).map_err(|error| words(&error))?;
+        ask(&control, &request_of(Call::Serve))?;
         Ok(Served {
             model: model()?,
             control,
@@ -244,75 +256,104 @@ impl Served {
             instance: hello.instance,
             sequence: 0,
             plans: Vec::new(),
-            _nodes: (node, other),
+            _node: node,
             stop,
             thread: Some(thread),
         })
     }
 
-    /// A call of the control service is granted or refused for the first reason that there is.
+    /// A call is granted or refused for the first reason that there is.
     fn call(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
-        let call = bytes.u8();
-        let call = if call < 250 { u32::from(call % 6) } else { bytes.u64() as u32 };
-        let request = ControlRequest {
-            version: bytes.or(PROTOCOL_VERSION.into()) as u32,
-            fingerprint: bytes.or(self.model.fingerprint()),
-            arguments: [bytes.or(1), bytes.or(20)],
-            query: bytes.query(),
-            call,
+        let kind = bytes.u8() % 4;
+        let [first, second] = [bytes.or(1), bytes.or(20)].map(|number| number as usize);
+        let call = match kind {
+            0 => Call::Hello,
+            1 => Call::Model { page: first },
+            2 => Call::Plan { query: Box::new(bytes.query()) },
+            // lanes and services take the place of the one that requests go through
+            _ if class_of(first).and(class_of(second)).is_some() => Call::Statistics,
+            _ => Call::Lane { n_in: first, n_out: second },
         };
-        let response = ask(&self.control, request)?;
-        let refusal = Refusal::from_code(response.refusal);
-        let about = |words: &str| format!("{words}: {refusal:?} for {request:?}");
+        let head = CallHead { version: bytes.or(PROTOCOL_VERSION.into()) as u32, nonce: 7 };
+        let fingerprint = bytes.or(self.model.fingerprint());
+        let request = ControlRequest { head, fingerprint, call };
+        let response = ask(&self.control, &request)?;
+        let about = |words: &str| format!("{words}: {:?} for {request:?}", response.outcome);
 
         // the head is that of this server, whatever was asked
-        let head = (response.version, response.fingerprint, response.instance);
+        let found = (response.version, response.fingerprint, response.instance);
         let right = (PROTOCOL_VERSION, self.model.fingerprint(), self.instance);
-        law(head == right, || about("another head"))?;
-        law(refusal.is_some() || response.refusal == 0, || about("an unknown refusal"))?;
-        law(std::str::from_utf8(response.text()).is_ok(), || about("a text that is none"))?;
+        law(found == right, || about("another head"))?;
 
         // the gate
-        let gate = match Call::from_code(call) {
-            _ if request.version != PROTOCOL_VERSION => Some(Refusal::WrongVersion),
-            _ if ![0, self.model.fingerprint()].contains(&request.fingerprint) => {
-                Some(Refusal::WrongModel)
-            }
-            None => Some(Refusal::UnknownCall),
-            Some(_) => None,
+        let gate = if head.version != PROTOCOL_VERSION {
+            Some(Refusal::WrongVersion)
+        } else if ![0, self.model.fingerprint()].contains(&fingerprint) {
+            Some(Refusal::WrongModel)
+        } else {
+            None
         };
-        if gate.is_some() {
-            law(refusal == gate, || about("another reason"))?;
-        } else if Call::from_code(call) == Some(Call::Plan) {
-            self.check_plan(&request.query, &response, refusal)?;
+        match (gate, &request.call) {
+            (Some(gate), _) => {
+                law(response.outcome == Err(gate), || about("another reason"))?;
+            }
+            (None, Call::Plan { query }) => self.check_plan(query, &response.outcome)?,
+            (None, Call::Lane { .. }) => {
+                let large = matches!(response.outcome, Err(Refusal::TooLarge { .. }));
+                law(large, || about("such a lane"))?;
+            }
+            (None, _) => {}
         }
-        Ok(u64::from(call) << 8 | u64::from(response.refusal))
+        Ok(u64::from(kind) << 8 | u64::from(response.outcome.is_err()))
+    }
+
+    /// A garbled message is answered, and is no call.
+    fn garbage(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
+        let call = ControlRequest::to_bytes(&request_of(Call::Statistics));
+        let mut message = call.clone();
+        for _ in 0..=bytes.u8() % 4 {
+            let place = bytes.u64() as usize % message.len();
+            message[place] = bytes.u8();
+        }
+        let read = ControlRequest::from_bytes(&message);
+        self.control.send(&message, None).map_err(|error| error.to_string())?;
+        let mut buffer = vec![0; MAX_MESSAGE];
+        let since = Instant::now();
+        let answered = self.control.wait(since + PATIENT).map_err(|error| error.to_string())?;
+        law(answered, || format!("no answer to {}", String::from_utf8_lossy(&message)))?;
+        let received = self.control.receive(&mut buffer).map_err(|error| error.to_string())?;
+        let length = received.map_or(0, |(length, _)| length);
+        let response = ControlResponse::from_bytes(&buffer[..length]).ok_or("no answer of ours")?;
+        let (_, refusal) = match read {
+            Ok(_) => return Ok(1),
+            Err(refused) => refused,
+        };
+        law(response.outcome == Err(refusal), || format!("another reason: {response:?}"))?;
+        Ok(2)
     }
 
     /// A query is registered as it is planned, and the same one has the same number.
     fn check_plan(
         &mut self,
         query: &Query,
-        response: &ControlResponse,
-        refusal: Option<Refusal>,
+        outcome: &Result<Grant, Refusal>,
     ) -> Result<(), String> {
-        let about = |words: &str| format!("{words}: {refusal:?} for {query:?}");
-        let [number, n_in, n_out, _] = response.numbers;
+        let about = |words: &str| format!("{words}: {outcome:?} for {query:?}");
         let sizes =
             Plan::new(&self.model, query).map(|plan| (plan.given().len(), plan.want().len()));
-        match (sizes, refusal) {
-            (Err(_), Some(Refusal::BadQuery)) => {
-                law(!response.text().is_empty(), || about("no reason"))
+        match (sizes, outcome) {
+            (Err(_), Err(Refusal::BadQuery { reason })) => {
+                law(!reason.is_empty(), || about("no reason"))
             }
-            (Ok((given, want)), Some(Refusal::TooLarge)) => {
+            (Ok((given, want)), Err(Refusal::TooLarge { .. })) => {
                 law(given > MAX_NUMBERS_IN || want > MAX_NUMBERS_OUT, || about("it is not"))
             }
-            (Ok(_), Some(Refusal::TooManyPlans)) => {
+            (Ok(_), Err(Refusal::TooManyPlans)) => {
                 law(self.plans.len() == MAX_PLANS, || about("there is room"))
             }
-            (Ok((given, want)), None) => {
-                law([n_in, n_out] == [given as u64, want as u64], || about("other sizes"))?;
-                let number = number as usize;
+            (Ok((given, want)), Ok(Grant::Plan { number, n_in, n_out })) => {
+                law([*n_in, *n_out] == [given, want], || about("other sizes"))?;
+                let number = number.0 as usize;
                 if number == self.plans.len() {
                     self.plans.push(*query);
                 }
@@ -368,21 +409,13 @@ impl Served {
     }
 }
 
-/// A call without arguments.
-fn request_of(call: u32) -> ControlRequest {
-    let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
-    ControlRequest { version: PROTOCOL_VERSION, call, fingerprint: 0, arguments: [0; 2], query }
+fn request_of(call: Call) -> ControlRequest {
+    let head = CallHead { version: PROTOCOL_VERSION, nonce: 1 };
+    ControlRequest { head, fingerprint: 0, call }
 }
 
 /// The answer to a call.
-fn ask(port: &ControlClient, request: ControlRequest) -> Result<ControlResponse, String> {
-    let pending = port.send_copy(request).map_err(|error| format!("{error:?}"))?;
-    let since = Instant::now();
-    loop {
-        if let Some(response) = pending.receive().map_err(|error| format!("{error:?}"))? {
-            return Ok(*response.payload());
-        }
-        law(since.elapsed() < PATIENT, || format!("no answer to {request:?}"))?;
-        std::thread::sleep(Duration::from_micros(50));
-    }
+fn ask(socket: &ControlSocket, request: &ControlRequest) -> Result<ControlResponse, String> {
+    let response = exchange(socket, request, Instant::now() + PATIENT);
+    response.map(|(response, _)| response).map_err(|error| format!("{error:?} to {request:?}"))
 }

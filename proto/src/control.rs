@@ -1,0 +1,349 @@
+//! What client and server say to each other beside the data path: JSON messages through the control
+//! socket, each answered by one.
+
+use std::os::fd::OwnedFd;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::message::{PlanNumber, Statistics};
+use crate::socket::{ControlSocket, MAX_MESSAGE};
+use crate::{PROTOCOL_VERSION, Query};
+
+/// Bytes of model information in one answer.
+pub const PAGE: usize = 16 << 10;
+
+/// What every call begins with, of whatever version.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CallHead {
+    /// [`PROTOCOL_VERSION`] of the client.
+    pub version: u32,
+    /// A number of the client's choice; the answer repeats it.
+    #[serde(default)]
+    pub nonce: u64,
+}
+
+/// A call.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlRequest {
+    /// Version and nonce.
+    #[serde(flatten)]
+    pub head: CallHead,
+    /// Fingerprint of the model that the client expects; zero for any.
+    #[serde(default)]
+    pub fingerprint: u64,
+    /// What is asked.
+    pub call: Call,
+}
+
+/// What a client asks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Call {
+    /// Who is there? The answer carries the descriptor of the [heartbeat](crate::heartbeat).
+    Hello,
+    /// A page of the model information.
+    Model {
+        /// Number of the page.
+        page: usize,
+    },
+    /// Register a query. The server holds the plan until every connection that registered it has
+    /// released it or is gone.
+    Plan {
+        /// The query.
+        query: Box<Query>,
+    },
+    /// End what this connection holds of a plan.
+    Release {
+        /// The plan.
+        plan: PlanNumber,
+    },
+    /// A lane for plans of up to so many numbers.
+    Lane {
+        /// Numbers in.
+        n_in: usize,
+        /// Numbers out.
+        n_out: usize,
+    },
+    /// A service of one's own.
+    Service,
+    /// The client's end of the service is there: requests may come.
+    Serve,
+    /// What the server counts.
+    Statistics,
+}
+
+/// An answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlResponse {
+    /// [`PROTOCOL_VERSION`] of the server.
+    pub version: u32,
+    /// The call's nonce.
+    pub nonce: u64,
+    /// [`query_hash`] of the query that this answers; zero where there was none.
+    pub query: u64,
+    /// Fingerprint of the model.
+    pub fingerprint: u64,
+    /// Distinguishes the runs of a server.
+    pub instance: u64,
+    /// What was granted, or why not.
+    pub outcome: Result<Grant, Refusal>,
+}
+
+/// What a server grants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grant {
+    /// To [`Call::Hello`].
+    Hello {
+        /// Root of the server's domain.
+        root: String,
+        /// The server's process.
+        process: u32,
+        /// Pages of the model information.
+        pages: usize,
+    },
+    /// To [`Call::Model`]: a piece of JSON.
+    Page {
+        /// The piece.
+        text: String,
+    },
+    /// To [`Call::Plan`].
+    Plan {
+        /// Number for the requests.
+        number: PlanNumber,
+        /// Numbers in.
+        n_in: usize,
+        /// Numbers out.
+        n_out: usize,
+    },
+    /// To [`Call::Release`].
+    Released {
+        /// Whether this connection held the plan.
+        had: bool,
+    },
+    /// To [`Call::Lane`]: it is there.
+    Lane {
+        /// Number of its [link](crate::run::Link).
+        link: u64,
+        /// Its class of numbers in.
+        class_in: usize,
+        /// Its class of numbers out.
+        class_out: usize,
+    },
+    /// To [`Call::Service`]: it is there; [`Call::Serve`] comes next.
+    Service {
+        /// Number of its [link](crate::run::Link).
+        link: u64,
+    },
+    /// To [`Call::Serve`].
+    Served,
+    /// To [`Call::Statistics`].
+    Statistics(Box<Statistics>),
+}
+
+/// Why a server refuses a call.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Refusal {
+    /// The client speaks another version of the protocol; the answer has the server's.
+    WrongVersion,
+    /// The message is no call of this version.
+    UnknownCall,
+    /// The client was made for a model with another fingerprint.
+    WrongModel,
+    /// The query cannot be planned.
+    BadQuery {
+        /// Why.
+        reason: String,
+    },
+    /// The plan takes or gives more numbers than a request carries.
+    TooLarge {
+        /// Numbers in.
+        n_in: usize,
+        /// Numbers out.
+        n_out: usize,
+    },
+    /// The table of plans is full.
+    TooManyPlans,
+    /// Every lane is taken.
+    NoLane {
+        /// How many there are.
+        limit: usize,
+    },
+    /// Every place at the service is taken.
+    NoService {
+        /// How many there are.
+        limit: usize,
+    },
+    /// The connection has no service that waits for its client.
+    NoEnd,
+    /// The server has as many connections as it takes.
+    TooManyClients {
+        /// How many.
+        limit: usize,
+    },
+    /// The shared memory is too full.
+    NoSpace {
+        /// What this needs `[byte]`.
+        needed: u64,
+        /// What is free `[byte]`.
+        free: u64,
+    },
+    /// The server is stopping.
+    Stopping,
+    /// The model information has no such page.
+    NoSuchPage,
+    /// Something failed.
+    Failed {
+        /// What.
+        reason: String,
+    },
+}
+
+impl ControlRequest {
+    /// A call as it travels.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        serde_json::to_vec(self).unwrap_or_default()
+    }
+
+    /// Reads a call; a refusal where it is none of this version.
+    ///
+    /// # Errors
+    /// The head, as far as there is one, and why the call is refused.
+    pub fn from_bytes(bytes: &[u8]) -> Result<ControlRequest, (CallHead, Refusal)> {
+        let head = serde_json::from_slice::<CallHead>(bytes)
+            .map_err(|_| (CallHead::default(), Refusal::UnknownCall))?;
+        if head.version != PROTOCOL_VERSION {
+            return Err((head, Refusal::WrongVersion));
+        }
+        serde_json::from_slice(bytes).map_err(|_| (head, Refusal::UnknownCall))
+    }
+}
+
+impl ControlResponse {
+    /// An answer as it travels.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        serde_json::to_vec(self).unwrap_or_default()
+    }
+
+    /// Reads an answer; `None` where it is none.
+    pub fn from_bytes(bytes: &[u8]) -> Option<ControlResponse> {
+        serde_json::from_slice(bytes).ok()
+    }
+
+    /// The version of whatever answered; `None` where it says none.
+    pub fn version_of(bytes: &[u8]) -> Option<u32> {
+        serde_json::from_slice::<CallHead>(bytes).ok().map(|head| head.version)
+    }
+}
+
+/// Why a call has no answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoResponse {
+    /// The server is gone.
+    Gone,
+    /// The deadline passed.
+    Late,
+    /// The answer is one of this other version.
+    OtherVersion(u32),
+    /// The answer makes no sense, or answers another query.
+    Nonsense,
+}
+
+/// Makes a call and waits for its answer, with the descriptor that came with it. The answer to
+/// another call, one that was given up, is passed over.
+///
+/// # Errors
+/// [`NoResponse`].
+pub fn exchange(
+    socket: &ControlSocket,
+    request: &ControlRequest,
+    deadline: Instant,
+) -> Result<(ControlResponse, Option<OwnedFd>), NoResponse> {
+    let gone = |_| NoResponse::Gone;
+    let query = match &request.call {
+        Call::Plan { query } => query_hash(query),
+        _ => 0,
+    };
+    socket.send(&request.to_bytes(), None).map_err(gone)?;
+    let mut buffer = vec![0; MAX_MESSAGE];
+    loop {
+        while let Some((bytes, descriptor)) = socket.receive(&mut buffer).map_err(gone)? {
+            let bytes = buffer.get(..bytes).unwrap_or_default();
+            let Some(response) = ControlResponse::from_bytes(bytes) else {
+                return Err(match ControlResponse::version_of(bytes) {
+                    Some(found) if found != PROTOCOL_VERSION => NoResponse::OtherVersion(found),
+                    _ => NoResponse::Nonsense,
+                });
+            };
+            // a call that the server could not read has no number there
+            if response.nonce != request.head.nonce && response.nonce != 0 {
+                continue;
+            }
+            return match response.outcome.is_err() || response.query == query {
+                true => Ok((response, descriptor)),
+                false => Err(NoResponse::Nonsense),
+            };
+        }
+        if !socket.wait(deadline).map_err(gone)? && Instant::now() >= deadline {
+            return Err(NoResponse::Late);
+        }
+    }
+}
+
+/// FNV-1a of a query as it travels: an answer names by it what it answers.
+pub fn query_hash(query: &Query) -> u64 {
+    let bytes = serde_json::to_vec(query).unwrap_or_default();
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{FieldSet, Request};
+
+    fn query() -> Query {
+        Query::new(Request::Kinematics, FieldSet(1), FieldSet(2))
+    }
+
+    #[test]
+    fn calls_travel_unchanged() {
+        let head = CallHead { version: PROTOCOL_VERSION, nonce: u64::MAX };
+        let calls = [
+            Call::Hello,
+            Call::Model { page: 3 },
+            Call::Plan { query: Box::new(query()) },
+            Call::Release { plan: PlanNumber(u32::MAX) },
+            Call::Lane { n_in: 1, n_out: usize::MAX },
+            Call::Service,
+            Call::Serve,
+            Call::Statistics,
+        ];
+        for call in calls {
+            let request = ControlRequest { head, fingerprint: u64::MAX, call };
+            assert_eq!(ControlRequest::from_bytes(&request.to_bytes()), Ok(request));
+        }
+    }
+
+    #[test]
+    fn another_version_is_told_from_garbage() {
+        let of = |text: &str| ControlRequest::from_bytes(text.as_bytes()).unwrap_err();
+        let other = r#"{"version":99,"nonce":7,"call":{"unheard":[1]}}"#;
+        assert_eq!(of(other), (CallHead { version: 99, nonce: 7 }, Refusal::WrongVersion));
+        for garbage in ["", "{", "null", "[]", &"[".repeat(10_000), r#"{"version":-1}"#] {
+            assert_eq!(of(garbage), (CallHead::default(), Refusal::UnknownCall), "{garbage}");
+        }
+        let unknown = format!(r#"{{"version":{PROTOCOL_VERSION},"nonce":1,"call":"dance"}}"#);
+        assert_eq!(of(&unknown).1, Refusal::UnknownCall);
+    }
+
+    #[test]
+    fn queries_that_differ_have_other_hashes() {
+        let other = Query::new(Request::Kinematics, FieldSet(1), FieldSet(3));
+        assert_ne!(query_hash(&query()), query_hash(&other));
+        assert_eq!(query_hash(&query()), query_hash(&query()));
+    }
+}

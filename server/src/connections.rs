@@ -1,0 +1,359 @@
+//! The clients of a run: each a connection of the control socket, with the plans that it holds and
+//! at most one end, a lane or a service of its own.
+//!
+//! Everything that a client has hangs on its connection. The kernel closes that when the client
+//! dies, whatever it was doing; then its end is taken back from the answering thread, and its link
+//! is removed whole.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, SyncSender};
+use std::time::{Duration, Instant};
+
+use iceoryx2::node::Node;
+use rustix::event::{PollFd, PollFlags, poll};
+use sarrus_proto::board::ServedLane;
+use sarrus_proto::control::Refusal;
+use sarrus_proto::lane::Threadsafe;
+use sarrus_proto::message::MAX_SERVICE_CLIENTS;
+use sarrus_proto::run::{Link, Run, free_shared_memory};
+use sarrus_proto::service::{ComputeServer, serve_compute};
+use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
+
+use crate::bus_guard::replaced_pages;
+use crate::hot::{End, Order, Retired};
+
+/// Connections without a lane or a service that a server takes besides.
+const MAX_OBSERVERS: usize = 64;
+/// How long a client that wants an end waits for one that is just being given back.
+const HAND_BACK: Duration = Duration::from_millis(20);
+/// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
+/// others `[byte]`.
+const LANE_MARGIN: u64 = 256 << 10;
+/// Shared memory that a service takes, and that stays free for others `[byte]`.
+const SERVICE_NEEDS: u64 = 2 << 20;
+
+/// A client, from its connection on.
+pub(crate) struct Connection {
+    pub(crate) socket: ControlSocket,
+    /// Where its end is among the places.
+    place: Option<usize>,
+    /// The server's port of a service whose client has not opened its own.
+    unserved: Option<ComputeServer<Threadsafe>>,
+}
+
+/// Where the answering thread polls.
+enum Place {
+    Free,
+    /// Dropped in this order: the node goes when the ports are gone.
+    Taken {
+        node: Node<Threadsafe>,
+        link: Link,
+    },
+    /// Ordered back from the answering thread.
+    Leaving {
+        node: Node<Threadsafe>,
+        link: Link,
+    },
+}
+
+/// All clients of a run.
+pub(crate) struct Connections {
+    listener: ControlListener,
+    /// By the numbers that plans know them under.
+    clients: BTreeMap<u64, Connection>,
+    /// Connections so far; a link has the number of the connection that it was made for and of the
+    /// links before.
+    numbers: u64,
+    /// The lanes, then the services.
+    places: Vec<Place>,
+    n_lanes: usize,
+    orders: SyncSender<Order>,
+    retired: Receiver<Retired>,
+    lanes_made: u64,
+    /// New connections are not taken before this: there were no descriptors left.
+    paused_until: Option<Instant>,
+}
+
+impl Connections {
+    pub(crate) fn new(
+        listener: ControlListener,
+        n_lanes: usize,
+        orders: SyncSender<Order>,
+        retired: Receiver<Retired>,
+    ) -> Connections {
+        let places = (0..n_lanes + MAX_SERVICE_CLIENTS).map(|_| Place::Free).collect();
+        Connections {
+            listener,
+            clients: BTreeMap::new(),
+            numbers: 0,
+            places,
+            n_lanes,
+            orders,
+            retired,
+            lanes_made: 0,
+            paused_until: None,
+        }
+    }
+
+    /// How many clients are served.
+    pub(crate) fn limit(&self) -> usize {
+        self.places.len() + MAX_OBSERVERS
+    }
+
+    /// True while there are more clients than are served.
+    pub(crate) fn are_too_many(&self) -> bool {
+        self.clients.len() > self.limit()
+    }
+
+    pub(crate) fn n_lanes(&self) -> usize {
+        self.n_lanes
+    }
+
+    pub(crate) fn lanes_made(&self) -> u64 {
+        self.lanes_made
+    }
+
+    pub(crate) fn lanes_taken(&self) -> usize {
+        self.places[..self.n_lanes].iter().filter(|place| !matches!(place, Place::Free)).count()
+    }
+
+    pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {
+        &mut self.listener
+    }
+
+    pub(crate) fn get(&self, number: u64) -> Option<&Connection> {
+        self.clients.get(&number)
+    }
+
+    /// Waits until a client comes, speaks or goes, at most for `span`; the numbers of those that
+    /// speak or go.
+    pub(crate) fn wait(&mut self, span: Duration) -> Vec<u64> {
+        let leaving = self.places.iter().any(|place| matches!(place, Place::Leaving { .. }));
+        let span = if leaving { span.min(Duration::from_millis(1)) } else { span };
+        let open = self.paused_until.is_none_or(|until| Instant::now() >= until);
+        let numbers: Vec<u64> = self.clients.keys().copied().collect();
+        let mut descriptors: Vec<PollFd<'_>> = Vec::with_capacity(numbers.len() + 1);
+        let interest = if open { PollFlags::IN } else { PollFlags::empty() };
+        descriptors.push(PollFd::new(&self.listener, interest));
+        descriptors
+            .extend(self.clients.values().map(|client| PollFd::new(&client.socket, PollFlags::IN)));
+        // an interrupted wait is a short one
+        let _ = poll(&mut descriptors, Some(&timespec(span)));
+        let news = |descriptor: &PollFd<'_>| !descriptor.revents().is_empty();
+        let new_clients = news(&descriptors[0]);
+        let ready = descriptors[1..].iter().zip(numbers).filter(|(one, _)| news(one));
+        let ready = ready.map(|(_, number)| number).collect();
+        if new_clients {
+            self.accept();
+        }
+        ready
+    }
+
+    fn accept(&mut self) {
+        self.paused_until = None;
+        loop {
+            match self.listener.accept() {
+                Ok(Some(socket)) => {
+                    // the folder is this user's alone; whoever came in otherwise is not answered
+                    let us = rustix::process::geteuid().as_raw();
+                    let is_ours = socket.peer().is_ok_and(|peer| peer.user == us || peer.user == 0);
+                    // beyond the limit clients are told so, and far beyond it nobody is heard
+                    if is_ours && self.clients.len() < 2 * self.limit() {
+                        self.numbers += 1;
+                        let client = Connection { socket, place: None, unserved: None };
+                        self.clients.insert(self.numbers, client);
+                    }
+                }
+                Ok(None) => return,
+                Err(_) => {
+                    self.paused_until = Some(Instant::now() + Duration::from_millis(20));
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Ends a connection: what it has goes back.
+    pub(crate) fn close(&mut self, number: u64) {
+        self.give_back(number);
+        self.clients.remove(&number);
+    }
+
+    /// Takes back what the answering thread returned; call it often.
+    pub(crate) fn collect(&mut self) {
+        while let Ok((index, end)) = self.retired.try_recv() {
+            // here, not on the answering thread: unmapping is a system call
+            drop(end);
+            self.free(index);
+        }
+    }
+
+    fn free(&mut self, index: usize) {
+        if let Place::Leaving { node, link } | Place::Taken { node, link } =
+            std::mem::replace(&mut self.places[index], Place::Free)
+        {
+            drop(node);
+            link.remove();
+        }
+    }
+
+    fn give_back(&mut self, number: u64) {
+        let Some(client) = self.clients.get_mut(&number) else { return };
+        let Some(index) = client.place.take() else { return };
+        match client.unserved.take() {
+            Some(port) => {
+                drop(port);
+                self.free(index);
+            }
+            None => {
+                // room for two orders of each place: full means that the answering thread is gone
+                let _ = self.orders.try_send(Order::Retire { place: index });
+                if let Place::Taken { node, link } =
+                    std::mem::replace(&mut self.places[index], Place::Free)
+                {
+                    self.places[index] = Place::Leaving { node, link };
+                }
+            }
+        }
+    }
+
+    /// Makes a lane for a client, in place of what it has; the number of its link.
+    pub(crate) fn make_lane(
+        &mut self,
+        run: &Run,
+        number: u64,
+        classes: [usize; 2],
+    ) -> Result<u64, Refusal> {
+        self.give_back(number);
+        let lanes = 0..self.n_lanes;
+        let index = self.free_place(lanes).ok_or(Refusal::NoLane { limit: self.n_lanes })?;
+        let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
+        let (name, node, link, lane) = self.make(run, bytes + LANE_MARGIN, |node, link| {
+            let mut lane = ServedLane::create(node, classes).map_err(|error| failed(&error))?;
+            link.reserve().map_err(|error| no_space(&error))?;
+            lane.map();
+            Ok(lane)
+        })?;
+        self.places[index] = Place::Taken { node, link };
+        self.lanes_made += 1;
+        self.serve(number, index, End::Lane(lane))?;
+        Ok(name)
+    }
+
+    /// Makes the server's side of a service for a client, in place of what it has.
+    pub(crate) fn make_service(&mut self, run: &Run, number: u64) -> Result<u64, Refusal> {
+        self.give_back(number);
+        let services = self.n_lanes..self.places.len();
+        let index =
+            self.free_place(services).ok_or(Refusal::NoService { limit: MAX_SERVICE_CLIENTS })?;
+        let (name, node, link, port) = self.make(run, SERVICE_NEEDS, |node, link| {
+            let port = serve_compute(node).map_err(|error| failed(&error))?;
+            link.reserve().map_err(|error| no_space(&error))?;
+            Ok(port)
+        })?;
+        self.places[index] = Place::Taken { node, link };
+        if let Some(client) = self.clients.get_mut(&number) {
+            (client.place, client.unserved) = (Some(index), Some(port));
+        }
+        Ok(name)
+    }
+
+    /// The client's side of its service is there: its memory is mapped here, beside the answering
+    /// thread, which polls it from now on.
+    pub(crate) fn serve_service(&mut self, number: u64) -> Result<(), Refusal> {
+        let client = self.clients.get_mut(&number).ok_or(Refusal::NoEnd)?;
+        let (Some(index), Some(port)) = (client.place, client.unserved.take()) else {
+            return Err(Refusal::NoEnd);
+        };
+        if let Place::Taken { link, .. } = &self.places[index]
+            && let Err(error) = link.reserve()
+        {
+            drop(port);
+            client.place = None;
+            self.free(index);
+            return Err(no_space(&error));
+        }
+        // connects; nothing can have come yet, and what has is dropped
+        let _ = port.receive();
+        self.serve(number, index, End::Service(port))
+    }
+
+    fn serve(&mut self, number: u64, index: usize, end: End) -> Result<(), Refusal> {
+        if self.orders.try_send(Order::Serve { place: index, end }).is_err() {
+            self.free(index);
+            return Err(Refusal::Stopping);
+        }
+        if let Some(client) = self.clients.get_mut(&number) {
+            client.place = Some(index);
+        }
+        Ok(())
+    }
+
+    /// Makes something in a link of its own; nothing is left where that fails.
+    #[expect(clippy::type_complexity, reason = "the parts of a place, taken apart at once")]
+    fn make<T>(
+        &mut self,
+        run: &Run,
+        needed: u64,
+        make: impl FnOnce(&Node<Threadsafe>, &Link) -> Result<T, Refusal>,
+    ) -> Result<(u64, Node<Threadsafe>, Link, T), Refusal> {
+        let free = free_shared_memory();
+        if free < needed {
+            return Err(Refusal::NoSpace { needed, free });
+        }
+        self.numbers += 1;
+        let link = run.link(self.numbers).map_err(|error| failed(&error))?;
+        let pages = replaced_pages();
+        let made = link.node().map_err(|error| failed(&error)).and_then(|node| {
+            let made = make(&node, &link)?;
+            // a page was missing meanwhile: what was made there is of no use
+            match replaced_pages() == pages {
+                true => Ok((node, made)),
+                false => Err(Refusal::NoSpace { needed, free: free_shared_memory() }),
+            }
+        });
+        match made {
+            Ok((node, made)) => Ok((self.numbers, node, link, made)),
+            Err(refusal) => {
+                link.remove();
+                Err(refusal)
+            }
+        }
+    }
+
+    fn free_place(&mut self, among: std::ops::Range<usize>) -> Option<usize> {
+        let start = Instant::now();
+        loop {
+            self.collect();
+            let places = &self.places[among.clone()];
+            let leaving = places.iter().any(|place| matches!(place, Place::Leaving { .. }));
+            match places.iter().position(|place| matches!(place, Place::Free)) {
+                None if leaving && start.elapsed() < HAND_BACK => {
+                    std::thread::sleep(Duration::from_micros(200));
+                }
+                found => return found.map(|index| among.start + index),
+            }
+        }
+    }
+}
+
+impl Connection {
+    /// The next message; `Err` when the client is gone or does not keep to the protocol.
+    pub(crate) fn receive(&self, buffer: &mut Vec<u8>) -> std::io::Result<Option<usize>> {
+        buffer.resize(MAX_MESSAGE, 0);
+        Ok(self.socket.receive(buffer)?.map(|(bytes, _)| bytes))
+    }
+}
+
+fn failed(error: &dyn std::fmt::Display) -> Refusal {
+    Refusal::Failed { reason: error.to_string() }
+}
+
+fn no_space(error: &std::io::Error) -> Refusal {
+    match error.kind() {
+        std::io::ErrorKind::StorageFull => {
+            Refusal::NoSpace { needed: 0, free: free_shared_memory() }
+        }
+        _ => failed(error),
+    }
+}
