@@ -6,7 +6,8 @@ use sarrus_dynamics::{AssembleError, closing_placements, rezeroed};
 
 use crate::assembly_report::{AssemblyReport, NewPlacements};
 use crate::check::CheckReport;
-use crate::load::{LoadError, Options, Source, load};
+use crate::error::LoadError;
+use crate::load::{Options, Source, load};
 use crate::open::load_open;
 
 /// Residual up to which a loop is closed at zero; as the compiler has it.

@@ -5,7 +5,8 @@ use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 use crate::assembly_report::AssemblyReport;
 use crate::closures;
-use crate::load::{LoadError, Loaded};
+use crate::error::LoadError;
+use crate::load::Loaded;
 use crate::report::{Diagnostic, Report};
 
 /// One robot as `check --format json` prints it. Of a faulty robot only the name, as far as it was

@@ -7,6 +7,8 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
 use crate::build::{self, Spans};
+use crate::contents::{Contents, file};
+use crate::error::LoadError;
 use crate::nearest::nearest;
 use crate::report::{Diagnostics, Report};
 use crate::submechanisms::{self, Entry, Submechanisms};
@@ -63,44 +65,6 @@ pub struct Loaded {
     pub compiled: Compiled,
     /// Warnings.
     pub report: Report,
-}
-
-/// Why a robot cannot be loaded.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum LoadError {
-    /// A file cannot be opened or read.
-    #[error("cannot open {file}: {reason}; give the path of a readable file")]
-    Open {
-        /// The file as the user named it.
-        file: String,
-        /// What the system says.
-        reason: String,
-    },
-    /// No robot of this name is bundled.
-    #[error(
-        "there is no bundled robot `{name}`; expected one of {known}{}",
-        near.as_ref().map(|near| format!("; did you mean `{near}`?")).unwrap_or_default()
-    )]
-    UnknownRobot {
-        /// The name that was asked for.
-        name: String,
-        /// Every name there is.
-        known: String,
-        /// The nearest of them, if one is near.
-        near: Option<String>,
-    },
-    /// The content of the files is faulty: every fault, and the warnings beside them.
-    #[error("{0}")]
-    Faults(Report),
-}
-
-/// The contents of a source, with the names that messages give them.
-pub(crate) struct Contents {
-    pub(crate) urdf: (String, Vec<u8>),
-    pub(crate) submechanisms: Option<(String, Vec<u8>)>,
-    /// Where the files lie that the submechanisms name.
-    pub(crate) folder: Option<PathBuf>,
 }
 
 /// The contents of a bundled robot.
@@ -163,11 +127,6 @@ pub(crate) fn contents(
             folder: None,
         })),
     }
-}
-
-/// A file's name for messages and its bytes.
-pub(crate) fn file(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
-    Ok((path.display().to_string(), text::read(path)?))
 }
 
 /// Reads and compiles; `None` or errors in `diagnostics` after a fault.

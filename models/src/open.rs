@@ -4,7 +4,8 @@ use sarrus_dynamics::OpenModel;
 use sarrus_dynamics::description::Description;
 
 use crate::build::Spans;
-use crate::load::{LoadError, Loaded, Options, Source, compile, contents, describe};
+use crate::error::LoadError;
+use crate::load::{Loaded, Options, Source, compile, contents, describe};
 use crate::report::{Diagnostics, Report};
 
 /// A robot that was read but not assessed.

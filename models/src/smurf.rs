@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use crate::LoadError;
-use crate::load::{Contents, file};
+use crate::contents::{Contents, file};
+use crate::error::LoadError;
 use crate::report::Diagnostics;
 use crate::text::{self, Text};
 use crate::yaml::{self, Node, Value};

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use crate::LoadError;
+use crate::error::LoadError;
 use crate::report::{Diagnostics, Span};
 
 /// Largest file that is read `[byte]`.

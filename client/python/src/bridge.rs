@@ -10,13 +10,13 @@ use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::bus_load::{Load, loads};
 use sarrus_can_core::log::{Line, What, sent};
 use sarrus_proto::actuators::{
-    ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, OperatorRequest, Reason, flag,
+    ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, Operation, OperatorRequest,
+    Reason, flag,
 };
 
 use crate::configuration::PyConfiguration;
 use crate::frames::{PyFrame, list};
 use crate::log::Log;
-use crate::service::operation_of;
 
 /// The rules, of one robot: what its motors are given in each cycle. Times are nanoseconds of the
 /// monotonic clock.
@@ -288,6 +288,14 @@ fn fill(numbers: &[f64], n: usize, into: &mut [f64; MAX_ACTUATORS]) -> PyResult<
     })?;
     slots.copy_from_slice(numbers);
     Ok(())
+}
+
+/// The operation of a name.
+pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
+    let known = Operation::ALL.iter().find(|known| known.name() == name);
+    known.copied().ok_or_else(|| {
+        PyValueError::new_err(format!("no operation `{name}`, expected arm, disarm or reset"))
+    })
 }
 
 fn event(name: &str, count: u32) -> PyResult<BusEvent> {

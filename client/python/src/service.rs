@@ -1,14 +1,14 @@
 //! The bridge's services in shared memory, from its side and from a controller's.
 
-use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sarrus_proto::actuators::{Operation, OperatorRequest};
+use sarrus_proto::actuators::OperatorRequest;
 use sarrus_proto::bridge::{BridgeEnd, ControllerEnd, ObserverEnd};
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, DomainNode, ServerName};
 
-use crate::bridge::{PyBridge, command, state_fields};
+use crate::bridge::{PyBridge, command, operation_of, state_fields};
 use crate::telemetry::PyTelemetry;
 
 /// A name under which controllers find a bridge. It is free again when this is closed or the
@@ -164,14 +164,6 @@ impl PyController {
             End::Observer(end) => Some(end),
         }
     }
-}
-
-/// The operation of a name.
-pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
-    let known = Operation::ALL.iter().find(|known| known.name() == name);
-    known.copied().ok_or_else(|| {
-        PyValueError::new_err(format!("no operation `{name}`, expected arm, disarm or reset"))
-    })
 }
 
 fn runtime_error(error: impl std::fmt::Display) -> PyErr {

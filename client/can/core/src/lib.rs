@@ -9,9 +9,9 @@
 
 pub mod bit_stuffing;
 pub mod bridge;
-pub mod bus_load;
 pub mod config;
 pub mod drive;
+mod event;
 pub mod frame;
 pub mod log;
 pub mod mapping;
@@ -20,3 +20,5 @@ pub mod protocol;
 mod settings;
 pub mod slcan;
 pub mod telemetry;
+
+pub use config::bus_load;

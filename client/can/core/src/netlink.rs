@@ -6,7 +6,7 @@
 
 use thiserror::Error;
 
-use crate::bridge::BusEvent;
+use crate::event::BusEvent;
 
 /// Kinds of messages.
 const GET_LINK: u16 = 18;

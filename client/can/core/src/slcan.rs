@@ -12,7 +12,7 @@
 //! Source: LAWICEL, *CANUSB manual* (2007), for the classic lines; the firmware of CANable 2.0 for
 //! FD; the driver `slcan` of Linux for `s`.
 
-use crate::bridge::BusEvent;
+use crate::event::BusEvent;
 use crate::frame::{Frame, FrameKind, Id};
 
 /// Most bytes of a line with its end: an extended FD frame of 64 bytes.

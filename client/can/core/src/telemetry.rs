@@ -4,7 +4,7 @@ use hdrhistogram::Histogram;
 use sarrus_proto::watch::{BridgeStatistics, BusStatistics, Label, MAX_BUSES, Times};
 
 use crate::bridge::Bridge;
-use crate::bus_load::Load;
+use crate::config::bus_load::Load;
 
 /// Times beyond this count as this `[ns]`.
 const LONGEST_NS: u64 = 10_000_000_000;

@@ -64,8 +64,9 @@ pub(crate) fn rates<T: Real>(
     (motion[0].w, motion[0].alpha, motion[0].a) = (zero(), zero(), zero());
     for &i in bodies {
         let body = &model.bodies[i];
-        let parent = motion[body.parent].rates();
-        accelerate(body, &parent, qd, qdd, &mut motion[i]);
+        let (before, state) = motion.split_at_mut(i);
+        let state = &mut state[0];
+        (state.w, state.alpha, state.a) = accelerate(body, state, &before[body.parent], qd, qdd);
     }
 }
 

@@ -11,7 +11,7 @@ use crate::mechanism::{Body, Motion, joint_pose};
 use crate::model::Model;
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
-use crate::workspace::{BodyState, Rates};
+use crate::workspace::BodyState;
 
 /// Pose of every body in its parent, from the coordinates and their cosines and sines.
 #[inline]
@@ -53,9 +53,9 @@ pub(crate) fn newton_euler<T: Real>(
     // motion, from the root outwards
     for i in 1..model.bodies.len() {
         let body = &model.bodies[i];
-        let parent = motion[body.parent].rates();
-        let state = &mut motion[i];
-        accelerate(body, &parent, qd, qdd, state);
+        let (before, state) = motion.split_at_mut(i);
+        let state = &mut state[0];
+        (state.w, state.alpha, state.a) = accelerate(body, state, &before[body.parent], qd, qdd);
         (state.n, state.f) = inertial_force(body, &state.w, &state.alpha, &state.a);
         if let Some(wrench) = wrench {
             state.n -= wrench[i].0;
@@ -91,15 +91,15 @@ pub(crate) fn newton_euler<T: Real>(
     joint_forces(model, q, qd, qdd, tau);
 }
 
-/// ω, α, a of a body from those of its parent and the rates of its joint.
+/// ω, α, a of a body from its pose, those of its parent p and the rates of its joint.
 #[inline(always)]
 pub(super) fn accelerate<T: Real>(
     body: &Body<T::Const>,
-    p: &Rates<T>,
+    state: &BodyState<T>,
+    p: &BodyState<T>,
     qd: &[T],
     qdd: &[T],
-    state: &mut BodyState<T>,
-) {
+) -> (Vector3<T>, Vector3<T>, Vector3<T>) {
     let w = t_mul(&state.R, &p.w);
     let alpha = t_mul(&state.R, &p.alpha);
     let a = t_mul(
@@ -109,33 +109,30 @@ pub(super) fn accelerate<T: Real>(
     match body.motion {
         Motion::Revolute => {
             let (v, vd) = (qd[body.v], qdd[body.v]);
-            state.w = Vector3::new(w[0], w[1], w[2] + v);
-            state.alpha = Vector3::new(
-                w[1].mul_add(v, alpha[0]),
-                (-w[0]).mul_add(v, alpha[1]),
-                alpha[2] + vd,
-            );
-            state.a = a;
+            let alpha_x = w[1].mul_add(v, alpha[0]);
+            let alpha_y = (-w[0]).mul_add(v, alpha[1]);
+            let w = Vector3::new(w[0], w[1], w[2] + v);
+            (w, Vector3::new(alpha_x, alpha_y, alpha[2] + vd), a)
         }
         Motion::Prismatic => {
             let (v, vd) = (qd[body.v], qdd[body.v]);
             let v2 = v + v;
-            (state.w, state.alpha) = (w, alpha);
-            state.a = Vector3::new(w[1].mul_add(v2, a[0]), (-w[0]).mul_add(v2, a[1]), a[2] + vd);
+            let a = Vector3::new(w[1].mul_add(v2, a[0]), (-w[0]).mul_add(v2, a[1]), a[2] + vd);
+            (w, alpha, a)
         }
         Motion::Spherical => {
             let (v, vd) = (&qd[body.v..body.v + 3], &qdd[body.v..body.v + 3]);
             let w_j = Vector3::new(v[0], v[1], v[2]);
-            state.w = w + w_j;
-            state.alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
-            state.a = a;
+            let alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
+            (w + w_j, alpha, a)
         }
         Motion::Floating => {
             let (v, vd) = (&qd[body.v..body.v + 6], &qdd[body.v..body.v + 6]);
             let (w_j, v_j) = (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]));
-            state.w = w + w_j;
-            state.alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
-            state.a = cross_add(&(w + state.w), &v_j, &(a + Vector3::new(vd[3], vd[4], vd[5])));
+            let alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
+            let w_i = w + w_j;
+            let a = cross_add(&(w + w_i), &v_j, &(a + Vector3::new(vd[3], vd[4], vd[5])));
+            (w_i, alpha, a)
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::compile::idle::Drift;
 use crate::compile::rank::{RANK_GAP, independent_rows, locks, matrix, null_space, rank};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::{Dd, Scalar};
+use crate::scalar::{Dd, Scalar, noise};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
 
@@ -290,13 +290,6 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     let mut scaled_K = vec![0.0; rows * n];
     scaled(cluster, &K, 0..rows, &(0..n).collect::<Vec<_>>(), |r, v, x| scaled_K[r * n + v] = x);
     Sample { K: scaled_K, pose }
-}
-
-/// The same numbers for the same cluster and pose: a fixed sequence in [−1, 1].
-pub(super) fn noise(k: usize) -> f64 {
-    let x = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ x >> 31).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
 /// How much a dropped row would move along the true motion, relative to its size.

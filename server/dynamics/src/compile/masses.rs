@@ -9,10 +9,11 @@ use sarrus_proto::Status;
 
 use crate::algorithms;
 use crate::closure::Level;
-use crate::compile::analysis::{POSES, noise};
+use crate::compile::analysis::POSES;
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
 use crate::model::{Model, UNEQUAL};
+use crate::scalar::noise;
 use crate::workspace::{Needs, Workspace};
 
 /// Least Δ against the joint's own inertia, and against the largest of the robot, that is

@@ -1,6 +1,7 @@
 //! Closing the rows: Levenberg and Marquardt's steps, which need no rank.
 
 use crate::initial_pose::problem::{Candidate, Problem};
+use crate::scalar::noise;
 
 /// Steps from one start, and starts around the given pose where it leads nowhere.
 const STEPS: u32 = 300;
@@ -105,11 +106,4 @@ impl Problem<'_> {
         }
         candidate.largest() <= self.closed
     }
-}
-
-/// The same numbers for the same start: a fixed sequence in [−1, 1].
-fn noise(k: usize) -> f64 {
-    let x = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ x >> 31).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }

@@ -108,7 +108,7 @@ impl<C> Cluster<C> {
     /// Its loop Jacobian, from the blocks of all clusters.
     #[inline(always)]
     pub(crate) fn G<'a, T>(&self, blocks: &'a [T]) -> GBlock<'a, T> {
-        GBlock { entries: &blocks[self.block()], n_vy: self.n_vy }
+        GBlock { entries: &blocks[self.g_offset..], n_vy: self.n_vy }
     }
 
     /// True when the cluster is one free joint.
@@ -120,6 +120,7 @@ impl<C> Cluster<C> {
 /// The loop Jacobian of one cluster (n_v × n_vy, row-major): q̇_j = Σ_k `G[(j, k)]` ẏ_k.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GBlock<'a, T> {
+    /// The block's numbers and those of the blocks after it.
     entries: &'a [T],
     n_vy: usize,
 }

@@ -171,7 +171,7 @@ impl Plan {
         Ok(())
     }
 
-    /// All levels at the closed pose that was just report.
+    /// All levels at the closed pose that was just found.
     fn close_again<T: Scalar>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> Outcome {
         let cluster = &model.clusters[c];
         let at = cluster.coordinates();
@@ -221,13 +221,11 @@ fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
 
 /// q̈ = G ÿ + g of the dependents of one cluster.
 pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let G = cluster.G(&ws.G);
+    let (G, g) = (cluster.G(&ws.G), &ws.g[cluster.velocities()]);
+    let qdd = &mut ws.qdd[cluster.velocities()];
     for &j in &cluster.dependent {
-        let mut qdd = ws.g[cluster.v + j];
-        for (k, &i) in cluster.independent.iter().enumerate() {
-            qdd = G[(j, k)].mul_add(ws.qdd[cluster.v + i], qdd);
-        }
-        ws.qdd[cluster.v + j] = qdd;
+        let row = G.row(j).iter().zip(&cluster.independent);
+        qdd[j] = row.fold(g[j], |sum, (G_jk, &i)| G_jk.mul_add(qdd[i], sum));
     }
 }
 

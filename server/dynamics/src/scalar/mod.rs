@@ -3,10 +3,12 @@
 mod double_double;
 mod dual;
 mod elementary;
+mod noise;
 mod single;
 
 pub use double_double::Dd;
 pub use dual::Dual;
+pub(crate) use noise::noise;
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};

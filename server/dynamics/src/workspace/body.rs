@@ -26,20 +26,6 @@ pub(crate) struct BodyState<T> {
     pub(crate) f: Vector3<T>,
 }
 
-/// What a child needs of its parent's motion.
-pub(crate) struct Rates<T> {
-    pub(crate) w: Vector3<T>,
-    pub(crate) alpha: Vector3<T>,
-    pub(crate) a: Vector3<T>,
-}
-
-impl<T: Real> BodyState<T> {
-    #[inline(always)]
-    pub(crate) fn rates(&self) -> Rates<T> {
-        Rates { w: self.w, alpha: self.alpha, a: self.a }
-    }
-}
-
 /// Inertia of a body with everything that it supports, as if rigid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Composite<T> {

@@ -6,7 +6,7 @@ mod body;
 
 use nalgebra::Vector3;
 
-pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force, Rates};
+pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 
 use crate::closure::{self, Level, Local, Outcome, Scratch};
 use crate::mechanism::{Body, Cluster};

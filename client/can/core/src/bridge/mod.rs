@@ -9,7 +9,6 @@
 //! away. Nothing ever arms by itself.
 
 mod counters;
-mod event;
 mod mechanism;
 mod motor;
 mod report;
@@ -20,8 +19,9 @@ mod transitions;
 mod verdict;
 
 pub use counters::{BusCounters, BusState, Counters};
-pub use event::BusEvent;
 pub use sarrus_proto::counts::CommandVerdict;
+
+pub use crate::event::BusEvent;
 
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason};
 

@@ -6,8 +6,8 @@ use sarrus_models::Diagnostics;
 use sarrus_models::yaml::{Span, quoted};
 
 use super::Configuration;
+use super::bus_load::{self, REFUSED, WARNED};
 use super::read::Read;
-use crate::bus_load::{self, REFUSED, WARNED};
 use crate::drive::{Setpoint, Shared, Watchdog};
 use crate::frame::{FrameQueue, Id};
 

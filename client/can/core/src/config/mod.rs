@@ -22,6 +22,7 @@
 //!   watchdog_ms: 50
 //! ```
 
+pub mod bus_load;
 mod check;
 #[cfg(feature = "files")]
 mod files;

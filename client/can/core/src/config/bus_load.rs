@@ -1,7 +1,7 @@
 //! How busy a configuration makes its buses, by the longest that its frames can be.
 
+use super::Configuration;
 use crate::bit_stuffing;
-use crate::config::Configuration;
 use crate::drive::Setpoint;
 use crate::frame::{Frame, FrameQueue};
 use crate::slcan;
