@@ -40,17 +40,17 @@ macro_rules! plain {
 }
 
 plain! {
-    Entry<RequestHead, N> = "sarrus.LaneRequest.v3", const N;
-    Entry<ResponseHead, N> = "sarrus.LaneResponse.v3", const N;
+    Entry<RequestHead, N> = "sarrus.LaneRequest.v4", const N;
+    Entry<ResponseHead, N> = "sarrus.LaneResponse.v4", const N;
     ActuatorCommand = "sarrus.ActuatorCommand.v1";
     ActuatorState = "sarrus.ActuatorState.v1";
     BridgeStatistics = "sarrus.BridgeStatistics.v1";
     OperatorRequest = "sarrus.OperatorRequest.v1";
-    ComputeRequest = "sarrus.ComputeRequest.v3";
-    ControlRequest = "sarrus.ControlRequest.v3";
-    ControlResponse = "sarrus.ControlResponse.v3";
-    Heartbeat = "sarrus.Heartbeat.v3";
-    Statistics = "sarrus.Statistics.v3";
+    ComputeRequest = "sarrus.ComputeRequest.v4";
+    ControlRequest = "sarrus.ControlRequest.v4";
+    ControlResponse = "sarrus.ControlResponse.v4";
+    Heartbeat = "sarrus.Heartbeat.v4";
+    Statistics = "sarrus.Statistics.v4";
 }
 
 /// The reading end of a board.

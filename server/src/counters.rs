@@ -6,6 +6,8 @@ use hdrhistogram::Histogram;
 use quanta::Clock;
 use sarrus_proto::message::Counts;
 
+use crate::serve::MAX_LANES;
+
 /// Buckets of latency: sixteen for each doubling of the counter's ticks.
 const N_BUCKETS: usize = 640;
 
@@ -22,24 +24,52 @@ pub(crate) enum Transport {
 pub(crate) struct Counters {
     counts: Counts<AtomicU64>,
     buckets: [AtomicU64; N_BUCKETS],
+    /// Late answers of the client that has each lane.
+    late: [AtomicU64; MAX_LANES],
 }
 
 impl Counters {
     pub(crate) fn new() -> Counters {
-        Counters { counts: Counts::default(), buckets: [const { AtomicU64::new(0) }; N_BUCKETS] }
+        Counters {
+            counts: Counts::default(),
+            buckets: [const { AtomicU64::new(0) }; N_BUCKETS],
+            late: [const { AtomicU64::new(0) }; MAX_LANES],
+        }
     }
 
     /// Counts one answer; `ticks` of the processor's counter from finding the request to publishing
     /// the answer.
     #[inline]
     pub(crate) fn record(&self, transport: Transport, status: u32, ticks: u64) {
-        let Counts { lane_requests, service_requests, statuses } = &self.counts;
+        let Counts { lane_requests, service_requests, statuses, .. } = &self.counts;
         match transport {
             Transport::Lane => add_one(lane_requests),
             Transport::Service => add_one(service_requests),
         }
         add_one(&statuses[(status as usize).min(statuses.len() - 1)]);
         add_one(&self.buckets[bucket_of(ticks)]);
+    }
+
+    /// Counts an answer that came after its deadline, for the client of the slot if it has one.
+    #[cold]
+    pub(crate) fn record_late(&self, slot: Option<usize>) {
+        add_one(&self.counts.late);
+        if let Some(late) = slot.and_then(|slot| self.late.get(slot)) {
+            add_one(late);
+        }
+    }
+
+    /// A slot has a new client.
+    pub(crate) fn forget_late(&self, slot: usize) {
+        if let Some(late) = self.late.get(slot) {
+            late.store(0, Relaxed);
+        }
+    }
+
+    /// Late answers of the client that has this slot.
+    #[cfg_attr(not(test), expect(dead_code, reason = "for whoever lists clients"))]
+    pub(crate) fn late_of(&self, slot: usize) -> u64 {
+        self.late.get(slot).map_or(0, |late| late.load(Relaxed))
     }
 
     /// The counters as they travel.
@@ -124,6 +154,15 @@ mod tests {
             }
         }
         assert_eq!(bucket_of(u64::MAX), N_BUCKETS - 1);
+    }
+
+    #[test]
+    fn late_answers_are_counted_for_all_and_for_the_client_of_each_slot() {
+        let counters = Counters::new();
+        [Some(3), None, Some(3), Some(MAX_LANES)].map(|slot| counters.record_late(slot));
+        assert_eq!((counters.counts().late, counters.late_of(3), counters.late_of(4)), (4, 2, 0));
+        counters.forget_late(3);
+        assert_eq!((counters.counts().late, counters.late_of(3)), (4, 0));
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! One sweep takes what waits, at most one request of each client, and answers all of it: no client
 //! can starve another, and none is overwritten, because a client has one request under way. After
-//! start-up the loop takes no lock, writes no log, reads no clock but the processor's counter, and
-//! in busy mode makes no system call. Two things the transport does on it are no part of a request:
+//! start-up the loop takes no lock, writes no log, reads no clock but the processor's counter (and
+//! the system's for a request with a stamp), and in busy mode makes no system call. Two things the transport does on it are no part of a request:
 //! when a client of the service comes or goes its memory is mapped or unmapped.
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
@@ -18,15 +18,16 @@ use std::time::Duration;
 
 use iceoryx2::prelude::ipc;
 use quanta::Clock;
+use sarrus_proto::Status;
 use sarrus_proto::board::HeartbeatEntry;
 use sarrus_proto::lane::{ComputeActive, Inbox, Outbox, send_response};
 use sarrus_proto::message::{Heartbeat, MAX_REQUEST_CLIENTS, RequestHead, ResponseHead};
 use sarrus_proto::service::ComputeServer;
-use sarrus_proto::{Status, Warnings};
 
 use crate::Wait;
 use crate::counters::{Counters, Transport};
-use crate::engine::{Engine, Input};
+use crate::engine::{Engine, Input, refuse};
+use crate::taken::{Taken, is_late, monotonic_ns};
 
 /// Sweeps between two looks at the orders of the maintenance thread.
 const SWEEPS_BETWEEN_MAIL: u32 = 32;
@@ -84,6 +85,8 @@ pub(crate) struct Hot {
 impl Hot {
     /// Answers until the order to stop, then refuses for a moment what still comes.
     pub(crate) fn run(&mut self) {
+        // the first look finds where the kernel's page has the clock: none of a request's time
+        let _ = monotonic_ns();
         let ticks = |span: Duration| Ticks::of(&self.clock, span);
         let (beat, idle, quiet, farewell) =
             (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(FAREWELL));
@@ -144,19 +147,24 @@ impl Hot {
         }
 
         // each lane once
-        for lane in self.lanes.iter_mut().flatten() {
+        for (slot, lane) in self.lanes.iter_mut().enumerate() {
+            let Some(lane) = lane else { continue };
             let Some((head, numbers)) = lane.inbox.poll() else { continue };
             // not a request: the client has just claimed its lane
             if head.sequence == 0 {
                 continue;
             }
             let start = self.clock.raw();
+            let taken = Taken::of(&self.clock, &head, start);
             let output = lane.outbox.numbers();
             let answer = match stopping {
-                false => self.engine.answer(&head, Input::Copied(numbers), output),
-                true => refuse(&head, Status::ShuttingDown, output),
+                false => self.engine.answer(&head, Input::Copied(numbers), output, &taken),
+                true => refuse(&head, Status::ShuttingDown, output, &taken),
             };
             lane.outbox.publish(answer);
+            if is_late(&head, &answer) {
+                self.shared.counters.record_late(Some(slot));
+            }
             self.shared.counters.record(
                 Transport::Lane,
                 answer.status,
@@ -169,19 +177,24 @@ impl Hot {
         for request in self.waiting[..n_waiting].iter_mut().filter_map(Option::take) {
             let payload = request.payload();
             let head = payload.head();
-            let mut status = Status::Overloaded as u32;
+            let taken = Taken::of(&self.clock, &head, found);
+            let (mut status, mut late) = (Status::Overloaded as u32, false);
             let engine = &mut self.engine;
             let sent = send_response(&request, |output| {
                 let answer = match stopping {
-                    false => engine.answer(&head, Input::Shared(payload), output),
-                    true => refuse(&head, Status::ShuttingDown, output),
+                    false => engine.answer(&head, Input::Shared(payload), output, &taken),
+                    true => refuse(&head, Status::ShuttingDown, output, &taken),
                 };
                 status = answer.status;
+                late = is_late(&head, &answer);
                 answer
             });
             // a client that went away meanwhile hears nothing; it is counted as what it would have
             // heard
             let _ = sent;
+            if late {
+                self.shared.counters.record_late(None);
+            }
             self.shared.counters.record(
                 Transport::Service,
                 status,
@@ -198,7 +211,10 @@ impl Hot {
         self.engine.obey();
         while let Ok(order) = self.orders.try_recv() {
             match order {
-                Order::Serve { slot, lane } => self.lanes[slot] = Some(lane),
+                Order::Serve { slot, lane } => {
+                    self.shared.counters.forget_late(slot);
+                    self.lanes[slot] = Some(lane);
+                }
                 Order::Retire { slot } => {
                     if let Some(lane) = self.lanes[slot].take() {
                         // there is room for every lane, so this cannot fail; were it to, the lane
@@ -224,9 +240,4 @@ impl Ticks {
         let ns_per_million = clock.delta_as_nanos(0, 1_000_000).max(1);
         Ticks((span.as_nanos() as u64).saturating_mul(1_000_000) / ns_per_million)
     }
-}
-
-fn refuse(head: &RequestHead, status: Status, output: &mut [f64]) -> ResponseHead {
-    output.fill(f64::NAN);
-    ResponseHead::new(status, Warnings::NONE, head.sequence)
 }

@@ -13,5 +13,6 @@ mod lanes;
 mod plans;
 pub mod pool;
 mod serve;
+mod taken;
 
 pub use serve::{MAX_LANES, ServeError, ServeOptions, Wait, serve};

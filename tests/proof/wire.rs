@@ -8,18 +8,19 @@ use sarrus_proto::actuators::{MechanismState, Operation, Reason};
 use sarrus_proto::message::{Call, Counts, Refusal, Statistics};
 
 #[test]
-fn a_query_is_120_bytes_with_its_fields_at_fixed_places() {
-    assert_eq!((size_of::<Query>(), align_of::<Query>()), (120, 8));
+fn a_query_is_128_bytes_with_its_fields_at_fixed_places() {
+    assert_eq!((size_of::<Query>(), align_of::<Query>()), (128, 8));
     let offsets = [
         offset_of!(Query, request),
         offset_of!(Query, n_frames),
         offset_of!(Query, n_wrenches),
         offset_of!(Query, given),
         offset_of!(Query, want),
+        offset_of!(Query, options),
         offset_of!(Query, frames),
         offset_of!(Query, wrench_links),
     ];
-    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 88]);
+    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 32, 96]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (8, 4, 4, 1)
@@ -113,7 +114,7 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 
 #[test]
 fn calls_refusals_and_what_a_bridge_says_keep_their_numbers_and_names() {
-    assert_eq!(PROTOCOL_VERSION, 3);
+    assert_eq!(PROTOCOL_VERSION, 4);
     let calls = Call::ALL.iter().map(|call| (*call as u32, call.name()));
     assert!(calls.eq([(1, "hello"), (2, "model"), (3, "plan"), (4, "lane"), (5, "release")]));
     const REFUSALS: [&str; 10] = [
@@ -177,7 +178,7 @@ fn a_number_that_this_version_does_not_know_has_no_meaning() {
 fn counters_travel_in_statistics_behind_the_uptime() {
     assert_eq!(
         (offset_of!(Statistics, counts), size_of::<Counts>(), size_of::<Statistics>()),
-        (8, 8 * 34, 8 * 47)
+        (8, 8 * 35, 8 * 48)
     );
     assert_eq!(offset_of!(Counts, statuses), 16);
 }

@@ -111,7 +111,6 @@ impl Session {
     ) -> Exchange {
         let mut waiter = Waiter::new(options.wait_strategy);
         let mut watch = Watch::new();
-        let overloaded = ResponseHead::new(Status::Overloaded, Warnings::NONE, head.sequence);
         match &mut self.end {
             End::None => Exchange::Lost,
             End::Lane { lane, .. } => {
@@ -122,8 +121,9 @@ impl Session {
                 lane.outbox.publish(*head);
                 loop {
                     if let Some((answer, numbers)) = lane.inbox.poll()
-                        && answer.sequence == head.sequence
+                        && (answer.sequence == head.sequence || head.checksum != 0)
                     {
+                        // with a checksum another number is no older answer, but a changed one
                         copy_or_nan(numbers, output);
                         return Exchange::Answered(answer);
                     }
@@ -141,7 +141,9 @@ impl Session {
                     // gave up
                     output.fill(f64::NAN);
                     return if watch.is_alive(&self.status) {
-                        Exchange::Answered(overloaded)
+                        let answer =
+                            ResponseHead::new(Status::Overloaded, Warnings::NONE, head.sequence);
+                        Exchange::Answered(answer.checked(head, &[]))
                     } else {
                         Exchange::Lost
                     };
@@ -150,7 +152,7 @@ impl Session {
                     match pending.receive() {
                         Ok(Some(response)) => {
                             let answer = response.payload();
-                            if answer.head.sequence == head.sequence {
+                            if answer.head.sequence == head.sequence || head.checksum != 0 {
                                 copy_or_nan(&answer.numbers, output);
                                 return Exchange::Answered(answer.head);
                             }

@@ -58,7 +58,7 @@ pub(crate) fn lane(
 
 /// Heads that lie, what they should get, and numbers that go with them.
 fn lies(fingerprint: u64, n_in: usize) -> Vec<(RequestHead, Vec<f64>, Status)> {
-    let good = RequestHead { version: PROTOCOL_VERSION, plan: 0, fingerprint, sequence: 0 };
+    let good = RequestHead { version: PROTOCOL_VERSION, fingerprint, ..RequestHead::default() };
     let zero = vec![0.0; n_in];
     let with = |k: usize, number: f64| {
         (0..n_in).map(|i| if i == k { number } else { 0.0 }).collect::<Vec<f64>>()
@@ -163,7 +163,8 @@ fn lies_through_a_lane_get_their_status() {
             ResponseHead {
                 status: status as u32,
                 warnings: answer.warnings,
-                sequence: head.sequence
+                sequence: head.sequence,
+                ..ResponseHead::default()
             },
             "{head:?}"
         );
@@ -184,6 +185,7 @@ fn lies_through_a_lane_get_their_status() {
         plan: 0,
         fingerprint: hello.fingerprint,
         sequence: 1,
+        ..RequestHead::default()
     });
     let start = Instant::now();
     let answer = loop {
@@ -240,6 +242,7 @@ fn lies_through_the_service_get_their_status() {
         plan: 0,
         fingerprint: hello.fingerprint,
         sequence: 99,
+        ..RequestHead::default()
     };
     let first = send_request(&client, &head, &vec![0.0; n_in]).unwrap();
     assert!(send_request(&client, &head, &vec![0.0; n_in]).is_none());

@@ -178,6 +178,7 @@ fn no_client_starves_another() {
         plan: 0,
         fingerprint: hello.fingerprint,
         sequence: 1,
+        ..RequestHead::default()
     };
     let mut pushers: Vec<Pusher> = Vec::new();
     for _ in 0..3 {
