@@ -39,46 +39,69 @@ pub fn of_answer(head: &ResponseHead, request: u64, numbers: &[f64]) -> u64 {
     sum([outcome, sequence, times, request, numbers.len() as u64, ANSWER], numbers)
 }
 
+impl ResponseHead {
+    /// The same head with the checksum of an answer to `request` with these numbers; without one
+    /// where the request has none.
+    #[must_use]
+    #[inline]
+    pub fn checked(mut self, request: &RequestHead, numbers: &[f64]) -> ResponseHead {
+        if request.checksum != 0 {
+            self.checksum = of_answer(&self, request.checksum, numbers);
+        }
+        self
+    }
+
+    /// True where this is what the server answered to `request`, which has a checksum.
+    #[inline]
+    pub fn is_intact(&self, request: &RequestHead, numbers: &[f64]) -> bool {
+        self.sequence == request.sequence
+            && self.checksum == of_answer(self, request.checksum, numbers)
+    }
+}
+
 #[inline]
 fn pair(low: u32, high: u32) -> u64 {
     u64::from(low) | u64::from(high) << 32
 }
 
 fn sum(head: [u64; HEAD], numbers: &[f64]) -> u64 {
-    let (mut sums, mut key) = ([0_u128; CHAINS], KEY);
-
     // the head
-    let (pairs, _) = head.as_chunks::<2>();
-    for (sum, [a, b]) in sums.iter_mut().zip(pairs) {
-        add(sum, *a, *b, key);
-        key = key.wrapping_add(STEP);
-    }
+    let [a, b, c, d, e, f] = head;
+    let mut sums = [product(a, b, KEY), product(c, d, key(KEY, 1)), product(e, f, key(KEY, 2)), 0];
 
-    // the numbers, one pair to each sum
+    // the numbers, one pair to each sum: the sums do not wait for each other
+    let mut first = key(KEY, 3);
     let (blocks, rest) = numbers.as_chunks::<{ 2 * CHAINS }>();
     for block in blocks {
         for k in 0..CHAINS {
-            let [a, b] = [block[2 * k], block[2 * k + 1]].map(f64::to_bits);
-            add(&mut sums[k], a, b, key.wrapping_add(STEP.wrapping_mul(k as u64)));
+            let (a, b) = (block[2 * k].to_bits(), block[2 * k + 1].to_bits());
+            sums[k] = sums[k].wrapping_add(product(a, b, key(first, k)));
         }
-        key = key.wrapping_add(STEP.wrapping_mul(CHAINS as u64));
+        first = key(first, CHAINS);
     }
 
     // what is left; the count tells a missing number from a zero
-    for (sum, pair) in sums.iter_mut().zip(rest.chunks(2)) {
-        let b = pair.get(1).map_or(0, |b| b.to_bits());
-        add(sum, pair[0].to_bits(), b, key);
-        key = key.wrapping_add(STEP);
+    let word = |k: usize| rest.get(k).map_or(0, |number| number.to_bits());
+    for k in 0..CHAINS {
+        if 2 * k < rest.len() {
+            let (a, b) = (word(2 * k), word(2 * k + 1));
+            sums[k] = sums[k].wrapping_add(product(a, b, key(first, k)));
+        }
     }
 
     let sum = sums.into_iter().fold(0, u128::wrapping_add);
     (sum >> 64) as u64 ^ sum as u64
 }
 
+/// The key of the pair `k` places on.
 #[inline]
-fn add(sum: &mut u128, a: u64, b: u64, key: u64) {
-    let product = u128::from(a ^ key) * u128::from(b ^ key.rotate_left(32));
-    *sum = sum.wrapping_add(product);
+fn key(first: u64, k: usize) -> u64 {
+    first.wrapping_add(STEP.wrapping_mul(k as u64))
+}
+
+#[inline]
+fn product(a: u64, b: u64, key: u64) -> u128 {
+    u128::from(a ^ key) * u128::from(b ^ key.rotate_left(32))
 }
 
 #[cfg(test)]

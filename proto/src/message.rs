@@ -2,7 +2,6 @@
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use crate::checksum::of_answer;
 use crate::wire_enum::wire_enum;
 use crate::{LaneId, Query, Status, Warnings};
 
@@ -94,24 +93,6 @@ impl ResponseHead {
     pub const fn new(status: Status, warnings: Warnings, sequence: u64) -> ResponseHead {
         let (status, warnings) = (status as u32, warnings.0);
         ResponseHead { status, warnings, sequence, age_ns: 0, took_ns: 0, checksum: 0 }
-    }
-
-    /// The same head with the checksum of an answer to `request` with these numbers; without one
-    /// where the request has none.
-    #[must_use]
-    #[inline]
-    pub fn checked(mut self, request: &RequestHead, numbers: &[f64]) -> ResponseHead {
-        if request.checksum != 0 {
-            self.checksum = of_answer(&self, request.checksum, numbers);
-        }
-        self
-    }
-
-    /// True where this is what the server answered to `request`, which has a checksum.
-    #[inline]
-    pub fn is_intact(&self, request: &RequestHead, numbers: &[f64]) -> bool {
-        self.sequence == request.sequence
-            && self.checksum == of_answer(self, request.checksum, numbers)
     }
 }
 

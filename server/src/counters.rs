@@ -6,8 +6,6 @@ use hdrhistogram::Histogram;
 use quanta::Clock;
 use sarrus_proto::message::Counts;
 
-use crate::serve::MAX_LANES;
-
 /// Buckets of latency: sixteen for each doubling of the counter's ticks.
 const N_BUCKETS: usize = 640;
 
@@ -25,15 +23,16 @@ pub(crate) struct Counters {
     counts: Counts<AtomicU64>,
     buckets: [AtomicU64; N_BUCKETS],
     /// Late answers of the client that has each lane.
-    late: [AtomicU64; MAX_LANES],
+    late: Box<[AtomicU64]>,
 }
 
 impl Counters {
-    pub(crate) fn new() -> Counters {
+    /// For so many slots.
+    pub(crate) fn new(n_slots: usize) -> Counters {
         Counters {
             counts: Counts::default(),
             buckets: [const { AtomicU64::new(0) }; N_BUCKETS],
-            late: [const { AtomicU64::new(0) }; MAX_LANES],
+            late: (0..n_slots).map(|_| AtomicU64::new(0)).collect(),
         }
     }
 
@@ -158,8 +157,8 @@ mod tests {
 
     #[test]
     fn late_answers_are_counted_for_all_and_for_the_client_of_each_slot() {
-        let counters = Counters::new();
-        [Some(3), None, Some(3), Some(MAX_LANES)].map(|slot| counters.record_late(slot));
+        let counters = Counters::new(5);
+        [Some(3), None, Some(3), Some(5)].into_iter().for_each(|slot| counters.record_late(slot));
         assert_eq!((counters.counts().late, counters.late_of(3), counters.late_of(4)), (4, 2, 0));
         counters.forget_late(3);
         assert_eq!((counters.counts().late, counters.late_of(3)), (4, 0));
@@ -167,7 +166,7 @@ mod tests {
 
     #[test]
     fn percentiles_come_from_what_was_counted() {
-        let (counters, mut latency) = (Counters::new(), Latency::new(Clock::new()).unwrap());
+        let (counters, mut latency) = (Counters::new(0), Latency::new(Clock::new()).unwrap());
         (0..1000).for_each(|k| {
             counters.record(
                 if k % 2 == 0 { Transport::Lane } else { Transport::Service },

@@ -147,7 +147,8 @@ fn run(
     let status = StatusBoard::create(&node, name, instance).map_err(service)?;
 
     // the answering thread
-    let shared = Arc::new(Shared { counters: Counters::new(), stopping: AtomicBool::new(false) });
+    let counters = Counters::new(options.lanes);
+    let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
     let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
     let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
     // a lane is ordered there and back before it is free again

@@ -10,7 +10,7 @@ use sarrus_proto::message::{
     Call, ControlRequest, ControlResponse, MAX_NUMBERS_IN, Refusal, RequestHead, ResponseHead,
 };
 use sarrus_proto::service::{ControlClient, open_compute, open_control};
-use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, ServerName};
+use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions, ServerName};
 
 use crate::support::{Asker, STATE, Sandbox};
 
@@ -103,6 +103,7 @@ fn lies_through_the_control_service_are_refused() {
     let plan = |query: Query| refusal(ControlRequest { query, ..request(Call::Plan as u32) });
     assert_eq!(plan(Query { request: 99, ..STATE }), Some(Refusal::BadQuery));
     assert_eq!(plan(Query { want: FieldSet(u64::MAX), ..STATE }), Some(Refusal::BadQuery));
+    assert_eq!(plan(Query { options: QueryOptions(4), ..STATE }), Some(Refusal::BadQuery));
     assert_eq!(plan(Query { n_frames: u16::MAX, ..STATE }), Some(Refusal::BadQuery));
     assert_eq!(plan(Query { n_wrenches: 17, ..STATE }), Some(Refusal::BadQuery));
     assert_eq!(
