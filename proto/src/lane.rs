@@ -7,38 +7,38 @@
 //!
 //! # Memory ordering
 //!
-//! An entry is iceoryx2's cell (0.10.0, `iceoryx2-bb-lock-free`, `spmc/unrestricted_atomic.rs`): two
-//! values and a counter. At counter w the value w − 1 is published and the writer fills the other
-//! place; publishing is `fetch_add(1, Release)`. The reader loads w (`Acquire`), copies the value
-//! w − 1, then does `compare_exchange(w, w, AcqRel, SeqCst)`, and copies again where that fails.
+//! An entry is iceoryx2's cell (0.10.0, `iceoryx2-bb-lock-free`, `spmc/unrestricted_atomic.rs`):
+//! two places and a counter. At counter w the value w − 1 is published and the writer fills the
+//! other place with the value w; publishing that is `fetch_add(1, Release)`. The reader loads w
+//! (`Acquire`), copies the value w − 1, then does `compare_exchange(w, w, AcqRel, SeqCst)`, and
+//! copies again where that fails.
 //!
 //! *What is published is complete.* The stores of a value come before its `fetch_add` (`Release`),
 //! and the reader's load of the counter (`Acquire`, or the failed exchange's `SeqCst`) before its
 //! copy. The look of `is_up_to_date` is `Relaxed`, but `get` loads the counter again, and loads of
 //! one atomic by one thread never go back. This holds on x86-64 and on ARM.
 //!
-//! *What is copied is not written meanwhile*, where the other side waits: the writer fills the
-//! place of w − 1 only for w + 1, after an answer to w, and that answer was published (`Release`)
-//! by the thread that had copied w, and seen (`Acquire`) by this one. Both boards of a lane are read
-//! and written in this way by each side.
+//! *What is copied is not written meanwhile*, where the writer waits for the other side: the place
+//! of w − 1 is filled again with w + 1, after an answer to w; that answer was published (`Release`)
+//! by the thread that had copied w and all before it, and was seen (`Acquire`) by the writer. A
+//! client waits in this way for the server, and the server for the client's next request.
 //!
 //! *Where the writer does not wait* (a client gave its request up and asks again), it may fill the
-//! place while the reader copies it, and the reader must then find the counter at w + 1. So the
-//! stores of the next value must not be seen before the counter. x86-64 keeps the order: a locked
+//! place while the reader copies it, and the reader must then find the counter at w + 1. So no
+//! store of the value w + 1 may be seen before that counter. x86-64 keeps the order: a locked
 //! instruction is a fence, and stores are seen in their order. ARM does not: `Release` on a
-//! read-modify-write (`ldaddl`, or `stlxr` of a pair) holds back what comes before it, not the
-//! stores after it. Hence the `fence(Acquire)` between a publication and the next store (`dmb
-//! ishld` on ARM; on x86-64 no instruction). A reader's exchange that succeeds at w comes before the
-//! `fetch_add` in the counter's order, and the `fetch_add` reads what it wrote (or a later exchange
-//! of the same release sequence): so the exchange (`Release`) synchronises with our fence, and the
-//! reader's copy happens before every store behind the fence. A copy that could have seen such a
-//! store belongs to an exchange that fails.
+//! read-modify-write (`ldaddl`, or `ldxr` with `stlxr`) holds back what comes before it, not the
+//! stores after it. Hence the `fence(Acquire)` between a publication and the next store: `dmb
+//! ishld` on ARM, no instruction on x86-64. A reader's exchange that succeeds at w precedes the
+//! `fetch_add` to w + 1 in the counter's order, which reads what that exchange wrote or what an
+//! exchange behind it did: the exchange (`Release`) synchronises with the fence, and the reader's
+//! copy happens before every store behind the fence. A copy that saw such a store belongs to an
+//! exchange that fails.
 //!
-//! *What is left to iceoryx2*: a copy that fails its exchange has read bytes while they were written.
-//! It is thrown away, and no processor minds, but by the letter of the language model these would
-//! have to be atomic. `update_with_copy` of an entry (heartbeat, statistics) stores without a fence;
-//! on ARM a torn one could be read, and both sides treat them as hints only. The service's payloads
-//! pass through queues of its own, and requests there are words that are atomic each.
+//! *What is left to iceoryx2*: a copy whose exchange fails has read bytes while they were written.
+//! It is thrown away, and no processor minds, but by the letter of the language these bytes would
+//! have to be atomic. Entries that are written by `update_with_copy` have no such fence. Payloads
+//! of the service pass through iceoryx2's queues; requests there are words, each of them atomic.
 // lint: writing in place into shared memory cannot be said in safe Rust; everything that needs it
 // is in this file
 #![allow(unsafe_code)]

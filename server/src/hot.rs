@@ -3,8 +3,9 @@
 //! One sweep takes what waits, at most one request of each client, and answers all of it: no client
 //! can starve another, and none is overwritten, because a client has one request under way. After
 //! start-up the loop takes no lock, writes no log, reads no clock but the processor's counter (and
-//! the system's for a request with a stamp), and in busy mode makes no system call. Two things the transport does on it are no part of a request:
-//! when a client of the service comes or goes its memory is mapped or unmapped.
+//! the system's for a request with a stamp), and in busy mode makes no system call. Two things the
+//! transport does on it are no part of a request: when a client of the service comes or goes its
+//! memory is mapped or unmapped.
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
 //! each other client. A client that gives up a request and asks again before the server took it is
