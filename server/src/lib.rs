@@ -14,5 +14,6 @@ mod hot;
 mod plans;
 pub mod pool;
 mod serve;
+mod taken;
 
 pub use serve::{MAX_LANES, ServeError, ServeOptions, Wait, serve};

@@ -171,11 +171,12 @@ fn run(
     let run = take_name(domain, name)?;
 
     // the answering thread
-    let shared = Arc::new(Shared { counters: Counters::new(), stopping: AtomicBool::new(false) });
-    let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
-    let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
     // an end is ordered there and back before its place is free again
     let places = options.lanes + MAX_SERVICE_CLIENTS;
+    let counters = Counters::new(places);
+    let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
+    let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
+    let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
     let (orders_in, orders) = sync_channel(2 * places);
     let (retired, retired_out) = sync_channel(places);
     let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;

@@ -137,6 +137,7 @@ fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
                 {cores}",
                 ns(clock())
             ),
+            "checked: the lane, with a checksum on every request and every answer.".to_owned(),
             "floor: the same bytes there and back through shared atomics, nothing computed; \
             computation: the same plan in process, median."
                 .to_owned(),

@@ -5,7 +5,9 @@
 
 use std::time::Instant;
 
-use sarrus_client::{ConnectOptions, PlanId, Robot as Client, Transport, WaitStrategy};
+use sarrus_client::{
+    ConnectOptions, PlanId, QueryOptions, Robot as Client, Transport, WaitStrategy,
+};
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_proto::Domain;
 use sarrus_report::Outcome;
@@ -61,14 +63,16 @@ const PAYLOADS: [Payload; 3] = [
 pub(crate) enum Route {
     Floor,
     Lane,
+    /// The lane, with checksums.
+    Checked,
     Requests,
 }
 
 impl Route {
-    const ALL: [Route; 3] = [Route::Floor, Route::Lane, Route::Requests];
+    const ALL: [Route; 4] = [Route::Floor, Route::Lane, Route::Checked, Route::Requests];
 
     pub(crate) fn name(self) -> &'static str {
-        ["floor", "lane", "requests"][self as usize]
+        ["floor", "lane", "checked", "requests"][self as usize]
     }
 }
 
@@ -125,8 +129,8 @@ struct Measured {
     inputs: Vec<Vec<f64>>,
     answers: Vec<Vec<f64>>,
     computation: Vec<f64>,
-    ns: [Vec<f64>; 3],
-    starts: [Vec<f64>; 3],
+    ns: [Vec<f64>; 4],
+    starts: [Vec<f64>; 4],
 }
 
 /// Measures all round trips whose name has `only` in it; nothing where server and client would
@@ -163,9 +167,11 @@ pub(crate) fn measure(
         floor.stop()?;
 
         let server = Child::start(Role::Server, &domain, cores)?;
-        for (route, transport) in
-            [(Route::Lane, Transport::Lane), (Route::Requests, Transport::Service)]
-        {
+        for (route, transport, asked) in [
+            (Route::Lane, Transport::Lane, QueryOptions::NONE),
+            (Route::Checked, Transport::Lane, QueryOptions::CHECKSUM),
+            (Route::Requests, Transport::Service, QueryOptions::NONE),
+        ] {
             let options = ConnectOptions {
                 transport,
                 wait_strategy: WaitStrategy::Busy,
@@ -173,7 +179,7 @@ pub(crate) fn measure(
             };
             let mut client = Client::connect_in(domain.clone(), ROBOT, options)?;
             for measured in measured.iter_mut().filter(|measured| chosen(route, measured)) {
-                let plan = client.prepare(&measured.query)?;
+                let plan = client.prepare(&measured.query.with_options(asked))?;
                 served(measured, route, effort.trips, &mut client, plan)?;
                 measured.compute(robot)?;
             }

@@ -12,6 +12,7 @@ mod control;
 mod describe;
 mod direct;
 mod error;
+mod head;
 mod life;
 mod local;
 mod options;
@@ -25,6 +26,7 @@ mod wait;
 pub use bridge::{Controller, Observer, now_ns};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
+pub use head::Times;
 pub use life::{Life, ProcessState};
 pub use options::{ConnectOptions, Transport, WaitStrategy};
 pub use plan::{PlanId, Prepared};
@@ -37,8 +39,8 @@ pub use sarrus_dynamics::{
 pub use sarrus_models::{LoadError, Options, Source};
 pub use sarrus_proto::message::Statistics;
 pub use sarrus_proto::{
-    Answer, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError, Request,
-    Status, Warnings,
+    Answer, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError,
+    QueryOptions, Request, Status, Warnings,
 };
 pub use sarrus_proto::{actuators, watch};
 

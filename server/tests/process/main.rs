@@ -5,6 +5,7 @@
 
 mod direct;
 mod ends;
+mod heads;
 mod lies;
 mod load;
 mod plans;

@@ -137,6 +137,7 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
             timeout: TIMEOUT,
             wait_strategy,
             fingerprint: Some(info.fingerprint),
+            ..ConnectOptions::default()
         };
         let mut robot = Robot::connect_with(&name, options)?;
         let plan = robot.prepare(&QUERY)?;

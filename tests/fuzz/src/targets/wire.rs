@@ -372,6 +372,7 @@ impl Served {
             plan: bytes.or(plan as u64) as u32,
             fingerprint: bytes.or(self.model.fingerprint()),
             sequence: self.sequence,
+            ..RequestHead::default()
         };
         let numbers = bytes.numbers(64);
         let sent = send_request(&self.compute, &head, &numbers).ok_or("nobody takes a request")?;
