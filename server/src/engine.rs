@@ -10,6 +10,7 @@ use sarrus_proto::message::{
 use sarrus_proto::{PROTOCOL_VERSION, Status, Warnings};
 
 use crate::plans::{PlanOrder, ServedPlan};
+use crate::record::{Client, Recorder};
 
 /// Where a request's numbers are; a client may still be writing those of the service.
 pub(crate) enum Input<'a> {
@@ -28,6 +29,8 @@ pub(crate) struct Engine {
     retired: SyncSender<Box<ServedPlan>>,
     workspace: Workspace<f64>,
     scratch: Vec<f64>,
+    /// Copies what is asked and answered, where that is recorded.
+    pub(crate) recorder: Option<Recorder>,
 }
 
 impl Engine {
@@ -38,7 +41,8 @@ impl Engine {
     ) -> Engine {
         let workspace = Workspace::new(&model);
         let plans = (0..MAX_PLANS).map(|_| None).collect();
-        Engine { model, plans, orders, retired, workspace, scratch: vec![0.0; MAX_NUMBERS_IN] }
+        let scratch = vec![0.0; MAX_NUMBERS_IN];
+        Engine { model, plans, orders, retired, workspace, scratch, recorder: None }
     }
 
     /// Takes new plans and gives back old ones. Nobody ever blocks on these channels.
@@ -75,6 +79,14 @@ impl Engine {
         }
     }
 
+    /// Whose request is answered next, and when it was found `[tick]`: what a recording says of it.
+    #[inline]
+    pub(crate) fn found(&mut self, ticks: u64, client: Client) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.take(ticks, client);
+        }
+    }
+
     /// Checks a request, runs its plan from `input` into `output` and says how it ended. Never
     /// allocates, never panics; whatever the request says, nothing outside `input` and `output` is
     /// touched. What passes no gate leaves NaN.
@@ -89,6 +101,9 @@ impl Engine {
             Ok(outcome) => outcome,
             Err(status) => {
                 output.fill(f64::NAN);
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.record_refusal(head, status);
+                }
                 (status, Warnings::NONE)
             }
         };
@@ -130,6 +145,9 @@ impl Engine {
         };
 
         let answer = plan.run(&self.model, &mut self.workspace, input, output);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record(head, plan.query(), input, output, answer);
+        }
         Ok((answer.status, answer.warnings))
     }
 }

@@ -27,6 +27,7 @@ use sarrus_proto::{Status, Warnings};
 use crate::Wait;
 use crate::counters::{Counters, Transport};
 use crate::engine::{Engine, Input};
+use crate::record::Client;
 
 /// Sweeps between two looks at the orders of the maintenance thread.
 const SWEEPS_BETWEEN_MAIL: u32 = 32;
@@ -144,13 +145,15 @@ impl Hot {
         }
 
         // each lane once
-        for lane in self.lanes.iter_mut().flatten() {
+        for (slot, lane) in self.lanes.iter_mut().enumerate() {
+            let Some(lane) = lane else { continue };
             let Some((head, numbers)) = lane.inbox.poll() else { continue };
             // not a request: the client has just claimed its lane
             if head.sequence == 0 {
                 continue;
             }
             let start = self.clock.raw();
+            self.engine.found(start, Client::Lane(slot as u32));
             let output = lane.outbox.numbers();
             let answer = match stopping {
                 false => self.engine.answer(&head, Input::Copied(numbers), output),
@@ -171,6 +174,7 @@ impl Hot {
             let head = payload.head();
             let mut status = Status::Overloaded as u32;
             let engine = &mut self.engine;
+            engine.found(found, Client::Service);
             let sent = send_response(&request, |output| {
                 let answer = match stopping {
                     false => engine.answer(&head, Input::Shared(payload), output),

@@ -3,7 +3,8 @@
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
 //! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
 //! (`lanes.rs`) and plans (`plans.rs`), answers the control service (`control.rs`) and publishes
-//! statistics (`counters.rs`). They meet in counters and in bounded channels, never in a lock.
+//! statistics (`counters.rs`). A third one keeps the last seconds in a file where that is asked
+//! ([`record`]). They meet in counters and in bounded channels, never in a lock.
 
 mod control;
 mod counters;
@@ -12,6 +13,7 @@ mod hot;
 mod lanes;
 mod plans;
 pub mod pool;
+pub mod record;
 mod serve;
 
 pub use serve::{MAX_LANES, ServeError, ServeOptions, Wait, serve};

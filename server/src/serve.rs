@@ -25,6 +25,7 @@ use crate::hot::{Hot, Order, Retired, Shared};
 use crate::lanes::Lanes;
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
+use crate::record::{self, RecordError, RecordOptions};
 
 /// How the answering thread waits for requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +59,8 @@ pub struct ServeOptions {
     pub wait: Wait,
     /// How many clients can have a lane at one time.
     pub lanes: usize,
+    /// Where the last seconds are recorded, if anywhere.
+    pub record: Option<RecordOptions>,
 }
 
 /// The most lanes that one server makes.
@@ -81,6 +84,9 @@ pub enum ServeError {
     /// A service cannot be made.
     #[error(transparent)]
     Service(ServiceError),
+    /// Nothing can be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// More lanes than there can be.
     #[error("{found} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
     TooManyLanes {
@@ -153,8 +159,14 @@ fn run(
     // a lane is ordered there and back before it is free again
     let (orders_in, orders) = sync_channel(2 * options.lanes + 1);
     let (retired, retired_out) = sync_channel(options.lanes + 1);
-    let engine = Engine::new(model.clone(), plan_orders, retired_plans);
+    let mut engine = Engine::new(model.clone(), plan_orders, retired_plans);
     let clock = Clock::new();
+    let recording = options.record.as_ref();
+    let recording = recording.map(|to| record::start(to, &model, options.lanes, clock.clone()));
+    let recording = recording.transpose()?.map(|(recorder, thread)| {
+        engine.recorder = Some(recorder);
+        thread
+    });
     let start = HotStart {
         engine,
         n_lanes: options.lanes,
@@ -204,6 +216,8 @@ fn run(
         std::thread::sleep(Duration::from_millis(1));
     }
     let ended = thread.join();
+    // what was answered is written
+    recording.map(JoinHandle::join);
     upkeep.publish();
     if ended.is_ok() && stop.load(Relaxed) { Ok(()) } else { Err(ServeError::Died) }
 }
