@@ -13,6 +13,8 @@ mod read;
 mod replay;
 mod ring;
 mod robot;
+#[cfg(test)]
+mod tests;
 
 use std::path::PathBuf;
 use std::thread::JoinHandle;

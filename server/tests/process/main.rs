@@ -8,6 +8,7 @@ mod ends;
 mod lies;
 mod load;
 mod plans;
+mod record;
 mod support;
 
 use std::time::{Duration, Instant};
