@@ -80,8 +80,8 @@ fn main() -> ExitCode {
 }
 
 fn run(flags: &Flags) -> Outcome {
-    let effort = if flags.quick { Effort::QUICK } else { Effort::FULL };
-    let effort = Effort { record: flags.record.clone(), ..effort };
+    let mut effort = if flags.quick { Effort::QUICK } else { Effort::FULL };
+    effort.record = flags.record.clone();
     let progress = Progress::silent();
     let cores = Cores::choose()?;
     cores.pin_client();

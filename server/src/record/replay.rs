@@ -27,7 +27,7 @@ pub struct Replayed {
     pub asked_seconds: u64,
     /// Whether older records were overwritten.
     pub overwritten: bool,
-    /// Clients that asked, as lanes and service.
+    /// Lanes that asked, and the service as one more.
     pub clients: usize,
     /// Requests in this time that were answered and not recorded.
     pub lost: u64,

@@ -109,7 +109,9 @@ fn what_was_answered_before_a_kill_is_on_record_and_comes_out_the_same() {
     let (code, replayed, words) = replay(&file, &[]);
     assert_eq!((code, words.as_str()), (Some(0), ""), "{replayed}");
     assert_eq!(replayed["requests"], 3 * N as u64);
-    assert_eq!((&replayed["clients"], &replayed["statuses"]["ok"]), (&3.into(), &ok.into()));
+    assert_eq!(replayed["statuses"]["ok"], ok);
+    // a lane that grows or is given back changes its slot
+    assert!((2..=3).contains(&replayed["clients"].as_u64().unwrap()), "{replayed}");
     for key in ["differing_bits", "differing_answers", "lost", "damaged", "refused", "unplanned"] {
         assert_eq!(replayed[key], 0, "{key}: {replayed}");
     }
