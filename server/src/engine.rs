@@ -87,6 +87,14 @@ impl Engine {
         }
     }
 
+    /// The answer is on its way: what there is to be recorded of it can go on.
+    #[inline]
+    pub(crate) fn sent(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.commit();
+        }
+    }
+
     /// Checks a request, runs its plan from `input` into `output` and says how it ended. Never
     /// allocates, never panics; whatever the request says, nothing outside `input` and `output` is
     /// touched. What passes no gate leaves NaN.

@@ -165,6 +165,7 @@ impl Hot {
                 answer.status,
                 self.clock.raw().wrapping_sub(start),
             );
+            self.engine.sent();
             answered += 1;
         }
 
@@ -191,6 +192,7 @@ impl Hot {
                 status,
                 self.clock.raw().wrapping_sub(found),
             );
+            self.engine.sent();
             answered += 1;
         }
         answered

@@ -15,12 +15,17 @@ pub(super) const CAPACITY: usize = 1 << 21;
 /// Where a body keeps its time and the count of losses.
 pub(super) const TIME: usize = 0;
 
-/// The answering thread's end.
+/// The answering thread's end. A record is put together in memory of this thread while the answer
+/// is made and goes into the ring once the answer is on its way: the ring's memory is cold, and no
+/// client waits for it.
 ///
 /// The words travel as doubles, so that the numbers of a request are copied as they are; a copy
 /// changes no bit.
 pub(crate) struct Recorder {
     ring: Producer<f64>,
+    /// The record that is not in the ring yet, its first `n_staged` words.
+    staged: Box<[f64]>,
+    n_staged: usize,
     lost: u64,
     taken: u64,
     client: Client,
@@ -37,7 +42,14 @@ pub(super) fn ring(capacity: usize) -> (Recorder, Records) {
     // the answering thread meets no page that nobody touched
     while producer.push(0.0).is_ok() {}
     while consumer.pop().is_ok() {}
-    let recorder = Recorder { ring: producer, lost: 0, taken: 0, client: Client::Service };
+    let recorder = Recorder {
+        ring: producer,
+        staged: vec![0.0; 1 + MAX_BODY].into(),
+        n_staged: 0,
+        lost: 0,
+        taken: 0,
+        client: Client::Service,
+    };
     (recorder, Records { ring: consumer })
 }
 
@@ -58,24 +70,32 @@ impl Recorder {
         output: &[f64],
         answer: Answer,
     ) {
-        let mut words = [0; 1 + MAX_BODY_HEAD];
-        let [length, body @ ..] = &mut words;
-        let (fixed, plan) = body.split_at_mut(BODY_HEAD - 3);
+        let mut words = [0; MAX_BODY_HEAD];
+        let (fixed, plan) = words.split_at_mut(BODY_HEAD - 3);
         fixed.copy_from_slice(&self.fixed(head, input.len(), output.len(), answer));
         let n_head = fixed.len() + write_query(query, plan);
-        *length = (n_head + input.len() + output.len()) as u64;
-        self.push(&words, n_head, input, output);
+        self.stage(words.get(..n_head).unwrap_or_default(), input, output);
     }
 
     /// Notes a request that was refused before any plan ran.
     #[cold]
     pub(crate) fn record_refusal(&mut self, head: &RequestHead, status: Status) {
-        let mut words = [0; 1 + MAX_BODY_HEAD];
-        let [length, body @ ..] = &mut words;
-        let (fixed, _) = body.split_at_mut(BODY_HEAD - 3);
+        let mut words = [0; BODY_HEAD];
+        let (fixed, _) = words.split_at_mut(BODY_HEAD - 3);
         fixed.copy_from_slice(&self.fixed(head, 0, 0, Answer { status, warnings: Warnings::NONE }));
-        *length = BODY_HEAD as u64;
-        self.push(&words, BODY_HEAD, &[], &[]);
+        self.stage(&words, &[], &[]);
+    }
+
+    /// Gives the record to the other thread, if there is one; call it when the answer is on its
+    /// way.
+    #[inline]
+    pub(crate) fn commit(&mut self) {
+        let n = std::mem::take(&mut self.n_staged);
+        let record = self.staged.get(..n).unwrap_or_default();
+        // SYNC POINT: ring of records (the other end is `next`)
+        if self.ring.push_entire_slice(record).is_err() {
+            self.lost += 1;
+        }
     }
 
     /// The words of a body up to the query.
@@ -96,19 +116,21 @@ impl Recorder {
         ]
     }
 
-    fn push(&mut self, words: &[u64], n_head: usize, input: &[f64], output: &[f64]) {
-        let n = 1 + n_head + input.len() + output.len();
-        if self.ring.cached_slots() < n && self.ring.slots() < n {
+    fn stage(&mut self, words: &[u64], input: &[f64], output: &[f64]) {
+        let n = words.len() + input.len() + output.len();
+        // plans give and take no more
+        let Some((length, body)) = self.staged.get_mut(..=n).and_then(<[f64]>::split_first_mut)
+        else {
             self.lost += 1;
             return;
-        }
-        let mut head = [0.0; 1 + MAX_BODY_HEAD];
-        head.iter_mut().zip(words).for_each(|(to, word)| *to = f64::from_bits(*word));
-        // SYNC POINT: ring of records (the other end is `next`): there is room for all parts, and
-        // the reader waits until it sees all of them
-        for part in [head.get(..1 + n_head).unwrap_or_default(), input, output] {
-            let _ = self.ring.push_entire_slice(part);
-        }
+        };
+        *length = f64::from_bits(n as u64);
+        let (to_words, numbers) = body.split_at_mut(words.len());
+        to_words.iter_mut().zip(words).for_each(|(to, word)| *to = f64::from_bits(*word));
+        let (to_input, to_output) = numbers.split_at_mut(input.len());
+        to_input.copy_from_slice(input);
+        to_output.copy_from_slice(output);
+        self.n_staged = n + 1;
     }
 }
 
@@ -152,6 +174,8 @@ mod tests {
             let input = vec![f64::from_bits(0x7ff0_0000_0000_0001 + u64::from(k)); k as usize % 20];
             recorder.take(u64::from(k), Client::Lane(3));
             recorder.record(&head, &QUERY, &input, &[f64::from(k)], OK);
+            assert!(!records.next(&mut body));
+            recorder.commit();
             assert!(records.next(&mut body));
             assert_eq!(body[..2], [u64::from(k), 0]);
             assert_eq!(body[2..4], [join(7, 3), u64::from(k)]);
@@ -168,9 +192,12 @@ mod tests {
         let mut body = Vec::new();
         for _ in 0..10 {
             recorder.record(&RequestHead::default(), &QUERY, &[1.0; 5], &[2.0; 5], OK);
+            recorder.commit();
         }
         assert_eq!([(); 3].map(|()| records.next(&mut body)), [true, true, false]);
         recorder.record_refusal(&RequestHead::default(), Status::WrongModel);
+        recorder.commit();
+        recorder.commit();
         assert!(records.next(&mut body));
         assert_eq!((body.len(), body[1]), (BODY_HEAD, 8));
         assert!(!records.is_abandoned());
