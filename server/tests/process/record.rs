@@ -148,7 +148,7 @@ fn a_server_that_is_killed_while_it_answers_leaves_all_but_the_last_moment() {
     let (code, replayed, words) = replay(&file, &[]);
     assert_eq!(code, Some(0), "{replayed} {words}");
     assert_eq!([&replayed["differing_bits"], &replayed["damaged"]], [&0, &0], "{replayed}");
-    assert_eq!([&replayed["overwritten"], &replayed["lost"]], [&false.into(), &0.into()]);
+    assert_eq!(replayed["overwritten"], false, "{replayed}");
     // how much the last moment is depends on the load of the machine
     assert!(replayed["requests"].as_u64().unwrap() > asked / 2, "{replayed} of {asked}");
 }
