@@ -12,6 +12,7 @@ use sarrus_proto::message::{
 use sarrus_proto::{Answer, PROTOCOL_VERSION, Status, Warnings};
 
 use crate::plans::{PlanOrder, ServedPlan};
+use crate::record::{Client, Recorder};
 use crate::taken::Taken;
 
 /// Where a request's numbers are; a client may still be writing those of the service.
@@ -33,6 +34,8 @@ pub(crate) struct Engine {
     scratch: Vec<f64>,
     /// Where answers with a checksum come to be: the memory they go to is not ours alone.
     private: Vec<f64>,
+    /// Copies what is asked and answered, where that is recorded.
+    pub(crate) recorder: Option<Recorder>,
 }
 
 /// How a plan ended.
@@ -53,7 +56,8 @@ impl Engine {
         let workspace = Workspace::new(&model);
         let plans = (0..MAX_PLANS).map(|_| None).collect();
         let (scratch, private) = (vec![0.0; MAX_NUMBERS_IN], vec![0.0; MAX_NUMBERS_OUT]);
-        Engine { model, plans, orders, retired, workspace, scratch, private }
+        let recorder = None;
+        Engine { model, plans, orders, retired, workspace, scratch, private, recorder }
     }
 
     /// Takes new plans and gives back old ones. Nobody ever blocks on these channels.
@@ -90,6 +94,22 @@ impl Engine {
         }
     }
 
+    /// Whose request is answered next, and when it was found `[tick]`: what a recording says of it.
+    #[inline]
+    pub(crate) fn found(&mut self, ticks: u64, client: Client) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.take(ticks, client);
+        }
+    }
+
+    /// The answer is on its way: what there is to be recorded of it can go on.
+    #[inline]
+    pub(crate) fn sent(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.commit();
+        }
+    }
+
     /// Checks a request, runs its plan from `input` into `output` and says how it ended, with times
     /// and checksum where they are asked. Never
     /// allocates, never panics; whatever the request says, nothing outside `input` and `output` is
@@ -113,7 +133,12 @@ impl Engine {
             Ok(Ran { status, warnings, .. }) => {
                 taken.close(ResponseHead::new(status, warnings, head.sequence), None)
             }
-            Err(status) => refuse(head, status, output, taken),
+            Err(status) => {
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.record_refusal(head, status);
+                }
+                refuse(head, status, output, taken)
+            }
         }
     }
 
@@ -159,7 +184,11 @@ impl Engine {
             output = self.private.get_mut(..n_out).ok_or(Status::WrongSize)?;
         }
 
-        let Answer { status, warnings } = plan.run(&self.model, &mut self.workspace, input, output);
+        let answer = plan.run(&self.model, &mut self.workspace, input, output);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record(head, plan.query(), input, output, answer);
+        }
+        let Answer { status, warnings } = answer;
         Ok(Ran { status, warnings, n_out, checks })
     }
 }

@@ -27,6 +27,7 @@ use sarrus_proto::service::ComputeServer;
 use crate::Wait;
 use crate::counters::{Counters, Transport};
 use crate::engine::{Engine, Input, refuse};
+use crate::record::Client;
 use crate::taken::{Taken, is_late};
 
 /// Sweeps between two looks at the orders of the maintenance thread.
@@ -143,6 +144,7 @@ impl Hot {
                         continue;
                     }
                     let start = clock.raw();
+                    engine.found(start, Client::Lane(*place as u32));
                     let taken = Taken::of(clock, &head, start);
                     let output = lane.outbox.numbers();
                     let answer = match stopping {
@@ -162,6 +164,7 @@ impl Hot {
                     }
                     let payload = request.payload();
                     let head = payload.head();
+                    engine.found(start, Client::Service);
                     let taken = Taken::of(clock, &head, start);
                     let mut outcome = Outcome { status: Status::Overloaded as u32, late: false };
                     // a client that went away meanwhile hears nothing; it is counted as what it
@@ -181,6 +184,7 @@ impl Hot {
                 shared.counters.record_late(*place);
             }
             shared.counters.record(transport, outcome.status, clock.raw().wrapping_sub(start));
+            engine.sent();
             answered += 1;
         }
         answered

@@ -2,8 +2,9 @@
 //!
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
 //! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
-//! and services (`connections.rs`) and plans (`plans.rs`), answers the control socket (`control.rs`)
-//! and counts (`counters.rs`). They meet in counters and in bounded channels, never in a lock.
+//! (`connections.rs`) and plans (`plans.rs`), answers the control socket (`control.rs`) and counts
+//! (`counters.rs`). A third one keeps the last seconds in a file where that is asked ([`record`]).
+//! They meet in counters and in bounded channels, never in a lock.
 
 mod bus_guard;
 mod connections;
@@ -13,6 +14,7 @@ mod engine;
 mod hot;
 mod plans;
 pub mod pool;
+pub mod record;
 mod serve;
 mod taken;
 

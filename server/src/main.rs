@@ -48,6 +48,12 @@ enum Command {
     /// Prints `ready NAME FINGERPRINT` when clients can attach. SIGTERM and SIGINT are a clean
     /// stop, which ends with 0.
     Serve(commands::serve::Serve),
+    /// Compute a recording of `serve --record` again and compare every bit.
+    ///
+    /// Prints how many requests it holds, of how many seconds, what is missing, and the first
+    /// answers that come out differently. Ends with 0 when all do the same, 1 when some differ or
+    /// cannot be read, 2 for a file that is no whole recording and wrong flags.
+    Replay(commands::replay::Replay),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
     /// Measure: error against run time, time integration, stress cases, as a page that
@@ -83,6 +89,7 @@ fn main() -> ExitCode {
         Command::Check(command) => command.run(),
         Command::Ask(command) => command.run(),
         Command::Serve(command) => command.run(),
+        Command::Replay(command) => command.run(),
         Command::Robots(command) => command.run(),
         #[cfg(feature = "report")]
         Command::Report(command) => command.run(),

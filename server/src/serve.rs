@@ -24,6 +24,7 @@ use crate::engine::Engine;
 use crate::hot::{Hot, Shared};
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
+use crate::record::{self, RecordError, RecordOptions};
 
 /// How the answering thread waits for requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +58,8 @@ pub struct ServeOptions {
     pub wait: Wait,
     /// How many clients can have a lane at one time.
     pub lanes: usize,
+    /// Where the last seconds are recorded, if anywhere.
+    pub record: Option<RecordOptions>,
 }
 
 /// The most lanes that one server makes.
@@ -99,6 +102,9 @@ pub enum ServeError {
     /// The handler of missing memory cannot be installed.
     #[error("SIGBUS cannot be handled: {0}")]
     Guard(io::Error),
+    /// Nothing can be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// More lanes than there can be.
     #[error("{found} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
     TooManyLanes {
@@ -182,8 +188,15 @@ fn run(
     let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;
     let heartbeat_reader = heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
     let clock = Clock::new();
+    let mut engine = Engine::new(model.clone(), plan_orders, retired_plans);
+    let recording = options.record.as_ref();
+    let recording = recording.map(|to| record::start(to, &model, options.lanes, clock.clone()));
+    let recording = recording.transpose()?.map(|(recorder, thread)| {
+        engine.recorder = Some(recorder);
+        thread
+    });
     let hot = Hot {
-        engine: Engine::new(model.clone(), plan_orders, retired_plans),
+        engine,
         ends: Vec::with_capacity(places),
         orders,
         retired,
@@ -224,6 +237,8 @@ fn run(
         upkeep.step(true);
     }
     let ended = thread.join();
+    // what was answered is written
+    recording.map(JoinHandle::join);
     if ended.is_ok() && stop.load(Relaxed) { Ok(()) } else { Err(ServeError::Died) }
 }
 

@@ -3,6 +3,7 @@
 //! Server and floor take turns, each alone with the client: on two processors a third process that
 //! polls would be measured too.
 
+use std::path::PathBuf;
 use std::time::Instant;
 
 use sarrus_client::{
@@ -27,17 +28,19 @@ pub(crate) const ROBOT: &str = "rh5v2_upper_body";
 pub(crate) const STATES: usize = 64;
 
 /// How much a run repeats.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Effort {
     /// Starts of the server, and of the floor beside it.
     segments: usize,
     /// Round trips of each kind in one segment.
     trips: usize,
+    /// Where the server records.
+    pub(crate) record: Option<PathBuf>,
 }
 
 impl Effort {
-    pub(crate) const QUICK: Effort = Effort { segments: 6, trips: 15_000 };
-    pub(crate) const FULL: Effort = Effort { segments: 10, trips: 100_000 };
+    pub(crate) const QUICK: Effort = Effort { segments: 6, trips: 15_000, record: None };
+    pub(crate) const FULL: Effort = Effort { segments: 10, trips: 100_000, record: None };
 }
 
 /// What is asked and answered.
@@ -166,7 +169,7 @@ pub(crate) fn measure(
         }
         floor.stop()?;
 
-        let server = Child::start(Role::Server, &domain, cores)?;
+        let server = Child::start(Role::Server, &domain, cores, effort.record.as_deref())?;
         for (route, transport, asked) in [
             (Route::Lane, Transport::Lane, QueryOptions::NONE),
             (Route::Checked, Transport::Lane, QueryOptions::CHECKSUM),

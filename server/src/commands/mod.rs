@@ -5,6 +5,8 @@ pub(crate) mod check;
 pub(crate) mod demo;
 pub(crate) mod output;
 pub(crate) mod processor;
+pub(crate) mod progress;
+pub(crate) mod replay;
 #[cfg(feature = "report")]
 pub(crate) mod report;
 pub(crate) mod robot;

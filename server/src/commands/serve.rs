@@ -1,12 +1,14 @@
 //! `sarrus serve`.
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
 use sarrus_client::describe;
+use sarrus_server::record::{RecordOptions, RecordedRobot};
 use sarrus_server::{ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -26,6 +28,19 @@ pub(crate) struct Serve {
     /// How many clients can have a lane at one time.
     #[arg(long, default_value_t = 16)]
     lanes: usize,
+    /// Keep the last requests and answers in this file, for `sarrus replay`; one of an earlier run
+    /// goes to FILE.1.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// How many seconds of them at least, with every lane at 1 kHz.
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "record",
+        default_value_t = 60,
+        value_parser = clap::value_parser!(u32).range(1..=86_400)
+    )]
+    record_seconds: u32,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -57,7 +72,20 @@ impl Serve {
             Some(WaitFlag::Busy) => Wait::Busy,
             Some(WaitFlag::Sleep) => Wait::Sleep,
         };
-        let options = ServeOptions { name: self.name, wait, lanes: self.lanes };
+        let record = match self.record.map(|file| (file, self.robot.recorded())) {
+            None => None,
+            Some((file, Ok(robot))) => {
+                if !is_whole(&robot, info.fingerprint) {
+                    eprintln!(
+                        "sarrus serve: warning: the recording cannot hold this robot, whose files \
+                         name further ones; replay it with --urdf"
+                    );
+                }
+                Some(RecordOptions { file, seconds: self.record_seconds, robot })
+            }
+            Some((_, Err(error))) => return refuse("serve", &error),
+        };
+        let options = ServeOptions { name: self.name, wait, lanes: self.lanes, record };
         let ready = || {
             // whoever started the server may have closed its end: serving goes on
             let mut out = std::io::stdout().lock();
@@ -72,4 +100,9 @@ impl Serve {
             }
         }
     }
+}
+
+/// Whether the texts alone make the robot that is served.
+fn is_whole(robot: &RecordedRobot, fingerprint: u64) -> bool {
+    robot.load().is_ok_and(|loaded| loaded.compiled.model.fingerprint() == fingerprint)
 }

@@ -9,6 +9,7 @@ mod heads;
 mod lies;
 mod load;
 mod plans;
+mod record;
 mod support;
 
 use std::time::{Duration, Instant};
