@@ -28,6 +28,8 @@ pub mod lane;
 pub mod message;
 #[cfg(feature = "transport")]
 pub mod service;
+#[cfg(feature = "transport")]
+pub mod supervision;
 
 pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};

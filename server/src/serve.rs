@@ -23,6 +23,7 @@ use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
 use crate::hot::{Hot, Order, Retired, Shared};
 use crate::lanes::Lanes;
+use crate::placement::{Flags, Placement, PlacementError};
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
 
@@ -58,6 +59,43 @@ pub struct ServeOptions {
     pub wait: Wait,
     /// How many clients can have a lane at one time.
     pub lanes: usize,
+    /// The processor of the answering thread; all other threads leave it.
+    pub cpu: Option<usize>,
+    /// Priority of the answering thread under SCHED_FIFO, 1 to 99.
+    pub priority: Option<u8>,
+    /// Whether memory is locked, so that the answering thread meets no page fault.
+    pub lock_memory: bool,
+}
+
+impl Default for ServeOptions {
+    fn default() -> ServeOptions {
+        ServeOptions {
+            name: "default".to_owned(),
+            wait: Wait::auto(),
+            lanes: 16,
+            cpu: None,
+            priority: None,
+            lock_memory: false,
+        }
+    }
+}
+
+impl ServeOptions {
+    /// Refuses, before anything is loaded, what cannot work in this process.
+    ///
+    /// # Errors
+    /// [`ServeError`]; nothing is changed.
+    pub fn check(&self) -> Result<(), ServeError> {
+        if self.lanes > MAX_LANES {
+            return Err(ServeError::TooManyLanes { found: self.lanes });
+        }
+        self.placement().map(drop)
+    }
+
+    fn placement(&self) -> Result<Placement, ServeError> {
+        let &ServeOptions { cpu, priority, lock_memory, wait, .. } = self;
+        Ok(Placement::new(Flags { cpu, priority, lock_memory, busy: wait == Wait::Busy })?)
+    }
 }
 
 /// The most lanes that one server makes.
@@ -87,6 +125,9 @@ pub enum ServeError {
         /// What was asked.
         found: usize,
     },
+    /// Threads or memory cannot be had as the options ask.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
     /// The answering thread cannot be started.
     #[error("the answering thread does not start: {source}; check the limits of this process")]
     Thread {
@@ -115,12 +156,12 @@ pub fn serve(
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
-    if options.lanes > MAX_LANES {
-        return Err(ServeError::TooManyLanes { found: options.lanes });
-    }
+    options.check()?;
+    let placement = options.placement()?;
+    let _locked = placement.lock_memory()?;
     let name = ServerName::new(&options.name)?;
     let domain = Domain::of_user()?;
-    let outcome = run(&domain, &name, model, info, options, stop, ready);
+    let outcome = run(&domain, &name, model, info, options, &placement, stop, ready);
     domain.tidy();
     outcome
 }
@@ -131,6 +172,7 @@ fn run(
     model: Arc<Model<f64>>,
     info: &ModelInfo,
     options: &ServeOptions,
+    placement: &Placement,
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
@@ -164,8 +206,10 @@ fn run(
         shared: shared.clone(),
         clock: clock.clone(),
         wait: options.wait,
+        placement: placement.clone(),
     };
     let thread = start.spawn(domain.clone(), name.clone(), instance)?;
+    placement.place_other()?;
 
     // upkeep
     let lanes = Lanes::new(name.clone(), instance, options.lanes, orders_in, retired_out);
@@ -245,6 +289,7 @@ struct HotStart {
     shared: Arc<Shared>,
     clock: Clock,
     wait: Wait,
+    placement: Placement,
 }
 
 impl HotStart {
@@ -283,9 +328,11 @@ impl HotStart {
         name: &ServerName,
         instance: u64,
     ) -> Result<(Node<ipc::Service>, Hot), ServeError> {
+        self.placement.place_answering()?;
         let node = domain.node::<ipc::Service>()?;
         let transport = serve_compute(&node, name, instance).map_err(ServeError::Service)?;
-        let HotStart { engine, n_lanes, orders, retired, heartbeat, shared, clock, wait } = self;
+        let HotStart { engine, n_lanes, orders, retired, heartbeat, shared, clock, wait, .. } =
+            self;
         let lanes = (0..n_lanes).map(|_| None).collect();
         Ok((
             node,

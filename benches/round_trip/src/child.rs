@@ -87,7 +87,12 @@ pub(crate) fn child(role: Role, processors: &[usize]) -> Outcome {
         Role::Server => {
             let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())?;
             let info = describe(&loaded);
-            let options = ServeOptions { name: ROBOT.to_owned(), wait: Wait::Busy, lanes: 4 };
+            let options = ServeOptions {
+                name: ROBOT.to_owned(),
+                wait: Wait::Busy,
+                lanes: 4,
+                ..ServeOptions::default()
+            };
             // the answering thread was started on the server's processor and stays there
             let ready = || {
                 pin(upkeep);

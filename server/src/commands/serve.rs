@@ -57,7 +57,8 @@ impl Serve {
             Some(WaitFlag::Busy) => Wait::Busy,
             Some(WaitFlag::Sleep) => Wait::Sleep,
         };
-        let options = ServeOptions { name: self.name, wait, lanes: self.lanes };
+        let options =
+            ServeOptions { name: self.name, wait, lanes: self.lanes, ..ServeOptions::default() };
         let ready = || {
             // whoever started the server may have closed its end: serving goes on
             let mut out = std::io::stdout().lock();
