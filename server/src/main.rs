@@ -46,7 +46,9 @@ enum Command {
     /// Hold a robot and answer requests over shared memory.
     ///
     /// Prints `ready NAME FINGERPRINT` when clients can attach. SIGTERM and SIGINT are a clean
-    /// stop, which ends with 0.
+    /// stop, which ends with 0. With `--supervise` a server that dies is replaced by one that has
+    /// compiled the model beforehand; one that dies five times within a minute soon after its
+    /// start is given up, which ends with 2 (1 for a bad model).
     Serve(commands::serve::Serve),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
