@@ -7,7 +7,9 @@ mod direct;
 mod ends;
 mod lies;
 mod load;
+mod placement;
 mod plans;
+mod supervise;
 mod support;
 
 use std::time::{Duration, Instant};

@@ -70,7 +70,13 @@ impl Sandbox {
     }
 
     pub(crate) fn serve_robot(&self, robot: &str, name: &str, flags: &[&str]) -> Server {
-        let mut child = self.command(robot, name, flags).spawn().unwrap();
+        self.start(self.command(robot, name, flags))
+    }
+
+    /// Starts a server, and waits until it is ready.
+    pub(crate) fn start(&self, mut command: Command) -> Server {
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
+        let mut child = command.spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         if line.is_empty() {
