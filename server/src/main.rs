@@ -50,6 +50,10 @@ enum Command {
     /// compiled the model beforehand; one that dies five times within a minute soon after its
     /// start is given up, which ends with 2 (1 for a bad model).
     Serve(commands::serve::Serve),
+    /// Look at this machine: what costs time or stands in the way of a server, and what to do.
+    ///
+    /// One line a finding. Ends with 0 when there is none, 1 when there is one, 2 for wrong flags.
+    Doctor(commands::doctor::Doctor),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
     /// Measure: error against run time, time integration, stress cases, as a page that
@@ -85,6 +89,7 @@ fn main() -> ExitCode {
         Command::Check(command) => command.run(),
         Command::Ask(command) => command.run(),
         Command::Serve(command) => command.run(),
+        Command::Doctor(command) => command.run(),
         Command::Robots(command) => command.run(),
         #[cfg(feature = "report")]
         Command::Report(command) => command.run(),

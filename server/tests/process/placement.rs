@@ -127,13 +127,14 @@ fn the_answering_thread_alone_has_the_processor_and_the_priority() {
 #[test]
 fn missing_rights_are_named_with_their_limit() {
     let rights = ["--bounding-set", "-sys_nice,-ipc_lock", "--inh-caps", "-all"];
-    let program = [&["prlimit", "--rtprio=3", "--memlock=65536", "setpriv"], &rights[..]].concat();
+    let program =
+        [&["prlimit", "--rtprio=0:0", "--memlock=65536:65536", "setpriv"], &rights[..]].concat();
     if !works(program[0], &[&program[1..], &["true"]].concat()) {
         return;
     }
     let sandbox = Sandbox::new();
     let run = |flags: &[&str]| by(&sandbox, &program, flags).output().unwrap();
-    let words = ["priority 80", "RLIMIT_RTPRIO is 3", "CAP_SYS_NICE", "LimitRTPRIO=80"];
+    let words = ["priority 80", "RLIMIT_RTPRIO is 0", "CAP_SYS_NICE", "LimitRTPRIO=80"];
     refused(&run(&["--priority", "80"]), &words);
     let words = ["RLIMIT_MEMLOCK is 65536 bytes", "CAP_IPC_LOCK", "LimitMEMLOCK=infinity"];
     refused(&run(&["--lock-memory"]), &words);

@@ -47,6 +47,7 @@ pub(super) fn run(name: &str, short_life: Duration) -> ExitCode {
         standby_due: Duration::ZERO,
         standby_failures: 0,
         announced: None,
+        unsaid: None,
     };
     loop {
         if let Err(end) = supervisor.step() {
@@ -94,6 +95,8 @@ struct Supervisor {
     standby_failures: u32,
     /// The fingerprint of the line that was passed on.
     announced: Option<u64>,
+    /// How the last server ended, and when: said when the next one serves.
+    unsaid: Option<(String, Instant)>,
 }
 
 impl Supervisor {
@@ -191,6 +194,10 @@ impl Supervisor {
             }
             Message::Ready(line) => {
                 serving.ready = Some(Instant::now());
+                if let Some((words, since)) = self.unsaid.take() {
+                    let (id, gap) = (serving.id(), since.elapsed());
+                    eprintln!("{words}; process {id} serves, {gap:.1?} later");
+                }
                 if self.announced.is_none() {
                     self.announced = serving.loaded;
                     print_line(&line);
@@ -207,6 +214,7 @@ impl Supervisor {
         let Some(old) = self.serving.take() else { return Ok(()) };
         let (id, life) = (old.id(), old.ready.map(|ready| ready.elapsed()));
         let Some(life) = life else { return self.never_ready(old) };
+        let died = Instant::now();
 
         let next = self.backoff.died(self.now(), Some(life));
         if let Next::After(delay) = next {
@@ -214,22 +222,21 @@ impl Supervisor {
             self.fill()?;
         }
         let how = describe(&old.end());
-        let next_words = match (next, &self.serving) {
-            (Next::Never, _) => String::new(),
-            (_, Some(serving)) if serving.ordered => {
-                format!("; process {} takes its place", serving.id())
-            }
-            (_, Some(serving)) => format!("; process {} is loading", serving.id()),
-            (Next::After(delay), None) => format!("; the next follows after {delay:?}"),
-        };
         let life = life.as_secs_f64();
-        eprintln!(
-            "sarrus serve: the server (process {id}) {how} after {life:.1} s without an \
-             order{next_words}"
+        let words = format!(
+            "sarrus serve: the server (process {id}) {how} after {life:.1} s without an order"
         );
+        self.unsaid = Some((words, died));
         match next {
             Next::After(_) => Ok(()),
             Next::Never => Err(too_often(&how)),
+        }
+    }
+
+    /// Says how the last server ended, where no other has followed it yet.
+    fn say(&mut self) {
+        if let Some((words, _)) = self.unsaid.take() {
+            eprintln!("{words}");
         }
     }
 
@@ -245,6 +252,7 @@ impl Supervisor {
             let (reason, taken) = failure.unwrap_or_else(|| (describe(&status), false));
             return Err(End::GivenUp { reason, code: code as u8, told: !taken });
         }
+        self.say();
         let how = match failure {
             Some((reason, _)) => format!("{}: {reason}", describe(&status)),
             None => describe(&status),
@@ -309,6 +317,7 @@ impl Supervisor {
 
     /// Ends both processes and says why.
     fn finish(mut self, name: &str, end: End) -> ExitCode {
+        self.say();
         drop(self.standby.take().map(Worker::end));
         let is_clean = self.stop_serving();
         match end {
