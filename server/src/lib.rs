@@ -3,7 +3,8 @@
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
 //! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
 //! (`lanes.rs`) and plans (`plans.rs`), answers the control service (`control.rs`) and publishes
-//! statistics (`counters.rs`). Which processors and policies they have is `placement/`. They meet in counters and in bounded channels, never in a lock.
+//! statistics (`counters.rs`). Which processors and policies they have is decided in `placement/`.
+//! They meet in counters and in bounded channels, never in a lock.
 
 mod control;
 mod counters;

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod direct;
+mod doctor;
 mod ends;
 mod lies;
 mod load;

@@ -1,6 +1,6 @@
 //! `sarrus doctor`: what on this machine costs time or stands in the way, and what to do about it.
 //!
-//! Each check is a function of texts that the kernel writes, read below a folder that tests replace.
+//! Each check is a function of texts that the kernel writes, below a folder that tests replace.
 
 mod files;
 mod folders;

@@ -196,7 +196,8 @@ impl Supervisor {
                 serving.ready = Some(Instant::now());
                 if let Some((words, since)) = self.unsaid.take() {
                     let (id, gap) = (serving.id(), since.elapsed());
-                    eprintln!("{words}; process {id} serves, {gap:.1?} later");
+                    let line = format!("{words}; process {id} serves, {gap:.1?} later");
+                    eprintln!("{line}");
                 }
                 if self.announced.is_none() {
                     self.announced = serving.loaded;
