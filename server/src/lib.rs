@@ -16,6 +16,8 @@ mod plans;
 pub mod pool;
 pub mod rights;
 mod serve;
+mod wait;
 
 pub use placement::PlacementError;
-pub use serve::{MAX_LANES, ServeError, ServeOptions, Wait, serve};
+pub use serve::{MAX_LANES, ServeError, ServeOptions, serve};
+pub use wait::Wait;

@@ -5,6 +5,7 @@
 //! and gives the order to the waiting process before it does anything else.
 
 mod backoff;
+mod end;
 mod worker;
 
 use std::ffi::OsString;
@@ -12,15 +13,15 @@ use std::io::{self, Read};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::process::ExitCode;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use sarrus_proto::{Domain, ServerName, supervision};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::print_line;
 use super::standby::{Message, Order};
 use backoff::{Backoff, Next, delay};
+use end::{End, changed, given_up, leave_reason, too_often};
 use worker::{Worker, describe};
 
 /// How long a server has for a clean stop.
@@ -63,19 +64,6 @@ fn signals() -> io::Result<UnixStream> {
         signal_hook::low_level::pipe::register(signal, written.try_clone()?)?;
     }
     Ok(signals)
-}
-
-/// Why the supervisor ends.
-enum End {
-    /// A signal.
-    Ordered,
-    /// The server cannot be kept alive.
-    GivenUp {
-        reason: String,
-        code: u8,
-        /// Whether clients are to be told; not where another server has the name.
-        told: bool,
-    },
 }
 
 struct Supervisor {
@@ -381,32 +369,4 @@ fn readable(
     let mut waited = waited.iter();
     Ok(sources
         .map(|source| source.is_some() && waited.next().is_some_and(|fd| !fd.revents().is_empty())))
-}
-
-fn given_up(reason: String, code: u8) -> End {
-    End::GivenUp { reason, code, told: true }
-}
-
-fn too_often(how: &str) -> End {
-    given_up(
-        format!("five times within a minute the server died soon after its start; the last {how}"),
-        2,
-    )
-}
-
-/// What to say where the files of the robot are no longer those that were announced.
-fn changed(announced: Option<u64>, loaded: u64) -> Option<String> {
-    let announced = announced.filter(|announced| *announced != loaded)?;
-    Some(format!(
-        "the robot's files have changed (fingerprint {loaded:016x}, announced was \
-         {announced:016x}); start the supervisor again to serve what they are now"
-    ))
-}
-
-/// For clients, which then need not guess.
-fn leave_reason(name: &str, reason: &str) -> io::Result<()> {
-    let name = ServerName::new(name).map_err(io::Error::other)?;
-    let domain = Domain::of_user().map_err(io::Error::other)?;
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    supervision::give_up(domain.root(), &name, reason, now)
 }
