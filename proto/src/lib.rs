@@ -38,6 +38,8 @@ pub mod run;
 pub mod service;
 #[cfg(feature = "transport")]
 pub mod socket;
+#[cfg(feature = "transport")]
+pub mod supervision;
 
 pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};

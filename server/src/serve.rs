@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{self, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -22,32 +22,11 @@ use crate::control::{Control, pages};
 use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
 use crate::hot::{Hot, Shared};
+use crate::placement::{Flags, Placement, PlacementError};
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
 use crate::record::{self, RecordError, RecordOptions};
-
-/// How the answering thread waits for requests.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wait {
-    /// Polls without pause: the lowest latency for a whole processor.
-    Busy,
-    /// Polls while requests come; after 0.2 ms without one sleeps 50 µs at a time, after 0.2 s
-    /// without one 1 ms at a time. The first request after a pause waits that long and for what the
-    /// kernel adds: on a two-core virtual machine 60 µs (p50) at 1 kHz. Costs about an eighth of a
-    /// processor between requests and a twenty-fifth when quiet.
-    Sleep,
-}
-
-impl Wait {
-    /// Busy where at least three processors are there: one for the server, one for a client, one
-    /// for everything else.
-    pub fn auto() -> Wait {
-        match std::thread::available_parallelism() {
-            Ok(n) if n.get() >= 3 => Wait::Busy,
-            _ => Wait::Sleep,
-        }
-    }
-}
+use crate::wait::Wait;
 
 /// How to serve.
 #[derive(Clone, Debug)]
@@ -60,6 +39,44 @@ pub struct ServeOptions {
     pub lanes: usize,
     /// Where the last seconds are recorded, if anywhere.
     pub record: Option<RecordOptions>,
+    /// The processor of the answering thread; all other threads leave it.
+    pub cpu: Option<usize>,
+    /// Priority of the answering thread under SCHED_FIFO, 1 to 99.
+    pub priority: Option<u8>,
+    /// Whether memory is locked, so that the answering thread meets no page fault.
+    pub lock_memory: bool,
+}
+
+impl Default for ServeOptions {
+    fn default() -> ServeOptions {
+        ServeOptions {
+            name: "default".to_owned(),
+            wait: Wait::auto(),
+            lanes: 16,
+            record: None,
+            cpu: None,
+            priority: None,
+            lock_memory: false,
+        }
+    }
+}
+
+impl ServeOptions {
+    /// Refuses, before anything is loaded, what cannot work in this process.
+    ///
+    /// # Errors
+    /// [`ServeError`]; nothing is changed.
+    pub fn check(&self) -> Result<(), ServeError> {
+        if self.lanes > MAX_LANES {
+            return Err(ServeError::TooManyLanes { found: self.lanes });
+        }
+        self.placement().map(drop)
+    }
+
+    fn placement(&self) -> Result<Placement, ServeError> {
+        let &ServeOptions { cpu, priority, lock_memory, wait, .. } = self;
+        Ok(Placement::new(Flags { cpu, priority, lock_memory, busy: wait == Wait::Busy })?)
+    }
 }
 
 /// The most lanes that one server makes.
@@ -111,6 +128,9 @@ pub enum ServeError {
         /// What was asked.
         found: usize,
     },
+    /// Threads or memory cannot be had as the options ask.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
     /// The answering thread cannot be started.
     #[error("the answering thread does not start: {source}; check the limits of this process")]
     Thread {
@@ -152,12 +172,12 @@ pub fn serve(
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
-    if options.lanes > MAX_LANES {
-        return Err(ServeError::TooManyLanes { found: options.lanes });
-    }
+    options.check()?;
+    let placement = options.placement()?;
+    let _locked = placement.lock_memory()?;
     let name = ServerName::new(&options.name)?;
     let domain = Domain::of_user()?;
-    let outcome = run(&domain, &name, model, info, options, stop, ready);
+    let outcome = run(&domain, &name, model, info, options, &placement, stop, ready);
     domain.tidy();
     outcome
 }
@@ -168,6 +188,7 @@ fn run(
     model: Arc<Model<f64>>,
     info: &ModelInfo,
     options: &ServeOptions,
+    placement: &Placement,
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
@@ -205,7 +226,8 @@ fn run(
         clock: clock.clone(),
         wait: options.wait,
     };
-    let thread = spawn(hot)?;
+    let thread = spawn(hot, placement.clone())?;
+    placement.place_other()?;
 
     // upkeep
     let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
@@ -270,17 +292,25 @@ fn allow_descriptors() {
     let _ = setrlimit(Resource::Nofile, limit);
 }
 
-/// Starts the answering thread.
-fn spawn(mut hot: Hot) -> Result<JoinHandle<()>, ServeError> {
+/// Starts the answering thread where it belongs.
+fn spawn(mut hot: Hot, placement: Placement) -> Result<JoinHandle<()>, ServeError> {
+    let (started, outcome) = mpsc::channel();
     let body = move || {
-        let adopted = pool::adopt_thread();
-        hot.run();
-        // taking ports down is the system allocator's again
-        drop(adopted);
+        let placed = placement.place_answering();
+        let is_placed = placed.is_ok();
+        let _ = started.send(placed);
+        if is_placed {
+            let adopted = pool::adopt_thread();
+            hot.run();
+            // taking ports down is the system allocator's again
+            drop(adopted);
+        }
     };
     // entries of large lanes pass over the stack
     let builder = std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
-    builder.spawn(body).map_err(|source| ServeError::Thread { source })
+    let thread = builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
+    outcome.recv().map_err(|_| ServeError::Died)??;
+    Ok(thread)
 }
 
 /// What happens beside the answering thread.

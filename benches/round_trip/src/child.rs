@@ -102,9 +102,13 @@ pub(crate) fn child(role: Role, processors: &[usize], record: Option<PathBuf>) -
                 Ok::<_, LoadError>(RecordOptions { file, seconds: 10, robot })
             });
             let info = describe(&loaded);
-            let name = ROBOT.to_owned();
-            let options =
-                ServeOptions { name, wait: Wait::Busy, lanes: 4, record: record.transpose()? };
+            let options = ServeOptions {
+                name: ROBOT.to_owned(),
+                wait: Wait::Busy,
+                lanes: 4,
+                record: record.transpose()?,
+                ..ServeOptions::default()
+            };
             // the answering thread was started on the server's processor and stays there
             let ready = || {
                 pin(upkeep);

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use sarrus_client::{
     ConnectOptions, Options, QueryOptions, Robot, Source, Status, Transport, Warnings,
 };
-use sarrus_proto::checksum::of_request;
 use sarrus_proto::PROTOCOL_VERSION;
+use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{RequestHead, ResponseHead};
 use sarrus_server::pool;
 

@@ -4,12 +4,15 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod direct;
+mod doctor;
 mod ends;
 mod heads;
 mod lies;
 mod load;
+mod placement;
 mod plans;
 mod record;
+mod supervise;
 mod support;
 
 use std::time::{Duration, Instant};

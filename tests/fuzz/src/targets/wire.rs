@@ -221,8 +221,12 @@ impl Served {
         let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())
             .map_err(|error| error.to_string())?;
         let (info, served) = (describe(&loaded), Arc::new(loaded.compiled.model));
-        let (wait, record) = (Wait::Sleep, None);
-        let options = ServeOptions { name: name.clone(), wait, lanes: 2, record };
+        let options = ServeOptions {
+            name: name.clone(),
+            wait: Wait::Sleep,
+            lanes: 2,
+            ..ServeOptions::default()
+        };
         let (stop, (ready, is_ready)) = (Arc::new(AtomicBool::new(false)), channel());
         let thread = {
             let stop = stop.clone();
