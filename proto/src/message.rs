@@ -193,7 +193,7 @@ impl<N> Counts<N> {
 }
 
 /// The state of a run of the server, as its maintenance thread tells whoever asks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Statistics {
     /// Seconds since the server was ready.
     pub uptime: f64,
@@ -216,6 +216,21 @@ pub struct Statistics {
     pub pool_allocations: u64,
     /// Process number of the server.
     pub process: u64,
+    /// Who is connected.
+    pub clients: Vec<ClientStatistics>,
+}
+
+/// A client of a server.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct ClientStatistics {
+    /// Its process number; 0 where that is not known here.
+    pub process: u64,
+    /// What it has: `lane`, `service` or `none`.
+    pub end: String,
+    /// Plans that it holds.
+    pub plans: u64,
+    /// Answers that came after its deadline.
+    pub late: u64,
 }
 
 impl Statistics {

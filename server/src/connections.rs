@@ -14,7 +14,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::Refusal;
 use sarrus_proto::lane::Threadsafe;
-use sarrus_proto::message::MAX_SERVICE_CLIENTS;
+use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
 use sarrus_proto::run::{Link, Run, free_shared_memory};
 use sarrus_proto::service::{ComputeServer, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
@@ -115,6 +115,26 @@ impl Connections {
 
     pub(crate) fn lanes_taken(&self) -> usize {
         self.places[..self.n_lanes].iter().filter(|place| !matches!(place, Place::Free)).count()
+    }
+
+    /// Who is connected, with what; `plans` and `late` know the rest.
+    pub(crate) fn clients(
+        &self,
+        plans: impl Fn(u64) -> usize,
+        late: impl Fn(usize) -> u64,
+    ) -> Vec<ClientStatistics> {
+        let of = |(number, client): (&u64, &Connection)| ClientStatistics {
+            process: client.socket.peer().map_or(0, |peer| peer.process.into()),
+            end: match client.place {
+                None => "none",
+                Some(place) if place < self.n_lanes => "lane",
+                Some(_) => "service",
+            }
+            .to_owned(),
+            plans: plans(*number) as u64,
+            late: client.place.map_or(0, &late),
+        };
+        self.clients.iter().map(of).collect()
     }
 
     pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {

@@ -60,6 +60,12 @@ enum Command {
     ///
     /// One line a finding. Ends with 0 when there is none, 1 when there is one, 2 for wrong flags.
     Doctor(commands::doctor::Doctor),
+    /// A server and its clients, now: rates, latencies, statuses, heartbeat.
+    Top(commands::top::Top),
+    /// Clear what servers and clients left that died; what is alive stays.
+    ///
+    /// Prints what it removed. A server that starts or stops does the same.
+    Tidy(commands::tidy::Tidy),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
     /// Measure: error against run time, time integration, stress cases, as a page that
@@ -97,6 +103,8 @@ fn main() -> ExitCode {
         Command::Serve(command) => command.run(),
         Command::Replay(command) => command.run(),
         Command::Doctor(command) => command.run(),
+        Command::Top(command) => command.run(),
+        Command::Tidy(command) => command.run(),
         Command::Robots(command) => command.run(),
         #[cfg(feature = "report")]
         Command::Report(command) => command.run(),

@@ -149,6 +149,12 @@ impl Plans {
         }
     }
 
+    /// How many plans `holder` has.
+    pub(crate) fn held(&self, holder: u64) -> usize {
+        let holds = |slot: &&Slot| matches!(&slot.state, State::Held { holders, .. } if holders.contains(&holder));
+        self.slots.iter().filter(holds).count()
+    }
+
     /// Takes back what the answering thread returned and what nobody holds; call it often.
     pub(crate) fn upkeep(&mut self) {
         self.collect();

@@ -211,7 +211,12 @@ fn run(
     let clock = Clock::new();
     let mut engine = Engine::new(model.clone(), plan_orders, retired_plans);
     let recording = options.record.as_ref();
-    let recording = recording.map(|to| record::start(to, &model, options.lanes, clock.clone()));
+    let recording = recording.map(|to| {
+        let placement = placement.clone();
+        // where it cannot leave the answering thread's processor it shares it
+        let place = move || drop(placement.place_other());
+        record::start(to, &model, options.lanes, clock.clone(), place)
+    });
     let recording = recording.transpose()?.map(|(recorder, thread)| {
         engine.recorder = Some(recorder);
         thread
@@ -338,7 +343,10 @@ impl Upkeep {
             let (latency, shared, since) = (&mut self.latency, &self.shared, self.since);
             self.control.answer(client, stopping, |control| {
                 latency.fold(&shared.counters);
-                statistics(control, latency, shared, since)
+                let late_of = |place| shared.counters.late_of(place);
+                let clients =
+                    control.connections.clients(|client| control.plans.held(client), late_of);
+                Statistics { clients, ..statistics(control, latency, shared, since) }
             });
         }
         self.control.connections.collect();
@@ -381,5 +389,6 @@ fn statistics(control: &Control, latency: &Latency, shared: &Shared, since: Inst
         system_allocations: pool.system,
         pool_allocations: pool.pool,
         process: std::process::id().into(),
+        clients: Vec::new(),
     }
 }

@@ -15,7 +15,7 @@ use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, Statisti
 use sarrus_proto::run::Link;
 use sarrus_proto::service::open_compute;
 use sarrus_proto::socket::ControlSocket;
-use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName};
+use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, supervision};
 
 use crate::life::Life;
 use crate::{ConnectError, Error, Prepared};
@@ -144,10 +144,10 @@ impl Control {
     }
 
     /// What the server counts.
-    pub(crate) fn statistics(&self, deadline: Instant) -> Option<Statistics> {
-        match self.granted(Call::Statistics, deadline) {
-            Ok(Grant::Statistics(statistics)) => Some(*statistics),
-            _ => None,
+    pub(crate) fn statistics(&self, deadline: Instant) -> Result<Statistics, ConnectError> {
+        match self.granted(Call::Statistics, deadline)? {
+            Grant::Statistics(statistics) => Ok(*statistics),
+            _ => Err(ConnectError::BadAnswer { what: "about its counts" }),
         }
     }
 
@@ -222,7 +222,11 @@ fn connect(
             }
         }
         if !busy || Instant::now() >= deadline {
-            return Err(ConnectError::NoServer { name: name.as_str().to_owned() });
+            let name_text = name.as_str().to_owned();
+            return Err(match supervision::given_up(domain.root(), name) {
+                Some(reason) => ConnectError::GivenUp { name: name_text, reason },
+                None => ConnectError::NoServer { name: name_text },
+            });
         }
         std::thread::sleep(RETRY);
     }

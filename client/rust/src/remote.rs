@@ -49,7 +49,7 @@ impl Remote {
     /// The statistics of the server, as it answers.
     pub(crate) fn statistics(&self) -> Option<Statistics> {
         let deadline = deadline_after(self.options.timeout);
-        self.session.as_ref().and_then(|session| session.control.statistics(deadline))
+        self.session.as_ref().and_then(|session| session.control.statistics(deadline).ok())
     }
 
     /// Registers the plan in this place with the server, and sees that the lane holds them all.

@@ -15,3 +15,5 @@ pub(crate) mod robots;
 pub(crate) mod serve;
 #[cfg(feature = "simulate")]
 pub(crate) mod simulate;
+pub(crate) mod tidy;
+pub(crate) mod top;

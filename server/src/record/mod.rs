@@ -53,7 +53,8 @@ pub struct RecordOptions {
 /// Makes the file and starts the thread that writes it.
 ///
 /// The file has room for `seconds` of requests for inverse dynamics (y, ẏ, ÿ to τ_y, τ_u) at 1 kHz
-/// through each of `lanes`; larger or more frequent ones shorten what is kept.
+/// through each of `lanes`; larger or more frequent ones shorten what is kept. The thread begins
+/// with `place`.
 ///
 /// # Errors
 /// [`RecordError`]; then nothing of a new file is left.
@@ -62,6 +63,7 @@ pub(crate) fn start(
     model: &Model<f64>,
     lanes: usize,
     clock: Clock,
+    place: impl FnOnce() + Send + 'static,
 ) -> Result<(Recorder, JoinHandle<()>), RecordError> {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let start = since_1970.as_nanos() as u64;
@@ -88,7 +90,10 @@ pub(crate) fn start(
     let writer = Writer { records, file, clock, start: ticks };
     let thread = std::thread::Builder::new()
         .name("sarrus-record".to_owned())
-        .spawn(move || writer.run())
+        .spawn(move || {
+            place();
+            writer.run();
+        })
         .map_err(|source| RecordError::Thread { source })?;
     Ok((recorder, thread))
 }
