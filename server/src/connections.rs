@@ -237,6 +237,19 @@ impl Connections {
         }
     }
 
+    /// Takes back what a client has, and waits until the answering thread does not poll it any more.
+    pub(crate) fn leave(&mut self, number: u64) {
+        let place = self.clients.get(&number).and_then(|client| client.place);
+        self.give_back(number);
+        let start = Instant::now();
+        while place.is_some_and(|place| matches!(self.places[place], Place::Leaving { .. }))
+            && start.elapsed() < HAND_BACK
+        {
+            std::thread::sleep(Duration::from_micros(100));
+            self.collect();
+        }
+    }
+
     /// Makes a lane for a client, in place of what it has; the number of its link.
     pub(crate) fn make_lane(
         &mut self,

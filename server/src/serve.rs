@@ -231,12 +231,18 @@ fn run(
         clock: clock.clone(),
         wait: options.wait,
     };
-    let thread = spawn(hot, placement.clone())?;
-    placement.place_other()?;
-
-    // upkeep
+    // whoever connects before the end of this function waits
     let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
     let listener = run.listen().map_err(socket)?;
+    let latency = Latency::new(clock).ok_or(ServeError::Died)?;
+    let thread = spawn(hot, placement.clone())?;
+    if let Err(error) = placement.place_other() {
+        shared.stopping.store(true, Relaxed);
+        let _ = thread.join();
+        return Err(error.into());
+    }
+
+    // upkeep
     let connections = Connections::new(listener, options.lanes, orders_in, retired_out);
     let control = Control {
         root: domain.root().to_string_lossy().into_owned(),
@@ -249,7 +255,6 @@ fn run(
         buffer: Vec::new(),
         run,
     };
-    let latency = Latency::new(clock).ok_or(ServeError::Died)?;
     let now = Instant::now();
     let mut upkeep =
         Upkeep { control, latency, shared: shared.clone(), since: now, folded: now, checked: now };
@@ -269,14 +274,17 @@ fn run(
     if ended.is_ok() && stop.load(Relaxed) { Ok(()) } else { Err(ServeError::Died) }
 }
 
+/// How long a name is asked for.
+const TAKE: Duration = Duration::from_millis(300);
+
 /// Takes the name. A server that ended just now may still be going, and somebody may be clearing
-/// up: the name is asked for a few times.
+/// up: the name is asked for again and again.
 fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
-    let mut attempts = 0;
+    let start = Instant::now();
     loop {
         match Run::start(domain, name) {
             Ok(run) => return Ok(run),
-            Err(RunError::Taken) if attempts < 6 => attempts += 1,
+            Err(RunError::Taken) if start.elapsed() < TAKE => {}
             Err(RunError::Taken) => {
                 return Err(ServeError::NameTaken { name: name.as_str().to_owned() });
             }
@@ -285,7 +293,7 @@ fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
             }
             Err(RunError::Domain(error)) => return Err(error.into()),
         }
-        std::thread::sleep(Duration::from_millis(50));
+        std::thread::sleep(Duration::from_millis(1));
     }
 }
 

@@ -127,6 +127,7 @@ fn calls_and_their_answers_keep_their_words() {
         (Call::Lane { n_in: 39, n_out: 13 }, r#"{"lane":{"n_in":39,"n_out":13}}"#),
         (Call::Service, r#""service""#),
         (Call::Serve, r#""serve""#),
+        (Call::Leave, r#""leave""#),
         (Call::Statistics, r#""statistics""#),
     ];
     for (call, words) in calls {

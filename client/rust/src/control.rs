@@ -23,6 +23,9 @@ use crate::{ConnectError, Error, Prepared};
 /// Between two attempts to reach a server that others reach as well.
 const RETRY: Duration = Duration::from_millis(1);
 
+/// How long a client that leaves waits for the server.
+const LEAVE: Duration = Duration::from_millis(50);
+
 /// A node of this process in a link.
 pub(crate) type LinkNode = iceoryx2::node::Node<Threadsafe>;
 
@@ -141,6 +144,12 @@ impl Control {
     pub(crate) fn release(&self, number: u32, deadline: Instant) -> Result<(), ConnectError> {
         let plan = sarrus_proto::message::PlanNumber(number);
         self.granted(Call::Release { plan }, deadline).map(|_| ())
+    }
+
+    /// Gives back what [`Control::lane`] or [`Control::service`] gave; where the server does not say
+    /// that it did, the end of the connection does.
+    pub(crate) fn leave(&self) {
+        let _ = self.granted(Call::Leave, deadline_after(LEAVE));
     }
 
     /// What the server counts.

@@ -21,6 +21,16 @@ pub(crate) struct Session {
     pub(crate) control: Control,
 }
 
+impl Drop for Session {
+    fn drop(&mut self) {
+        // a port that goes while the server polls it is taken down by the thread that answers
+        // others
+        if matches!(self.end, End::Requests { .. }) && !self.control.is_over() {
+            self.control.leave();
+        }
+    }
+}
+
 /// Ports go before their node.
 enum End {
     /// Given up for a larger lane that did not come.

@@ -179,6 +179,7 @@ fn a_standby_without_its_supervisor_does_not_start() {
 fn a_bad_model_is_given_up_with_its_first_fault() {
     let sandbox = Sandbox::new();
     let root = sandbox.domain.root().to_owned();
+    fs::create_dir_all(&root).unwrap();
     let file = root.join("bad.urdf");
     fs::write(&file, "<robot name=\"bad\"><link name=\"a\"/><link name=\"b\"/></robot>").unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
