@@ -3,6 +3,7 @@
 // lint: helpers of tests say what they expect, as tests do
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod border;
 mod direct;
 mod doctor;
 mod ends;
