@@ -92,8 +92,8 @@ pub enum DomainError {
     },
     /// A server's name is empty, too long or has letters that a name must not have.
     #[error(
-        "`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`, and \
-         no `.` first"
+        "`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`, \
+         and no `.` first"
     )]
     Name {
         /// The name.

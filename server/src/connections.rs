@@ -237,7 +237,7 @@ impl Connections {
         }
     }
 
-    /// Takes back what a client has, and waits until the answering thread does not poll it any more.
+    /// Takes back what a client has, and waits until the answering thread polls it no more.
     pub(crate) fn leave(&mut self, number: u64) {
         let place = self.clients.get(&number).and_then(|client| client.place);
         self.give_back(number);
@@ -323,7 +323,6 @@ impl Connections {
     }
 
     /// Makes something in a link of its own; nothing is left where that fails.
-    #[expect(clippy::type_complexity, reason = "the parts of a place, taken apart at once")]
     fn make<T>(
         &mut self,
         run: &Run,

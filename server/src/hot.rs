@@ -2,9 +2,9 @@
 //!
 //! One sweep takes what waits, at most one request of each client, and answers all of it: no client
 //! can starve another, and none is overwritten, because a client has one request under way. After
-//! start-up the loop waits for nobody, writes no log, reads no clock but the processor's counter (and
-//! the system's for a request with a stamp), and in busy mode makes no system call. What comes and
-//! goes is mapped and unmapped beside it.
+//! start-up the loop waits for nobody, writes no log, reads no clock but the processor's counter
+//! (and the system's for a heartbeat and for a request with a stamp), and in busy mode makes no
+//! system call. What comes and goes is mapped and unmapped beside it.
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
 //! each other client. A client that gives up a request and asks again before the server took it is

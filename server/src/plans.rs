@@ -151,7 +151,10 @@ impl Plans {
 
     /// How many plans `holder` has.
     pub(crate) fn held(&self, holder: u64) -> usize {
-        let holds = |slot: &&Slot| matches!(&slot.state, State::Held { holders, .. } if holders.contains(&holder));
+        let holds = |slot: &&Slot| match &slot.state {
+            State::Held { holders, .. } => holders.contains(&holder),
+            _ => false,
+        };
         self.slots.iter().filter(holds).count()
     }
 

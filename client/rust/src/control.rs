@@ -146,8 +146,8 @@ impl Control {
         self.granted(Call::Release { plan }, deadline).map(|_| ())
     }
 
-    /// Gives back what [`Control::lane`] or [`Control::service`] gave; where the server does not say
-    /// that it did, the end of the connection does.
+    /// Gives back what [`Control::lane`] or [`Control::service`] gave; where the server does not
+    /// answer in time, the end of the connection does.
     pub(crate) fn leave(&self) {
         let _ = self.granted(Call::Leave, deadline_after(LEAVE));
     }
