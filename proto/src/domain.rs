@@ -11,7 +11,8 @@ use iceoryx2::prelude::{
     Config, FileName, LogLevel, NodeBuilder, SemanticString, SignalHandlingMode, set_log_level,
 };
 use iceoryx2::prelude::{Node, Service, ServiceName};
-use rustix::fs::OFlags;
+use rustix::fs::{OFlags, statvfs};
+use rustix::process::{Resource, getrlimit};
 
 /// The longest name that a server may have.
 pub const MAX_NAME: usize = 64;
@@ -100,14 +101,11 @@ pub enum DomainError {
         name: String,
     },
     /// The node of this process cannot be made.
-    #[error(
-        "no node in shared memory under {path}: {reason}; check the free space of /dev/shm and \
-         the rights of the directory"
-    )]
+    #[error("no node in shared memory under {path}: {reason}")]
     Node {
         /// The root directory.
         path: PathBuf,
-        /// What the transport says.
+        /// What the transport says, and what to do.
         reason: String,
     },
 }
@@ -297,7 +295,43 @@ pub(crate) fn node<S: Service>(root: &Path, config: &Config) -> Result<Node<S>, 
         NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(config);
     builder
         .create::<S>()
-        .map_err(|error| DomainError::Node { path: root.to_owned(), reason: format!("{error:?}") })
+        .map_err(|error| DomainError::Node { path: root.to_owned(), reason: reason(&error) })
+}
+
+/// Descriptors that a process needs for one more client or server.
+const DESCRIPTORS: u64 = 24;
+/// Shared memory without which nothing can be made `[byte]`.
+const LEAST_MEMORY: u64 = 64 << 10;
+
+/// Why the transport failed: it seldom says, so what usually is missing is looked at.
+pub(crate) fn reason(error: &dyn std::fmt::Debug) -> String {
+    let limit = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
+    // none is left to look at them
+    let open = fs::read_dir("/proc/self/fd").map_or(limit, |found| found.count() as u64);
+    let free = free_shared_memory();
+    if open.saturating_add(DESCRIPTORS) > limit {
+        format!(
+            "{error:?}: this process has {open} files open of {limit} that it may; raise the \
+             limit, `ulimit -n`"
+        )
+    } else if free < LEAST_MEMORY {
+        format!(
+            "{error:?}: {SHARED_MEMORY} has {} KiB left; remove what is not needed there \
+             (`sarrus tidy`) or give it more room",
+            free / 1024
+        )
+    } else {
+        format!(
+            "{error:?}; see whether the directory and {SHARED_MEMORY} can be written, and clear \
+             what dead processes left, `sarrus tidy`"
+        )
+    }
+}
+
+/// Shared memory that is still free `[byte]`.
+pub(crate) fn free_shared_memory() -> u64 {
+    // unknown is no reason to refuse anybody
+    statvfs(SHARED_MEMORY).map_or(u64::MAX, |found| found.f_bavail.saturating_mul(found.f_frsize))
 }
 
 /// A folder of this user alone, with those above it.

@@ -13,10 +13,10 @@ use std::time::Duration;
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{Config, Service};
-use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, statvfs};
+use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate};
 
 use crate::domain::{
-    SHARED_MEMORY, config, is_at, make_folder, node, random, remove_shared, shared_files,
+    self, config, is_at, make_folder, node, random, remove_shared, shared_files,
 };
 use crate::socket::ControlListener;
 use crate::{Domain, DomainError, ServerName};
@@ -187,8 +187,7 @@ impl Link {
 
 /// Shared memory that is still free `[byte]`.
 pub fn free_shared_memory() -> u64 {
-    // unknown is no reason to refuse anybody
-    statvfs(SHARED_MEMORY).map_or(u64::MAX, |found| found.f_bavail.saturating_mul(found.f_frsize))
+    domain::free_shared_memory()
 }
 
 impl Domain {

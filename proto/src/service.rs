@@ -74,10 +74,7 @@ pub enum ServiceError {
         service: String,
     },
     /// Something else is wrong with the shared memory.
-    #[error(
-        "`{service}`: {reason}; if it stays so, stop all servers and clients and remove what is \
-         left in /dev/shm"
-    )]
+    #[error("`{service}`: {reason}")]
     Memory {
         /// Name of the service.
         service: String,
@@ -91,7 +88,7 @@ pub enum ServiceError {
 
 impl ServiceError {
     pub(crate) fn memory(service: &ServiceName, reason: &dyn Debug) -> ServiceError {
-        ServiceError::Memory { service: service.to_string(), reason: format!("{reason:?}") }
+        ServiceError::Memory { service: service.to_string(), reason: crate::domain::reason(reason) }
     }
 }
 

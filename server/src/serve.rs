@@ -106,7 +106,11 @@ pub enum ServeError {
         source: io::Error,
     },
     /// The socket that clients connect to cannot be made.
-    #[error("no socket in {}: {source}; see whether the folder can be written", path.display())]
+    #[error(
+        "no socket in {}: {source}; see whether the folder can be written, and how many files this \
+         process may open, `ulimit -n`",
+        path.display()
+    )]
     Socket {
         /// The server's folder.
         path: PathBuf,
@@ -114,7 +118,7 @@ pub enum ServeError {
         source: io::Error,
     },
     /// The page of the heartbeat cannot be made.
-    #[error("no memory for the heartbeat: {0}; check the limits of this process")]
+    #[error("no memory for the heartbeat: {0}; see how many files it may open, `ulimit -n`")]
     Heartbeat(io::Error),
     /// The handler of missing memory cannot be installed.
     #[error("SIGBUS cannot be handled: {0}")]
