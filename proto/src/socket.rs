@@ -16,7 +16,7 @@ use rustix::fs::{AtFlags, OFlags, unlinkat};
 use rustix::net::{
     AddressFamily, RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, ReturnFlags,
     SendAncillaryBuffer, SendAncillaryMessage, SendFlags, SocketAddrUnix, SocketFlags, SocketType,
-    accept_with, bind, connect, listen, recv, recvmsg, sendmsg, socket_with, sockopt,
+    accept_with, bind, connect, listen, recvmsg, sendmsg, socket_with, sockopt,
 };
 
 /// Name of the socket in a server's folder.
@@ -164,12 +164,12 @@ impl ControlSocket {
         }
     }
 
-    /// True once the other side is gone.
+    /// True once the other side is gone, whatever it said before that nobody has received yet.
     pub fn is_closed(&self) -> bool {
-        let mut byte = [0_u8];
-        match recv(&self.socket, &mut byte, RecvFlags::DONTWAIT | RecvFlags::PEEK) {
-            Ok((_, bytes)) => bytes == 0,
-            Err(error) => !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
+        let mut poll_fds = [PollFd::new(&self.socket, PollFlags::empty())];
+        match poll(&mut poll_fds, Some(&timespec(Duration::ZERO))) {
+            Ok(_) => poll_fds[0].revents().intersects(PollFlags::HUP | PollFlags::ERR),
+            Err(error) => error.kind() != ErrorKind::Interrupted,
         }
     }
 }

@@ -157,8 +157,9 @@ impl Connections {
                     // the folder is this user's alone; whoever came in otherwise is not answered
                     let us = rustix::process::geteuid().as_raw();
                     let is_ours = socket.peer().is_ok_and(|peer| peer.user == us || peer.user == 0);
-                    // beyond the limit clients are told so, and far beyond it nobody is heard
-                    if is_ours && self.clients.len() < 2 * self.limit() {
+                    // who went meanwhile takes no room; beyond the limit clients are told so, and far
+                    // beyond it nobody is heard
+                    if is_ours && !socket.is_closed() && self.clients.len() < 2 * self.limit() {
                         self.numbers += 1;
                         let client = Connection { socket, place: None, unserved: None };
                         self.clients.insert(self.numbers, client);

@@ -54,6 +54,10 @@ impl Control {
         statistics: impl FnOnce(&Control) -> Statistics,
     ) {
         let Some(connection) = self.connections.get(client) else { return };
+        // what a client said before it went is of no use to anybody
+        if connection.socket.is_closed() {
+            return self.end(client);
+        }
         let bytes = match connection.receive(&mut self.buffer) {
             Ok(Some(bytes)) => bytes,
             // a look that came for nothing
