@@ -2,7 +2,7 @@
 //! loops, and sixteen bundled robots.
 //!
 //! ```
-//! use sarrus_models::{Options, Source, load};
+//! use sarrus_models::{Options, Source, load, texts};
 //!
 //! let loaded = load(&Source::Bundled("lambda".into()), &Options::default())?;
 //! assert_eq!(loaded.description.joints.len(), 3);
@@ -76,7 +76,7 @@ pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use error::LoadError;
-pub use load::{Loaded, Options, Source, load};
+pub use load::{Loaded, Options, Source, load, texts};
 pub use nearest::nearest;
 pub use open::{Opened, load_open};
 pub use report::{Diagnostic, Diagnostics, Report};

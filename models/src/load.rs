@@ -105,6 +105,21 @@ pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     }
 }
 
+/// The texts of a source: URDF and submechanisms, as [`Source::Text`] takes them. Files that the
+/// submechanisms name are not among them.
+///
+/// # Errors
+/// As [`load`], for sources and SMURF files that cannot be read; the texts are not looked at.
+pub fn texts(source: &Source) -> Result<(Vec<u8>, Option<Vec<u8>>), LoadError> {
+    let mut diagnostics = Diagnostics::new(false);
+    match contents(source, &mut diagnostics)? {
+        Some(Contents { urdf: (_, urdf), submechanisms, .. }) => {
+            Ok((urdf, submechanisms.map(|(_, bytes)| bytes)))
+        }
+        None => Err(LoadError::Faults(diagnostics.into_report())),
+    }
+}
+
 pub(crate) fn contents(
     source: &Source,
     diagnostics: &mut Diagnostics,

@@ -99,7 +99,10 @@ impl FailedState {
                 "the server has more work than it accepts; ask again or start another server"
             }
             Status::ShuttingDown => "the server is stopping; ask again when it is back",
-            Status::CorruptAnswer => "the answer is not what the server sent; ask again",
+            Status::CorruptAnswer => {
+                "memory was changed on the way, the checksum fails; ask again, and find out which \
+                 process writes there"
+            }
             Status::UnknownStatus => {
                 "the server ends requests in a way that this client does not know; use client and \
                  server of one version"

@@ -69,6 +69,9 @@ pub enum Call {
     Service,
     /// The client's end of the service is there: requests may come.
     Serve,
+    /// Give back the lane or the service of this connection; it is polled no more when this is
+    /// answered.
+    Leave,
     /// What the server counts.
     Statistics,
 }
@@ -138,6 +141,8 @@ pub enum Grant {
     },
     /// To [`Call::Serve`].
     Served,
+    /// To [`Call::Leave`].
+    Left,
     /// To [`Call::Statistics`].
     Statistics(Box<Statistics>),
 }
@@ -320,6 +325,7 @@ mod tests {
             Call::Lane { n_in: 1, n_out: usize::MAX },
             Call::Service,
             Call::Serve,
+            Call::Leave,
             Call::Statistics,
         ];
         for call in calls {

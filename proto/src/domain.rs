@@ -92,7 +92,8 @@ pub enum DomainError {
     },
     /// A server's name is empty, too long or has letters that a name must not have.
     #[error(
-        "`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`"
+        "`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`, \
+         and no `.` first"
     )]
     Name {
         /// The name.
@@ -345,7 +346,12 @@ impl ServerName {
     pub fn new(name: &str) -> Result<ServerName, DomainError> {
         let good =
             |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '.' | '-' | '_');
-        if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(good) {
+        // `.` and `..` are other folders
+        if name.is_empty()
+            || name.starts_with('.')
+            || name.len() > MAX_NAME
+            || !name.chars().all(good)
+        {
             return Err(DomainError::Name { name: name.to_owned() });
         }
         Ok(ServerName(name.to_owned()))
@@ -381,7 +387,7 @@ mod tests {
 
     #[test]
     fn names_that_could_leave_the_domain_are_refused() {
-        for name in ["", "a/b", "a b", "ä", &"x".repeat(MAX_NAME + 1)] {
+        for name in ["", "a/b", "a b", "ä", ".", "..", ".a", &"x".repeat(MAX_NAME + 1)] {
             assert!(matches!(ServerName::new(name), Err(DomainError::Name { .. })), "{name}");
         }
         assert_eq!(ServerName::new("rh5.v2_upper-body").unwrap().as_str(), "rh5.v2_upper-body");

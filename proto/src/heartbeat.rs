@@ -88,7 +88,7 @@ impl HeartbeatWriter {
 
     /// A descriptor for those who read.
     pub fn reader_descriptor(&self) -> io::Result<OwnedFd> {
-        Ok(self.memory.as_fd().try_clone_to_owned()?)
+        self.memory.as_fd().try_clone_to_owned()
     }
 
     /// Says that the server answers, or that it has ended in order. No system call.

@@ -4,11 +4,47 @@
 //! A lane is a pair of boards, each with one writer and one reader: the client writes a request and
 //! polls for the answer, the server the other way round. Both write in place and neither allocates.
 //! The service is here for the same reason: its payloads are filled in place.
+//!
+//! # Memory ordering
+//!
+//! An entry is iceoryx2's cell (0.10.0, `iceoryx2-bb-lock-free`, `spmc/unrestricted_atomic.rs`):
+//! two places and a counter. At counter w the value w − 1 is published and the writer fills the
+//! other place with the value w; publishing that is `fetch_add(1, Release)`. The reader loads w
+//! (`Acquire`), copies the value w − 1, then does `compare_exchange(w, w, AcqRel, SeqCst)`, and
+//! copies again where that fails.
+//!
+//! *What is published is complete.* The stores of a value come before its `fetch_add` (`Release`),
+//! and the reader's load of the counter (`Acquire`, or the failed exchange's `SeqCst`) before its
+//! copy. The look of `is_up_to_date` is `Relaxed`, but `get` loads the counter again, and loads of
+//! one atomic by one thread never go back. This holds on x86-64 and on ARM.
+//!
+//! *What is copied is not written meanwhile*, where the writer waits for the other side: the place
+//! of w − 1 is filled again with w + 1, after an answer to w; that answer was published (`Release`)
+//! by the thread that had copied w and all before it, and was seen (`Acquire`) by the writer. A
+//! client waits in this way for the server, and the server for the client's next request.
+//!
+//! *Where the writer does not wait* (a client gave its request up and asks again), it may fill the
+//! place while the reader copies it, and the reader must then find the counter at w + 1. So no
+//! store of the value w + 1 may be seen before that counter. x86-64 keeps the order: a locked
+//! instruction is a fence, and stores are seen in their order. ARM does not: `Release` on a
+//! read-modify-write (`ldaddl`, or `ldxr` with `stlxr`) holds back what comes before it, not the
+//! stores after it. Hence the `fence(Acquire)` between a publication and the next store: `dmb
+//! ishld` on ARM, no instruction on x86-64. A reader's exchange that succeeds at w precedes the
+//! `fetch_add` to w + 1 in the counter's order, which reads what that exchange wrote or what an
+//! exchange behind it did: the exchange (`Release`) synchronises with the fence, and the reader's
+//! copy happens before every store behind the fence. A copy that saw such a store belongs to an
+//! exchange that fails.
+//!
+//! *What is left to iceoryx2*: a copy whose exchange fails has read bytes while they were written.
+//! It is thrown away, and no processor minds, but by the letter of the language these bytes would
+//! have to be atomic. Entries that are written by `update_with_copy` have no such fence. Payloads
+//! of the service pass through iceoryx2's queues; requests there are words, each of them atomic.
 // lint: writing in place into shared memory cannot be said in safe Rust; everything that needs it
 // is in this file
 #![allow(unsafe_code)]
 
 use core::ptr::addr_of_mut;
+use core::sync::atomic::{Ordering::Acquire, fence};
 
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
@@ -143,6 +179,9 @@ impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {
             // SYNC POINT: lane entry (the other end is `poll`) SAFETY: the head was just written,
             // and numbers nobody wrote hold what the mapping held: any bits are a double.
             let entry = unsafe { value.assume_init_and_update() };
+            // SYNC POINT: next entry (the other end is the second look of iceoryx2's `load`): no
+            // store into the next value comes before this, see the head of this file
+            fence(Acquire);
             self.value = Some(entry.loan_uninit());
         }
     }

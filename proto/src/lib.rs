@@ -21,6 +21,8 @@ pub mod board;
 #[cfg(feature = "transport")]
 pub mod bridge;
 #[cfg(feature = "transport")]
+pub mod checksum;
+#[cfg(feature = "transport")]
 pub mod control;
 #[cfg(feature = "transport")]
 mod domain;
@@ -36,12 +38,14 @@ pub mod run;
 pub mod service;
 #[cfg(feature = "transport")]
 pub mod socket;
+#[cfg(feature = "transport")]
+pub mod supervision;
 
 pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo};
 pub use layout::{Layout, Sizes, Slot};
-pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, Request};
+pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, QueryOptions, Request};
 pub use status::{Status, Warnings};
 
 #[cfg(feature = "transport")]

@@ -52,6 +52,15 @@ pub struct RequestHead {
     /// Counts the client's requests from 1; the answer repeats it. A lane's entry with 0 is no
     /// request.
     pub sequence: u64,
+    /// The client's CLOCK_MONOTONIC when it asked `[ns]`, where it wants times or has a deadline;
+    /// else 0, and the server reads no clock for it.
+    pub stamp_ns: u64,
+    /// How old the request may be when its answer is published `[ns]`; 0 for any age.
+    pub deadline_ns: u64,
+    /// [`checksum::of_request`] where the plan's query asks for it; else 0.
+    ///
+    /// [`checksum::of_request`]: crate::checksum::of_request
+    pub checksum: u64,
 }
 
 /// What every answer begins with, through either transport.
@@ -64,12 +73,23 @@ pub struct ResponseHead {
     pub warnings: u32,
     /// The request's sequence.
     pub sequence: u64,
+    /// How old the request was when the server took it `[ns]`, at most what fits; 0 where it has no
+    /// stamp.
+    pub age_ns: u32,
+    /// From taking the request to publishing this answer `[ns]`, at most what fits; 0 where the
+    /// request has no stamp.
+    pub took_ns: u32,
+    /// [`checksum::of_answer`] where the request has one; else 0.
+    ///
+    /// [`checksum::of_answer`]: crate::checksum::of_answer
+    pub checksum: u64,
 }
 
 impl ResponseHead {
     /// The head of an answer.
     pub const fn new(status: Status, warnings: Warnings, sequence: u64) -> ResponseHead {
-        ResponseHead { status: status as u32, warnings: warnings.0, sequence }
+        let (status, warnings) = (status as u32, warnings.0);
+        ResponseHead { status, warnings, sequence, age_ns: 0, took_ns: 0, checksum: 0 }
     }
 }
 
@@ -96,6 +116,9 @@ pub struct ComputeRequest {
     version_plan: AtomicU64,
     fingerprint: AtomicU64,
     sequence: AtomicU64,
+    stamp_ns: AtomicU64,
+    deadline_ns: AtomicU64,
+    checksum: AtomicU64,
     numbers: [AtomicU64; MAX_NUMBERS_IN],
 }
 
@@ -106,6 +129,9 @@ impl ComputeRequest {
         self.version_plan.store(u64::from(head.version) | u64::from(head.plan) << 32, Relaxed);
         self.fingerprint.store(head.fingerprint, Relaxed);
         self.sequence.store(head.sequence, Relaxed);
+        self.stamp_ns.store(head.stamp_ns, Relaxed);
+        self.deadline_ns.store(head.deadline_ns, Relaxed);
+        self.checksum.store(head.checksum, Relaxed);
         self.numbers
             .iter()
             .zip(numbers)
@@ -120,6 +146,9 @@ impl ComputeRequest {
             plan: (version_plan >> 32) as u32,
             fingerprint: self.fingerprint.load(Relaxed),
             sequence: self.sequence.load(Relaxed),
+            stamp_ns: self.stamp_ns.load(Relaxed),
+            deadline_ns: self.deadline_ns.load(Relaxed),
+            checksum: self.checksum.load(Relaxed),
         }
     }
 
@@ -146,22 +175,25 @@ pub struct Counts<N = u64> {
     pub service_requests: N,
     /// Answers by number of the [`Status`].
     pub statuses: [N; N_STATUSES],
+    /// Answers that were published after the deadline of their requests.
+    pub late: N,
 }
 
 impl<N> Counts<N> {
     /// Every counter converted.
     pub fn map<M>(&self, f: impl Fn(&N) -> M) -> Counts<M> {
-        let Counts { lane_requests, service_requests, statuses } = self;
+        let Counts { lane_requests, service_requests, statuses, late } = self;
         Counts {
             lane_requests: f(lane_requests),
             service_requests: f(service_requests),
-            statuses: statuses.each_ref().map(f),
+            statuses: statuses.each_ref().map(&f),
+            late: f(late),
         }
     }
 }
 
 /// The state of a run of the server, as its maintenance thread tells whoever asks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Statistics {
     /// Seconds since the server was ready.
     pub uptime: f64,
@@ -184,6 +216,21 @@ pub struct Statistics {
     pub pool_allocations: u64,
     /// Process number of the server.
     pub process: u64,
+    /// Who is connected.
+    pub clients: Vec<ClientStatistics>,
+}
+
+/// A client of a server.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct ClientStatistics {
+    /// Its process number; 0 where that is not known here.
+    pub process: u64,
+    /// What it has: `lane`, `service` or `none`.
+    pub end: String,
+    /// Plans that it holds.
+    pub plans: u64,
+    /// Answers that came after its deadline.
+    pub late: u64,
 }
 
 impl Statistics {
@@ -200,11 +247,11 @@ mod tests {
     #[test]
     fn payloads_keep_the_sizes_of_version_4() {
         assert_eq!(PROTOCOL_VERSION, 4);
-        assert_eq!(size_of::<RequestHead>(), 24);
-        assert_eq!(size_of::<ResponseHead>(), 16);
-        assert_eq!(size_of::<LaneRequest<16>>(), 24 + 8 * 16);
-        assert_eq!(size_of::<ComputeRequest>(), 24 + 8 * MAX_NUMBERS_IN);
-        assert_eq!(size_of::<ComputeResponse>(), 16 + 8 * MAX_NUMBERS_OUT);
+        assert_eq!(size_of::<RequestHead>(), 48);
+        assert_eq!(size_of::<ResponseHead>(), 32);
+        assert_eq!(size_of::<LaneRequest<16>>(), 48 + 8 * 16);
+        assert_eq!(size_of::<ComputeRequest>(), 48 + 8 * MAX_NUMBERS_IN);
+        assert_eq!(size_of::<ComputeResponse>(), 32 + 8 * MAX_NUMBERS_OUT);
         assert!(Status::ALL.len() < N_STATUSES);
     }
 

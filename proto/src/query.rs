@@ -35,6 +35,40 @@ impl Request {
     }
 }
 
+/// What travels beside the numbers of a query, as bits. Mathematics does not know them, but equal
+/// queries have equal options.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
+#[repr(transparent)]
+pub struct QueryOptions(pub u64);
+
+impl QueryOptions {
+    /// Nothing.
+    pub const NONE: QueryOptions = QueryOptions(0);
+    /// Requests and answers have a checksum.
+    pub const CHECKSUM: QueryOptions = QueryOptions(1);
+    /// Requests have a stamp, and answers say how old they were and how long they took.
+    pub const TIMES: QueryOptions = QueryOptions(2);
+
+    const KNOWN: QueryOptions = QueryOptions::CHECKSUM.with(QueryOptions::TIMES);
+
+    /// True when every bit of `other` is set.
+    pub const fn contains(self, other: QueryOptions) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// These and those.
+    #[must_use]
+    pub const fn with(self, other: QueryOptions) -> QueryOptions {
+        QueryOptions(self.0 | other.0)
+    }
+
+    /// True when every bit has a meaning in this version.
+    pub const fn is_known(self) -> bool {
+        QueryOptions::KNOWN.contains(self)
+    }
+}
+
 /// What a plan is made for: the fields that a request gives and those that the answer holds. Its
 /// bytes are those on the wire, so it holds plain numbers only and is checked by [`Query::check`]
 /// before use.
@@ -52,6 +86,8 @@ pub struct Query {
     pub given: FieldSet,
     /// The fields that each answer holds.
     pub want: FieldSet,
+    /// What travels beside them.
+    pub options: QueryOptions,
     /// Indices of the links whose frames are asked.
     pub frames: [u16; MAX_FRAMES],
     /// Indices of the links that wrenches act on.
@@ -66,6 +102,8 @@ pub enum QueryError {
     UnknownRequest(u32),
     /// A bit of `given` or `want` stands for no field of this version.
     UnknownField,
+    /// A bit of `options` stands for nothing in this version.
+    UnknownOption,
     /// More frames or wrenches than a plan can name.
     TooMany {
         /// What there are too many of.
@@ -93,6 +131,9 @@ impl fmt::Display for QueryError {
             }
             QueryError::UnknownField => {
                 f.write_str("a field number is unknown to this version; client and server differ")
+            }
+            QueryError::UnknownOption => {
+                f.write_str("an option is unknown to this version; client and server differ")
             }
             QueryError::TooMany { what, limit } => {
                 write!(f, "too many {what}; a plan names at most {limit}")
@@ -123,6 +164,7 @@ impl Query {
             n_wrenches: 0,
             given,
             want,
+            options: QueryOptions::NONE,
             frames: [0; MAX_FRAMES],
             wrench_links: [0; MAX_WRENCHES],
         }
@@ -146,6 +188,13 @@ impl Query {
         self
     }
 
+    /// The same query with these options as well.
+    #[must_use]
+    pub const fn with_options(mut self, options: QueryOptions) -> Query {
+        self.options = self.options.with(options);
+        self
+    }
+
     /// The links whose frames are asked.
     pub fn frames(&self) -> &[u16] {
         &self.frames[..(self.n_frames as usize).min(MAX_FRAMES)]
@@ -163,6 +212,9 @@ impl Query {
             Request::from_code(self.request).ok_or(QueryError::UnknownRequest(self.request))?;
         if !self.given.is_known() || !self.want.is_known() {
             return Err(QueryError::UnknownField);
+        }
+        if !self.options.is_known() {
+            return Err(QueryError::UnknownOption);
         }
         if self.n_frames as usize > MAX_FRAMES {
             return Err(QueryError::TooMany { what: "frames", limit: MAX_FRAMES });

@@ -9,6 +9,7 @@
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{Config, Service};
@@ -19,6 +20,9 @@ use crate::domain::{
 };
 use crate::socket::ControlListener;
 use crate::{Domain, DomainError, ServerName};
+
+/// How long the transport waits for a file of a link whose maker has not finished it.
+const HALF_MADE: Duration = Duration::from_millis(100);
 
 /// A server's name and folder, held until this is dropped; then nothing of the run is left.
 #[derive(Debug)]
@@ -143,7 +147,10 @@ impl Link {
     pub fn new(domain: &Domain, instance: u64, number: u64) -> Result<Link, DomainError> {
         let root = instance_folder(domain, instance).join(format!("{number:x}"));
         let prefix = format!("{}{instance:016x}_{number:x}_", domain.prefix());
-        Ok(Link { config: config(&root, &prefix)?, root, prefix })
+        let mut config = config(&root, &prefix)?;
+        // the server never waits long for what a client has half made
+        config.global.creation_timeout = HALF_MADE;
+        Ok(Link { config, root, prefix })
     }
 
     /// A node of this process in the link.

@@ -5,7 +5,7 @@ use crate::wire_enum::wire_enum;
 wire_enum! {
     /// How a request ended. The numbers are part of the wire contract and never change.
     ///
-    /// The last two are set by a client and sent by no server.
+    /// [`Status::UnknownStatus`] is set by a client and sent by no server.
     Status: u32 {
         /// The answer is complete.
         Ok = 0, "ok";
@@ -40,8 +40,8 @@ wire_enum! {
         Overloaded = 13, "overloaded";
         /// The server is stopping.
         ShuttingDown = 14, "shutting_down";
-        /// The answer is not what the server sent: its checksum fails. Kept for that; answers of
-        /// this version have no checksum.
+        /// The request or the answer is not what was sent: its checksum fails. Set by the server
+        /// for a request, by the client for an answer, where the query asks for checksums.
         CorruptAnswer = 15, "corrupt_answer";
         /// The request ended in a way that this client does not know: the server is of another
         /// version. The numbers are NaN.

@@ -14,7 +14,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::Refusal;
 use sarrus_proto::lane::Threadsafe;
-use sarrus_proto::message::MAX_SERVICE_CLIENTS;
+use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
 use sarrus_proto::run::{Link, Run, free_shared_memory};
 use sarrus_proto::service::{ComputeServer, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
@@ -115,6 +115,26 @@ impl Connections {
 
     pub(crate) fn lanes_taken(&self) -> usize {
         self.places[..self.n_lanes].iter().filter(|place| !matches!(place, Place::Free)).count()
+    }
+
+    /// Who is connected, with what; `plans` and `late` know the rest.
+    pub(crate) fn clients(
+        &self,
+        plans: impl Fn(u64) -> usize,
+        late: impl Fn(usize) -> u64,
+    ) -> Vec<ClientStatistics> {
+        let of = |(number, client): (&u64, &Connection)| ClientStatistics {
+            process: client.socket.peer().map_or(0, |peer| peer.process.into()),
+            end: match client.place {
+                None => "none",
+                Some(place) if place < self.n_lanes => "lane",
+                Some(_) => "service",
+            }
+            .to_owned(),
+            plans: plans(*number) as u64,
+            late: client.place.map_or(0, &late),
+        };
+        self.clients.iter().map(of).collect()
     }
 
     pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {
@@ -218,6 +238,19 @@ impl Connections {
         }
     }
 
+    /// Takes back what a client has, and waits until the answering thread polls it no more.
+    pub(crate) fn leave(&mut self, number: u64) {
+        let place = self.clients.get(&number).and_then(|client| client.place);
+        self.give_back(number);
+        let start = Instant::now();
+        while place.is_some_and(|place| matches!(self.places[place], Place::Leaving { .. }))
+            && start.elapsed() < HAND_BACK
+        {
+            std::thread::sleep(Duration::from_micros(100));
+            self.collect();
+        }
+    }
+
     /// Makes a lane for a client, in place of what it has; the number of its link.
     pub(crate) fn make_lane(
         &mut self,
@@ -291,7 +324,6 @@ impl Connections {
     }
 
     /// Makes something in a link of its own; nothing is left where that fails.
-    #[expect(clippy::type_complexity, reason = "the parts of a place, taken apart at once")]
     fn make<T>(
         &mut self,
         run: &Run,

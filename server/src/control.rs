@@ -152,6 +152,10 @@ impl Control {
                 self.connections.serve_service(client)?;
                 Ok(Grant::Served)
             }
+            Call::Leave => {
+                self.connections.leave(client);
+                Ok(Grant::Left)
+            }
             Call::Statistics => Ok(Grant::Statistics(Box::new(statistics(self)))),
         }
     }

@@ -22,24 +22,52 @@ pub(crate) enum Transport {
 pub(crate) struct Counters {
     counts: Counts<AtomicU64>,
     buckets: [AtomicU64; N_BUCKETS],
+    /// Late answers of the client that has each place.
+    late: Box<[AtomicU64]>,
 }
 
 impl Counters {
-    pub(crate) fn new() -> Counters {
-        Counters { counts: Counts::default(), buckets: [const { AtomicU64::new(0) }; N_BUCKETS] }
+    /// For so many places.
+    pub(crate) fn new(n_places: usize) -> Counters {
+        Counters {
+            counts: Counts::default(),
+            buckets: [const { AtomicU64::new(0) }; N_BUCKETS],
+            late: (0..n_places).map(|_| AtomicU64::new(0)).collect(),
+        }
     }
 
     /// Counts one answer; `ticks` of the processor's counter from finding the request to publishing
     /// the answer.
     #[inline]
     pub(crate) fn record(&self, transport: Transport, status: u32, ticks: u64) {
-        let Counts { lane_requests, service_requests, statuses } = &self.counts;
+        let Counts { lane_requests, service_requests, statuses, .. } = &self.counts;
         match transport {
             Transport::Lane => add_one(lane_requests),
             Transport::Service => add_one(service_requests),
         }
         add_one(&statuses[(status as usize).min(statuses.len() - 1)]);
         add_one(&self.buckets[bucket_of(ticks)]);
+    }
+
+    /// Counts an answer that came after its deadline, for the client that has this place.
+    #[cold]
+    pub(crate) fn record_late(&self, place: usize) {
+        add_one(&self.counts.late);
+        if let Some(late) = self.late.get(place) {
+            add_one(late);
+        }
+    }
+
+    /// A place has a new client.
+    pub(crate) fn forget_late(&self, place: usize) {
+        if let Some(late) = self.late.get(place) {
+            late.store(0, Relaxed);
+        }
+    }
+
+    /// Late answers of the client that has this place.
+    pub(crate) fn late_of(&self, place: usize) -> u64 {
+        self.late.get(place).map_or(0, |late| late.load(Relaxed))
     }
 
     /// The counters as they travel.
@@ -127,8 +155,17 @@ mod tests {
     }
 
     #[test]
+    fn late_answers_are_counted_for_all_and_for_the_client_of_each_slot() {
+        let counters = Counters::new(5);
+        [3, 6, 3, 5].into_iter().for_each(|place| counters.record_late(place));
+        assert_eq!((counters.counts().late, counters.late_of(3), counters.late_of(4)), (4, 2, 0));
+        counters.forget_late(3);
+        assert_eq!((counters.counts().late, counters.late_of(3)), (4, 0));
+    }
+
+    #[test]
     fn percentiles_come_from_what_was_counted() {
-        let (counters, mut latency) = (Counters::new(), Latency::new(Clock::new()).unwrap());
+        let (counters, mut latency) = (Counters::new(0), Latency::new(Clock::new()).unwrap());
         (0..1000).for_each(|k| {
             counters.record(
                 if k % 2 == 0 { Transport::Lane } else { Transport::Service },

@@ -4,12 +4,16 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
 
 use sarrus_dynamics::{Model, Workspace};
+use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{
-    ComputeRequest, MAX_NUMBERS_IN, MAX_PLANS, PlanNumber, RequestHead, ResponseHead,
+    ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber, RequestHead,
+    ResponseHead,
 };
-use sarrus_proto::{PROTOCOL_VERSION, Status, Warnings};
+use sarrus_proto::{Answer, PROTOCOL_VERSION, Status, Warnings};
 
 use crate::plans::{PlanOrder, ServedPlan};
+use crate::record::{Client, Recorder};
+use crate::taken::Taken;
 
 /// Where a request's numbers are; a client may still be writing those of the service.
 pub(crate) enum Input<'a> {
@@ -28,6 +32,19 @@ pub(crate) struct Engine {
     retired: SyncSender<Box<ServedPlan>>,
     workspace: Workspace<f64>,
     scratch: Vec<f64>,
+    /// Where answers with a checksum come to be: the memory they go to is not ours alone.
+    private: Vec<f64>,
+    /// Copies what is asked and answered, where that is recorded.
+    pub(crate) recorder: Option<Recorder>,
+}
+
+/// How a plan ended.
+struct Ran {
+    status: Status,
+    warnings: Warnings,
+    n_out: usize,
+    /// The numbers are in `private`.
+    checks: bool,
 }
 
 impl Engine {
@@ -38,7 +55,9 @@ impl Engine {
     ) -> Engine {
         let workspace = Workspace::new(&model);
         let plans = (0..MAX_PLANS).map(|_| None).collect();
-        Engine { model, plans, orders, retired, workspace, scratch: vec![0.0; MAX_NUMBERS_IN] }
+        let (scratch, private) = (vec![0.0; MAX_NUMBERS_IN], vec![0.0; MAX_NUMBERS_OUT]);
+        let recorder = None;
+        Engine { model, plans, orders, retired, workspace, scratch, private, recorder }
     }
 
     /// Takes new plans and gives back old ones. Nobody ever blocks on these channels.
@@ -75,7 +94,24 @@ impl Engine {
         }
     }
 
-    /// Checks a request, runs its plan from `input` into `output` and says how it ended. Never
+    /// Whose request is answered next, and when it was found `[tick]`: what a recording says of it.
+    #[inline]
+    pub(crate) fn found(&mut self, ticks: u64, client: Client) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.take(ticks, client);
+        }
+    }
+
+    /// The answer is on its way: what there is to be recorded of it can go on.
+    #[inline]
+    pub(crate) fn sent(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.commit();
+        }
+    }
+
+    /// Checks a request, runs its plan from `input` into `output` and says how it ended, with times
+    /// and checksum where they are asked. Never
     /// allocates, never panics; whatever the request says, nothing outside `input` and `output` is
     /// touched. What passes no gate leaves NaN.
     #[inline]
@@ -84,15 +120,26 @@ impl Engine {
         head: &RequestHead,
         input: Input<'_>,
         output: &mut [f64],
+        taken: &Taken<'_>,
     ) -> ResponseHead {
-        let (status, warnings) = match self.run(head, input, output) {
-            Ok(outcome) => outcome,
-            Err(status) => {
-                output.fill(f64::NAN);
-                (status, Warnings::NONE)
+        match self.run(head, input, output) {
+            Ok(Ran { status, warnings, n_out, checks: true }) => {
+                let (numbers, answer) =
+                    (&self.private[..n_out], ResponseHead::new(status, warnings, head.sequence));
+                output[..n_out].copy_from_slice(numbers);
+                taken.close(answer, Some(numbers))
             }
-        };
-        ResponseHead::new(status, warnings, head.sequence)
+            // without a checksum, also where the request has one: it was meant for another plan
+            Ok(Ran { status, warnings, .. }) => {
+                taken.close(ResponseHead::new(status, warnings, head.sequence), None)
+            }
+            Err(status) => {
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.record_refusal(head, status);
+                }
+                refuse(head, status, output, taken)
+            }
+        }
     }
 
     #[inline]
@@ -101,7 +148,7 @@ impl Engine {
         head: &RequestHead,
         input: Input<'_>,
         output: &mut [f64],
-    ) -> Result<(Status, Warnings), Status> {
+    ) -> Result<Ran, Status> {
         // the gate
         if head.version != PROTOCOL_VERSION {
             return Err(Status::BadRequest);
@@ -113,13 +160,13 @@ impl Engine {
         if !self.has(number) {
             return Err(Status::UnknownRequest);
         }
-        let Some(ServedPlan { plan, .. }) = self.plans[number.slot()].as_deref() else {
+        let Some(ServedPlan { plan, checks, .. }) = self.plans[number.slot()].as_deref() else {
             return Err(Status::UnknownRequest);
         };
 
         // the counts are the plan's; a lane may be too small for another client's plan
-        let (n_in, n_out) = (plan.given().len(), plan.want().len());
-        let output = output.get_mut(..n_out).ok_or(Status::WrongSize)?;
+        let (n_in, n_out, checks) = (plan.given().len(), plan.want().len(), *checks);
+        let mut output = output.get_mut(..n_out).ok_or(Status::WrongSize)?;
         let input = match input {
             Input::Copied(numbers) => numbers.get(..n_in).ok_or(Status::WrongSize)?,
             Input::Shared(request) => {
@@ -129,7 +176,31 @@ impl Engine {
             }
         };
 
+        // what was sent
+        if checks {
+            if of_request(head, input) != head.checksum {
+                return Err(Status::CorruptAnswer);
+            }
+            output = self.private.get_mut(..n_out).ok_or(Status::WrongSize)?;
+        }
+
         let answer = plan.run(&self.model, &mut self.workspace, input, output);
-        Ok((answer.status, answer.warnings))
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record(head, plan.query(), input, output, answer);
+        }
+        let Answer { status, warnings } = answer;
+        Ok(Ran { status, warnings, n_out, checks })
     }
+}
+
+/// An answer without numbers.
+#[inline]
+pub(crate) fn refuse(
+    head: &RequestHead,
+    status: Status,
+    output: &mut [f64],
+    taken: &Taken<'_>,
+) -> ResponseHead {
+    output.fill(f64::NAN);
+    taken.close(ResponseHead::new(status, Warnings::NONE, head.sequence), Some(&[]))
 }

@@ -2,8 +2,9 @@
 //!
 //! One sweep takes what waits, at most one request of each client, and answers all of it: no client
 //! can starve another, and none is overwritten, because a client has one request under way. After
-//! start-up the loop waits for nobody, writes no log, reads no clock but the processor's counter,
-//! and in busy mode makes no system call. What comes and goes is mapped and unmapped beside it.
+//! start-up the loop waits for nobody, writes no log, reads no clock but the processor's counter
+//! (and the system's for a heartbeat and for a request with a stamp), and in busy mode makes no
+//! system call. What comes and goes is mapped and unmapped beside it.
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
 //! each other client. A client that gives up a request and asks again before the server took it is
@@ -16,16 +17,18 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
 use std::time::Duration;
 
 use quanta::Clock;
+use sarrus_proto::Status;
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::heartbeat::HeartbeatWriter;
 use sarrus_proto::lane::{Threadsafe, send_response};
 use sarrus_proto::message::{RequestHead, ResponseHead};
 use sarrus_proto::service::ComputeServer;
-use sarrus_proto::{Status, Warnings};
 
 use crate::Wait;
 use crate::counters::{Counters, Transport};
-use crate::engine::{Engine, Input};
+use crate::engine::{Engine, Input, refuse};
+use crate::record::Client;
+use crate::taken::{Taken, is_late};
 
 /// Sweeps between two looks at the orders of the maintenance thread.
 const SWEEPS_BETWEEN_MAIL: u32 = 32;
@@ -82,6 +85,8 @@ pub(crate) struct Hot {
 impl Hot {
     /// Answers until the order to stop, then refuses for a moment what still comes.
     pub(crate) fn run(&mut self) {
+        // finds where the kernel's page has the clock: none of a request's time
+        self.heartbeat.beat(false);
         let ticks = |span: Duration| Ticks::of(&self.clock, span);
         let (beat, idle, quiet, farewell) =
             (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(FAREWELL));
@@ -130,8 +135,8 @@ impl Hot {
     fn sweep(&mut self, stopping: bool) -> usize {
         let Hot { engine, ends, shared, clock, .. } = self;
         let mut answered = 0;
-        for (_, end) in ends {
-            let (transport, status, start) = match end {
+        for (place, end) in ends {
+            let (transport, outcome, start) = match end {
                 End::Lane(lane) => {
                     let Some((head, numbers)) = lane.inbox.poll() else { continue };
                     // not a request: the client has just claimed its lane
@@ -139,13 +144,15 @@ impl Hot {
                         continue;
                     }
                     let start = clock.raw();
+                    engine.found(start, Client::Lane(*place as u32));
+                    let taken = Taken::of(clock, &head, start);
                     let output = lane.outbox.numbers();
                     let answer = match stopping {
-                        false => engine.answer(&head, Input::Copied(numbers), output),
-                        true => refuse(&head, Status::ShuttingDown, output),
+                        false => engine.answer(&head, Input::Copied(numbers), output, &taken),
+                        true => refuse(&head, Status::ShuttingDown, output, &taken),
                     };
                     lane.outbox.publish(answer);
-                    (Transport::Lane, answer.status, start)
+                    (Transport::Lane, Outcome::of(&head, &answer), start)
                 }
                 End::Service(port) => {
                     // an error concerns a client that is about to go
@@ -157,22 +164,27 @@ impl Hot {
                     }
                     let payload = request.payload();
                     let head = payload.head();
-                    let mut status = Status::Overloaded as u32;
-                    let sent = send_response(&request, |output| {
-                        let answer = match stopping {
-                            false => engine.answer(&head, Input::Shared(payload), output),
-                            true => refuse(&head, Status::ShuttingDown, output),
-                        };
-                        status = answer.status;
-                        answer
-                    });
+                    engine.found(start, Client::Service);
+                    let taken = Taken::of(clock, &head, start);
+                    let mut outcome = Outcome { status: Status::Overloaded as u32, late: false };
                     // a client that went away meanwhile hears nothing; it is counted as what it
                     // would have heard
-                    let _ = sent;
-                    (Transport::Service, status, start)
+                    let _ = send_response(&request, |output| {
+                        let answer = match stopping {
+                            false => engine.answer(&head, Input::Shared(payload), output, &taken),
+                            true => refuse(&head, Status::ShuttingDown, output, &taken),
+                        };
+                        outcome = Outcome::of(&head, &answer);
+                        answer
+                    });
+                    (Transport::Service, outcome, start)
                 }
             };
-            shared.counters.record(transport, status, clock.raw().wrapping_sub(start));
+            if outcome.late {
+                shared.counters.record_late(*place);
+            }
+            shared.counters.record(transport, outcome.status, clock.raw().wrapping_sub(start));
+            engine.sent();
             answered += 1;
         }
         answered
@@ -185,7 +197,10 @@ impl Hot {
         while let Ok(order) = self.orders.try_recv() {
             match order {
                 // never more than there is room for: a place is served once
-                Order::Serve { place, end } => self.ends.push((place, end)),
+                Order::Serve { place, end } => {
+                    self.shared.counters.forget_late(place);
+                    self.ends.push((place, end));
+                }
                 Order::Retire { place } => {
                     let Some(index) = self.ends.iter().position(|(one, _)| *one == place) else {
                         continue;
@@ -203,6 +218,18 @@ impl Hot {
     }
 }
 
+/// What is counted of an answer.
+struct Outcome {
+    status: u32,
+    late: bool,
+}
+
+impl Outcome {
+    fn of(request: &RequestHead, answer: &ResponseHead) -> Outcome {
+        Outcome { status: answer.status, late: is_late(request, answer) }
+    }
+}
+
 /// A span in ticks of the processor's counter.
 struct Ticks(u64);
 
@@ -212,9 +239,4 @@ impl Ticks {
         let ns_per_million = clock.delta_as_nanos(0, 1_000_000).max(1);
         Ticks((span.as_nanos() as u64).saturating_mul(1_000_000) / ns_per_million)
     }
-}
-
-fn refuse(head: &RequestHead, status: Status, output: &mut [f64]) -> ResponseHead {
-    output.fill(f64::NAN);
-    ResponseHead::new(status, Warnings::NONE, head.sequence)
 }

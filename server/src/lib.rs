@@ -2,8 +2,11 @@
 //!
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
 //! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
-//! and services (`connections.rs`) and plans (`plans.rs`), answers the control socket (`control.rs`)
-//! and counts (`counters.rs`). They meet in counters and in bounded channels, never in a lock.
+//! (`connections.rs`) and plans (`plans.rs`), answers the control socket (`control.rs`) and counts
+//! (`counters.rs`). A third one keeps the last seconds in a file where that is asked ([`record`]).
+//! Which processors and policies they have is decided in `placement/`. They meet in counters and in
+//! bounded channels, never in a lock.
+//! They meet in counters and in bounded channels, never in a lock.
 
 mod bus_guard;
 mod connections;
@@ -11,8 +14,15 @@ mod control;
 mod counters;
 mod engine;
 mod hot;
+mod placement;
 mod plans;
 pub mod pool;
+pub mod record;
+pub mod rights;
 mod serve;
+mod taken;
+mod wait;
 
-pub use serve::{MAX_LANES, ServeError, ServeOptions, Wait, serve};
+pub use placement::PlacementError;
+pub use serve::{MAX_LANES, ServeError, ServeOptions, serve};
+pub use wait::Wait;

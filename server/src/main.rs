@@ -46,8 +46,26 @@ enum Command {
     /// Hold a robot and answer requests over shared memory.
     ///
     /// Prints `ready NAME FINGERPRINT` when clients can attach. SIGTERM and SIGINT are a clean
-    /// stop, which ends with 0.
+    /// stop, which ends with 0. With `--supervise` a server that dies is replaced by one that has
+    /// compiled the model beforehand; one that dies five times within a minute soon after its
+    /// start is given up, which ends with 2 (1 for a bad model).
     Serve(commands::serve::Serve),
+    /// Compute a recording of `serve --record` again and compare every bit.
+    ///
+    /// Prints how many requests it holds, of how many seconds, what is missing, and the first
+    /// answers that come out differently. Ends with 0 when all do the same, 1 when some differ or
+    /// cannot be read, 2 for a file that is no whole recording and wrong flags.
+    Replay(commands::replay::Replay),
+    /// Look at this machine: what costs time or stands in the way of a server, and what to do.
+    ///
+    /// One line a finding. Ends with 0 when there is none, 1 when there is one, 2 for wrong flags.
+    Doctor(commands::doctor::Doctor),
+    /// A server and its clients, now: rates, latencies, statuses, heartbeat.
+    Top(commands::top::Top),
+    /// Clear what servers and clients left that died; what is alive stays.
+    ///
+    /// Prints what it removed. A server that starts or stops does the same.
+    Tidy(commands::tidy::Tidy),
     /// List the bundled robots.
     Robots(commands::robots::Robots),
     /// Measure: error against run time, time integration, stress cases, as a page that
@@ -83,6 +101,10 @@ fn main() -> ExitCode {
         Command::Check(command) => command.run(),
         Command::Ask(command) => command.run(),
         Command::Serve(command) => command.run(),
+        Command::Replay(command) => command.run(),
+        Command::Doctor(command) => command.run(),
+        Command::Top(command) => command.run(),
+        Command::Tidy(command) => command.run(),
         Command::Robots(command) => command.run(),
         #[cfg(feature = "report")]
         Command::Report(command) => command.run(),

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
-use sarrus_proto::{Query, QueryError};
+use sarrus_proto::{Query, QueryError, QueryOptions};
 
 /// How long a registration waits for a slot that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
@@ -20,6 +20,8 @@ const HAND_BACK: Duration = Duration::from_millis(20);
 pub(crate) struct ServedPlan {
     pub(crate) number: PlanNumber,
     pub(crate) plan: Plan,
+    /// Requests and answers have a checksum.
+    pub(crate) checks: bool,
 }
 
 /// What the maintenance thread tells the answering thread of plans. There are at most two orders
@@ -113,7 +115,8 @@ impl Plans {
         let index = self.free_slot().ok_or(Unplanned::TooMany)?;
         let slot = &mut self.slots[index];
         let number = PlanNumber::new(index, slot.generation);
-        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan }));
+        let checks = query.options.contains(QueryOptions::CHECKSUM);
+        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan, checks }));
         // there is room: full means that the answering thread is gone
         self.orders.try_send(order).map_err(|_| Unplanned::TooMany)?;
         slot.generation += 1;
@@ -144,6 +147,15 @@ impl Plans {
                 retire_if_unheld(&self.orders, slot);
             }
         }
+    }
+
+    /// How many plans `holder` has.
+    pub(crate) fn held(&self, holder: u64) -> usize {
+        let holds = |slot: &&Slot| match &slot.state {
+            State::Held { holders, .. } => holders.contains(&holder),
+            _ => false,
+        };
+        self.slots.iter().filter(holds).count()
     }
 
     /// Takes back what the answering thread returned and what nobody holds; call it often.

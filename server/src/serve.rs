@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{self, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -22,31 +22,11 @@ use crate::control::{Control, pages};
 use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
 use crate::hot::{Hot, Shared};
+use crate::placement::{Flags, Placement, PlacementError};
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
-
-/// How the answering thread waits for requests.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wait {
-    /// Polls without pause: the lowest latency for a whole processor.
-    Busy,
-    /// Polls while requests come; after 0.2 ms without one sleeps 50 µs at a time, after 0.2 s
-    /// without one 1 ms at a time. The first request after a pause waits that long and for what the
-    /// kernel adds: on a two-core virtual machine 60 µs (p50) at 1 kHz. Costs about an eighth of a
-    /// processor between requests and a twenty-fifth when quiet.
-    Sleep,
-}
-
-impl Wait {
-    /// Busy where at least three processors are there: one for the server, one for a client, one
-    /// for everything else.
-    pub fn auto() -> Wait {
-        match std::thread::available_parallelism() {
-            Ok(n) if n.get() >= 3 => Wait::Busy,
-            _ => Wait::Sleep,
-        }
-    }
-}
+use crate::record::{self, RecordError, RecordOptions};
+use crate::wait::Wait;
 
 /// How to serve.
 #[derive(Clone, Debug)]
@@ -57,6 +37,46 @@ pub struct ServeOptions {
     pub wait: Wait,
     /// How many clients can have a lane at one time.
     pub lanes: usize,
+    /// Where the last seconds are recorded, if anywhere.
+    pub record: Option<RecordOptions>,
+    /// The processor of the answering thread; all other threads leave it.
+    pub cpu: Option<usize>,
+    /// Priority of the answering thread under SCHED_FIFO, 1 to 99.
+    pub priority: Option<u8>,
+    /// Whether memory is locked, so that the answering thread meets no page fault.
+    pub lock_memory: bool,
+}
+
+impl Default for ServeOptions {
+    fn default() -> ServeOptions {
+        ServeOptions {
+            name: "default".to_owned(),
+            wait: Wait::auto(),
+            lanes: 16,
+            record: None,
+            cpu: None,
+            priority: None,
+            lock_memory: false,
+        }
+    }
+}
+
+impl ServeOptions {
+    /// Refuses, before anything is loaded, what cannot work in this process.
+    ///
+    /// # Errors
+    /// [`ServeError`]; nothing is changed.
+    pub fn check(&self) -> Result<(), ServeError> {
+        if self.lanes > MAX_LANES {
+            return Err(ServeError::TooManyLanes { found: self.lanes });
+        }
+        self.placement().map(drop)
+    }
+
+    fn placement(&self) -> Result<Placement, ServeError> {
+        let &ServeOptions { cpu, priority, lock_memory, wait, .. } = self;
+        Ok(Placement::new(Flags { cpu, priority, lock_memory, busy: wait == Wait::Busy })?)
+    }
 }
 
 /// The most lanes that one server makes.
@@ -99,12 +119,18 @@ pub enum ServeError {
     /// The handler of missing memory cannot be installed.
     #[error("SIGBUS cannot be handled: {0}")]
     Guard(io::Error),
+    /// Nothing can be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// More lanes than there can be.
     #[error("{found} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
     TooManyLanes {
         /// What was asked.
         found: usize,
     },
+    /// Threads or memory cannot be had as the options ask.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
     /// The answering thread cannot be started.
     #[error("the answering thread does not start: {source}; check the limits of this process")]
     Thread {
@@ -146,12 +172,12 @@ pub fn serve(
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
-    if options.lanes > MAX_LANES {
-        return Err(ServeError::TooManyLanes { found: options.lanes });
-    }
+    options.check()?;
+    let placement = options.placement()?;
+    let _locked = placement.lock_memory()?;
     let name = ServerName::new(&options.name)?;
     let domain = Domain::of_user()?;
-    let outcome = run(&domain, &name, model, info, options, stop, ready);
+    let outcome = run(&domain, &name, model, info, options, &placement, stop, ready);
     domain.tidy();
     outcome
 }
@@ -162,6 +188,7 @@ fn run(
     model: Arc<Model<f64>>,
     info: &ModelInfo,
     options: &ServeOptions,
+    placement: &Placement,
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
@@ -171,18 +198,31 @@ fn run(
     let run = take_name(domain, name)?;
 
     // the answering thread
-    let shared = Arc::new(Shared { counters: Counters::new(), stopping: AtomicBool::new(false) });
-    let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
-    let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
     // an end is ordered there and back before its place is free again
     let places = options.lanes + MAX_SERVICE_CLIENTS;
+    let counters = Counters::new(places);
+    let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
+    let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
+    let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
     let (orders_in, orders) = sync_channel(2 * places);
     let (retired, retired_out) = sync_channel(places);
     let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;
     let heartbeat_reader = heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
     let clock = Clock::new();
+    let mut engine = Engine::new(model.clone(), plan_orders, retired_plans);
+    let recording = options.record.as_ref();
+    let recording = recording.map(|to| {
+        let placement = placement.clone();
+        // where it cannot leave the answering thread's processor it shares it
+        let place = move || drop(placement.place_other());
+        record::start(to, &model, options.lanes, clock.clone(), place)
+    });
+    let recording = recording.transpose()?.map(|(recorder, thread)| {
+        engine.recorder = Some(recorder);
+        thread
+    });
     let hot = Hot {
-        engine: Engine::new(model.clone(), plan_orders, retired_plans),
+        engine,
         ends: Vec::with_capacity(places),
         orders,
         retired,
@@ -191,11 +231,18 @@ fn run(
         clock: clock.clone(),
         wait: options.wait,
     };
-    let thread = spawn(hot)?;
-
-    // upkeep
+    // whoever connects before the end of this function waits
     let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
     let listener = run.listen().map_err(socket)?;
+    let latency = Latency::new(clock).ok_or(ServeError::Died)?;
+    let thread = spawn(hot, placement.clone())?;
+    if let Err(error) = placement.place_other() {
+        shared.stopping.store(true, Relaxed);
+        let _ = thread.join();
+        return Err(error.into());
+    }
+
+    // upkeep
     let connections = Connections::new(listener, options.lanes, orders_in, retired_out);
     let control = Control {
         root: domain.root().to_string_lossy().into_owned(),
@@ -208,7 +255,6 @@ fn run(
         buffer: Vec::new(),
         run,
     };
-    let latency = Latency::new(clock).ok_or(ServeError::Died)?;
     let now = Instant::now();
     let mut upkeep =
         Upkeep { control, latency, shared: shared.clone(), since: now, folded: now, checked: now };
@@ -223,17 +269,22 @@ fn run(
         upkeep.step(true);
     }
     let ended = thread.join();
+    // what was answered is written
+    recording.map(JoinHandle::join);
     if ended.is_ok() && stop.load(Relaxed) { Ok(()) } else { Err(ServeError::Died) }
 }
 
+/// How long a name is asked for.
+const TAKE: Duration = Duration::from_millis(300);
+
 /// Takes the name. A server that ended just now may still be going, and somebody may be clearing
-/// up: the name is asked for a few times.
+/// up: the name is asked for again and again.
 fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
-    let mut attempts = 0;
+    let start = Instant::now();
     loop {
         match Run::start(domain, name) {
             Ok(run) => return Ok(run),
-            Err(RunError::Taken) if attempts < 6 => attempts += 1,
+            Err(RunError::Taken) if start.elapsed() < TAKE => {}
             Err(RunError::Taken) => {
                 return Err(ServeError::NameTaken { name: name.as_str().to_owned() });
             }
@@ -242,7 +293,7 @@ fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
             }
             Err(RunError::Domain(error)) => return Err(error.into()),
         }
-        std::thread::sleep(Duration::from_millis(50));
+        std::thread::sleep(Duration::from_millis(1));
     }
 }
 
@@ -254,17 +305,25 @@ fn allow_descriptors() {
     let _ = setrlimit(Resource::Nofile, limit);
 }
 
-/// Starts the answering thread.
-fn spawn(mut hot: Hot) -> Result<JoinHandle<()>, ServeError> {
+/// Starts the answering thread where it belongs.
+fn spawn(mut hot: Hot, placement: Placement) -> Result<JoinHandle<()>, ServeError> {
+    let (started, outcome) = mpsc::channel();
     let body = move || {
-        let adopted = pool::adopt_thread();
-        hot.run();
-        // taking ports down is the system allocator's again
-        drop(adopted);
+        let placed = placement.place_answering();
+        let is_placed = placed.is_ok();
+        let _ = started.send(placed);
+        if is_placed {
+            let adopted = pool::adopt_thread();
+            hot.run();
+            // taking ports down is the system allocator's again
+            drop(adopted);
+        }
     };
     // entries of large lanes pass over the stack
     let builder = std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
-    builder.spawn(body).map_err(|source| ServeError::Thread { source })
+    let thread = builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
+    outcome.recv().map_err(|_| ServeError::Died)??;
+    Ok(thread)
 }
 
 /// What happens beside the answering thread.
@@ -292,7 +351,10 @@ impl Upkeep {
             let (latency, shared, since) = (&mut self.latency, &self.shared, self.since);
             self.control.answer(client, stopping, |control| {
                 latency.fold(&shared.counters);
-                statistics(control, latency, shared, since)
+                let late_of = |place| shared.counters.late_of(place);
+                let clients =
+                    control.connections.clients(|client| control.plans.held(client), late_of);
+                Statistics { clients, ..statistics(control, latency, shared, since) }
             });
         }
         self.control.connections.collect();
@@ -335,5 +397,6 @@ fn statistics(control: &Control, latency: &Latency, shared: &Shared, since: Inst
         system_allocations: pool.system,
         pool_allocations: pool.pool,
         process: std::process::id().into(),
+        clients: Vec::new(),
     }
 }

@@ -11,18 +11,19 @@ use sarrus_proto::control::{
 use sarrus_proto::message::PlanNumber;
 
 #[test]
-fn a_query_is_120_bytes_with_its_fields_at_fixed_places() {
-    assert_eq!((size_of::<Query>(), align_of::<Query>()), (120, 8));
+fn a_query_is_128_bytes_with_its_fields_at_fixed_places() {
+    assert_eq!((size_of::<Query>(), align_of::<Query>()), (128, 8));
     let offsets = [
         offset_of!(Query, request),
         offset_of!(Query, n_frames),
         offset_of!(Query, n_wrenches),
         offset_of!(Query, given),
         offset_of!(Query, want),
+        offset_of!(Query, options),
         offset_of!(Query, frames),
         offset_of!(Query, wrench_links),
     ];
-    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 88]);
+    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 32, 96]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (8, 4, 4, 1)
@@ -126,6 +127,7 @@ fn calls_and_their_answers_keep_their_words() {
         (Call::Lane { n_in: 39, n_out: 13 }, r#"{"lane":{"n_in":39,"n_out":13}}"#),
         (Call::Service, r#""service""#),
         (Call::Serve, r#""serve""#),
+        (Call::Leave, r#""leave""#),
         (Call::Statistics, r#""statistics""#),
     ];
     for (call, words) in calls {

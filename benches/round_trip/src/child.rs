@@ -2,16 +2,18 @@
 //! its standard input does.
 
 use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use clap::ValueEnum;
 use sarrus_client::describe;
-use sarrus_models::{Options, Source, load};
+use sarrus_models::{LoadError, Options, Source, load};
 use sarrus_proto::Domain;
 use sarrus_report::Outcome;
 use sarrus_report::measure::cores::{Cores, pin};
+use sarrus_server::record::{RecordOptions, RecordedRobot};
 use sarrus_server::{ServeOptions, Wait, serve};
 
 use crate::floor;
@@ -31,13 +33,21 @@ pub(crate) struct Child(std::process::Child);
 
 impl Child {
     /// Starts it and waits until it is ready.
-    pub(crate) fn start(role: Role, domain: &Domain, cores: &Cores) -> Outcome<Child> {
+    pub(crate) fn start(
+        role: Role,
+        domain: &Domain,
+        cores: &Cores,
+        record: Option<&Path>,
+    ) -> Outcome<Child> {
         let mut command = Command::new(std::env::current_exe()?);
         command.args([
             "--child",
             role.to_possible_value().as_ref().map_or("", |value| value.get_name()),
         ]);
         command.arg("--processors").args(cores.of_server().map(|cpu| cpu.to_string()));
+        if let Some(file) = record {
+            command.arg("--record").arg(file);
+        }
         command.env("SARRUS_ROOT", domain.root()).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = Child(command.spawn()?);
         let mut line = String::new();
@@ -72,7 +82,7 @@ impl Drop for Child {
 }
 
 /// Is the other process.
-pub(crate) fn child(role: Role, processors: &[usize]) -> Outcome {
+pub(crate) fn child(role: Role, processors: &[usize], record: Option<PathBuf>) -> Outcome {
     let &[server, upkeep] = processors else { return Err("--child needs --processors".into()) };
     pin(server);
     let stop = Arc::new(AtomicBool::new(false));
@@ -85,15 +95,44 @@ pub(crate) fn child(role: Role, processors: &[usize]) -> Outcome {
     match role {
         Role::Floor => floor::far(&stop),
         Role::Server => {
-            let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())?;
+            let (source, options) = (Source::Bundled(ROBOT.to_owned()), Options::default());
+            let loaded = load(&source, &options)?;
+            let record = record.map(|file| {
+                let robot = RecordedRobot::new(&source, &options)?;
+                Ok::<_, LoadError>(RecordOptions { file, seconds: 10, robot })
+            });
             let info = describe(&loaded);
-            let options = ServeOptions { name: ROBOT.to_owned(), wait: Wait::Busy, lanes: 4 };
+            let options = ServeOptions {
+                name: ROBOT.to_owned(),
+                wait: Wait::Busy,
+                lanes: 4,
+                record: record.transpose()?,
+                ..ServeOptions::default()
+            };
             // the answering thread was started on the server's processor and stays there
             let ready = || {
                 pin(upkeep);
+                pin_recorder(upkeep);
                 println!("ready");
             };
             Ok(serve(Arc::new(loaded.compiled.model), &info, &options, &stop, ready)?)
+        }
+    }
+}
+
+/// The thread that records, if there is one, was started on the server's processor too; it belongs
+/// elsewhere. What cannot be pinned is measured where it is.
+fn pin_recorder(cpu: usize) {
+    let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let is_recorder = |task: &std::fs::DirEntry| {
+        let name = std::fs::read_to_string(task.path().join("comm"));
+        name.is_ok_and(|name| name.trim() == "sarrus-record")
+    };
+    for task in tasks.filter(is_recorder) {
+        let mut taskset = Command::new("taskset");
+        taskset.args(["-cp", &cpu.to_string()]).arg(task.file_name()).stdout(Stdio::null());
+        if !taskset.status().is_ok_and(|status| status.success()) {
+            eprintln!("the recorder stays on the server's processor: taskset is missing");
         }
     }
 }

@@ -122,7 +122,7 @@ impl Near {
     pub(crate) fn start(domain: &Domain, cores: &Cores) -> Outcome<Near> {
         let mut child = None;
         let end = End::meet(domain, [NEAR, FAR], || {
-            child = Some(Child::start(Role::Floor, domain, cores)?);
+            child = Some(Child::start(Role::Floor, domain, cores, None)?);
             Ok(())
         })?;
         let child = child.ok_or("the floor's other process is not there")?;

@@ -49,6 +49,9 @@ struct Flags {
     /// Print the names of the cases and end.
     #[arg(long)]
     list: bool,
+    /// The server records to this file, see `sarrus serve --record`.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     #[arg(long, hide = true)]
     child: Option<child::Role>,
     /// Processors of the child: it inherits the one that its parent is tied to.
@@ -58,7 +61,9 @@ struct Flags {
 
 fn main() -> ExitCode {
     let outcome = match Flags::parse() {
-        Flags { child: Some(role), processors, .. } => child::child(role, &processors),
+        Flags { child: Some(role), processors, record, .. } => {
+            child::child(role, &processors, record)
+        }
         Flags { list: true, .. } => {
             measure::names().for_each(|name| println!("{name}"));
             Ok(())
@@ -75,7 +80,8 @@ fn main() -> ExitCode {
 }
 
 fn run(flags: &Flags) -> Outcome {
-    let effort = if flags.quick { Effort::QUICK } else { Effort::FULL };
+    let mut effort = if flags.quick { Effort::QUICK } else { Effort::FULL };
+    effort.record = flags.record.clone();
     let progress = Progress::silent();
     let cores = Cores::choose()?;
     cores.pin_client();
@@ -137,6 +143,7 @@ fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
                 {cores}",
                 ns(clock())
             ),
+            "checked: the lane, with a checksum on every request and every answer.".to_owned(),
             "floor: the same bytes there and back through shared atomics, nothing computed; \
             computation: the same plan in process, median."
                 .to_owned(),

@@ -3,9 +3,12 @@
 //! Server and floor take turns, each alone with the client: on two processors a third process that
 //! polls would be measured too.
 
+use std::path::PathBuf;
 use std::time::Instant;
 
-use sarrus_client::{ConnectOptions, PlanId, Robot as Client, Transport, WaitStrategy};
+use sarrus_client::{
+    ConnectOptions, PlanId, QueryOptions, Robot as Client, Transport, WaitStrategy,
+};
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_proto::Domain;
 use sarrus_report::Outcome;
@@ -25,17 +28,19 @@ pub(crate) const ROBOT: &str = "rh5v2_upper_body";
 pub(crate) const STATES: usize = 64;
 
 /// How much a run repeats.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Effort {
     /// Starts of the server, and of the floor beside it.
     segments: usize,
     /// Round trips of each kind in one segment.
     trips: usize,
+    /// Where the server records.
+    pub(crate) record: Option<PathBuf>,
 }
 
 impl Effort {
-    pub(crate) const QUICK: Effort = Effort { segments: 6, trips: 15_000 };
-    pub(crate) const FULL: Effort = Effort { segments: 10, trips: 100_000 };
+    pub(crate) const QUICK: Effort = Effort { segments: 6, trips: 15_000, record: None };
+    pub(crate) const FULL: Effort = Effort { segments: 10, trips: 100_000, record: None };
 }
 
 /// What is asked and answered.
@@ -61,14 +66,16 @@ const PAYLOADS: [Payload; 3] = [
 pub(crate) enum Route {
     Floor,
     Lane,
+    /// The lane, with checksums.
+    Checked,
     Requests,
 }
 
 impl Route {
-    const ALL: [Route; 3] = [Route::Floor, Route::Lane, Route::Requests];
+    const ALL: [Route; 4] = [Route::Floor, Route::Lane, Route::Checked, Route::Requests];
 
     pub(crate) fn name(self) -> &'static str {
-        ["floor", "lane", "requests"][self as usize]
+        ["floor", "lane", "checked", "requests"][self as usize]
     }
 }
 
@@ -125,8 +132,8 @@ struct Measured {
     inputs: Vec<Vec<f64>>,
     answers: Vec<Vec<f64>>,
     computation: Vec<f64>,
-    ns: [Vec<f64>; 3],
-    starts: [Vec<f64>; 3],
+    ns: [Vec<f64>; 4],
+    starts: [Vec<f64>; 4],
 }
 
 /// Measures all round trips whose name has `only` in it; nothing where server and client would
@@ -162,10 +169,17 @@ pub(crate) fn measure(
         }
         floor.stop()?;
 
-        let server = Child::start(Role::Server, &domain, cores)?;
-        for (route, transport) in
-            [(Route::Lane, Transport::Lane), (Route::Requests, Transport::Service)]
-        {
+        let server = Child::start(Role::Server, &domain, cores, effort.record.as_deref())?;
+        let mut routes = [
+            (Route::Lane, Transport::Lane, QueryOptions::NONE),
+            (Route::Checked, Transport::Lane, QueryOptions::CHECKSUM),
+            (Route::Requests, Transport::Service, QueryOptions::NONE),
+        ];
+        // neither of the first two is always the one that finds the caches as the other left them
+        if segment % 2 == 1 {
+            routes.swap(0, 1);
+        }
+        for (route, transport, asked) in routes {
             let options = ConnectOptions {
                 transport,
                 wait_strategy: WaitStrategy::Busy,
@@ -173,7 +187,7 @@ pub(crate) fn measure(
             };
             let mut client = Client::connect_in(domain.clone(), ROBOT, options)?;
             for measured in measured.iter_mut().filter(|measured| chosen(route, measured)) {
-                let plan = client.prepare(&measured.query)?;
+                let plan = client.prepare(&measured.query.with_options(asked))?;
                 served(measured, route, effort.trips, &mut client, plan)?;
                 measured.compute(robot)?;
             }

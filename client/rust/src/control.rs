@@ -15,13 +15,16 @@ use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, Statisti
 use sarrus_proto::run::Link;
 use sarrus_proto::service::open_compute;
 use sarrus_proto::socket::ControlSocket;
-use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName};
+use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, supervision};
 
 use crate::life::Life;
 use crate::{ConnectError, Error, Prepared};
 
 /// Between two attempts to reach a server that others reach as well.
 const RETRY: Duration = Duration::from_millis(1);
+
+/// How long a client that leaves waits for the server.
+const LEAVE: Duration = Duration::from_millis(50);
 
 /// A node of this process in a link.
 pub(crate) type LinkNode = iceoryx2::node::Node<Threadsafe>;
@@ -143,11 +146,17 @@ impl Control {
         self.granted(Call::Release { plan }, deadline).map(|_| ())
     }
 
+    /// Gives back what [`Control::lane`] or [`Control::service`] gave; where the server does not
+    /// answer in time, the end of the connection does.
+    pub(crate) fn leave(&self) {
+        let _ = self.granted(Call::Leave, deadline_after(LEAVE));
+    }
+
     /// What the server counts.
-    pub(crate) fn statistics(&self, deadline: Instant) -> Option<Statistics> {
-        match self.granted(Call::Statistics, deadline) {
-            Ok(Grant::Statistics(statistics)) => Some(*statistics),
-            _ => None,
+    pub(crate) fn statistics(&self, deadline: Instant) -> Result<Statistics, ConnectError> {
+        match self.granted(Call::Statistics, deadline)? {
+            Grant::Statistics(statistics) => Ok(*statistics),
+            _ => Err(ConnectError::BadAnswer { what: "about its counts" }),
         }
     }
 
@@ -222,7 +231,11 @@ fn connect(
             }
         }
         if !busy || Instant::now() >= deadline {
-            return Err(ConnectError::NoServer { name: name.as_str().to_owned() });
+            let name_text = name.as_str().to_owned();
+            return Err(match supervision::given_up(domain.root(), name) {
+                Some(reason) => ConnectError::GivenUp { name: name_text, reason },
+                None => ConnectError::NoServer { name: name_text },
+            });
         }
         std::thread::sleep(RETRY);
     }

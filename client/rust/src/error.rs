@@ -19,6 +19,17 @@ pub enum ConnectError {
         /// The name.
         name: String,
     },
+    /// The server's supervisor has given it up.
+    #[error(
+        "the server `{name}` was given up by its supervisor: {reason}; see to that and start it \
+         again"
+    )]
+    GivenUp {
+        /// The name.
+        name: String,
+        /// Why.
+        reason: String,
+    },
     /// A server has this name but does not answer.
     #[error("the server `{name}` gave no answer within {} s: {life}", seconds(timeout))]
     NoAnswer {
@@ -241,6 +252,7 @@ impl ConnectError {
         matches!(
             self,
             ConnectError::NoServer { .. }
+                | ConnectError::GivenUp { .. }
                 | ConnectError::NoAnswer { .. }
                 | ConnectError::ShuttingDown
                 | ConnectError::Service(_)

@@ -12,6 +12,7 @@ mod control;
 mod describe;
 mod direct;
 mod error;
+mod head;
 mod life;
 mod local;
 mod options;
@@ -20,11 +21,13 @@ mod query;
 mod remote;
 mod robot;
 mod session;
+mod view;
 mod wait;
 
 pub use bridge::{Controller, Observer, now_ns};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
+pub use head::Times;
 pub use life::{Life, ProcessState};
 pub use options::{ConnectOptions, Transport, WaitStrategy};
 pub use plan::{PlanId, Prepared};
@@ -35,12 +38,13 @@ pub use sarrus_dynamics::{
     CompileError, Compiled, CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId, Model,
 };
 pub use sarrus_models::{LoadError, Options, Source};
-pub use sarrus_proto::message::Statistics;
+pub use sarrus_proto::message::{ClientStatistics, Statistics};
 pub use sarrus_proto::{
-    Answer, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError, Request,
-    Status, Warnings,
+    Answer, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError,
+    QueryOptions, Request, Status, Warnings,
 };
 pub use sarrus_proto::{actuators, watch};
+pub use view::ServerView;
 
 /// The page for users: its programs are compiled, and run where they need no server.
 #[cfg(doctest)]

@@ -38,17 +38,23 @@ pub struct ConnectOptions {
     pub timeout: Duration,
     /// How to wait.
     pub wait_strategy: WaitStrategy,
+    /// How long an answer may take, from the question to its publication by the server and, as this
+    /// robot sees it, to its arrival; later ones are counted, by [`crate::Robot::late`] and in the
+    /// server's [`crate::Statistics`], and are answers like any other. Beyond 8 s the server counts
+    /// none. Costs a few readings of the clock for each request; any time when `None`.
+    pub deadline: Option<Duration>,
     /// The model that must be served; any when `None`.
     pub fingerprint: Option<u64>,
 }
 
 impl Default for ConnectOptions {
-    /// A lane, one second, waiting as fits the number of processors, any model.
+    /// A lane, one second, waiting as fits the number of processors, no deadline, any model.
     fn default() -> ConnectOptions {
         ConnectOptions {
             transport: Transport::Lane,
             timeout: Duration::from_secs(1),
             wait_strategy: WaitStrategy::auto(),
+            deadline: None,
             fingerprint: None,
         }
     }

@@ -3,10 +3,11 @@
 
 use std::time::{Duration, Instant};
 
-use sarrus_proto::message::{RequestHead, Statistics};
-use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, Status, Warnings};
+use sarrus_proto::message::Statistics;
+use sarrus_proto::{Domain, ModelInfo, ServerName};
 
 use crate::control::{Control, deadline_after};
+use crate::head::{Seen, Terms};
 use crate::plan::Plans;
 use crate::session::{Exchange, Session};
 use crate::{Answer, ConnectError, ConnectOptions, Error};
@@ -48,7 +49,7 @@ impl Remote {
     /// The statistics of the server, as it answers.
     pub(crate) fn statistics(&self) -> Option<Statistics> {
         let deadline = deadline_after(self.options.timeout);
-        self.session.as_ref().and_then(|session| session.control.statistics(deadline))
+        self.session.as_ref().and_then(|session| session.control.statistics(deadline).ok())
     }
 
     /// Registers the plan in this place with the server, and sees that the lane holds them all.
@@ -81,7 +82,10 @@ impl Remote {
         place: usize,
         input: &[f64],
         output: &mut [f64],
+        seen: &mut Seen,
     ) -> Result<Answer, Error> {
+        let query = prepared.at(place).ok_or(Error::ReleasedPlan)?.query();
+        let terms = Terms::of(query, self.options.deadline);
         // the clock is read only where something takes long
         let mut deadline = None;
         loop {
@@ -93,21 +97,9 @@ impl Remote {
             let Some(session) = &mut self.session else { continue };
             self.sequence += 1;
             let number = session.number(place).ok_or(Error::ReleasedPlan)?;
-            let head = RequestHead {
-                version: PROTOCOL_VERSION,
-                plan: number,
-                fingerprint: self.fingerprint,
-                sequence: self.sequence,
-            };
+            let head = terms.head(number, self.fingerprint, self.sequence, input);
             match session.exchange(&head, input, output, &self.options, &mut deadline) {
-                Exchange::Answered(head) => {
-                    let status = Status::of_answer(head.status);
-                    if status == Status::UnknownStatus {
-                        // numbers without a known meaning
-                        output.fill(f64::NAN);
-                    }
-                    return Ok(Answer { status, warnings: Warnings(head.warnings) });
-                }
+                Exchange::Answered(answer) => return Ok(terms.read(&head, &answer, output, seen)),
                 Exchange::Lost => self.session = None,
                 Exchange::TimedOut => {
                     let life = session.control.life();

@@ -7,6 +7,7 @@ use sarrus_proto::{Answer, Domain, ModelInfo, Query, Request, Status, Warnings};
 
 use crate::describe::{describe, describe_model};
 use crate::direct::QUESTIONS;
+use crate::head::{Seen, Times};
 use crate::local::Local;
 use crate::plan::Plans;
 use crate::query::QueryBuilder;
@@ -41,6 +42,7 @@ pub struct Robot {
     pub(crate) packed: Vec<f64>,
     /// The output of the methods that unpack fields.
     pub(crate) unpacked: Vec<f64>,
+    seen: Seen,
 }
 
 /// Where the robot is.
@@ -109,6 +111,7 @@ impl Robot {
             direct: [None; QUESTIONS],
             packed: Vec::new(),
             unpacked: Vec::new(),
+            seen: Seen::default(),
         }
     }
 
@@ -123,6 +126,17 @@ impl Robot {
             Side::Remote(remote) => remote.statistics(),
             Side::Local(_) => None,
         }
+    }
+
+    /// How long the last answer took, where its query has [`QueryBuilder::times`]; `None` without,
+    /// and where no answer came or a checksum failed. In process the age is 0. Costs nothing.
+    pub fn times(&self) -> Option<Times> {
+        self.seen.times
+    }
+
+    /// Answers that came after [`ConnectOptions::deadline`], as this side saw it; 0 in process.
+    pub fn late(&self) -> u64 {
+        self.seen.late
     }
 
     /// A query by names, to be prepared.
@@ -204,6 +218,7 @@ impl Robot {
         input: &[f64],
         output: &mut [f64],
     ) -> Result<Answer, Error> {
+        self.seen.times = None;
         let outcome = match self.plans.find(plan) {
             Err(error) => Err(error),
             Ok((_, prepared))
@@ -213,9 +228,16 @@ impl Robot {
                 output.fill(f64::NAN);
                 Ok(Answer { status: Status::WrongSize, warnings: Warnings::NONE })
             }
-            Ok((place, _)) => match &mut self.side {
-                Side::Remote(remote) => remote.ask(&self.plans, place, input, output),
-                Side::Local(local) => local.ask(place, input, output),
+            Ok((place, prepared)) => match &mut self.side {
+                Side::Remote(remote) => {
+                    remote.ask(&self.plans, place, input, output, &mut self.seen)
+                }
+                Side::Local(local) => {
+                    let stamp = Times::stamp(prepared.query());
+                    let answer = local.ask(place, input, output);
+                    self.seen.times = stamp.filter(|_| answer.is_ok()).map(Times::in_process);
+                    answer
+                }
             },
         };
         if outcome.is_err() {

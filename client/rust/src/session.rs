@@ -21,6 +21,16 @@ pub(crate) struct Session {
     pub(crate) control: Control,
 }
 
+impl Drop for Session {
+    fn drop(&mut self) {
+        // a port that goes while the server polls it is taken down by the thread that answers
+        // others
+        if matches!(self.end, End::Requests { .. }) && !self.control.is_over() {
+            self.control.leave();
+        }
+    }
+}
+
 /// Ports go before their node.
 enum End {
     /// Given up for a larger lane that did not come.
@@ -104,7 +114,6 @@ impl Session {
     ) -> Exchange {
         let mut waiter = Waiter::new(options.wait_strategy);
         let control = &self.control;
-        let overloaded = ResponseHead::new(Status::Overloaded, Warnings::NONE, head.sequence);
         match &mut self.end {
             End::None => Exchange::Lost,
             End::Lane { lane, .. } => {
@@ -115,8 +124,9 @@ impl Session {
                 lane.outbox.publish(*head);
                 loop {
                     if let Some((answer, numbers)) = lane.inbox.poll()
-                        && answer.sequence == head.sequence
+                        && (answer.sequence == head.sequence || head.checksum != 0)
                     {
+                        // with a checksum another number is no older answer, but a changed one
                         copy_or_nan(numbers, output);
                         return Exchange::Answered(answer);
                     }
@@ -134,14 +144,18 @@ impl Session {
                     output.fill(f64::NAN);
                     return match control.is_over() {
                         true => Exchange::Lost,
-                        false => Exchange::Answered(overloaded),
+                        false => {
+                            let status = Status::Overloaded;
+                            let answer = ResponseHead::new(status, Warnings::NONE, head.sequence);
+                            Exchange::Answered(answer.checked(head, &[]))
+                        }
                     };
                 };
                 loop {
                     match pending.receive() {
                         Ok(Some(response)) => {
                             let answer = response.payload();
-                            if answer.head.sequence == head.sequence {
+                            if answer.head.sequence == head.sequence || head.checksum != 0 {
                                 copy_or_nan(&answer.numbers, output);
                                 return Exchange::Answered(answer.head);
                             }

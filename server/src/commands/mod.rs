@@ -3,8 +3,11 @@
 pub(crate) mod ask;
 pub(crate) mod check;
 pub(crate) mod demo;
+pub(crate) mod doctor;
 pub(crate) mod output;
 pub(crate) mod processor;
+pub(crate) mod progress;
+pub(crate) mod replay;
 #[cfg(feature = "report")]
 pub(crate) mod report;
 pub(crate) mod robot;
@@ -12,3 +15,5 @@ pub(crate) mod robots;
 pub(crate) mod serve;
 #[cfg(feature = "simulate")]
 pub(crate) mod simulate;
+pub(crate) mod tidy;
+pub(crate) mod top;

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
 use sarrus_models::{CheckReport, Diagnostic, Loaded, assemble, load};
+use sarrus_server::record::RecordedRobot;
 
 /// Which robot, and how its files are read.
 #[derive(Args)]
@@ -65,6 +66,11 @@ impl RobotFlags {
         weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
     ) -> Result<Result<CheckReport, E>, LoadError> {
         assemble(&self.source(), &self.options(), near, weights)
+    }
+
+    /// The robot's texts, for a recording.
+    pub(crate) fn recorded(&self) -> Result<RecordedRobot, LoadError> {
+        RecordedRobot::new(&self.source(), &self.options())
     }
 
     fn source(&self) -> Source {

@@ -11,7 +11,7 @@ use sarrus_proto::message::{MAX_NUMBERS_IN, PlanNumber, RequestHead, ResponseHea
 use sarrus_proto::run::Link;
 use sarrus_proto::service::open_compute;
 use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
-use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, ServerName};
+use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions, ServerName};
 
 use crate::support::{Asker, STATE, Sandbox};
 
@@ -97,7 +97,7 @@ fn soon() -> Instant {
 
 /// Heads that lie, what they should get, and numbers that go with them.
 fn lies(fingerprint: u64, n_in: usize) -> Vec<(RequestHead, Vec<f64>, Status)> {
-    let good = RequestHead { version: PROTOCOL_VERSION, plan: 0, fingerprint, sequence: 0 };
+    let good = RequestHead { version: PROTOCOL_VERSION, fingerprint, ..RequestHead::default() };
     let zero = vec![0.0; n_in];
     let with = |k: usize, number: f64| {
         (0..n_in).map(|i| if i == k { number } else { 0.0 }).collect::<Vec<f64>>()
@@ -140,6 +140,7 @@ fn lies_through_the_control_socket_are_refused() {
     for bad in [
         Query { request: 99, ..STATE },
         Query { want: FieldSet(u64::MAX), ..STATE },
+        Query { options: QueryOptions(4), ..STATE },
         Query { n_frames: u16::MAX, ..STATE },
         Query { n_wrenches: 17, ..STATE },
         Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE },
@@ -196,7 +197,8 @@ fn lies_through_a_lane_get_their_status() {
             ResponseHead {
                 status: status as u32,
                 warnings: answer.warnings,
-                sequence: head.sequence
+                sequence: head.sequence,
+                ..ResponseHead::default()
             },
             "{head:?}"
         );
@@ -215,6 +217,7 @@ fn lies_through_a_lane_get_their_status() {
         plan: 0,
         fingerprint: liar.fingerprint,
         sequence: 1,
+        ..RequestHead::default()
     });
     let start = Instant::now();
     let answer = loop {
@@ -269,6 +272,7 @@ fn lies_through_the_service_get_their_status() {
         plan: 0,
         fingerprint: liar.fingerprint,
         sequence: 99,
+        ..RequestHead::default()
     };
     let first = send_request(&client, &head, &vec![0.0; n_in]).unwrap();
     assert!(send_request(&client, &head, &vec![0.0; n_in]).is_none());

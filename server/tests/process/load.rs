@@ -177,6 +177,7 @@ fn no_client_starves_another() {
         plan: 0,
         fingerprint: liars[0].fingerprint,
         sequence: 1,
+        ..RequestHead::default()
     };
     let mut pushers: Vec<Pusher> = Vec::new();
     for liar in &liars[..3] {

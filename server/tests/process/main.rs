@@ -3,11 +3,17 @@
 // lint: helpers of tests say what they expect, as tests do
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod border;
 mod direct;
+mod doctor;
 mod ends;
+mod heads;
 mod lies;
 mod load;
+mod placement;
 mod plans;
+mod record;
+mod supervise;
 mod support;
 
 use std::time::{Duration, Instant};

@@ -187,6 +187,7 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
             plan: plan.0,
             fingerprint: liar.fingerprint,
             sequence: 1,
+            ..RequestHead::default()
         };
         let pending = send_request(&client, &head, &[0.0; 256]).unwrap();
         let start = Instant::now();

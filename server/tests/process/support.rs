@@ -70,7 +70,14 @@ impl Sandbox {
     }
 
     pub(crate) fn serve_robot(&self, robot: &str, name: &str, flags: &[&str]) -> Server {
-        let mut child = self.command(robot, name, flags).spawn().unwrap();
+        self.start(&mut self.command(robot, name, flags))
+    }
+
+    /// A server by its command line.
+    pub(crate) fn start(&self, command: &mut Command) -> Server {
+        command.env("SARRUS_ROOT", self.domain.root());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
+        let mut child = command.spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         if line.is_empty() {

@@ -5,8 +5,8 @@
 //! (`port/reader.rs`) and `EntryValueUninit` (`port/writer.rs`).
 
 use loom::cell::UnsafeCell;
-use loom::sync::atomic::AtomicU64;
 use loom::sync::atomic::Ordering::{self, AcqRel, Acquire, Relaxed, Release, SeqCst};
+use loom::sync::atomic::{AtomicU64, fence};
 
 /// The orderings of the counter.
 #[derive(Clone, Copy)]
@@ -19,18 +19,28 @@ pub(crate) struct Orderings {
     pub(crate) confirm: [Ordering; 2],
     /// Whether there is a second look.
     pub(crate) confirms: bool,
+    /// Whether the next value waits for the increment: on x86-64 by itself, on ARM by the fence of
+    /// `proto/src/lane.rs`. Without it, the first store of the next value may come before.
+    pub(crate) holds_back: bool,
 }
 
 impl Orderings {
     /// As they are.
-    pub(crate) const ICEORYX2: Orderings =
-        Orderings { publish: Release, read: Acquire, confirm: [AcqRel, SeqCst], confirms: true };
+    pub(crate) const ICEORYX2: Orderings = Orderings {
+        publish: Release,
+        read: Acquire,
+        confirm: [AcqRel, SeqCst],
+        confirms: true,
+        holds_back: true,
+    };
 }
 
 /// The memory of a value.
 pub(crate) trait Cell {
     fn new() -> Self;
     fn write(&self, value: u64);
+    /// The first part of a value, before the rest.
+    fn begin(&self, value: u64);
     fn read(&self) -> [u64; 2];
 }
 
@@ -45,6 +55,10 @@ impl Cell for Words {
 
     fn write(&self, value: u64) {
         self.0.iter().for_each(|half| half.store(value, Relaxed));
+    }
+
+    fn begin(&self, value: u64) {
+        self.0[0].store(value, Relaxed);
     }
 
     fn read(&self) -> [u64; 2] {
@@ -63,6 +77,10 @@ impl Cell for Whole {
 
     fn write(&self, value: u64) {
         self.0.with_mut(|_| self.1.store(value, Relaxed));
+    }
+
+    fn begin(&self, value: u64) {
+        self.write(value);
     }
 
     fn read(&self) -> [u64; 2] {
@@ -114,10 +132,15 @@ impl Default for Writer {
 }
 
 impl Writer {
-    /// Writes in place, then publishes.
+    /// Writes in place, then publishes. The fence is that of `proto/src/lane.rs`; what it is there
+    /// for, a store that overtakes the increment, loom does not do, so it is done here by hand.
     pub(crate) fn publish<C: Cell>(&mut self, board: &Board<C>, value: u64) {
         board.cells[self.write_cell as usize % 2].write(value);
+        if !board.orderings.holds_back {
+            board.cells[(self.write_cell + 1) as usize % 2].begin(value + 1);
+        }
         board.write_cell.fetch_add(1, board.orderings.publish);
+        fence(Acquire);
         self.write_cell += 1;
     }
 }

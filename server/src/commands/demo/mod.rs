@@ -2,7 +2,6 @@
 
 mod process;
 mod processors;
-mod progress;
 mod report;
 mod trajectory;
 
@@ -23,9 +22,9 @@ use sarrus_server::Wait;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::output::{Format, FormatFlag, finish, json_line};
+use super::progress::Progress;
 use process::ServerProcess;
 use processors::Processors;
-use progress::Progress;
 use report::{Report, Way};
 use trajectory::{QUERY, Reference, SAMPLES, Trajectory, counts};
 
@@ -137,6 +136,7 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
             timeout: TIMEOUT,
             wait_strategy,
             fingerprint: Some(info.fingerprint),
+            ..ConnectOptions::default()
         };
         let mut robot = Robot::connect_with(&name, options)?;
         let plan = robot.prepare(&QUERY)?;

@@ -221,7 +221,12 @@ impl Served {
         let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())
             .map_err(|error| error.to_string())?;
         let (info, served) = (describe(&loaded), Arc::new(loaded.compiled.model));
-        let options = ServeOptions { name: name.clone(), wait: Wait::Sleep, lanes: 2 };
+        let options = ServeOptions {
+            name: name.clone(),
+            wait: Wait::Sleep,
+            lanes: 2,
+            ..ServeOptions::default()
+        };
         let (stop, (ready, is_ready)) = (Arc::new(AtomicBool::new(false)), channel());
         let thread = {
             let stop = stop.clone();
@@ -372,6 +377,7 @@ impl Served {
             plan: bytes.or(plan as u64) as u32,
             fingerprint: bytes.or(self.model.fingerprint()),
             sequence: self.sequence,
+            ..RequestHead::default()
         };
         let numbers = bytes.numbers(64);
         let sent = send_request(&self.compute, &head, &numbers).ok_or("nobody takes a request")?;

@@ -10,19 +10,19 @@ const PAUSE: Duration = Duration::from_millis(50);
 const WIDTH: usize = 30;
 
 /// Drawn over itself, erased when dropped; only where somebody can see it.
-pub(super) struct Progress {
+pub(crate) struct Progress {
     terminal: bool,
     start: Instant,
     drawn: Option<Instant>,
 }
 
 impl Progress {
-    pub(super) fn new() -> Progress {
+    pub(crate) fn new() -> Progress {
         Progress { terminal: io::stderr().is_terminal(), start: Instant::now(), drawn: None }
     }
 
     /// Shows what is being done and how much of everything is done.
-    pub(super) fn show(&mut self, what: &str, done: f64) {
+    pub(crate) fn show(&mut self, what: &str, done: f64) {
         let due = self.drawn.map_or(self.start.elapsed() > DELAY, |drawn| drawn.elapsed() > PAUSE);
         if self.terminal && due {
             let full = ((done * WIDTH as f64) as usize).min(WIDTH);

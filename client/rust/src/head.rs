@@ -1,0 +1,218 @@
+//! What heads carry beside the plan: checksum, stamp and deadline of a request, and what becomes of
+//! them in its answer.
+
+use std::time::Duration;
+
+use sarrus_proto::checksum::of_request;
+use sarrus_proto::message::{RequestHead, ResponseHead};
+use sarrus_proto::{PROTOCOL_VERSION, Query, QueryOptions, Status, Warnings};
+
+use crate::Answer;
+use crate::bridge::now_ns;
+
+/// How long an answer took, as its head says; see [`crate::Robot::times`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Times {
+    /// How old the request was when the server took it `[ns]`; 4.3 s stand for any longer time.
+    pub age_ns: u32,
+    /// From then to the publication of the answer `[ns]`; the same.
+    pub took_ns: u32,
+}
+
+impl Times {
+    /// When a request in process began, where its times are asked `[ns]`.
+    #[inline]
+    pub(crate) fn stamp(query: &Query) -> Option<u64> {
+        query.options.contains(QueryOptions::TIMES).then(now_ns)
+    }
+
+    /// The times of a request in process that began at `stamp`.
+    pub(crate) fn in_process(stamp: u64) -> Times {
+        let took = now_ns().saturating_sub(stamp);
+        Times { age_ns: 0, took_ns: u32::try_from(took).unwrap_or(u32::MAX) }
+    }
+}
+
+/// What a robot knows of its last answer and of all of them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Seen {
+    pub(crate) times: Option<Times>,
+    pub(crate) late: u64,
+}
+
+/// What one request asks of heads, through all attempts to send it.
+pub(crate) struct Terms {
+    checked: bool,
+    timed: bool,
+    stamp_ns: u64,
+    deadline_ns: u64,
+}
+
+impl Terms {
+    /// Reads the clock where times or a deadline need it.
+    #[inline]
+    pub(crate) fn of(query: &Query, deadline: Option<Duration>) -> Terms {
+        let timed = query.options.contains(QueryOptions::TIMES);
+        let stamp_ns = if timed || deadline.is_some() { now_ns().max(1) } else { 0 };
+        // 0 would be none
+        let ns = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX).max(1);
+        Terms {
+            checked: query.options.contains(QueryOptions::CHECKSUM),
+            timed,
+            stamp_ns,
+            deadline_ns: deadline.map_or(0, ns),
+        }
+    }
+
+    /// The head of a request with these numbers.
+    #[inline]
+    pub(crate) fn head(
+        &self,
+        plan: u32,
+        fingerprint: u64,
+        sequence: u64,
+        input: &[f64],
+    ) -> RequestHead {
+        let Terms { stamp_ns, deadline_ns, .. } = *self;
+        let version = PROTOCOL_VERSION;
+        let mut head = RequestHead {
+            version,
+            plan,
+            fingerprint,
+            sequence,
+            stamp_ns,
+            deadline_ns,
+            checksum: 0,
+        };
+        if self.checked {
+            head.checksum = of_request(&head, input);
+        }
+        head
+    }
+
+    /// What the answer says; one that is not what the server sent is `corrupt_answer`, and its
+    /// numbers are NaN. A late one is counted.
+    #[inline]
+    pub(crate) fn read(
+        &self,
+        request: &RequestHead,
+        answer: &ResponseHead,
+        output: &mut [f64],
+        seen: &mut Seen,
+    ) -> Answer {
+        if self.deadline_ns != 0 && now_ns().saturating_sub(self.stamp_ns) > self.deadline_ns {
+            seen.late += 1;
+        }
+        if self.checked && !answer.is_intact(request, output) {
+            output.fill(f64::NAN);
+            // a refusal has no numbers
+            let refused = answer.status != Status::Ok as u32 && answer.is_intact(request, &[]);
+            if !refused {
+                return Answer { status: Status::CorruptAnswer, warnings: Warnings::NONE };
+            }
+        }
+        let status = Status::of_answer(answer.status);
+        if status == Status::UnknownStatus {
+            // numbers without a known meaning
+            output.fill(f64::NAN);
+        }
+        if self.timed {
+            seen.times = Some(Times { age_ns: answer.age_ns, took_ns: answer.took_ns });
+        }
+        Answer { status, warnings: Warnings(answer.warnings) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{FieldSet, Request};
+
+    const INPUT: [f64; 3] = [0.1, -0.2, 0.3];
+    const OUTPUT: [f64; 2] = [4.0, 5.0];
+
+    fn terms(options: QueryOptions) -> Terms {
+        let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
+        Terms::of(&query.with_options(options), None)
+    }
+
+    fn read(terms: &Terms, request: &RequestHead, answer: &ResponseHead) -> (Answer, [f64; 2]) {
+        let mut output = OUTPUT;
+        (terms.read(request, answer, &mut output, &mut Seen::default()), output)
+    }
+
+    #[test]
+    fn an_answer_that_was_changed_is_corrupt_and_has_no_numbers() {
+        let terms = terms(QueryOptions::CHECKSUM);
+        let request = terms.head(3, 42, 7, &INPUT);
+        assert_ne!(request.checksum, 0);
+        let ok = ResponseHead::new(Status::Ok, Warnings::ILL_CONDITIONED, 7);
+        let right = ok.checked(&request, &OUTPUT);
+        let (answer, output) = read(&terms, &request, &right);
+        assert_eq!((answer.status, answer.warnings), (Status::Ok, Warnings::ILL_CONDITIONED));
+        assert_eq!(output, OUTPUT);
+
+        let other_plan = terms.head(4, 42, 7, &INPUT);
+        let corrupt = [
+            // without a checksum, of nothing, of other numbers, of another request
+            ok,
+            ok.checked(&request, &[]),
+            ok.checked(&request, &[4.0, -5.0]),
+            ok.checked(&other_plan, &OUTPUT),
+            // changed afterwards
+            ResponseHead { checksum: right.checksum ^ 1, ..right },
+            ResponseHead { status: Status::Unreachable as u32, ..right },
+            ResponseHead { warnings: 0, ..right },
+            ResponseHead { sequence: 8, ..right },
+            ResponseHead { took_ns: 1, ..right },
+            ResponseHead { sequence: 8, ..ok }.checked(&request, &OUTPUT),
+        ];
+        for answer in corrupt {
+            let (ended, output) = read(&terms, &request, &answer);
+            assert_eq!(ended.status, Status::CorruptAnswer, "{answer:?}");
+            assert!(output.iter().all(|number| number.is_nan()), "{answer:?}");
+        }
+    }
+
+    #[test]
+    fn a_refusal_keeps_its_status_and_has_no_numbers() {
+        let terms = terms(QueryOptions::CHECKSUM);
+        let request = terms.head(3, 42, 7, &INPUT);
+        let refused = ResponseHead::new(Status::ShuttingDown, Warnings::NONE, 7);
+        let (answer, output) = read(&terms, &request, &refused.checked(&request, &[]));
+        assert_eq!(answer.status, Status::ShuttingDown);
+        assert!(output.iter().all(|number| number.is_nan()));
+        assert_eq!(read(&terms, &request, &refused).0.status, Status::CorruptAnswer);
+    }
+
+    #[test]
+    fn a_head_carries_what_the_query_asks_and_nothing_else() {
+        let plain = terms(QueryOptions::NONE).head(3, 42, 7, &INPUT);
+        let bare = RequestHead {
+            version: PROTOCOL_VERSION,
+            plan: 3,
+            fingerprint: 42,
+            sequence: 7,
+            ..RequestHead::default()
+        };
+        assert_eq!(plain, bare);
+        let timed = terms(QueryOptions::TIMES).head(3, 42, 7, &INPUT);
+        assert!(timed.stamp_ns > 0);
+        assert_eq!(RequestHead { stamp_ns: 0, ..timed }, bare);
+    }
+
+    #[test]
+    fn late_answers_are_counted() {
+        let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
+        let mut seen = Seen::default();
+        for (deadline, late) in [(Duration::MAX, 0), (Duration::ZERO, 1), (Duration::MAX, 1)] {
+            let terms = Terms::of(&query, Some(deadline));
+            let request = terms.head(3, 42, 7, &INPUT);
+            assert!(request.stamp_ns > 0 && request.deadline_ns > 0);
+            std::thread::sleep(Duration::from_micros(10));
+            let ok = ResponseHead::new(Status::Ok, Warnings::NONE, 7);
+            let answer = terms.read(&request, &ok, &mut [], &mut seen);
+            assert_eq!((answer.status, seen.late, seen.times), (Status::Ok, late, None));
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! The kernel: how it preempts, what it leaves to real-time threads, how large its pages are.
+
+use super::Finding;
+use super::files::{Files, unreadable};
+
+pub(super) fn preemption(files: &Files) -> Vec<Finding> {
+    let Some(version) = files.text("proc/version") else { return Vec::new() };
+    let is_realtime = version.split_whitespace().any(|word| word == "PREEMPT_RT")
+        || files.text("sys/kernel/realtime").as_deref() == Some("1");
+    if is_realtime {
+        return Vec::new();
+    }
+    vec![Finding::new(
+        "kernel",
+        "no PREEMPT_RT",
+        "PREEMPT_RT",
+        "a real-time kernel (`linux-image-rt-amd64`, `linux-lowlatency`); without one the longest \
+         answer is the kernel's",
+    )]
+}
+
+/// Whether a release such as `6.12.3-rt` is at least this one; none for no such text.
+fn at_least(release: &str, wanted: (u32, u32)) -> Option<bool> {
+    let mut parts = release.split(['.', '-', '+']);
+    let major = parts.next()?.parse().ok()?;
+    Some((major, parts.next()?.parse().ok()?) >= wanted)
+}
+
+pub(super) fn realtime_share(files: &Files) -> Vec<Finding> {
+    let folder = "proc/sys/kernel";
+    let path = format!("{folder}/sched_rt_runtime_us");
+    let Some(text) = files.text(&path) else { return Vec::new() };
+    let period = files.text(&format!("{folder}/sched_rt_period_us"));
+    let period: i64 = period.and_then(|text| text.parse().ok()).unwrap_or(1_000_000);
+    let Ok(runtime) = text.parse::<i64>() else {
+        return vec![unreadable("real-time share", &path, &text, "a number of µs, or -1")];
+    };
+    // from 6.12 on others get a share only where they would have none
+    let release = files.text(&format!("{folder}/osrelease")).unwrap_or_default();
+    let is_new = at_least(&release, (6, 12)).unwrap_or(false);
+    if runtime < 0 || runtime >= period || is_new && runtime > 0 {
+        return Vec::new();
+    }
+    vec![Finding::new(
+        "real-time share",
+        format!("{runtime} of {period} µs: a thread that polls under SCHED_FIFO is stopped then"),
+        "no limit",
+        "`sysctl kernel.sched_rt_runtime_us=-1`, or --wait sleep",
+    )]
+}
+
+pub(super) fn huge_pages(files: &Files) -> Vec<Finding> {
+    let path = "sys/kernel/mm/transparent_hugepage/enabled";
+    let Some(text) = files.text(path) else { return Vec::new() };
+    let chosen = text.split_whitespace().find_map(|word| word.strip_prefix('[')?.strip_suffix(']'));
+    match chosen {
+        Some("madvise" | "never") => Vec::new(),
+        Some("always") => vec![Finding::new(
+            "huge pages",
+            "always: pages are moved while programs run",
+            "madvise or never",
+            format!("`echo madvise > /{path}`, or the boot parameter transparent_hugepage=madvise"),
+        )],
+        _ => vec![unreadable("huge pages", path, &text, "always, [madvise] or never in brackets")],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::files::tests::judge;
+    use super::*;
+
+    #[test]
+    fn a_kernel_says_whether_it_is_for_real_time() {
+        let version = |text| judge(preemption, &[("proc/version", text)]);
+        assert_eq!(version("Linux version 6.12.9 #1 SMP PREEMPT_RT Mon"), [""; 0]);
+        assert_eq!(version("Linux version 6.1 #1 SMP PREEMPT_DYNAMIC").len(), 1);
+        let files = [("proc/version", "Linux 5.4-rt"), ("sys/kernel/realtime", "1\n")];
+        assert_eq!(judge(preemption, &files), [""; 0]);
+        assert_eq!(judge(preemption, &[]), [""; 0]);
+    }
+
+    #[test]
+    fn a_thread_that_polls_is_stopped_by_older_kernels() {
+        let share = |runtime, release| {
+            let files = [
+                ("proc/sys/kernel/sched_rt_runtime_us", runtime),
+                ("proc/sys/kernel/sched_rt_period_us", "1000000\n"),
+                ("proc/sys/kernel/osrelease", release),
+            ];
+            judge(realtime_share, &files)
+        };
+        assert!(share("950000\n", "6.1.0-13-amd64")[0].starts_with("real-time share: 950000 of"));
+        assert_eq!(share("950000", "6.12.1"), [""; 0]);
+        assert_eq!(share("950000", "garbage").len(), 1);
+        assert_eq!(share("0", "6.18.1").len(), 1);
+        assert_eq!(share("-1", "5.10.0"), [""; 0]);
+        assert_eq!(share("1000000", "5.10.0"), [""; 0]);
+        assert!(share("most", "5.10.0")[0].contains("reads `most`"));
+        assert_eq!(judge(realtime_share, &[]), [""; 0]);
+    }
+
+    #[test]
+    fn the_choice_of_huge_pages_is_in_brackets() {
+        let pages =
+            |text| judge(huge_pages, &[("sys/kernel/mm/transparent_hugepage/enabled", text)]);
+        assert!(pages("[always] madvise never\n")[0].starts_with("huge pages: always"));
+        assert_eq!(pages("always [madvise] never"), [""; 0]);
+        assert!(pages("sometimes")[0].contains("reads `sometimes`"));
+        assert_eq!(judge(huge_pages, &[]), [""; 0]);
+    }
+}

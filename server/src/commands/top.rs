@@ -1,0 +1,140 @@
+//! `sarrus top`: a server and its clients, now.
+
+use std::fmt::Write;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use sarrus_client::{ConnectError, ProcessState, ServerView, Statistics, Status};
+use serde_json::{Map, Value, json};
+
+use super::output::{Format, FormatFlag, finish, json_line, table};
+
+/// Between the two looks that a rate takes.
+const SPAN: Duration = Duration::from_millis(500);
+
+/// Flags of `top`.
+#[derive(Args)]
+pub(crate) struct Top {
+    /// Name of the server.
+    name: String,
+    #[command(flatten)]
+    format: FormatFlag,
+}
+
+impl Top {
+    /// 0 with the state of the server, 2 where it cannot be seen.
+    pub(crate) fn run(self) -> ExitCode {
+        match self.look() {
+            Ok(results) => finish("top", &results, 0),
+            Err(error) => {
+                eprintln!("sarrus top: {error}");
+                ExitCode::from(2)
+            }
+        }
+    }
+
+    fn look(&self) -> Result<String, ConnectError> {
+        let view = ServerView::connect(&self.name, Duration::from_secs(2))?;
+        let (before, start) = (view.statistics()?, Instant::now());
+        std::thread::sleep(SPAN);
+        let now = view.statistics()?;
+        let seconds = start.elapsed().as_secs_f64();
+        let rate = |f: fn(&Statistics) -> u64| (f(&now) - f(&before)) as f64 / seconds;
+        let rates = [
+            rate(|statistics| statistics.counts.lane_requests),
+            rate(|statistics| statistics.counts.service_requests),
+        ];
+        let life = view.life();
+        let silent_ms = life.silent.map(|silent| silent.as_secs_f64() * 1e3);
+        let state = match life.state {
+            ProcessState::Alive => "alive",
+            ProcessState::Stopped => "stopped",
+            ProcessState::Dead => "dead",
+            ProcessState::Unknown => "unknown",
+        };
+        let seen = Seen { name: &self.name, now, rates, silent_ms, state };
+        Ok(match self.format.format {
+            Format::Json => json_line(&seen.json()),
+            Format::Text => seen.words(),
+        })
+    }
+}
+
+/// What is shown.
+struct Seen<'a> {
+    name: &'a str,
+    now: Statistics,
+    /// Answers each second through lanes and services.
+    rates: [f64; 2],
+    silent_ms: Option<f64>,
+    state: &'static str,
+}
+
+impl Seen<'_> {
+    /// How often each status was answered, without those that never were.
+    fn statuses(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        let counted = Status::ALL.iter().map(|status| (status.name(), self.now.answered(*status)));
+        counted.filter(|(_, count)| *count > 0)
+    }
+
+    fn json(&self) -> Value {
+        let Statistics { uptime, counts, latency_ns, lanes_taken, lanes, plans, process, .. } =
+            &self.now;
+        let [p50, p90, p99, p999, max] = latency_ns;
+        let statuses: Map<String, Value> =
+            self.statuses().map(|(name, count)| (name.to_owned(), count.into())).collect();
+        json!({
+            "server": self.name,
+            "process": process,
+            "uptime": uptime,
+            "clients": self.now.clients,
+            "lanes": lanes,
+            "lanes_taken": lanes_taken,
+            "plans": plans,
+            "rates": { "lane": self.rates[0], "service": self.rates[1] },
+            "requests": { "lane": counts.lane_requests, "service": counts.service_requests },
+            "latency_ns": { "p50": p50, "p90": p90, "p99": p99, "p99.9": p999, "max": max },
+            "statuses": statuses,
+            "late": counts.late,
+            "heartbeat": { "state": self.state, "age_ms": self.silent_ms },
+        })
+    }
+
+    fn words(&self) -> String {
+        let Statistics { uptime, counts, latency_ns, lanes_taken, lanes, plans, process, .. } =
+            &self.now;
+        let mut words = format!(
+            "{}: process {process}, {}, up {uptime:.0} s, heartbeat {} ms ago\n\
+             {lanes_taken} of {lanes} lanes, {plans} plans; answers/s: {:.0} through lanes, {:.0} \
+             through services; {} late\n",
+            self.name,
+            self.state,
+            self.silent_ms.map_or("?".to_owned(), |ms| format!("{ms:.1}")),
+            self.rates[0],
+            self.rates[1],
+            counts.late
+        );
+        let us = latency_ns.map(|ns| format!("{:.1}", ns as f64 * 1e-3));
+        let _ = writeln!(
+            words,
+            "µs: p50 {}, p90 {}, p99 {}, p99.9 {}, max {}",
+            us[0], us[1], us[2], us[3], us[4]
+        );
+        for (name, count) in self.statuses() {
+            let _ = writeln!(words, "{name}: {count}");
+        }
+        let rows: Vec<Vec<String>> = self
+            .now
+            .clients
+            .iter()
+            .map(|client| {
+                let numbers = [client.plans, client.late].map(|number| number.to_string());
+                let mut row = vec![client.process.to_string(), client.end.clone()];
+                row.extend(numbers);
+                row
+            })
+            .collect();
+        words + &table(&["client", "has", "plans", "late"], &rows)
+    }
+}

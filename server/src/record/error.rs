@@ -1,0 +1,101 @@
+//! What can go wrong with recordings.
+
+use std::io;
+use std::path::PathBuf;
+
+use super::format::FORMAT;
+
+/// Why nothing can be recorded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// The file is something else.
+    #[error("{} is no recording and is left as it is; choose another --record", file.display())]
+    Foreign {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Another server records there.
+    #[error("another server records to {}; choose another --record", file.display())]
+    InUse {
+        /// The file.
+        file: PathBuf,
+    },
+    /// The disk has no room for it.
+    #[error(
+        "no room for {bytes} bytes of {}; free some, or keep less with --record-seconds or --lanes",
+        file.display()
+    )]
+    NoSpace {
+        /// The file.
+        file: PathBuf,
+        /// What it needs.
+        bytes: u64,
+    },
+    /// The file cannot be made.
+    #[error("cannot record to {}: {source}; choose another --record", file.display())]
+    Make {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The thread that writes cannot be started.
+    #[error("the recorder does not start: {source}; check the limits of this process")]
+    Thread {
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// Why a recording cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The system cannot read it.
+    #[error("it cannot be read: {source}; give the path of a readable file")]
+    Read {
+        /// What the system says.
+        source: io::Error,
+    },
+    /// It is something else.
+    #[error("it is no recording; give a file that `sarrus serve --record` wrote")]
+    Foreign,
+    /// It is of another version.
+    #[error("it is a recording of format {found}, expected {FORMAT}; use the sarrus that wrote it")]
+    Format {
+        /// Its version.
+        found: u64,
+    },
+    /// Its first page is damaged.
+    #[error("its header is damaged; take another copy of the file")]
+    Header,
+    /// A part is missing.
+    #[error("it has {found} bytes, expected {expected}; copy the whole file")]
+    Truncated {
+        /// Its size.
+        found: u64,
+        /// The size that its header names.
+        expected: u64,
+    },
+    /// The robot in it is damaged.
+    #[error("the robot in it is damaged; take another copy of the file")]
+    Robot,
+    /// The robot is another one.
+    #[error(
+        "the robot has the fingerprint {found:016x}, the recording {expected:016x}; give the \
+         recording's robot with --urdf, and the sarrus that recorded it"
+    )]
+    WrongModel {
+        /// That of the robot.
+        found: u64,
+        /// That of the recording.
+        expected: u64,
+    },
+}
+
+impl From<io::Error> for RecordingError {
+    fn from(source: io::Error) -> RecordingError {
+        RecordingError::Read { source }
+    }
+}

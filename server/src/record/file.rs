@@ -1,0 +1,202 @@
+//! The recorder's file: made whole before the server is ready, then written round and round.
+//!
+//! What is written lies in the kernel's cache at once and survives the end of this process,
+//! however it ends; a crash of the machine is not provided for. All of the file is reserved at the
+//! start, so a disk that fills up later takes nothing away.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FallocateFlags, fallocate};
+use rustix::io::Errno;
+
+use super::RecordError;
+use super::format::{
+    FRAME, FRAME_HEAD, MAGIC, PAGE, SEGMENT, SEGMENT_HEAD, WORD, checksum, join, word,
+};
+use super::header::Header;
+
+/// Bytes that are written together at most.
+const BATCH: usize = 1 << 20;
+
+/// A file that is being recorded to.
+pub(super) struct RecordFile {
+    file: File,
+    header: Header,
+    /// Number of the segment that is written, from 1; 0 before the first.
+    segment: u64,
+    /// Where the next frame goes in it `[byte]`.
+    at: u64,
+    /// Sequence of the next frame.
+    sequence: u64,
+    /// What is not written yet: it ends at `at`.
+    batch: Vec<u8>,
+}
+
+impl RecordFile {
+    /// Makes the file and reserves all of it; one that is there already is kept under another
+    /// name.
+    ///
+    /// # Errors
+    /// [`RecordError`]; then nothing of a new file is left.
+    pub(super) fn create(
+        path: &Path,
+        header: Header,
+        robot: &[u8],
+    ) -> Result<RecordFile, RecordError> {
+        set_aside(path)?;
+        let failed = |source| RecordError::Make { file: path.to_owned(), source };
+        let mut options = OpenOptions::new();
+        let file = options
+            .read(true)
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(path)
+            .map_err(failed)?;
+        let made = file
+            .try_lock()
+            .map_err(io::Error::from)
+            .and_then(|()| file.write_all_at(&header.to_bytes(), 0))
+            .and_then(|()| reserve(&file, header.file().unwrap_or(u64::MAX)))
+            .and_then(|()| file.write_all_at(robot, PAGE as u64));
+        if let Err(source) = made {
+            let _ = fs::remove_file(path);
+            return Err(match source.kind() {
+                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => RecordError::NoSpace {
+                    file: path.to_owned(),
+                    bytes: header.file().unwrap_or(u64::MAX),
+                },
+                _ => failed(source),
+            });
+        }
+        let batch = Vec::with_capacity(BATCH);
+        // no room: the first frame begins the first segment
+        let at = header.segment;
+        Ok(RecordFile { file, header, segment: 0, at, sequence: 0, batch })
+    }
+
+    /// Adds a frame.
+    ///
+    /// # Errors
+    /// What the system says of the write, where one was due.
+    pub(super) fn add(&mut self, body: &[u64]) -> io::Result<()> {
+        let n_bytes = WORD * (FRAME_HEAD + body.len());
+        if self.at + n_bytes as u64 > self.header.segment {
+            self.flush()?;
+            self.segment += 1;
+            self.at = 0;
+            let head = segment_head(self.header.run, self.segment, self.sequence);
+            self.put(head);
+        }
+        let head = frame_head(self.header.run, self.segment, self.sequence, body);
+        self.put(head);
+        self.put(body.iter().copied());
+        self.sequence += 1;
+        if self.batch.len() >= BATCH / 2 { self.flush() } else { Ok(()) }
+    }
+
+    /// Writes what is not written yet.
+    ///
+    /// # Errors
+    /// What the system says; what could not be written is forgotten.
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        if self.batch.is_empty() {
+            return Ok(());
+        }
+        let index = (self.segment - 1) % self.header.segments;
+        let start = self.header.segment_at(index) + self.at - self.batch.len() as u64;
+        let written = self.file.write_all_at(&self.batch, start);
+        self.batch.clear();
+        written
+    }
+
+    fn put(&mut self, words: impl IntoIterator<Item = u64>) {
+        let before = self.batch.len();
+        self.batch.extend(words.into_iter().flat_map(u64::to_le_bytes));
+        self.at += (self.batch.len() - before) as u64;
+    }
+}
+
+/// The words before the first frame of a segment.
+pub(super) fn segment_head(run: u64, number: u64, first: u64) -> [u64; SEGMENT_HEAD] {
+    let head = [SEGMENT, number, first];
+    [head[0], head[1], head[2], checksum(run, head)]
+}
+
+/// The words before a body.
+pub(super) fn frame_head(run: u64, segment: u64, sequence: u64, body: &[u64]) -> [u64; FRAME_HEAD] {
+    let head = [join(body.len() as u32, FRAME), sequence];
+    let seed = checksum(run ^ segment, head);
+    [head[0], head[1], seed, checksum(seed, body.iter().copied())]
+}
+
+/// Takes the room of the whole file; zeros where the file system cannot reserve.
+fn reserve(file: &File, bytes: u64) -> io::Result<()> {
+    match fallocate(file, FallocateFlags::empty(), 0, bytes) {
+        Err(Errno::OPNOTSUPP | Errno::NOSYS) => {
+            let zeros = vec![0; BATCH];
+            let mut file = file;
+            file.seek(SeekFrom::Start(PAGE as u64))?;
+            let mut rest = bytes.saturating_sub(PAGE as u64);
+            while rest > 0 {
+                let n = rest.min(BATCH as u64);
+                file.write_all(zeros.get(..n as usize).unwrap_or_default())?;
+                rest -= n;
+            }
+            Ok(())
+        }
+        outcome => outcome.map_err(io::Error::from),
+    }
+}
+
+/// Keeps the recording of an earlier run as `FILE.1`, in place of the one before it; one without a
+/// record is removed.
+fn set_aside(path: &Path) -> Result<(), RecordError> {
+    let failed = |source| RecordError::Make { file: path.to_owned(), source };
+    let metadata = match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        found => found.map_err(failed)?,
+    };
+    let foreign = || RecordError::Foreign { file: path.to_owned() };
+    if !metadata.is_file() {
+        return Err(foreign());
+    }
+    let mut file = File::open(path).map_err(failed)?;
+    let mut page = Vec::new();
+    Read::by_ref(&mut file).take(PAGE as u64).read_to_end(&mut page).map_err(failed)?;
+    if !page.is_empty() && word(&page, 0) != MAGIC {
+        return Err(foreign());
+    }
+    match file.try_lock() {
+        Ok(()) => {}
+        Err(fs::TryLockError::WouldBlock) => {
+            return Err(RecordError::InUse { file: path.to_owned() });
+        }
+        Err(fs::TryLockError::Error(source)) => return Err(failed(source)),
+    }
+    if has_records(&file, &page) {
+        fs::rename(path, earlier(path)).map_err(failed)
+    } else {
+        fs::remove_file(path).map_err(failed)
+    }
+}
+
+/// Whether the first segment was begun. What cannot be read may have been.
+fn has_records(file: &File, page: &[u8]) -> bool {
+    let Ok(header) = Header::read(page) else { return !page.is_empty() };
+    let mut first = [0; WORD];
+    match file.read_exact_at(&mut first, header.segment_at(0)) {
+        Ok(()) => u64::from_le_bytes(first) == SEGMENT,
+        Err(_) => false,
+    }
+}
+
+/// Where the recording of the run before is kept.
+fn earlier(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".1");
+    name.into()
+}

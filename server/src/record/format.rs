@@ -1,0 +1,154 @@
+//! The layout of a recording: words of 64 bits, little-endian, that no other layout of the program
+//! may change.
+//!
+//! ```text
+//! header, one page    MAGIC, format, protocol, fingerprint, start, seconds, run,
+//!                     bytes of the robot, its checksum, segments, bytes of a segment, checksum
+//! robot               JSON, filled up to whole pages
+//! segments            MAGIC, number from 1, first sequence, checksum; then frames
+//! frame               FRAME and words of the body, sequence, checksum of both, of the body; body
+//! body                time, lost, plan and client, sequence, status and warnings, counts,
+//!                     request and links, given, want, indices of links, numbers in, numbers out
+//! ```
+//!
+//! Segments are written one after the other and round again; a new number voids what the segment
+//! held, because every checksum within it depends on that number.
+
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
+use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, Request};
+
+/// First word of a recording.
+pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"sarrusRC");
+/// First word of a segment.
+pub(super) const SEGMENT: u64 = u64::from_le_bytes(*b"sarrusSG");
+/// Upper half of the first word of a frame.
+pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
+/// Version of this layout.
+pub(super) const FORMAT: u64 = 1;
+/// Bytes of a word.
+pub(super) const WORD: usize = 8;
+/// Bytes of the header, and of what everything before the segments is a multiple of.
+pub(super) const PAGE: usize = 4096;
+/// Words of the header.
+pub(super) const HEADER: usize = 12;
+/// Words before the first frame of a segment.
+pub(super) const SEGMENT_HEAD: usize = 4;
+/// Words before the body of a frame.
+pub(super) const FRAME_HEAD: usize = 4;
+/// Words of a body that has neither links nor numbers.
+pub(super) const BODY_HEAD: usize = 9;
+/// The most words of a body before its numbers.
+pub(super) const MAX_BODY_HEAD: usize = BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES) / LINKS;
+/// The most words of a body.
+pub(super) const MAX_BODY: usize = MAX_BODY_HEAD + MAX_NUMBERS_IN + MAX_NUMBERS_OUT;
+/// Bytes of the largest frame.
+pub(super) const MAX_FRAME: usize = WORD * (FRAME_HEAD + MAX_BODY);
+/// Indices of links in one word.
+const LINKS: usize = 4;
+
+/// A checksum; any change within one word changes it, because each step is one to one in the word
+/// and in what came before.
+pub(super) fn checksum(seed: u64, words: impl IntoIterator<Item = u64>) -> u64 {
+    let mixed = words
+        .into_iter()
+        .fold(seed, |sum, word| (sum.rotate_left(23) ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    mixed ^ mixed >> 32
+}
+
+/// The words of bytes; the last one is filled up with zeros.
+pub(super) fn words(bytes: &[u8]) -> impl Iterator<Item = u64> {
+    bytes.chunks(WORD).map(|chunk| {
+        let mut word = [0; WORD];
+        word.iter_mut().zip(chunk).for_each(|(to, from)| *to = *from);
+        u64::from_le_bytes(word)
+    })
+}
+
+/// One word of bytes; zero beyond them.
+pub(super) fn word(bytes: &[u8], index: usize) -> u64 {
+    bytes.get(WORD * index..).and_then(|rest| words(rest).next()).unwrap_or(0)
+}
+
+/// Two halves of a word.
+pub(super) const fn join(low: u32, high: u32) -> u64 {
+    low as u64 | (high as u64) << 32
+}
+
+/// Lower and upper half.
+pub(super) const fn halves(word: u64) -> (u32, u32) {
+    (word as u32, (word >> 32) as u32)
+}
+
+/// Who asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Client {
+    /// The holder of a lane, by the lane's slot.
+    Lane(u32),
+    /// A client of the service.
+    Service,
+}
+
+impl Client {
+    const SERVICE: u32 = u32::MAX;
+
+    pub(super) const fn code(self) -> u32 {
+        match self {
+            Client::Lane(slot) => slot,
+            Client::Service => Client::SERVICE,
+        }
+    }
+
+    pub(super) const fn from_code(code: u32) -> Client {
+        match code {
+            Client::SERVICE => Client::Service,
+            slot => Client::Lane(slot),
+        }
+    }
+}
+
+impl std::fmt::Display for Client {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Client::Lane(slot) => write!(f, "lane {slot}"),
+            Client::Service => f.write_str("service"),
+        }
+    }
+}
+
+/// Writes what a plan is made for: request, counts of links, fields, indices of links; how many
+/// words that took.
+pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
+    let (frames, wrenches) = (query.frames(), query.wrench_links());
+    let counts = (frames.len() as u32) | (wrenches.len() as u32) << 16;
+    let packed = |links: &[u16]| links.iter().rev().fold(0, |word, link| word << 16 | *link as u64);
+    let fixed = [join(query.request, counts), query.given.0, query.want.0];
+    let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).map(packed);
+    words.iter_mut().zip(fixed.into_iter().chain(links)).map(|(to, word)| *to = word).count()
+}
+
+/// Reads it: the query, `None` where no plan ran, and how many words it took. `None` for words that
+/// are no query.
+pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
+    let &[first, given, want, ..] = words else { return None };
+    let (request, counts) = halves(first);
+    if request == 0 {
+        return Some((None, 3));
+    }
+    let (n_frames, n_wrenches) = ((counts & 0xffff) as usize, (counts >> 16) as usize);
+    if n_frames > MAX_FRAMES || n_wrenches > MAX_WRENCHES {
+        return None;
+    }
+    let mut at = 3;
+    let mut links = |n: usize| {
+        let packed = words.get(at..at + n.div_ceil(LINKS))?;
+        at += packed.len();
+        let link =
+            |k: usize| (packed.get(k / LINKS).copied().unwrap_or(0) >> (16 * (k % LINKS))) as u16;
+        Some((0..n).map(link).collect::<Vec<u16>>())
+    };
+    let (frames, wrenches) = (links(n_frames)?, links(n_wrenches)?);
+    let request = Request::from_code(request)?;
+    let query = Query::new(request, FieldSet(given), FieldSet(want)).with_frames(&frames);
+    let query = if wrenches.is_empty() { query } else { query.with_wrenches(&wrenches) };
+    Some((Some(query), at))
+}

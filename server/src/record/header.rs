@@ -1,0 +1,153 @@
+//! The first page of a recording: which server made it, and where everything lies.
+
+use super::RecordingError;
+use super::format::{
+    BODY_HEAD, FORMAT, FRAME_HEAD, HEADER, MAGIC, MAX_FRAME, PAGE, SEGMENT_HEAD, WORD, checksum,
+    word, words,
+};
+
+/// Segments of a small recording.
+const SEGMENTS: u64 = 16;
+/// About the most bytes of a segment; a longer recording has more of them.
+const LARGE: u64 = 64 << 20;
+/// No segment of a recording is larger.
+const LARGEST: u64 = 128 << 20;
+/// The rate of requests that each lane is given room for `[1/s]`.
+const RATE: u64 = 1000;
+
+/// The header.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Header {
+    /// Version of the protocol of the server.
+    pub(super) protocol: u64,
+    /// Fingerprint of the model.
+    pub(super) fingerprint: u64,
+    /// Time 0 of the records, since 1970 `[ns]`.
+    pub(super) start: u64,
+    /// How much was to be kept `[s]`.
+    pub(super) seconds: u64,
+    /// Tells recordings apart; every checksum of the segments depends on it.
+    pub(super) run: u64,
+    /// Bytes of the robot and their checksum.
+    pub(super) robot: u64,
+    pub(super) robot_checksum: u64,
+    /// How many segments there are, and the bytes of each.
+    pub(super) segments: u64,
+    pub(super) segment: u64,
+}
+
+impl Header {
+    /// The same with segments for `seconds` of requests at 1 kHz through each of `lanes`, of
+    /// `numbers` numbers with their answers; `None` where that is too much to be counted.
+    ///
+    /// One segment is always about to be overwritten, so the others hold it all; in each the last
+    /// frame may have found no room.
+    pub(super) fn sized(self, lanes: u64, numbers: u64) -> Option<Header> {
+        let frame = (WORD as u64).checked_mul((FRAME_HEAD + BODY_HEAD) as u64 + numbers)?;
+        let rate = lanes.max(1) * RATE;
+        let needed = self.seconds.checked_mul(rate)?.checked_mul(frame)?;
+        let segments = (needed / LARGE + 2).max(SEGMENTS);
+        let least =
+            (needed / (segments - 1)).checked_add((MAX_FRAME + WORD * SEGMENT_HEAD) as u64)?;
+        let segment = least.checked_next_multiple_of(PAGE as u64)?;
+        Some(Header { segments, segment, ..self }).filter(|header| header.file().is_some())
+    }
+
+    /// Where a segment begins.
+    pub(super) fn segment_at(&self, index: u64) -> u64 {
+        self.first() + index * self.segment
+    }
+
+    /// Bytes of the file; `None` where that is no number.
+    pub(super) fn file(&self) -> Option<u64> {
+        let robot = self.robot.checked_add(2 * PAGE as u64)?;
+        robot.checked_add(self.segments.checked_mul(self.segment)?)?;
+        Some(self.segment_at(self.segments))
+    }
+
+    fn first(&self) -> u64 {
+        PAGE as u64 + self.robot.next_multiple_of(PAGE as u64)
+    }
+
+    /// The page.
+    pub(super) fn to_bytes(self) -> Vec<u8> {
+        let Header { protocol, fingerprint, start, seconds, run, .. } = self;
+        let Header { robot, robot_checksum, segments, segment, .. } = self;
+        let mut all = vec![MAGIC, FORMAT, protocol, fingerprint, start, seconds, run];
+        all.extend([robot, robot_checksum, segments, segment]);
+        all.push(checksum(MAGIC, all.iter().copied()));
+        let mut page: Vec<u8> = all.iter().flat_map(|word| word.to_le_bytes()).collect();
+        page.resize(PAGE, 0);
+        page
+    }
+
+    /// Reads a page.
+    ///
+    /// # Errors
+    /// [`RecordingError`] for anything that is no header of this version.
+    pub(super) fn read(page: &[u8]) -> Result<Header, RecordingError> {
+        if word(page, 0) != MAGIC {
+            return Err(RecordingError::Foreign);
+        }
+        if word(page, 1) != FORMAT {
+            return Err(RecordingError::Format { found: word(page, 1) });
+        }
+        let checked = page.get(..WORD * (HEADER - 1)).unwrap_or_default();
+        if word(page, HEADER - 1) != checksum(MAGIC, words(checked)) {
+            return Err(RecordingError::Header);
+        }
+        let [protocol, fingerprint, start, seconds, run, robot, robot_checksum, segments, segment] =
+            std::array::from_fn(|k| word(page, k + 2));
+        let header = Header {
+            protocol,
+            fingerprint,
+            start,
+            seconds,
+            run,
+            robot,
+            robot_checksum,
+            segments,
+            segment,
+        };
+        let is_sound = segments >= 2
+            && (PAGE as u64..=LARGEST).contains(&segment)
+            && segment.is_multiple_of(PAGE as u64)
+            && header.file().is_some();
+        if is_sound { Ok(header) } else { Err(RecordingError::Header) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_comes_back_and_any_changed_bit_is_found() {
+        let header = Header { seconds: 60, robot: 5000, run: 9, ..Header::default() };
+        let header = header.sized(16, 100).unwrap();
+        let page = header.to_bytes();
+        assert_eq!(Header::read(&page).unwrap(), header);
+        for bit in 0..8 * WORD * HEADER {
+            let mut changed = page.clone();
+            changed[bit / 8] ^= 1 << (bit % 8);
+            assert!(Header::read(&changed).is_err(), "{bit}");
+        }
+        assert!(Header::read(&[]).is_err() && Header::read(&page[..90]).is_err());
+    }
+
+    #[test]
+    fn all_segments_but_one_hold_what_was_asked() {
+        for (seconds, lanes, numbers) in
+            [(1, 1, 10), (60, 16, 90), (3600, 16, 90), (86_400, 256, 500)]
+        {
+            let header = Header { seconds, ..Header::default() };
+            let header = header.sized(lanes, numbers).unwrap();
+            let frames =
+                (header.segment - 32) / (8 * (FRAME_HEAD + BODY_HEAD) as u64 + 8 * numbers);
+            assert!(frames * (header.segments - 1) >= seconds * lanes * 1000);
+            assert!(header.segment <= LARGEST);
+        }
+        let endless = Header { seconds: u64::MAX, ..Header::default() };
+        assert_eq!(endless.sized(16, 90), None);
+    }
+}

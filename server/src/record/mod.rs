@@ -1,0 +1,136 @@
+//! The last seconds of requests and answers in a file: the black box of a robot that fell.
+//!
+//! The answering thread copies each request with its answer into a ring (`ring.rs`); a thread of
+//! normal priority moves them into a file (`file.rs`, `format.rs`) that holds robot, plans and
+//! numbers, so that [`replay()`] needs nothing else. Answers are functions of model, plan and
+//! input alone, so they can be computed again and compared bit by bit.
+
+mod error;
+mod file;
+mod format;
+mod header;
+mod read;
+mod replay;
+mod ring;
+mod robot;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use quanta::Clock;
+use sarrus_dynamics::Model;
+use sarrus_proto::{PROTOCOL_VERSION, Sizes};
+
+pub use error::{RecordError, RecordingError};
+pub use format::Client;
+pub use read::{Entry, Gaps, Recording};
+pub use replay::{Difference, Replayed, replay};
+pub(crate) use ring::Recorder;
+pub use robot::RecordedRobot;
+
+use file::RecordFile;
+use format::{checksum, words};
+use header::Header;
+use ring::Records;
+
+/// How long the recorder sleeps when it has written everything.
+const NAP: Duration = Duration::from_millis(2);
+
+/// What to record, and where.
+#[derive(Clone, Debug)]
+pub struct RecordOptions {
+    /// The file; one of an earlier run is kept with `.1` after its name.
+    pub file: PathBuf,
+    /// How much is kept at least, with 1 kHz through each lane `[s]`.
+    pub seconds: u32,
+    /// The robot that goes into the file.
+    pub robot: RecordedRobot,
+}
+
+/// Makes the file and starts the thread that writes it.
+///
+/// The file has room for `seconds` of requests for inverse dynamics (y, ẏ, ÿ to τ_y, τ_u) at 1 kHz
+/// through each of `lanes`; larger or more frequent ones shorten what is kept. The thread begins
+/// with `place`.
+///
+/// # Errors
+/// [`RecordError`]; then nothing of a new file is left.
+pub(crate) fn start(
+    options: &RecordOptions,
+    model: &Model<f64>,
+    lanes: usize,
+    clock: Clock,
+    place: impl FnOnce() + Send + 'static,
+) -> Result<(Recorder, JoinHandle<()>), RecordError> {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let start = since_1970.as_nanos() as u64;
+    let ticks = clock.raw();
+    // text and numbers: there is nothing in it that cannot be written
+    let robot = serde_json::to_vec(&options.robot).unwrap_or_default();
+    let header = Header {
+        protocol: PROTOCOL_VERSION.into(),
+        fingerprint: model.fingerprint(),
+        start,
+        seconds: options.seconds.into(),
+        run: checksum(start, [std::process::id().into()]),
+        robot: robot.len() as u64,
+        robot_checksum: checksum(0, words(&robot)),
+        ..Header::default()
+    };
+    let Sizes { n_vy, n_u, .. } = model.sizes();
+    let header = header
+        .sized(lanes as u64, (4 * n_vy + n_u) as u64)
+        .ok_or_else(|| RecordError::NoSpace { file: options.file.clone(), bytes: u64::MAX })?;
+    let file = RecordFile::create(&options.file, header, &robot)?;
+
+    let (recorder, records) = ring::ring(ring::CAPACITY);
+    let writer = Writer { records, file, clock, start: ticks };
+    let thread = std::thread::Builder::new()
+        .name("sarrus-record".to_owned())
+        .spawn(move || {
+            place();
+            writer.run();
+        })
+        .map_err(|source| RecordError::Thread { source })?;
+    Ok((recorder, thread))
+}
+
+/// The thread that writes.
+struct Writer {
+    records: Records,
+    file: RecordFile,
+    clock: Clock,
+    start: u64,
+}
+
+impl Writer {
+    fn run(mut self) {
+        loop {
+            // looked at first: what came before the end is written
+            let is_last = self.records.is_abandoned();
+            if let Err(error) = self.write() {
+                eprintln!("sarrus serve: warning: the recording ends here: {error}");
+                return;
+            }
+            if is_last {
+                return;
+            }
+            std::thread::sleep(NAP);
+        }
+    }
+
+    /// Writes everything that is there.
+    fn write(&mut self) -> std::io::Result<()> {
+        let mut body = Vec::with_capacity(format::MAX_BODY);
+        while self.records.next(&mut body) {
+            if let Some(time) = body.get_mut(ring::TIME) {
+                *time = self.clock.delta_as_nanos(self.start, *time);
+            }
+            self.file.add(&body)?;
+        }
+        self.file.flush()
+    }
+}

@@ -1,0 +1,58 @@
+//! The robot inside its recording: the texts of its files and how they are read.
+
+use sarrus_models::{LoadError, Loaded, Options, Source, load, texts};
+use serde::{Deserialize, Serialize};
+
+/// What is needed to compute the answers of a recording again: the robot's files and the options of
+/// its model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct RecordedRobot {
+    /// Version of the server.
+    pub sarrus: String,
+    /// The URDF.
+    pub urdf: String,
+    /// The submechanisms; without them every joint is independent and active.
+    pub submechanisms: Option<String>,
+    /// Gravity in root axes `[m/s²]`.
+    pub gravity: [f64; 3],
+    /// Faults of mass and inertia are warnings.
+    pub lenient: bool,
+}
+
+impl RecordedRobot {
+    /// The texts of a source.
+    ///
+    /// # Errors
+    /// As [`texts`].
+    pub fn new(source: &Source, options: &Options) -> Result<RecordedRobot, LoadError> {
+        let (urdf, submechanisms) = texts(source)?;
+        // what is no UTF-8 is no robot, and was refused
+        let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+        Ok(RecordedRobot {
+            sarrus: env!("CARGO_PKG_VERSION").to_owned(),
+            urdf: text(urdf),
+            submechanisms: submechanisms.map(text),
+            gravity: options.gravity,
+            lenient: options.lenient,
+        })
+    }
+
+    /// The robot as it was recorded.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn load(&self) -> Result<Loaded, LoadError> {
+        let bytes = |text: &String| text.clone().into_bytes();
+        let submechanisms = self.submechanisms.as_ref().map(bytes);
+        self.load_as(&Source::Text { urdf: bytes(&self.urdf), submechanisms })
+    }
+
+    /// Another source, read with the options of the recording.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn load_as(&self, source: &Source) -> Result<Loaded, LoadError> {
+        load(source, &Options { gravity: self.gravity, lenient: self.lenient })
+    }
+}

@@ -1,0 +1,276 @@
+//! Where the server meets what it did not make: clients that end half-way, processes that are
+//! stopped, folders that are cleared away, files that are cut short.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use sarrus_client::{ConnectError, ConnectOptions, Error, Status, Transport};
+use sarrus_proto::control::Call;
+use sarrus_proto::lane::send_request;
+use sarrus_proto::message::{MAX_SERVICE_CLIENTS, RequestHead};
+use sarrus_proto::{PROTOCOL_VERSION, ServerName};
+
+use crate::lies::Liar;
+use crate::support::{Asker, Sandbox, options};
+
+const NOTHING: Vec<PathBuf> = Vec::new();
+
+fn signal(process: u32, name: &str) {
+    let status = Command::new("kill").args([name, &process.to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+fn sarrus(sandbox: &Sandbox, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    let output = command.args(arguments).env("SARRUS_ROOT", sandbox.domain.root()).output();
+    let output = output.unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+/// Waits until something holds.
+fn wait_until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
+    let start = Instant::now();
+    while !holds() {
+        assert!(start.elapsed() < Duration::from_secs(5), "never: {what}");
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    start.elapsed()
+}
+
+/// Descriptors of a process.
+fn descriptors(process: u32) -> usize {
+    fs::read_dir(format!("/proc/{process}/fd")).unwrap().count()
+}
+
+#[test]
+fn a_client_that_ends_at_any_stage_of_attaching_leaves_nothing() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("stages", &["--lanes", "2"]);
+    let mut honest = Asker::new(sandbox.connect("stages", Transport::Lane).unwrap());
+    assert_eq!(honest.ask().unwrap().status, Status::Ok);
+    let (files, open) = (sandbox.leftovers(), descriptors(server.id()));
+    let fingerprint = honest.robot.model().fingerprint;
+    let head = RequestHead {
+        version: PROTOCOL_VERSION,
+        plan: 0,
+        fingerprint,
+        sequence: 1,
+        ..RequestHead::default()
+    };
+
+    // what a client has made when it ends is forgotten, not dropped: nothing of it is taken down
+    let stages: [fn(&Liar<'_>, &RequestHead); 6] = [
+        |_, _| (),
+        |liar, _| drop(liar.call(Call::Lane { n_in: 39, n_out: 13 }).unwrap()),
+        |liar, _| std::mem::forget(liar.lane([39, 13])),
+        |liar, _| drop(liar.call(Call::Service).unwrap()),
+        |liar, _| std::mem::forget(liar.service()),
+        |liar, head| {
+            let (node, client) = liar.service();
+            std::mem::forget(send_request(&client, head, &[0.0; 39]).unwrap());
+            std::mem::forget((node, client));
+        },
+    ];
+    for round in 0..90 {
+        let liar = Liar::new(&sandbox, "stages");
+        stages[round % stages.len()](&liar, &head);
+        drop(liar);
+        assert_eq!(honest.ask().unwrap().status, Status::Ok);
+    }
+    wait_until("the files are as before", || sandbox.leftovers().len() == files.len());
+    wait_until("descriptors are as before", || descriptors(server.id()) == open);
+    let statistics = honest.robot.statistics().unwrap();
+    assert_eq!((statistics.lanes_taken, statistics.clients.len()), (1, 1), "{statistics:?}");
+    drop(honest);
+    assert!(server.stop("-TERM").success());
+    assert_eq!(sandbox.leftovers(), NOTHING);
+}
+
+#[test]
+fn a_killed_clients_lane_is_free_within_milliseconds() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("quick", &["--lanes", "1", "--wait", "busy"]);
+    let waits: Vec<Duration> = (0..20)
+        .map(|_| {
+            sandbox.client("quick", Transport::Lane).kill();
+            let start = Instant::now();
+            let again = wait_until("the lane is free", || {
+                sandbox.connect("quick", Transport::Lane).is_ok()
+            });
+            assert!(again <= start.elapsed());
+            again
+        })
+        .collect();
+    println!("from a kill to the next client's lane: {waits:?}");
+}
+
+#[test]
+fn a_stopped_server_is_said_to_be_stopped_and_goes_on() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("stopped", &[]);
+    let timeout = Duration::from_millis(300);
+    for transport in [Transport::Lane, Transport::Service] {
+        let options = ConnectOptions { transport, timeout, ..options() };
+        let mut asker = Asker::new(sandbox.connect_with("stopped", options).unwrap());
+        let open = descriptors(server.id());
+        signal(server.id(), "-STOP");
+        for _ in 0..3 {
+            let error = asker.ask().unwrap_err();
+            assert!(
+                matches!(
+                    error,
+                    Error::NoAnswer { .. } | Error::Connect(ConnectError::NoAnswer { .. })
+                ),
+                "{error}"
+            );
+            let words = error.to_string();
+            let said = format!("its process {} is stopped by a signal", server.id());
+            assert!(words.contains(&said), "{words}");
+            assert!(asker.output.iter().all(|number| number.is_nan()));
+        }
+        signal(server.id(), "-CONT");
+        // requests that were given up meanwhile leave no descriptor behind
+        wait_until("it answers", || asker.ask().is_ok_and(|answer| answer.status == Status::Ok));
+        wait_until("descriptors are as before", || descriptors(server.id()) == open);
+    }
+    assert!(server.stop("-TERM").success());
+}
+
+#[test]
+fn a_timeout_can_be_for_ever() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("ever", &[]);
+    for transport in [Transport::Lane, Transport::Service] {
+        let options = ConnectOptions { transport, timeout: Duration::MAX, ..options() };
+        let mut asker = Asker::new(sandbox.connect_with("ever", options).unwrap());
+        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    }
+}
+
+#[test]
+fn one_client_too_many_of_the_service_is_told_so() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("crowd", &["--lanes", "1"]);
+    let mut askers: Vec<Asker> = (0..MAX_SERVICE_CLIENTS)
+        .map(|_| Asker::new(sandbox.connect("crowd", Transport::Service).unwrap()))
+        .collect();
+    let error = sandbox.connect("crowd", Transport::Service).err().unwrap();
+    assert!(matches!(error, ConnectError::NoFreeSlot { limit: 32, .. }), "{error}");
+    askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
+    let mut lane = Asker::new(sandbox.connect("crowd", Transport::Lane).unwrap());
+    assert_eq!(lane.ask().unwrap().status, Status::Ok);
+    // who leaves makes room
+    askers.pop();
+    let mut next = Asker::new(sandbox.connect("crowd", Transport::Service).unwrap());
+    assert_eq!(next.ask().unwrap().status, Status::Ok);
+}
+
+#[test]
+fn a_server_whose_folders_are_cleared_away_is_found_again() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("cleared", &[]);
+    let mut asker = Asker::new(sandbox.connect("cleared", Transport::Lane).unwrap());
+    fs::remove_dir_all(sandbox.domain.root()).unwrap();
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    wait_until("new clients attach", || sandbox.connect("cleared", Transport::Lane).is_ok());
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    drop(asker);
+    // the name is still this server's
+    let second = sandbox.command(crate::support::ROBOT, "cleared", &[]).output().unwrap();
+    assert_eq!(second.status.code(), Some(2));
+    assert!(server.stop("-TERM").success());
+    assert_eq!(sandbox.leftovers(), NOTHING);
+}
+
+#[test]
+fn a_client_that_cuts_its_files_short_disturbs_nobody() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("short", &[]);
+    let mut honest = Asker::new(sandbox.connect("short", Transport::Service).unwrap());
+    let before = sandbox.leftovers();
+    let liar = Liar::new(&sandbox, "short");
+    let (_node, client) = liar.service();
+    let head = RequestHead {
+        version: PROTOCOL_VERSION,
+        plan: 0,
+        fingerprint: liar.fingerprint,
+        sequence: 1,
+        ..RequestHead::default()
+    };
+    // the segment that its requests lie in
+    let _pending = send_request(&client, &head, &[0.0; 39]).unwrap();
+    let is_data = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "data");
+    let own: Vec<PathBuf> =
+        sandbox.leftovers().into_iter().filter(|path| !before.contains(path)).collect();
+    let own: Vec<&PathBuf> = own.iter().filter(|path| is_data(path)).collect();
+    assert!(!own.is_empty());
+    // a child does it: this process has the files mapped itself
+    for path in own {
+        let status = Command::new("truncate").args(["-s", "0"]).arg(path).status().unwrap();
+        assert!(status.success());
+    }
+    for _ in 0..100 {
+        assert_eq!(honest.ask().unwrap().status, Status::Ok);
+    }
+    // this process would die of its own deed
+    std::mem::forget((_pending, client, _node));
+    drop(liar);
+    assert_eq!(honest.ask().unwrap().status, Status::Ok);
+    drop(honest);
+    assert!(server.stop("-TERM").success());
+    assert_eq!(sandbox.leftovers(), NOTHING);
+}
+
+#[test]
+fn tidy_clears_what_is_dead_and_nothing_that_lives() {
+    let sandbox = Sandbox::new();
+    let dead = sandbox.serve("dead", &[]);
+    let client = sandbox.client("dead", Transport::Service);
+    let server = sandbox.serve("alive", &[]);
+    let mut asker = Asker::new(sandbox.connect("alive", Transport::Lane).unwrap());
+    let (code, cleared, words) = sarrus(&sandbox, &["tidy"]);
+    assert_eq!((code, cleared.as_str(), words.as_str()), (Some(0), "", ""));
+
+    dead.kill();
+    client.kill();
+    let (code, cleared, _) = sarrus(&sandbox, &["tidy", "--format", "json"]);
+    let cleared: serde_json::Value = serde_json::from_str(&cleared).unwrap();
+    assert!(code == Some(0) && cleared["cleared"].as_array().unwrap().len() > 2, "{cleared}");
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    let name = ServerName::new("dead").unwrap();
+    assert!(!sandbox.domain.server_folders(&name).next().unwrap().exists());
+    assert_eq!(sarrus(&sandbox, &["tidy"]).1, "");
+
+    drop(asker);
+    server.kill();
+    assert_eq!(sarrus(&sandbox, &["tidy"]).0, Some(0));
+    assert_eq!(sandbox.leftovers(), NOTHING);
+}
+
+#[test]
+fn top_shows_a_server_and_its_clients() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("seen", &[]);
+    let mut askers = [Transport::Lane, Transport::Service]
+        .map(|transport| Asker::new(sandbox.connect("seen", transport).unwrap()));
+    askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
+    let (code, text, words) = sarrus(&sandbox, &["top", "seen", "--format", "json"]);
+    assert_eq!((code, words.as_str()), (Some(0), ""));
+    let seen: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(seen["process"], server.id());
+    assert_eq!((&seen["statuses"]["ok"], &seen["requests"]["lane"]), (&2.into(), &1.into()));
+    assert_eq!(seen["heartbeat"]["state"], "alive");
+    let ends: Vec<&str> = seen["clients"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| one["end"].as_str().unwrap())
+        .collect();
+    assert_eq!(ends, ["lane", "service", "none"]);
+    assert!(seen["latency_ns"]["p50"].as_u64().unwrap() > 0 && seen["rates"]["lane"] == 0.0);
+    assert!(sarrus(&sandbox, &["top", "seen"]).1.starts_with("seen: process "));
+    assert_eq!(sarrus(&sandbox, &["top", "nobody"]).0, Some(2));
+}

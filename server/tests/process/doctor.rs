@@ -1,0 +1,38 @@
+//! `sarrus doctor` as scripts meet it.
+
+use std::fs;
+use std::process::{Command, Output};
+
+fn doctor(flags: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sarrus")).arg("doctor").args(flags).output().unwrap()
+}
+
+#[test]
+fn a_finding_is_a_line_with_what_to_do_and_exit_code_1() {
+    let root = std::env::temp_dir().join(format!("sarrus-doctor-test-{}", std::process::id()));
+    let folder = root.join("sys/kernel/mm/transparent_hugepage");
+    fs::create_dir_all(&folder).unwrap();
+    let root_flags = ["--root", root.to_str().unwrap()];
+
+    fs::write(folder.join("enabled"), "[always] madvise never\n").unwrap();
+    let output = doctor(&root_flags);
+    let words = String::from_utf8(output.stdout).unwrap();
+    assert_eq!((output.status.code(), output.stderr.len()), (Some(1), 0), "{words}");
+    assert_eq!(words.lines().count(), 1, "{words}");
+    assert!(words.starts_with("huge pages: always: "), "{words}");
+    assert!(words.contains("; `echo madvise > /sys/"), "{words}");
+
+    let output = doctor(&[&root_flags[..], &["--format", "json"]].concat());
+    let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(object["findings"][0]["check"], "huge pages");
+    assert!(object["checks"].as_u64().unwrap() >= 15);
+
+    fs::write(folder.join("enabled"), "always [madvise] never\n").unwrap();
+    let output = doctor(&root_flags);
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(0), 0), "{output:?}");
+    fs::remove_dir_all(&root).unwrap();
+    assert_eq!(doctor(&["--fromat", "json"]).status.code(), Some(2));
+    // this machine, whatever it is like, has lines and no breakdown
+    assert!(matches!(doctor(&[]).status.code(), Some(0 | 1)));
+}

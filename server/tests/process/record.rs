@@ -1,0 +1,272 @@
+//! What a server leaves on record when it is killed, and what comes of it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use sarrus_client::{Field, FieldSet, Query, Request, Robot, Status, Transport};
+
+use crate::support::{ROBOT, Sandbox};
+
+/// A folder of its own for each test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("sarrus-{name}-{}", std::process::id()));
+        fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+
+    fn file(&self, name: &str) -> String {
+        self.0.join(name).to_str().unwrap().to_owned()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Exit code and results of `sarrus replay`.
+fn replay(file: &str, flags: &[&str]) -> (Option<i32>, serde_json::Value, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    let output = command.args(["replay", file, "--format", "json"]).args(flags).output().unwrap();
+    let results = serde_json::from_slice(&output.stdout).unwrap_or_default();
+    (output.status.code(), results, String::from_utf8(output.stderr).unwrap())
+}
+
+/// Three kinds of questions, among them one with frames and wrenches.
+fn queries() -> [Query; 3] {
+    let motion = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+    let forces = FieldSet::of(&[Field::TauY, Field::TauU]);
+    let given = FieldSet::of(&[Field::Y, Field::Yd, Field::TauY]);
+    let pushed = FieldSet::of(&[Field::Ydd, Field::FramePose, Field::Residual]);
+    [
+        Query::new(Request::InverseDynamics, motion, forces),
+        Query::new(Request::ForwardDynamics, given, pushed)
+            .with_frames(&[1, 2, 3, 4, 5])
+            .with_wrenches(&[4, 2]),
+        Query::new(Request::Kinematics, Field::U.into(), FieldSet::of(&[Field::Q, Field::G])),
+    ]
+}
+
+/// Asks `n` random questions, some of them beyond any pose and some not numbers; statuses counted.
+fn ask(robot: &mut Robot, n: usize, seed: u64) -> [usize; 2] {
+    let plans = queries().map(|query| {
+        let plan = robot.prepare(&query).unwrap();
+        let prepared = robot.plan(plan).unwrap();
+        (plan, prepared.given().len(), prepared.want().len())
+    });
+    let (mut state, mut counts) = (seed, [0; 2]);
+    let mut random = || {
+        // Knuth's MMIX
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    for k in 0..n {
+        let (plan, n_in, n_out) = plans[k % plans.len()];
+        let scale = if k % 7 == 0 { 20.0 } else { 0.4 };
+        let mut input: Vec<f64> = (0..n_in).map(|_| scale * random()).collect();
+        if k % 50 == 0 {
+            input[k % n_in] = [f64::NAN, f64::INFINITY][k / 50 % 2];
+        }
+        let answer = robot.ask(plan, &input, &mut vec![0.0; n_out]).unwrap();
+        counts[usize::from(answer.status != Status::Ok)] += 1;
+    }
+    counts
+}
+
+/// Waits until the recorder has written what was answered, and statistics say so.
+fn settle() {
+    std::thread::sleep(Duration::from_millis(300));
+}
+
+#[test]
+fn what_was_answered_before_a_kill_is_on_record_and_comes_out_the_same() {
+    const N: usize = 4000;
+    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-kill"));
+    let file = folder.file("box");
+    let flags = ["--record", &file, "--record-seconds", "20", "--lanes", "2"];
+    let server = sandbox.serve("box", &flags);
+    let counts = std::thread::scope(|scope| {
+        let clients = [Transport::Lane, Transport::Lane, Transport::Service].map(|transport| {
+            let mut robot = sandbox.connect("box", transport).unwrap();
+            scope.spawn(move || ask(&mut robot, N, transport as u64 + 1))
+        });
+        clients.map(|client| client.join().unwrap())
+    });
+    let [ok, failed] = [0, 1].map(|k| counts.iter().map(|count| count[k] as u64).sum::<u64>());
+    assert!(ok > 3 * N as u64 / 2 && failed > 3 * N as u64 / 10, "{counts:?}");
+    settle();
+    let statistics = sandbox.connect("box", Transport::Service).unwrap().statistics().unwrap();
+    let served = statistics.counts.lane_requests + statistics.counts.service_requests;
+    assert_eq!((served, statistics.system_allocations), (3 * N as u64, 0));
+    server.kill();
+
+    let (code, replayed, words) = replay(&file, &[]);
+    assert_eq!((code, words.as_str()), (Some(0), ""), "{replayed}");
+    assert_eq!(replayed["requests"], 3 * N as u64);
+    assert_eq!(replayed["statuses"]["ok"], ok);
+    // a lane that grows or is given back changes its slot
+    assert!((2..=3).contains(&replayed["clients"].as_u64().unwrap()), "{replayed}");
+    for key in ["differing_bits", "differing_answers", "lost", "damaged", "refused", "unplanned"] {
+        assert_eq!(replayed[key], 0, "{key}: {replayed}");
+    }
+    let seconds = replayed["seconds"].as_f64().unwrap();
+    assert!(seconds > 0.0 && seconds < 60.0, "{replayed}");
+}
+
+#[test]
+fn a_server_that_is_killed_while_it_answers_leaves_all_but_the_last_moment() {
+    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-busy"));
+    let file = folder.file("box");
+    // room for whatever one lane can ask in that time
+    let server = sandbox.serve("box", &["--record", &file, "--record-seconds", "20"]);
+    let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
+    let mut asked = 0_u64;
+    std::thread::scope(|scope| {
+        let killer = scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(400));
+            server.kill();
+        });
+        let plan = robot.prepare(&queries()[0]).unwrap();
+        let prepared = robot.plan(plan).unwrap();
+        let (input, mut output) =
+            (vec![0.1; prepared.given().len()], vec![0.0; prepared.want().len()]);
+        let start = Instant::now();
+        while start.elapsed() < Duration::from_secs(5)
+            && robot.ask(plan, &input, &mut output).is_ok()
+        {
+            asked += 1;
+        }
+        killer.join().unwrap();
+    });
+    let (code, replayed, words) = replay(&file, &[]);
+    assert_eq!(code, Some(0), "{replayed} {words}");
+    assert_eq!([&replayed["differing_bits"], &replayed["damaged"]], [&0, &0], "{replayed}");
+    assert_eq!(replayed["overwritten"], false, "{replayed}");
+    // how much the last moment is depends on the load of the machine
+    assert!(replayed["requests"].as_u64().unwrap() > asked / 2, "{replayed} of {asked}");
+}
+
+#[test]
+fn a_clean_stop_leaves_everything_and_the_next_run_keeps_it() {
+    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-next"));
+    let file = folder.file("box");
+    let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
+    for run in 1..=3 {
+        let server = sandbox.serve("box", &flags);
+        // nobody else may write there
+        let second = sandbox.command(ROBOT, "other", &flags).output().unwrap();
+        let words = String::from_utf8(second.stderr).unwrap();
+        assert_eq!(second.status.code(), Some(2));
+        assert!(words.contains("another server records to"), "{words}");
+        let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
+        // nothing is asked the second time: what was kept stays
+        if run != 2 {
+            let _ = ask(&mut robot, 100 * run, 7);
+        }
+        drop(robot);
+        assert!(server.stop("-TERM").success());
+        assert_eq!(replay(&file, &[]).1["requests"], if run == 2 { 0 } else { 100 * run });
+        let kept = Path::new(&format!("{file}.1")).exists();
+        assert_eq!(kept, run > 1);
+        if kept {
+            assert_eq!(replay(&format!("{file}.1"), &[]).1["requests"], 100);
+        }
+    }
+}
+
+#[test]
+fn a_changed_bit_is_found() {
+    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-bit"));
+    let file = folder.file("box");
+    let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
+    let server = sandbox.serve_robot("lambda", "box", &flags);
+    let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
+    let query = Query::new(Request::Kinematics, Field::Y.into(), Field::U.into());
+    let plan = robot.prepare(&query).unwrap();
+    let mut bits = 0;
+    for k in 0..100 {
+        let mut u = [0.0];
+        let _ = robot.ask(plan, &[0.01 * f64::from(k)], &mut u).unwrap();
+        if k == 50 {
+            bits = u[0].to_bits();
+        }
+    }
+    settle();
+    server.kill();
+    assert_eq!(replay(&file, &[]).1["requests"], 100);
+
+    let mut bytes = fs::read(&file).unwrap();
+    let at = bytes.windows(8).position(|window| window == bits.to_le_bytes()).unwrap();
+    bytes[at] ^= 1;
+    fs::write(&file, bytes).unwrap();
+    let (code, replayed, _) = replay(&file, &[]);
+    assert_eq!((code, &replayed["damaged"]), (Some(1), &1.into()), "{replayed}");
+    assert_eq!(replayed["requests"], 99);
+}
+
+#[test]
+fn what_is_no_recording_is_refused_with_the_reason() {
+    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-refused"));
+    let (file, text) = (folder.file("box"), folder.file("text"));
+    let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
+    assert!(sandbox.serve_robot("lambda", "box", &flags).stop("-TERM").success());
+    fs::write(&text, "a text that somebody needs").unwrap();
+    let cut = folder.file("cut");
+    fs::write(&cut, &fs::read(&file).unwrap()[..100_000]).unwrap();
+    for (file, flags, reason) in [
+        (&file, &["--robot", "torso"][..], "the robot has the fingerprint"),
+        (&cut, &[], "it has 100000 bytes, expected"),
+        (&text, &[], "it is no recording"),
+        (&folder.file("nobody"), &[], "it cannot be read"),
+    ] {
+        let (code, _, words) = replay(file, flags);
+        assert_eq!(code, Some(2), "{words}");
+        assert!(words.starts_with("sarrus replay: ") && words.contains(reason), "{words}");
+    }
+
+    // and never overwritten
+    let server = sandbox.command("lambda", "box", &["--record", &text]).output().unwrap();
+    let words = String::from_utf8(server.stderr).unwrap();
+    assert_eq!(server.status.code(), Some(2));
+    assert!(words.contains("is no recording and is left as it is"), "{words}");
+    assert_eq!(fs::read_to_string(&text).unwrap(), "a text that somebody needs");
+
+    // a disk without the room
+    let full = folder.file("full");
+    let flags = ["--record", &full, "--record-seconds", "86400", "--lanes", "256"];
+    let server = sandbox.command(ROBOT, "box", &flags).output().unwrap();
+    let words = String::from_utf8(server.stderr).unwrap();
+    assert_eq!((server.status.code(), Path::new(&full).exists()), (Some(2), false));
+    assert!(words.contains("no room for") || words.contains("cannot record to"), "{words}");
+    assert_eq!(sandbox.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn a_robot_from_files_is_in_its_recording() {
+    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-files"));
+    let (urdf, yaml) = sarrus_models::bundled_text("torso").unwrap();
+    let files = [folder.file("torso.urdf"), folder.file("torso.yml")];
+    fs::write(&files[0], urdf).unwrap();
+    fs::write(&files[1], yaml).unwrap();
+    let file = folder.file("box");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    command.args(["serve", "--name", "box", "--urdf", &files[0], "--submechanisms", &files[1]]);
+    command.args(["--gravity", "0,0,-1.62", "--record", &file, "--record-seconds", "1"]);
+    let server = sandbox.start(&mut command);
+    let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
+    let plan = robot.prepare(&queries()[0]).unwrap();
+    let n = robot.plan(plan).map(|plan| (plan.given().len(), plan.want().len())).unwrap();
+    let _ = robot.ask(plan, &vec![0.1; n.0], &mut vec![0.0; n.1]).unwrap();
+    settle();
+    server.kill();
+    files.iter().for_each(|file| fs::remove_file(file).unwrap());
+    let (code, replayed, words) = replay(&file, &[]);
+    assert_eq!((code, &replayed["requests"]), (Some(0), &1.into()), "{replayed} {words}");
+}

@@ -1,0 +1,230 @@
+//! A supervised server: killed, it is back; stopped, nothing remains; hopeless, it is given up.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use sarrus_client::{Status, Transport};
+use sarrus_proto::{ServerName, supervision};
+
+use crate::support::{Asker, ROBOT, Sandbox, Server};
+
+/// Longer than anything here takes on a busy machine.
+const LONG: Duration = Duration::from_secs(20);
+
+fn until<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    while start.elapsed() < LONG {
+        if let Some(found) = probe() {
+            return found;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    panic!("{what}: not within {LONG:?}");
+}
+
+/// The processes whose parent this is, dead ones that nobody waited for left out.
+fn children(parent: u32) -> Vec<u32> {
+    let is_child = |process: &u32| {
+        let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+        let rest = stat.rsplit_once(')').map(|(_, rest)| rest.to_owned()).unwrap_or_default();
+        let mut words = rest.split_whitespace();
+        words.next() != Some("Z") && words.next() == Some(&parent.to_string())
+    };
+    let entries = fs::read_dir("/proc").unwrap().flatten();
+    entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).filter(is_child).collect()
+}
+
+/// The thread that answers in a process.
+pub(crate) fn answering_thread(process: u32) -> Option<PathBuf> {
+    let tasks = fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
+    tasks.map(|task| task.path()).find(|task| {
+        fs::read_to_string(task.join("comm")).is_ok_and(|name| name.trim() == "sarrus-hot")
+    })
+}
+
+/// The process that serves under a supervisor.
+fn serving(supervisor: u32) -> u32 {
+    until("a process that serves", || {
+        children(supervisor).into_iter().find(|child| answering_thread(*child).is_some())
+    })
+}
+
+/// Waits until there is one process to serve and one that has loaded and waits for its order.
+fn two(supervisor: u32) {
+    let waits = |process: &u32| {
+        let call = fs::read_to_string(format!("/proc/{process}/wchan")).unwrap_or_default();
+        answering_thread(*process).is_none() && call.contains("pipe")
+    };
+    // without rights to see what a process waits for, a moment is enough for loading
+    let blind = fs::read_to_string("/proc/self/wchan").is_err();
+    until("a process that waits", || {
+        let children = children(supervisor);
+        (children.len() == 2 && (blind || children.iter().any(waits))).then_some(())
+    });
+    std::thread::sleep(Duration::from_millis(if blind { 500 } else { 5 }));
+}
+
+fn kill(process: u32) {
+    let id = process.to_string();
+    assert!(Command::new("kill").args(["-KILL", &id]).status().unwrap().success());
+}
+
+fn name(text: &str) -> ServerName {
+    ServerName::new(text).unwrap()
+}
+
+fn supervised(sandbox: &Sandbox, name: &str, flags: &[&str]) -> Server {
+    sandbox.serve(name, &[&["--supervise"], flags].concat())
+}
+
+#[test]
+fn ready_is_said_once_however_often_the_server_dies() {
+    let sandbox = Sandbox::new();
+    let mut command = sandbox.command(ROBOT, "once", &["--supervise", "--short-life", "0"]);
+    let child = command.spawn().unwrap();
+    for _ in 0..3 {
+        let process = serving(child.id());
+        two(child.id());
+        kill(process);
+        until("another process", || (serving(child.id()) != process).then_some(()));
+    }
+    assert!(
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success()
+    );
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let words = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(words.lines().count(), 1, "{words}");
+    assert!(words.starts_with("ready once "), "{words}");
+    // each death is a line that says how and how long it lived
+    let words = String::from_utf8(output.stderr).unwrap();
+    let deaths = words.lines().filter(|line| line.contains("was killed by signal 9 after "));
+    assert_eq!(deaths.count(), 3, "{words}");
+}
+
+#[test]
+fn clients_go_on_when_the_server_is_killed() {
+    let sandbox = Sandbox::new();
+    let server = supervised(&sandbox, "cat", &["--short-life", "0"]);
+    for transport in [Transport::Lane, Transport::Service] {
+        let mut asker = Asker::new(sandbox.connect("cat", transport).unwrap());
+        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        let bits = asker.bits();
+        let mut gaps: Vec<Duration> = (0..10)
+            .map(|_| {
+                two(server.id());
+                assert_eq!(asker.ask().unwrap().status, Status::Ok);
+                let process = serving(server.id());
+                let start = Instant::now();
+                kill(process);
+                let _ =
+                    until("an answer", || asker.ask().ok().filter(|one| one.status == Status::Ok));
+                assert_eq!(asker.bits(), bits);
+                start.elapsed()
+            })
+            .collect();
+        gaps.sort();
+        println!("{transport:?}: from the kill to the next answer, sorted: {gaps:.1?}");
+    }
+    assert!(server.stop("-TERM").success());
+}
+
+#[test]
+fn a_stop_of_the_supervisor_leaves_nothing() {
+    for signal in ["-TERM", "-INT"] {
+        let sandbox = Sandbox::new();
+        let server = supervised(&sandbox, "stop", &[]);
+        let mut asker = Asker::new(sandbox.connect("stop", Transport::Lane).unwrap());
+        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        two(server.id());
+        let processes = children(server.id());
+        drop(asker);
+        assert!(server.stop(signal).success());
+        for process in processes {
+            assert!(!fs::exists(format!("/proc/{process}")).unwrap(), "{process}");
+        }
+        assert_eq!(sandbox.leftovers(), Vec::<PathBuf>::new());
+    }
+}
+
+#[test]
+fn the_server_dies_with_its_supervisor() {
+    let sandbox = Sandbox::new();
+    let server = supervised(&sandbox, "orphan", &[]);
+    two(server.id());
+    let processes = children(server.id());
+    assert_eq!(processes.len(), 2);
+    server.kill();
+    until("the end of both", || {
+        let ended = |process: &u32| {
+            let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+            stat.is_empty() || stat.contains(") Z ")
+        };
+        processes.iter().all(ended).then_some(())
+    });
+    // and the name is free
+    assert!(sandbox.serve("orphan", &[]).stop("-TERM").success());
+}
+
+#[test]
+fn a_standby_without_its_supervisor_does_not_start() {
+    let sandbox = Sandbox::new();
+    let output = sandbox.command(ROBOT, "stray", &["--standby", "1"]).output().unwrap();
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{output:?}");
+}
+
+#[test]
+fn a_bad_model_is_given_up_with_its_first_fault() {
+    let sandbox = Sandbox::new();
+    let root = sandbox.domain.root().to_owned();
+    fs::create_dir_all(&root).unwrap();
+    let file = root.join("bad.urdf");
+    fs::write(&file, "<robot name=\"bad\"><link name=\"a\"/><link name=\"b\"/></robot>").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    command.args(["serve", "--supervise", "--name", "bad", "--urdf"]).arg(&file);
+    let output = command.env("SARRUS_ROOT", &root).stdin(Stdio::null()).output().unwrap();
+    fs::remove_file(&file).unwrap();
+    let words = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0), "{words}");
+    let reason = supervision::given_up(&root, &name("bad")).unwrap();
+    assert!(reason.contains("bad.urdf:1:"), "{reason}");
+    assert!(words.contains(&format!("given up: {reason}")), "{words}");
+    // the next start that succeeds takes it back
+    assert!(sandbox.serve("bad", &[]).stop("-TERM").success());
+    assert_eq!(supervision::given_up(&root, &name("bad")), None);
+    assert_eq!(sandbox.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn a_name_that_is_taken_is_refused_and_not_given_up() {
+    let sandbox = Sandbox::new();
+    let first = sandbox.serve("taken", &[]);
+    let second = sandbox.command(ROBOT, "taken", &["--supervise"]).output().unwrap();
+    let words = String::from_utf8(second.stderr).unwrap();
+    assert_eq!((second.status.code(), second.stdout.len()), (Some(2), 0), "{words}");
+    assert!(words.contains("a server named `taken` is running already"), "{words}");
+    assert_eq!(supervision::given_up(sandbox.domain.root(), &name("taken")), None);
+    assert!(first.stop("-TERM").success());
+}
+
+#[test]
+fn five_deaths_soon_after_a_start_are_given_up() {
+    let sandbox = Sandbox::new();
+    let child = sandbox.command(ROBOT, "frail", &["--supervise"]).spawn().unwrap();
+    let mut last = 0;
+    for _ in 0..5 {
+        last = until("another process", || Some(serving(child.id())).filter(|id| *id != last));
+        // a process that is killed before clients can attach dies soon as well
+        kill(last);
+    }
+    let output = child.wait_with_output().unwrap();
+    let words = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    let reason = supervision::given_up(sandbox.domain.root(), &name("frail")).unwrap();
+    assert!(reason.starts_with("five times within a minute"), "{reason}");
+    assert!(reason.ends_with("was killed by signal 9"), "{reason}");
+    assert!(sandbox.serve("frail", &[]).stop("-TERM").success());
+    assert_eq!(supervision::given_up(sandbox.domain.root(), &name("frail")), None);
+}
