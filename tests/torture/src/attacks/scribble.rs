@@ -1,0 +1,108 @@
+//! Clients write random bytes into shared memory: their own, or with a flag that of everybody.
+
+use std::collections::BTreeMap;
+use std::os::unix::process::ExitStatusExt;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use fastrand::Rng;
+
+use crate::Settings;
+use crate::honest::{Askers, TRANSPORTS};
+use crate::oracle::Oracle;
+use crate::report::{Clock, Report, Verdict};
+use crate::roles::transport_flags;
+use crate::sandbox::{Process, Sandbox, words};
+
+/// Scribblers at one time.
+const SCRIBBLERS: usize = 3;
+
+#[derive(Args, Default)]
+pub(crate) struct Scribble {
+    /// Scribble over the memory of all clients. A process of the same user can do that, and the
+    /// server and its clients may die of it: SECURITY.md says so; what happens is counted, and is
+    /// no fault.
+    #[arg(long)]
+    others: bool,
+    /// Only into files whose names hold this.
+    #[arg(long)]
+    only: Option<String>,
+    /// Cut files short only, or never.
+    #[arg(long)]
+    truncate: Option<bool>,
+}
+
+impl Scribble {
+    pub(crate) fn run(&self, settings: &Settings) -> Result<Verdict, String> {
+        let mut report = Report::new(settings);
+        let robot = settings.robot.as_deref().unwrap_or("rh5v2_upper_body");
+        let oracle = Arc::new(Oracle::new(robot, settings.seed, 256)?);
+        let sandbox = Sandbox::new(settings)?;
+        let mut random = Rng::with_seed(settings.seed);
+        let mut clock = Clock::new("scribble", settings.seconds);
+        let (mut scribblers_made, mut deaths) = (0_u64, BTreeMap::<String, u64>::new());
+        let mut total = crate::honest::Counts::default();
+        let mut over = false;
+        while !over {
+            let mut server = sandbox.serve(robot, &[])?;
+            let timeout = Duration::from_secs(2);
+            let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
+            let mut scribblers: Vec<(Process, Instant, String)> = Vec::new();
+            let mut recent = Vec::new();
+            loop {
+                over = !clock.runs(|| format!("{scribblers_made} scribblers, {deaths:?} deaths"));
+                if let Some(status) = server.ended() {
+                    let how = status.signal().map_or(format!("{status}"), |n| format!("signal {n}"));
+                    *deaths.entry(how.clone()).or_default() += 1;
+                    if !self.others {
+                        report.fault(format!("the server ended by {how} under {recent:?}"));
+                    }
+                    break;
+                }
+                if over {
+                    break;
+                }
+                let now = Instant::now();
+                scribblers.retain_mut(|(process, end, _)| {
+                    now < *end && matches!(process.0.try_wait(), Ok(None))
+                });
+                while scribblers.len() < SCRIBBLERS {
+                    let seed = random.u64(..1 << 32);
+                    let truncate = self.truncate.unwrap_or(random.u8(..4) == 0);
+                    let mut flags = vec!["--seed".to_owned(), seed.to_string()];
+                    flags.extend(transport_flags(TRANSPORTS[random.usize(..2)]));
+                    flags.extend(truncate.then(|| "--truncate".to_owned()));
+                    flags.extend(self.others.then(|| "--others".to_owned()));
+                    if let Some(part) = &self.only {
+                        flags.extend(["--only".to_owned(), part.clone()]);
+                    }
+                    let process = sandbox.role("scribbler", &flags)?.spawn().map_err(words)?;
+                    let end = now + Duration::from_millis(random.u64(20..200));
+                    scribblers_made += 1;
+                    let what = flags.join(" ");
+                    if recent.len() >= SCRIBBLERS {
+                        recent.remove(0);
+                    }
+                    recent.push(what.clone());
+                    scribblers.push((Process(process), end, what));
+                }
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            total.add(askers.finish());
+            drop(scribblers);
+            if server.ended().is_none() {
+                server.stop().map_err(|error| format!("{error}, after {recent:?}"))?;
+            }
+        }
+        report.count(format!("{scribblers_made} scribblers, deaths of the server: {deaths:?}"));
+        match self.others {
+            true => report.count(format!(
+                "others: {} answers, {} wrong, {} lost (a limit that is documented)",
+                total.answers, total.wrong, total.lost
+            )),
+            false => total.report(&mut report, "honest clients", false),
+        }
+        Ok(Verdict::Done(report))
+    }
+}

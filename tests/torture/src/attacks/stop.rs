@@ -1,0 +1,212 @@
+//! Server and clients are stopped and continued; errors say what is true, and nothing leaks.
+
+use std::io::Read;
+use std::process::Stdio;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use fastrand::Rng;
+use rustix::process::Signal;
+use sarrus_proto::control::Call;
+use sarrus_proto::lane::send_request;
+
+use crate::Settings;
+use crate::honest::{Askers, Honest, TRANSPORTS};
+use crate::oracle::Oracle;
+use crate::raw::Raw;
+use crate::report::{Clock, Report, Verdict};
+use crate::roles::transport_flags;
+use crate::sandbox::{Process, Sandbox, Server, send_signal, state_of, wait_until, words};
+
+/// How long a client waits: shorter than most stops.
+const TIMEOUT: Duration = Duration::from_millis(100);
+/// Connections that come and go while the server is stopped: more than may wait to be accepted.
+const PASSERS: usize = 300;
+
+/// Whether the server is stopped, as a number that grows with each change: it runs, is about to
+/// stop, is stopped, is about to run.
+const STOPPED: u64 = 2;
+const PHASES: u64 = 4;
+
+pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
+    let mut report = Report::new(settings);
+    let robot = settings.robot.as_deref().unwrap_or("rh5v2_upper_body");
+    let oracle = Arc::new(Oracle::new(robot, settings.seed, 256)?);
+    let sandbox = Sandbox::new(settings)?;
+    let mut server = sandbox.serve(robot, &[])?;
+    let mut observer = Raw::greet(&sandbox.domain)?;
+    let mut random = Rng::with_seed(settings.seed);
+
+    // clients in other processes, which are stopped in turn and check their own answers
+    let mut stoppable = Vec::new();
+    for transport in TRANSPORTS {
+        let flags = ["--robot", robot, "--timeout", "20000"].map(str::to_owned);
+        let mut command =
+            sandbox.role("asker", flags.into_iter().chain(transport_flags(transport)))?;
+        let command = command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        stoppable.push(Process(command.spawn().map_err(words)?));
+    }
+
+    // clients that give up
+    let phase = Arc::new(AtomicU64::new(0));
+    let (lies, true_words) = (Arc::new(Mutex::new(Vec::new())), Arc::new(AtomicU64::new(0)));
+    let (now, false_words, said) = (phase.clone(), lies.clone(), true_words.clone());
+    let ask = move |honest: &mut Honest, _| {
+        let before = now.load(Relaxed);
+        let Err(error) = honest.ask() else { return };
+        if before != now.load(Relaxed) {
+            return;
+        }
+        let text = error.to_string();
+        let is_true = match before % PHASES {
+            STOPPED => text.contains("is stopped by a signal"),
+            // on a busy machine it may be late, but neither stopped nor dead nor gone
+            0 => text.contains("gave no answer") && text.contains(" lives"),
+            _ => true,
+        };
+        match is_true {
+            true => _ = said.fetch_add(1, Relaxed),
+            false => {
+                if let Ok(mut lies) = false_words.lock() {
+                    lies.push(format!("phase {}: {text}", before % PHASES));
+                }
+            }
+        }
+    };
+    let askers = Askers::start_with(&sandbox.domain, &oracle, 2, TIMEOUT, settings.seed, ask)?;
+
+    let (mut stops, mut client_stops, mut before) = (0_u64, 0_u64, None);
+    let mut clock = Clock::new("stop", settings.seconds);
+    while clock.runs(|| format!("{stops} stops of the server, {client_stops} of clients")) {
+        // a client; the others go on
+        if let Some(client) = random.choice(&stoppable) {
+            send_signal(client.0.id(), Signal::STOP);
+            std::thread::sleep(Duration::from_millis(random.u64(1..60)));
+            send_signal(client.0.id(), Signal::CONT);
+            client_stops += 1;
+        }
+        // the server, with requests under way that are given up in order meanwhile
+        let mut leaving = leave_open(&sandbox, &oracle)?;
+        phase.fetch_add(1, Relaxed);
+        server.signal(Signal::STOP);
+        if !wait_until(Duration::from_secs(10), || state_of(server.id()) == Some('T')) {
+            return Err("the server cannot be stopped".to_owned());
+        }
+        phase.fetch_add(1, Relaxed);
+        stops += 1;
+        leaving.iter_mut().for_each(Leaving::ask);
+        drop(leaving);
+        if stops % 4 == 1 {
+            // those that find no room are part of it
+            (0..PASSERS).for_each(|_| drop(Raw::connect(&sandbox.domain)));
+        }
+        std::thread::sleep(Duration::from_millis(random.u64(1..500)));
+        phase.fetch_add(1, Relaxed);
+        server.signal(Signal::CONT);
+        phase.fetch_add(1, Relaxed);
+        // the first round attaches everybody
+        observer.call(Call::Statistics)?;
+        if before.is_none() {
+            std::thread::sleep(Duration::from_millis(500));
+            before = Some(server.descriptors());
+        }
+    }
+
+    // everybody is attached again as before
+    let before = before.unwrap_or_default();
+    let leaks = !wait_until(Duration::from_secs(10), || server.descriptors() <= before);
+    let after = server.descriptors();
+    let counts = askers.finish();
+    let true_words = true_words.load(Relaxed);
+    report.count(format!("{stops} stops of the server, {client_stops} of clients"));
+    report.count(format!("descriptors {before} then {after}; {true_words} errors that are true"));
+    report.require(!leaks, || format!("descriptors grew from {before} to {after}"));
+    if let Ok(lies) = lies.lock()
+        && let Some(first) = lies.first()
+    {
+        report.fault(format!("{} errors that are not true, as: {first}", lies.len()));
+    }
+    counts.report(&mut report, "clients that give up", true);
+    for (client, transport) in stoppable.into_iter().zip(TRANSPORTS) {
+        finish(client, &format!("stopped client ({transport:?})"), &mut report);
+    }
+    drop(observer);
+    end(&sandbox, &mut server, &mut report);
+    server.stop()?;
+    report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
+        format!("left after a clean stop: {:?}", sandbox.files())
+    });
+    Ok(Verdict::Done(report))
+}
+
+fn end(_sandbox: &Sandbox, server: &mut Server, report: &mut Report) {
+    if let Some(status) = server.ended() {
+        report.fault(format!("the server ended with {status}"));
+    }
+}
+
+/// A client that asks and leaves without an answer.
+struct Leaving {
+    // ends before their nodes
+    end: LeavingEnd,
+    raw: Raw,
+}
+
+enum LeavingEnd {
+    Lane(sarrus_proto::board::ClaimedLane, crate::raw::LinkNode),
+    Service(
+        sarrus_proto::lane::ComputeClient<sarrus_proto::lane::Threadsafe>,
+        crate::raw::LinkNode,
+    ),
+}
+
+fn leave_open(sandbox: &Sandbox, oracle: &Oracle) -> Result<Vec<Leaving>, String> {
+    let mut leaving = Vec::new();
+    for number in 0..6 {
+        let mut raw = Raw::greet(&sandbox.domain)?;
+        let query = oracle.queries.first().ok_or("no query")?;
+        let (_, sizes) = raw.plan(query)?;
+        let end = if number % 2 == 0 {
+            let (link, classes) = raw.lane(sizes)?;
+            let (lane, node) = raw.claim(link, classes)?;
+            LeavingEnd::Lane(lane, node)
+        } else {
+            let link = raw.service()?;
+            let (client, node) = raw.open(link)?;
+            raw.call(Call::Serve)?;
+            LeavingEnd::Service(client, node)
+        };
+        leaving.push(Leaving { end, raw });
+    }
+    Ok(leaving)
+}
+
+impl Leaving {
+    fn ask(&mut self) {
+        let head = self.raw.head(0, 1);
+        match &mut self.end {
+            LeavingEnd::Lane(lane, _) => lane.outbox.publish(head),
+            LeavingEnd::Service(client, _) => drop(send_request(client, &head, &[])),
+        }
+    }
+}
+
+/// Ends a client in another process; what it counted.
+pub(crate) fn finish(mut client: Process, who: &str, report: &mut Report) {
+    drop(client.0.stdin.take());
+    let mut text = String::new();
+    if let Some(mut out) = client.0.stdout.take() {
+        let _ = out.read_to_string(&mut text);
+    }
+    let mut words = text.trim().splitn(5, ' ');
+    let kind = words.next();
+    let mut number = || words.next().and_then(|word| word.parse::<u64>().ok());
+    match (kind, number(), number(), number()) {
+        (Some("counts"), Some(answers), Some(wrong), Some(lost)) => {
+            report.count(format!("{who}: {answers} answers, {wrong} wrong, {lost} lost"));
+            report.require(wrong == 0 && lost == 0 && answers > 0, || format!("{who}: {text}"));
+        }
+        _ => report.fault(format!("{who}: said {text:?}, ended with {:?}", client.0.wait())),
+    }
+}
