@@ -1,6 +1,7 @@
 //! What client and server say to each other beside the data path: JSON messages through the control
 //! socket, each answered by one.
 
+use std::io::ErrorKind;
 use std::os::fd::OwnedFd;
 use std::time::Instant;
 
@@ -271,7 +272,11 @@ pub fn exchange(
         Call::Plan { query } => query_hash(query),
         _ => 0,
     };
-    socket.send(&request.to_bytes(), None).map_err(gone)?;
+    socket.send(&request.to_bytes(), None).map_err(|error| match error.kind() {
+        // it does not read what others and this client sent before
+        ErrorKind::WouldBlock => NoResponse::Late,
+        _ => NoResponse::Gone,
+    })?;
     let mut buffer = vec![0; MAX_MESSAGE];
     loop {
         while let Some((bytes, descriptor)) = socket.receive(&mut buffer).map_err(gone)? {

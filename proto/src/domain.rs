@@ -82,6 +82,12 @@ pub enum DomainError {
         /// The user of this process.
         user: u32,
     },
+    /// Everybody may write to the root directory.
+    #[error("everybody may write to {path}, expected this user alone; `chmod 700 {path}`")]
+    Open {
+        /// The directory.
+        path: PathBuf,
+    },
     /// The path of the root directory cannot be used.
     #[error(
         "{path} cannot be the root of shared memory; give an absolute path of at most {MAX_ROOT} \
@@ -124,8 +130,10 @@ impl Domain {
         match is_ours {
             true => {
                 let domain = Domain::at(&runtime.join("sarrus"))?;
-                // a server may have started before the user's folder was there
-                Ok(Domain { other: Some(fallback), ..domain })
+                // a server may have started before the user's folder was there; what belongs to
+                // somebody else is no place of ours
+                let other = Domain::at(&fallback).ok().map(|domain| domain.root);
+                Ok(Domain { other, ..domain })
             }
             false => Domain::at(&fallback),
         }
@@ -208,7 +216,8 @@ impl Domain {
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
             }
-            let text = format!("{:08x}", random() as u32);
+            // a letter that no number of a run has
+            let text = format!("n{:07x}", random() & 0xfff_ffff);
             let draft = self.root.join(format!("{PREFIX}.{text}"));
             fs::write(&draft, &text)?;
             // the first one stays
@@ -255,6 +264,12 @@ impl Domain {
         Ok(is_at(&directory, &self.root).then_some(directory))
     }
 
+    /// The root where a server may be as well.
+    pub(crate) fn other(&self) -> Option<Domain> {
+        let root = self.other.clone()?;
+        Some(Domain { root, other: None })
+    }
+
     pub(crate) fn make_root(&self) -> Result<(), DomainError> {
         let failed = |source| DomainError::Root { path: self.root.clone(), source };
         make_folder(&self.root).map_err(failed)?;
@@ -266,7 +281,10 @@ impl Domain {
         match fs::symlink_metadata(&self.root) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(source) => Err(DomainError::Root { path: self.root.clone(), source }),
-            Ok(found) if found.uid() == user && found.is_dir() => Ok(()),
+            Ok(found) if found.uid() == user && found.is_dir() => match found.mode() & 0o002 {
+                0 => Ok(()),
+                _ => Err(DomainError::Open { path: self.root.clone() }),
+            },
             Ok(found) => {
                 Err(DomainError::Foreign { path: self.root.clone(), owner: found.uid(), user })
             }
@@ -275,10 +293,10 @@ impl Domain {
 }
 
 /// The longest path of a root. The transport ends a process whose paths get longer than 255; the
-/// longest is that of a connection in a link: 1 + 16 and 1 + 8 for the folders, 1 + 42 for the
+/// longest is that of a connection in a link: 1 + 8 and 1 + 6 for the folders, 1 + 32 for the
 /// prefix, 41 for the service, 11 for the suffix, and two identifiers of ports, of which each has
 /// 31 digits at most as long as a link has fewer than 126 ports.
-const MAX_ROOT: usize = 70;
+const MAX_ROOT: usize = 90;
 
 /// The transport's settings for a part of shared memory.
 pub(crate) fn config(root: &Path, prefix: &str) -> Result<Config, DomainError> {
@@ -344,9 +362,9 @@ pub(crate) fn make_folder(path: &Path) -> io::Result<()> {
 
 /// True while this open directory is the one at `path`.
 pub(crate) fn is_at(directory: &File, path: &Path) -> bool {
-    let ours = directory.metadata().map(|ours| ours.ino());
-    let there = fs::symlink_metadata(path).map(|there| there.ino());
-    ours.is_ok_and(|ours| there.is_ok_and(|there| ours == there))
+    let id = |found: fs::Metadata| (found.dev(), found.ino());
+    let there = fs::symlink_metadata(path).map(id);
+    directory.metadata().map(id).is_ok_and(|ours| there.is_ok_and(|there| ours == there))
 }
 
 /// The files in shared memory whose names begin with `prefix`.

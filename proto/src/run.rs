@@ -15,16 +15,17 @@ use iceoryx2::node::Node;
 use iceoryx2::prelude::{Config, Service};
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate};
 
-use crate::domain::{
-    self, config, is_at, make_folder, node, random, remove_shared, shared_files,
-};
+use crate::domain::{self, config, is_at, make_folder, node, random, remove_shared, shared_files};
 use crate::socket::ControlListener;
 use crate::{Domain, DomainError, ServerName};
 
 /// How long the transport waits for a file of a link whose maker has not finished it.
 const HALF_MADE: Duration = Duration::from_millis(100);
-/// Numbers of links: as many as eight digits say, which paths have room for.
-const LINK_NUMBERS: u64 = 0xffff_ffff;
+/// Numbers of links: as many as six digits say, which paths have room for.
+const LINK_NUMBERS: u64 = 0xff_ffff;
+
+/// Numbers of runs: as many as eight digits say.
+const INSTANCES: u64 = 0xffff_ffff;
 
 /// A server's name and folder, held until this is dropped; then nothing of the run is left.
 #[derive(Debug)]
@@ -69,7 +70,7 @@ impl Run {
         };
         clear_dead(domain);
         loop {
-            let instance = random();
+            let instance = random() & INSTANCES;
             let folder = instance_folder(domain, instance);
             match lock_folder(&folder) {
                 Ok(Some(folder_lock)) => {
@@ -95,13 +96,23 @@ impl Run {
     }
 
     /// The socket that clients connect to.
+    ///
+    /// # Errors
+    /// `AlreadyExists`: the name is another server's by now.
     pub fn listen(&self) -> io::Result<ControlListener> {
+        if !is_at(&self.name_lock, &self.name_folder) {
+            return Err(io::ErrorKind::AlreadyExists.into());
+        }
         ControlListener::new(&self.name_folder)
     }
 
     /// Makes the folders again where somebody cleared them away, as cleaners of temporary files do;
     /// true where that was so.
     pub fn restore(&mut self) -> bool {
+        // a root of somebody else is left alone
+        if self.domain.make_root().is_err() {
+            return false;
+        }
         let mut any = false;
         let folders =
             [(&self.name_folder, &mut self.name_lock), (&self.folder, &mut self.folder_lock)];
@@ -154,8 +165,8 @@ pub struct Link {
 impl Link {
     /// The link of a connection, as both sides name it.
     pub fn new(domain: &Domain, instance: u64, number: u64) -> Result<Link, DomainError> {
-        let root = instance_folder(domain, instance).join(format!("{number:08x}"));
-        let prefix = format!("{}{instance:016x}_{number:08x}_", domain.prefix());
+        let root = instance_folder(domain, instance).join(format!("{number:06x}"));
+        let prefix = format!("{}{instance:08x}_{number:06x}_", domain.prefix());
         let mut config = config(&root, &prefix)?;
         // the server never waits long for what a client has half made
         config.global.creation_timeout = HALF_MADE;
@@ -174,7 +185,7 @@ impl Link {
     /// Gives every file of the link its memory now, so that none can run out of it later.
     ///
     /// # Errors
-    /// `StorageFull`: there is not enough shared memory.
+    /// `StorageFull`: there is not enough shared memory; `InvalidData`: a file is empty.
     pub fn reserve(&self) -> io::Result<()> {
         for path in shared_files(&self.prefix) {
             let flags = OFlags::RDWR | OFlags::NOFOLLOW | OFlags::CLOEXEC;
@@ -183,10 +194,12 @@ impl Link {
                 Err(rustix::io::Errno::NOENT) => continue,
                 other => File::from(other?),
             };
-            let size = file.metadata()?.len();
-            if size > 0 {
-                fallocate(&file, FallocateFlags::empty(), 0, size)?;
-            }
+            // the transport waits for ever for the first byte of such a file
+            let size = match file.metadata()?.len() {
+                0 => return Err(io::ErrorKind::InvalidData.into()),
+                size => size,
+            };
+            fallocate(&file, FallocateFlags::empty(), 0, size)?;
         }
         Ok(())
     }
@@ -209,6 +222,10 @@ impl Domain {
     pub fn tidy(&self) -> Vec<PathBuf> {
         let mut cleared = clear_dead(self);
         cleared.extend(self.clear_nodes());
+        if let Some(other) = self.other() {
+            cleared.extend(clear_dead(&other));
+            cleared.extend(other.clear_nodes());
+        }
         cleared
     }
 }
@@ -218,20 +235,35 @@ fn clear_dead(domain: &Domain) -> Vec<PathBuf> {
     let mut cleared = Vec::new();
     for entry in fs::read_dir(domain.root()).into_iter().flatten().flatten() {
         let name = entry.file_name();
-        let instance = name.to_str().filter(|name| name.len() == 16);
-        let Some(instance) = instance.and_then(|name| u64::from_str_radix(name, 16).ok()) else {
-            continue;
-        };
+        let Some(instance) = name.to_str().and_then(instance_of) else { continue };
         // what is locked is alive
         if let Ok(Some(_lock)) = lock_existing(&entry.path()) {
             cleared.extend(clear_run(domain, instance));
+        }
+    }
+    // what lies in shared memory without a folder: somebody cleared that away, and then the server
+    // died
+    let prefix = domain.prefix();
+    for path in shared_files(&prefix) {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let instance = name.strip_prefix(&prefix).and_then(|rest| instance_of(rest.get(..8)?));
+        if instance.is_some_and(|instance| !instance_folder(domain, instance).exists())
+            && fs::remove_file(&path).is_ok()
+        {
+            cleared.push(path);
         }
     }
     // names that nobody serves under; a reason that a supervisor left stays
     let servers = domain.root().join("server");
     for entry in fs::read_dir(&servers).into_iter().flatten().flatten() {
         if let Ok(Some(_lock)) = lock_existing(&entry.path()) {
-            let _ = fs::remove_file(entry.path().join("control"));
+            // and what a supervisor had half written
+            let is_rest = |name: &str| name == "control" || name.starts_with("state.");
+            for file in fs::read_dir(entry.path()).into_iter().flatten().flatten() {
+                if file.file_name().to_str().is_some_and(is_rest) {
+                    let _ = fs::remove_file(file.path());
+                }
+            }
             if fs::remove_dir(entry.path()).is_ok() {
                 cleared.push(entry.path());
             }
@@ -242,7 +274,7 @@ fn clear_dead(domain: &Domain) -> Vec<PathBuf> {
 }
 
 fn clear_run(domain: &Domain, instance: u64) -> Vec<PathBuf> {
-    let mut cleared = remove_shared(&format!("{}{instance:016x}_", domain.prefix()));
+    let mut cleared = remove_shared(&format!("{}{instance:08x}_", domain.prefix()));
     let folder = instance_folder(domain, instance);
     if fs::remove_dir_all(&folder).is_ok() {
         cleared.push(folder);
@@ -251,7 +283,13 @@ fn clear_run(domain: &Domain, instance: u64) -> Vec<PathBuf> {
 }
 
 fn instance_folder(domain: &Domain, instance: u64) -> PathBuf {
-    domain.root().join(format!("{instance:016x}"))
+    domain.root().join(format!("{instance:08x}"))
+}
+
+/// The number of a run by its eight digits.
+fn instance_of(digits: &str) -> Option<u64> {
+    let is_number = digits.len() == 8 && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+    is_number.then(|| u64::from_str_radix(digits, 16).ok()).flatten()
 }
 
 /// A folder, made if it is missing, and locked; `None` where another process holds it.

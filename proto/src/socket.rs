@@ -31,7 +31,8 @@ pub const MAX_MESSAGE: usize = 128 << 10;
 pub struct ControlListener {
     socket: OwnedFd,
     folder: File,
-    inode: u64,
+    /// Device and inode.
+    file: (u64, u64),
 }
 
 /// One end of a connection. Nothing here blocks but [`ControlSocket::wait`].
@@ -60,8 +61,8 @@ impl ControlListener {
         }
         bind(&socket, &address(&folder)?)?;
         listen(&socket, BACKLOG)?;
-        let inode = rustix::fs::statat(&folder, SOCKET, AtFlags::SYMLINK_NOFOLLOW)?.st_ino;
-        Ok(ControlListener { socket, folder, inode })
+        let found = rustix::fs::statat(&folder, SOCKET, AtFlags::SYMLINK_NOFOLLOW)?;
+        Ok(ControlListener { socket, folder, file: (found.st_dev, found.st_ino) })
     }
 
     /// The next connection, if one waits.
@@ -77,7 +78,8 @@ impl ControlListener {
 
     /// True while new clients find this socket at `folder`, which somebody may have cleared away.
     pub fn is_reachable(&self, folder: &Path) -> bool {
-        rustix::fs::lstat(folder.join(SOCKET)).is_ok_and(|found| found.st_ino == self.inode)
+        let found = rustix::fs::lstat(folder.join(SOCKET));
+        found.is_ok_and(|found| (found.st_dev, found.st_ino) == self.file)
     }
 
     /// Takes the socket's name away: nobody connects any more.

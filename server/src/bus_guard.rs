@@ -13,14 +13,18 @@
 use std::io;
 use std::mem::MaybeUninit;
 use std::ptr::null_mut;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 
-const PAGE: usize = 4096;
+/// Bytes of a page on this machine.
+static PAGE: AtomicUsize = AtomicUsize::new(4096);
 
 static PAGES: AtomicU64 = AtomicU64::new(0);
 
 /// From now on a missing page is replaced. For the whole process.
 pub(crate) fn install() -> io::Result<()> {
+    // SAFETY: asks for a number.
+    let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
+    PAGE.store(usize::try_from(page).unwrap_or(4096), Relaxed);
     let mut action = MaybeUninit::<libc::sigaction>::zeroed();
     // SAFETY: all fields of `sigaction` may be zero; the handler has the signature that SA_SIGINFO
     // asks for.
@@ -48,16 +52,18 @@ extern "C" fn replace_page(
     // is not executable, so a fault in code goes on being fatal.
     unsafe {
         if (*info).si_code == libc::BUS_ADRERR {
-            let page = ((*info).si_addr() as usize & !(PAGE - 1)) as *mut libc::c_void;
+            let size = PAGE.load(Relaxed);
+            let page = ((*info).si_addr() as usize & !(size - 1)) as *mut libc::c_void;
             let protection = libc::PROT_READ | libc::PROT_WRITE;
             let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED;
-            if libc::mmap(page, PAGE, protection, flags, -1, 0) != libc::MAP_FAILED {
+            if libc::mmap(page, size, protection, flags, -1, 0) != libc::MAP_FAILED {
                 PAGES.fetch_add(1, Relaxed);
                 return;
             }
         }
-        // anything else ends the process as it always did
+        // anything else ends the process as it always did: the fault comes again, or the signal
         libc::signal(libc::SIGBUS, libc::SIG_DFL);
+        libc::raise(libc::SIGBUS);
     }
 }
 
@@ -68,18 +74,19 @@ mod tests {
     #[test]
     fn a_page_that_is_missing_reads_as_zeros() {
         install().unwrap();
+        let size = PAGE.load(Relaxed);
         let before = replaced_pages();
         // SAFETY: a mapping of two pages of a file of one page; it is unmapped at the end.
         unsafe {
             let file = libc::memfd_create(c"short".as_ptr(), 0);
-            assert!(file >= 0 && libc::ftruncate(file, PAGE as libc::off_t) == 0);
+            assert!(file >= 0 && libc::ftruncate(file, size as libc::off_t) == 0);
             let protection = libc::PROT_READ | libc::PROT_WRITE;
-            let start = libc::mmap(null_mut(), 2 * PAGE, protection, libc::MAP_SHARED, file, 0)
+            let start = libc::mmap(null_mut(), 2 * size, protection, libc::MAP_SHARED, file, 0)
                 .cast::<u8>();
-            assert_eq!(start.add(PAGE).read_volatile(), 0);
-            start.add(PAGE).write_volatile(7);
-            assert_eq!(start.add(PAGE).read_volatile(), 7);
-            libc::munmap(start.cast(), 2 * PAGE);
+            assert_eq!(start.add(size).read_volatile(), 0);
+            start.add(size).write_volatile(7);
+            assert_eq!(start.add(size).read_volatile(), 7);
+            libc::munmap(start.cast(), 2 * size);
             libc::close(file);
         }
         assert_eq!(replaced_pages(), before + 1);

@@ -6,10 +6,11 @@
 //! is removed whole.
 
 use std::collections::BTreeMap;
-use std::sync::mpsc::{Receiver, SyncSender};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
+use rtrb::{Consumer, Producer};
 use rustix::event::{PollFd, PollFlags, poll};
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::Refusal;
@@ -24,6 +25,8 @@ use crate::hot::{End, Order, Retired};
 
 /// Connections without a lane or a service that a server takes besides.
 const MAX_OBSERVERS: usize = 64;
+/// How many that connect are taken in at one look.
+const MAX_ARRIVALS: usize = 64;
 /// How long a client that wants an end waits for one that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
 /// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
@@ -37,6 +40,8 @@ pub(crate) struct Connection {
     pub(crate) socket: ControlSocket,
     /// Where its end is among the places.
     place: Option<usize>,
+    /// Came when there were as many as are served: it is told so, and nothing else.
+    pub(crate) is_surplus: bool,
     /// The server's port of a service whose client has not opened its own.
     unserved: Option<ComputeServer<Threadsafe>>,
 }
@@ -66,8 +71,8 @@ pub(crate) struct Connections {
     /// The lanes, then the services.
     places: Vec<Place>,
     n_lanes: usize,
-    orders: SyncSender<Order>,
-    retired: Receiver<Retired>,
+    orders: Producer<Order>,
+    retired: Consumer<Retired>,
     lanes_made: u64,
     /// New connections are not taken before this: there were no descriptors left.
     paused_until: Option<Instant>,
@@ -77,8 +82,8 @@ impl Connections {
     pub(crate) fn new(
         listener: ControlListener,
         n_lanes: usize,
-        orders: SyncSender<Order>,
-        retired: Receiver<Retired>,
+        orders: Producer<Order>,
+        retired: Consumer<Retired>,
     ) -> Connections {
         let places = (0..n_lanes + MAX_SERVICE_CLIENTS).map(|_| Place::Free).collect();
         Connections {
@@ -97,11 +102,6 @@ impl Connections {
     /// How many clients are served.
     pub(crate) fn limit(&self) -> usize {
         self.places.len() + MAX_OBSERVERS
-    }
-
-    /// True while there are more clients than are served.
-    pub(crate) fn are_too_many(&self) -> bool {
-        self.clients.len() > self.limit()
     }
 
     pub(crate) fn n_lanes(&self) -> usize {
@@ -170,17 +170,19 @@ impl Connections {
 
     fn accept(&mut self) {
         self.paused_until = None;
-        loop {
+        // the others wait for the next look
+        for _ in 0..MAX_ARRIVALS {
             match self.listener.accept() {
                 Ok(Some(socket)) => {
                     // the folder is this user's alone; whoever came in otherwise is not answered
                     let us = rustix::process::geteuid().as_raw();
-                    let is_ours = socket.peer().is_ok_and(|peer| peer.user == us || peer.user == 0);
+                    let is_ours = socket.peer().is_ok_and(|peer| peer.user == us);
                     // who went meanwhile takes no room; beyond the limit clients are told so, and far
                     // beyond it nobody is heard
                     if is_ours && !socket.is_closed() && self.clients.len() < 2 * self.limit() {
                         self.numbers += 1;
-                        let client = Connection { socket, place: None, unserved: None };
+                        let is_surplus = self.clients.len() >= self.limit();
+                        let client = Connection { socket, place: None, is_surplus, unserved: None };
                         self.clients.insert(self.numbers, client);
                     }
                 }
@@ -201,9 +203,13 @@ impl Connections {
 
     /// Takes back what the answering thread returned; call it often.
     pub(crate) fn collect(&mut self) {
-        while let Ok((index, end)) = self.retired.try_recv() {
+        while let Ok((index, end)) = self.retired.pop() {
+            if matches!(end, End::Broken) {
+                let of = |client: &Connection| client.place == Some(index);
+                self.clients.retain(|_, client| !of(client));
+            }
             // here, not on the answering thread: unmapping is a system call
-            drop(end);
+            take_down(end);
             self.free(index);
         }
     }
@@ -212,7 +218,7 @@ impl Connections {
         if let Place::Leaving { node, link } | Place::Taken { node, link } =
             std::mem::replace(&mut self.places[index], Place::Free)
         {
-            drop(node);
+            take_down(node);
             link.remove();
         }
     }
@@ -222,12 +228,12 @@ impl Connections {
         let Some(index) = client.place.take() else { return };
         match client.unserved.take() {
             Some(port) => {
-                drop(port);
+                take_down(port);
                 self.free(index);
             }
             None => {
                 // room for two orders of each place: full means that the answering thread is gone
-                let _ = self.orders.try_send(Order::Retire { place: index });
+                let _ = self.orders.push(Order::Retire { place: index });
                 if let Place::Taken { node, link } =
                     std::mem::replace(&mut self.places[index], Place::Free)
                 {
@@ -301,18 +307,23 @@ impl Connections {
         if let Place::Taken { link, .. } = &self.places[index]
             && let Err(error) = link.reserve()
         {
-            drop(port);
+            take_down(port);
             client.place = None;
             self.free(index);
             return Err(no_space(&error));
         }
         // connects; nothing can have come yet, and what has is dropped
-        let _ = port.receive();
+        if catch_unwind(AssertUnwindSafe(|| drop(port.receive()))).is_err() {
+            std::mem::forget(port);
+            client.place = None;
+            self.free(index);
+            return Err(Refusal::NoEnd);
+        }
         self.serve(number, index, End::Service(port))
     }
 
     fn serve(&mut self, number: u64, index: usize, end: End) -> Result<(), Refusal> {
-        if self.orders.try_send(Order::Serve { place: index, end }).is_err() {
+        if self.orders.push(Order::Serve { place: index, end }).is_err() {
             self.free(index);
             return Err(Refusal::Stopping);
         }
@@ -374,6 +385,12 @@ impl Connection {
         buffer.resize(MAX_MESSAGE, 0);
         Ok(self.socket.receive(buffer)?.map(|(bytes, _)| bytes))
     }
+}
+
+/// Drops a part of the transport. Where a client has overwritten the records that this goes by, the
+/// transport panics; then what is left of it is left.
+fn take_down<T>(part: T) {
+    let _ = catch_unwind(AssertUnwindSafe(|| drop(part)));
 }
 
 fn failed(error: &dyn std::fmt::Display) -> Refusal {

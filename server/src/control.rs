@@ -89,7 +89,8 @@ impl Control {
             .connections
             .get(client)
             .map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
-        if !matches!(sent, Some(Ok(()))) {
+        let is_surplus = matches!(response.outcome, Err(Refusal::TooManyClients { .. }));
+        if is_surplus || !matches!(sent, Some(Ok(()))) {
             self.end(client);
         }
     }
@@ -114,7 +115,7 @@ impl Control {
         if fingerprint != 0 && fingerprint != self.fingerprint {
             return Err(Refusal::WrongModel);
         }
-        if self.connections.are_too_many() {
+        if self.connections.get(client).is_none_or(|connection| connection.is_surplus) {
             return Err(Refusal::TooManyClients { limit: self.connections.limit() });
         }
         match call {

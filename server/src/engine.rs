@@ -1,8 +1,8 @@
 //! From a request that nobody has checked to an answer: the gate, the plan, the mathematics.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
 
+use rtrb::{Consumer, Producer, PushError};
 use sarrus_dynamics::{Model, Workspace};
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{
@@ -28,11 +28,12 @@ pub(crate) struct Engine {
     model: Arc<Model<f64>>,
     /// By their slots.
     plans: Box<[Option<Box<ServedPlan>>]>,
-    orders: Receiver<PlanOrder>,
-    retired: SyncSender<Box<ServedPlan>>,
+    orders: Consumer<PlanOrder>,
+    retired: Producer<Box<ServedPlan>>,
     workspace: Workspace<f64>,
     scratch: Vec<f64>,
-    /// Where answers with a checksum come to be: the memory they go to is not ours alone.
+    /// Where answers with a checksum, and recorded ones, come to be: the memory they go to is not
+    /// ours alone.
     private: Vec<f64>,
     /// Copies what is asked and answered, where that is recorded.
     pub(crate) recorder: Option<Recorder>,
@@ -44,14 +45,15 @@ struct Ran {
     warnings: Warnings,
     n_out: usize,
     /// The numbers are in `private`.
+    is_private: bool,
     checks: bool,
 }
 
 impl Engine {
     pub(crate) fn new(
         model: Arc<Model<f64>>,
-        orders: Receiver<PlanOrder>,
-        retired: SyncSender<Box<ServedPlan>>,
+        orders: Consumer<PlanOrder>,
+        retired: Producer<Box<ServedPlan>>,
     ) -> Engine {
         let workspace = Workspace::new(&model);
         let plans = (0..MAX_PLANS).map(|_| None).collect();
@@ -62,7 +64,7 @@ impl Engine {
 
     /// Takes new plans and gives back old ones. Nobody ever blocks on these channels.
     pub(crate) fn obey(&mut self) {
-        while let Ok(order) = self.orders.try_recv() {
+        while let Ok(order) = self.orders.pop() {
             match order {
                 PlanOrder::Serve(served) => {
                     let slot = served.number.slot();
@@ -72,9 +74,7 @@ impl Engine {
                     let Some(served) = self.plans[number.slot()].take() else { continue };
                     // there is room for every plan, so this cannot fail; were it to, the plan would
                     // stay
-                    if let Err(TrySendError::Full(served) | TrySendError::Disconnected(served)) =
-                        self.retired.try_send(served)
-                    {
+                    if let Err(PushError::Full(served)) = self.retired.push(served) {
                         self.plans[number.slot()] = Some(served);
                     }
                 }
@@ -123,15 +123,14 @@ impl Engine {
         taken: &Taken<'_>,
     ) -> ResponseHead {
         match self.run(head, input, output) {
-            Ok(Ran { status, warnings, n_out, checks: true }) => {
-                let (numbers, answer) =
-                    (&self.private[..n_out], ResponseHead::new(status, warnings, head.sequence));
-                output[..n_out].copy_from_slice(numbers);
-                taken.close(answer, Some(numbers))
-            }
-            // without a checksum, also where the request has one: it was meant for another plan
-            Ok(Ran { status, warnings, .. }) => {
-                taken.close(ResponseHead::new(status, warnings, head.sequence), None)
+            Ok(Ran { status, warnings, n_out, is_private, checks }) => {
+                let numbers = &self.private[..n_out];
+                if is_private {
+                    output[..n_out].copy_from_slice(numbers);
+                }
+                // without a checksum, also where the request has one: it was meant for another plan
+                let answer = ResponseHead::new(status, warnings, head.sequence);
+                taken.close(answer, checks.then_some(numbers))
             }
             Err(status) => {
                 if let Some(recorder) = &mut self.recorder {
@@ -181,6 +180,10 @@ impl Engine {
             if of_request(head, input) != head.checksum {
                 return Err(Status::CorruptAnswer);
             }
+        }
+        // what is vouched for or recorded is what was computed, not what others may have written
+        let is_private = checks || self.recorder.is_some();
+        if is_private {
             output = self.private.get_mut(..n_out).ok_or(Status::WrongSize)?;
         }
 
@@ -189,7 +192,7 @@ impl Engine {
             recorder.record(head, plan.query(), input, output, answer);
         }
         let Answer { status, warnings } = answer;
-        Ok(Ran { status, warnings, n_out, checks })
+        Ok(Ran { status, warnings, n_out, is_private, checks })
     }
 }
 

@@ -11,16 +11,17 @@
 //! answered `overloaded` by its own side of the service; through a lane its newer request
 //! replaces the one that it gave up. Nothing else is ever dropped.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
 use std::time::Duration;
 
 use quanta::Clock;
+use rtrb::{Consumer, Producer, PushError};
 use sarrus_proto::Status;
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::heartbeat::HeartbeatWriter;
-use sarrus_proto::lane::{Threadsafe, send_response};
+use sarrus_proto::lane::{ComputeActive, Threadsafe, send_response};
 use sarrus_proto::message::{RequestHead, ResponseHead};
 use sarrus_proto::service::ComputeServer;
 
@@ -50,6 +51,8 @@ const FAREWELL: Duration = Duration::from_millis(100);
 pub(crate) enum End {
     Lane(ServedLane),
     Service(ComputeServer<Threadsafe>),
+    /// Of a client that has overwritten the transport's records.
+    Broken,
 }
 
 /// Orders of the maintenance thread to the answering thread.
@@ -74,8 +77,8 @@ pub(crate) struct Hot {
     pub(crate) engine: Engine,
     /// What is polled, with its place; there is room for all.
     pub(crate) ends: Vec<Retired>,
-    pub(crate) orders: Receiver<Order>,
-    pub(crate) retired: SyncSender<Retired>,
+    pub(crate) orders: Consumer<Order>,
+    pub(crate) retired: Producer<Retired>,
     pub(crate) heartbeat: HeartbeatWriter,
     pub(crate) shared: Arc<Shared>,
     pub(crate) clock: Clock,
@@ -134,67 +137,58 @@ impl Hot {
     /// Looks at each client once, and answers what waits; how many requests there were.
     fn sweep(&mut self, stopping: bool) -> usize {
         let Hot { engine, ends, shared, clock, .. } = self;
-        let mut answered = 0;
-        for (place, end) in ends {
-            let (transport, outcome, start) = match end {
-                End::Lane(lane) => {
-                    let Some((head, numbers)) = lane.inbox.poll() else { continue };
-                    // not a request: the client has just claimed its lane
-                    if head.sequence == 0 {
-                        continue;
-                    }
-                    let start = clock.raw();
-                    engine.found(start, Client::Lane(*place as u32));
-                    let taken = Taken::of(clock, &head, start);
-                    let output = lane.outbox.numbers();
-                    let answer = match stopping {
-                        false => engine.answer(&head, Input::Copied(numbers), output, &taken),
-                        true => refuse(&head, Status::ShuttingDown, output, &taken),
-                    };
-                    lane.outbox.publish(answer);
-                    (Transport::Lane, Outcome::of(&head, &answer), start)
-                }
-                End::Service(port) => {
-                    // an error concerns a client that is about to go
-                    let Ok(Some(request)) = port.receive() else { continue };
-                    let start = clock.raw();
-                    // given up meanwhile, or its client is gone: dropping it releases it
-                    if !request.is_connected() {
-                        continue;
-                    }
-                    let payload = request.payload();
-                    let head = payload.head();
-                    engine.found(start, Client::Service);
-                    let taken = Taken::of(clock, &head, start);
-                    let mut outcome = Outcome { status: Status::Overloaded as u32, late: false };
-                    // a client that went away meanwhile hears nothing; it is counted as what it
-                    // would have heard
-                    let _ = send_response(&request, |output| {
-                        let answer = match stopping {
-                            false => engine.answer(&head, Input::Shared(payload), output, &taken),
-                            true => refuse(&head, Status::ShuttingDown, output, &taken),
-                        };
-                        outcome = Outcome::of(&head, &answer);
-                        answer
-                    });
-                    (Transport::Service, outcome, start)
+        let (mut answered, mut broken) = (0, None);
+        for (index, (place, end)) in ends.iter_mut().enumerate() {
+            let mut look = || match end {
+                End::Lane(lane) => poll_lane(lane, *place, engine, clock, stopping),
+                End::Service(port) => poll_service(port, engine, clock, stopping),
+                End::Broken => None,
+            };
+            // the transport panics over records of its own that a client has overwritten
+            let turn = match catch_unwind(AssertUnwindSafe(&mut look)) {
+                Ok(Some(turn)) => turn,
+                Ok(None) => continue,
+                Err(_) => {
+                    broken = Some(index);
+                    continue;
                 }
             };
-            if outcome.late {
+            if turn.late {
                 shared.counters.record_late(*place);
             }
-            shared.counters.record(transport, outcome.status, clock.raw().wrapping_sub(start));
+            let ticks = clock.raw().wrapping_sub(turn.start);
+            shared.counters.record(turn.transport, turn.status, ticks);
             engine.sent();
             answered += 1;
         }
+        if let Some(index) = broken {
+            self.give_up(index);
+        }
         answered
+    }
+
+    /// An end that the transport cannot work with any more is not touched again, not even to be
+    /// taken down; its client is.
+    #[cold]
+    fn give_up(&mut self, index: usize) {
+        if let Some((_, end)) = self.ends.get_mut(index) {
+            std::mem::forget(std::mem::replace(end, End::Broken));
+        }
+        self.retire(index);
+    }
+
+    fn retire(&mut self, index: usize) {
+        // there is room for every end, so this cannot fail; were it to, the end would stay
+        if let Err(PushError::Full(retired)) = self.retired.push(self.ends.swap_remove(index)) {
+            self.ends.push(retired);
+        }
     }
 
     /// Takes new plans and ends and gives back old ones. Nobody ever blocks on these channels:
     /// looking costs two loads.
     fn obey(&mut self) {
         self.engine.obey();
-        while let Ok(order) = self.orders.try_recv() {
+        while let Ok(order) = self.orders.pop() {
             match order {
                 // never more than there is room for: a place is served once
                 Order::Serve { place, end } => {
@@ -202,15 +196,8 @@ impl Hot {
                     self.ends.push((place, end));
                 }
                 Order::Retire { place } => {
-                    let Some(index) = self.ends.iter().position(|(one, _)| *one == place) else {
-                        continue;
-                    };
-                    // there is room for every end, so this cannot fail; were it to, the end would
-                    // stay
-                    if let Err(TrySendError::Full(retired) | TrySendError::Disconnected(retired)) =
-                        self.retired.try_send(self.ends.swap_remove(index))
-                    {
-                        self.ends.push(retired);
+                    if let Some(index) = self.ends.iter().position(|(one, _)| *one == place) {
+                        self.retire(index);
                     }
                 }
             }
@@ -218,15 +205,91 @@ impl Hot {
     }
 }
 
-/// What is counted of an answer.
-struct Outcome {
-    status: u32,
-    late: bool,
+/// One look at a lane.
+#[inline]
+fn poll_lane(
+    lane: &mut ServedLane,
+    place: usize,
+    engine: &mut Engine,
+    clock: &Clock,
+    stopping: bool,
+) -> Option<Turn> {
+    let (head, numbers) = lane.inbox.poll()?;
+    // not a request: the client has just claimed its lane
+    if head.sequence == 0 {
+        return None;
+    }
+    let start = clock.raw();
+    engine.found(start, Client::Lane(place as u32));
+    let taken = Taken::of(clock, &head, start);
+    let output = lane.outbox.numbers();
+    let answer = match stopping {
+        false => engine.answer(&head, Input::Copied(numbers), output, &taken),
+        true => refuse(&head, Status::ShuttingDown, output, &taken),
+    };
+    lane.outbox.publish(answer);
+    Some(Turn::of(Transport::Lane, &head, &answer, start))
 }
 
-impl Outcome {
-    fn of(request: &RequestHead, answer: &ResponseHead) -> Outcome {
-        Outcome { status: answer.status, late: is_late(request, answer) }
+/// One look at a service.
+#[inline]
+fn poll_service(
+    port: &mut ComputeServer<Threadsafe>,
+    engine: &mut Engine,
+    clock: &Clock,
+    stopping: bool,
+) -> Option<Turn> {
+    // an error concerns a client that is about to go
+    let held = Held(Some(port.receive().ok()??));
+    let request = held.0.as_ref()?;
+    let start = clock.raw();
+    // else given up meanwhile, or its client is gone: dropping it releases it
+    request.is_connected().then(|| {
+        let payload = request.payload();
+        let head = payload.head();
+        engine.found(start, Client::Service);
+        let taken = Taken::of(clock, &head, start);
+        let (transport, status) = (Transport::Service, Status::Overloaded as u32);
+        let mut turn = Turn { transport, status, late: false, start };
+        // a client that went away meanwhile hears nothing; it is counted as what it would have
+        // heard
+        let _ = send_response(request, |output| {
+            let answer = match stopping {
+                false => engine.answer(&head, Input::Shared(payload), output, &taken),
+                true => refuse(&head, Status::ShuttingDown, output, &taken),
+            };
+            turn = Turn::of(transport, &head, &answer, start);
+            answer
+        });
+        turn
+    })
+}
+
+/// A request that is not taken down while a panic over it is cleared up: that would be the second
+/// one, which ends the process.
+struct Held(Option<ComputeActive<Threadsafe>>);
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            std::mem::forget(self.0.take());
+        }
+    }
+}
+
+/// What is counted of an answer.
+struct Turn {
+    transport: Transport,
+    status: u32,
+    late: bool,
+    /// When its request was found.
+    start: u64,
+}
+
+impl Turn {
+    #[inline]
+    fn of(transport: Transport, request: &RequestHead, answer: &ResponseHead, start: u64) -> Turn {
+        Turn { transport, status: answer.status, late: is_late(request, answer), start }
     }
 }
 

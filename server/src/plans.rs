@@ -6,9 +6,9 @@
 //! hands each back, and only then its slot in the table is free for another plan, under another
 //! number.
 
-use std::sync::mpsc::{Receiver, SyncSender};
 use std::time::{Duration, Instant};
 
+use rtrb::{Consumer, Producer};
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
 use sarrus_proto::{Query, QueryError, QueryOptions};
@@ -72,12 +72,12 @@ struct Slot {
 /// The plans of all clients.
 pub(crate) struct Plans {
     slots: Vec<Slot>,
-    orders: SyncSender<PlanOrder>,
-    retired: Receiver<Box<ServedPlan>>,
+    orders: Producer<PlanOrder>,
+    retired: Consumer<Box<ServedPlan>>,
 }
 
 impl Plans {
-    pub(crate) fn new(orders: SyncSender<PlanOrder>, retired: Receiver<Box<ServedPlan>>) -> Plans {
+    pub(crate) fn new(orders: Producer<PlanOrder>, retired: Consumer<Box<ServedPlan>>) -> Plans {
         let slots = (0..MAX_PLANS).map(|_| Slot { generation: 0, state: State::Free }).collect();
         Plans { slots, orders, retired }
     }
@@ -118,7 +118,7 @@ impl Plans {
         let checks = query.options.contains(QueryOptions::CHECKSUM);
         let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan, checks }));
         // there is room: full means that the answering thread is gone
-        self.orders.try_send(order).map_err(|_| Unplanned::TooMany)?;
+        self.orders.push(order).map_err(|_| Unplanned::TooMany)?;
         slot.generation += 1;
         let registered = Registered { number, n_in, n_out };
         slot.state = State::Held { query: *query, registered, holders: vec![holder] };
@@ -135,7 +135,7 @@ impl Plans {
         let held = holders.len();
         holders.retain(|one| *one != holder);
         let had = holders.len() < held;
-        retire_if_unheld(&self.orders, slot);
+        retire_if_unheld(&mut self.orders, slot);
         had
     }
 
@@ -144,7 +144,7 @@ impl Plans {
         for slot in &mut self.slots {
             if let State::Held { holders, .. } = &mut slot.state {
                 holders.retain(|one| *one != holder);
-                retire_if_unheld(&self.orders, slot);
+                retire_if_unheld(&mut self.orders, slot);
             }
         }
     }
@@ -161,12 +161,12 @@ impl Plans {
     /// Takes back what the answering thread returned and what nobody holds; call it often.
     pub(crate) fn upkeep(&mut self) {
         self.collect();
-        self.slots.iter_mut().for_each(|slot| retire_if_unheld(&self.orders, slot));
+        self.slots.iter_mut().for_each(|slot| retire_if_unheld(&mut self.orders, slot));
     }
 
     fn collect(&mut self) {
         // dropped here, not on the answering thread
-        while let Ok(served) = self.retired.try_recv() {
+        while let Ok(served) = self.retired.pop() {
             self.slots[served.number.slot()].state = State::Free;
         }
     }
@@ -193,11 +193,11 @@ impl Plans {
     }
 }
 
-fn retire_if_unheld(orders: &SyncSender<PlanOrder>, slot: &mut Slot) {
+fn retire_if_unheld(orders: &mut Producer<PlanOrder>, slot: &mut Slot) {
     if let State::Held { registered, holders, .. } = &slot.state
         && holders.is_empty()
         // else tried again at the next upkeep
-        && orders.try_send(PlanOrder::Retire(registered.number)).is_ok()
+        && orders.push(PlanOrder::Retire(registered.number)).is_ok()
     {
         slot.state = State::Leaving;
     }

@@ -1,17 +1,19 @@
 //! A run of the server: start, upkeep beside the answering thread, end.
 
 use std::io;
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{self, sync_channel};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use quanta::Clock;
+use rtrb::RingBuffer;
 use rustix::process::{Resource, getrlimit, setrlimit};
 use sarrus_dynamics::Model;
-use sarrus_proto::heartbeat::HeartbeatWriter;
+use sarrus_proto::heartbeat::{HeartbeatReader, HeartbeatWriter};
 use sarrus_proto::message::{MAX_PLANS, MAX_SERVICE_CLIENTS, Statistics};
 use sarrus_proto::run::{Run, RunError};
 use sarrus_proto::{Domain, DomainError, ModelInfo, ServerName};
@@ -141,6 +143,13 @@ pub enum ServeError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// The answering thread lives and does nothing.
+    #[error(
+        "the answering thread hangs: no heartbeat for {} s, while another thread ran; its processor \
+         is taken, or a client has overwritten shared memory",
+        PULSE.as_secs()
+    )]
+    Hung,
     /// The answering thread ended without an order to stop.
     #[error(
         "the answering thread ended by itself; this is a defect of sarrus, please report it with \
@@ -206,10 +215,10 @@ fn run(
     let places = options.lanes + MAX_SERVICE_CLIENTS;
     let counters = Counters::new(places);
     let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
-    let (plan_orders_in, plan_orders) = sync_channel(MAX_ORDERS);
-    let (retired_plans, retired_plans_out) = sync_channel(MAX_PLANS);
-    let (orders_in, orders) = sync_channel(2 * places);
-    let (retired, retired_out) = sync_channel(places);
+    let (plan_orders_in, plan_orders) = RingBuffer::new(MAX_ORDERS);
+    let (retired_plans, retired_plans_out) = RingBuffer::new(MAX_PLANS);
+    let (orders_in, orders) = RingBuffer::new(2 * places);
+    let (retired, retired_out) = RingBuffer::new(places);
     let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;
     let heartbeat_reader = heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
     let clock = Clock::new();
@@ -260,17 +269,32 @@ fn run(
         run,
     };
     let now = Instant::now();
-    let mut upkeep =
-        Upkeep { control, latency, shared: shared.clone(), since: now, folded: now, checked: now };
+    let pulse = Pulse::new(&control.heartbeat).map_err(ServeError::Heartbeat)?;
+    let mut upkeep = Upkeep {
+        control,
+        latency,
+        shared: shared.clone(),
+        pulse,
+        since: now,
+        folded: now,
+        checked: now,
+    };
     ready();
     while !stop.load(Relaxed) && !thread.is_finished() {
-        upkeep.step(false);
+        upkeep.step(stop, false);
+        if upkeep.pulse.is_lost() {
+            // a thread that hangs cannot be ended: the process is, and its clients know at once
+            return Err(ServeError::Hung);
+        }
     }
 
     // the end: refuse what still comes, then take everything down in order
     shared.stopping.store(true, Relaxed);
     while !thread.is_finished() {
-        upkeep.step(true);
+        upkeep.step(stop, true);
+        if upkeep.pulse.is_lost() {
+            return Err(ServeError::Hung);
+        }
     }
     let ended = thread.join();
     // what was answered is written
@@ -335,9 +359,45 @@ struct Upkeep {
     control: Control,
     latency: Latency,
     shared: Arc<Shared>,
+    pulse: Pulse,
     since: Instant,
     folded: Instant,
     checked: Instant,
+}
+
+/// Without a heartbeat for this long, the answering thread hangs.
+const PULSE: Duration = Duration::from_secs(10);
+
+/// Whether the answering thread lives, as far as this thread does: what keeps the whole process
+/// from running, such as SIGSTOP, is no fault of that one.
+struct Pulse {
+    heartbeat: HeartbeatReader,
+    beats: u64,
+    /// How long this thread has run and felt none.
+    lost: Duration,
+    felt: Instant,
+}
+
+impl Pulse {
+    fn new(heartbeat: &OwnedFd) -> io::Result<Pulse> {
+        let heartbeat = HeartbeatReader::new(heartbeat)?;
+        Ok(Pulse { heartbeat, beats: 0, lost: Duration::ZERO, felt: Instant::now() })
+    }
+
+    /// Call it often.
+    fn feel(&mut self) {
+        let (beats, now) = (self.heartbeat.read().beats, Instant::now());
+        // a step that took longer did not run all the time
+        self.lost += (now - self.felt).min(2 * WAIT);
+        self.felt = now;
+        if beats != self.beats {
+            (self.beats, self.lost) = (beats, Duration::ZERO);
+        }
+    }
+
+    fn is_lost(&self) -> bool {
+        self.lost > PULSE
+    }
 }
 
 /// The longest wait for clients.
@@ -349,9 +409,14 @@ const CHECK: Duration = Duration::from_secs(1);
 
 impl Upkeep {
     /// Waits for clients, answers one call of each that speaks, and does what else is due.
-    fn step(&mut self, stopping: bool) {
+    fn step(&mut self, stop: &AtomicBool, stopping: bool) {
         let wait = if stopping { Duration::from_millis(1) } else { WAIT };
+        self.pulse.feel();
         for client in self.control.connections.wait(wait) {
+            // a stop does not wait for a crowd
+            if stop.load(Relaxed) && !stopping {
+                return;
+            }
             let (latency, shared, since) = (&mut self.latency, &self.shared, self.since);
             self.control.answer(client, stopping, |control| {
                 latency.fold(&shared.counters);

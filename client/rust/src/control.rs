@@ -1,6 +1,6 @@
 //! A connection to a run of a server: calls beside the data path, and whether the server is there.
 
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ use crate::{ConnectError, Error, Prepared};
 const RETRY: Duration = Duration::from_millis(1);
 
 /// How long a client that leaves waits for the server.
-const LEAVE: Duration = Duration::from_millis(50);
+const LEAVE: Duration = Duration::from_millis(250);
 
 /// A node of this process in a link.
 pub(crate) type LinkNode = iceoryx2::node::Node<Threadsafe>;
@@ -68,7 +68,8 @@ impl Control {
         let (response, descriptor) = exchange(&socket, &request, deadline)
             .map_err(|error| failed(error, name.as_str(), start, || Life::of(process, None)))?;
         let expected = request.fingerprint;
-        let Grant::Hello { root, process, pages } = granted(&response, expected)? else {
+        // the server's own number of its process may be another system's
+        let Grant::Hello { root, pages, .. } = granted(&response, expected)? else {
             return Err(ConnectError::BadAnswer { what: "to an attach" });
         };
         let bad = || ConnectError::BadAnswer { what: "to an attach" };
@@ -78,7 +79,7 @@ impl Control {
             name: name.as_str().to_owned(),
             fingerprint: response.fingerprint,
             instance: response.instance,
-            process: *process,
+            process,
             domain: Domain::at(Path::new(root))?,
             pages: *pages,
             heartbeat,
@@ -218,11 +219,17 @@ fn connect(
     name: &ServerName,
     deadline: Instant,
 ) -> Result<ControlSocket, ConnectError> {
+    let start = Instant::now();
     loop {
         let mut busy = false;
         for folder in domain.server_folders(name) {
             match ControlSocket::connect(&folder) {
-                Ok(socket) => return Ok(socket),
+                // nobody else's server is ours, whatever its folder is called
+                Ok(socket) if is_ours(&socket) => return Ok(socket),
+                Ok(_) => {
+                    let source = io::Error::other("the server is another user's");
+                    return Err(ConnectError::Unreachable { path: folder, source });
+                }
                 Err(error) => match error.kind() {
                     ErrorKind::NotFound | ErrorKind::ConnectionRefused => {}
                     ErrorKind::WouldBlock | ErrorKind::Interrupted => busy = true,
@@ -230,7 +237,11 @@ fn connect(
                 },
             }
         }
-        if !busy || Instant::now() >= deadline {
+        if busy && Instant::now() >= deadline {
+            let (name, timeout) = (name.as_str().to_owned(), start.elapsed());
+            return Err(ConnectError::NoAnswer { name, timeout, life: Life::of(0, None) });
+        }
+        if !busy {
             let name_text = name.as_str().to_owned();
             return Err(match supervision::given_up(domain.root(), name) {
                 Some(reason) => ConnectError::GivenUp { name: name_text, reason },
@@ -239,6 +250,11 @@ fn connect(
         }
         std::thread::sleep(RETRY);
     }
+}
+
+fn is_ours(socket: &ControlSocket) -> bool {
+    let us = rustix::process::geteuid().as_raw();
+    socket.peer().is_ok_and(|peer| peer.user == us)
 }
 
 fn failed(

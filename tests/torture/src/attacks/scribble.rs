@@ -53,7 +53,8 @@ impl Scribble {
             loop {
                 over = !clock.runs(|| format!("{scribblers_made} scribblers, {deaths:?} deaths"));
                 if let Some(status) = server.ended() {
-                    let how = status.signal().map_or(format!("{status}"), |n| format!("signal {n}"));
+                    let how =
+                        status.signal().map_or(format!("{status}"), |n| format!("signal {n}"));
                     *deaths.entry(how.clone()).or_default() += 1;
                     if !self.others {
                         report.fault(format!("the server ended by {how} under {recent:?}"));
