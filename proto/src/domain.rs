@@ -83,7 +83,7 @@ pub enum DomainError {
     },
     /// The path of the root directory cannot be used.
     #[error(
-        "{path} cannot be the root of shared memory; give an absolute path of at most 100 \
+        "{path} cannot be the root of shared memory; give an absolute path of at most {MAX_ROOT} \
          characters in SARRUS_ROOT"
     )]
     Path {
@@ -276,8 +276,11 @@ impl Domain {
     }
 }
 
-/// The longest path of a root; with it the longest path below is one that the transport takes.
-const MAX_ROOT: usize = 100;
+/// The longest path of a root. The transport ends a process whose paths get longer than 255; the
+/// longest is that of a connection in a link: 1 + 16 and 1 + 8 for the folders, 1 + 42 for the
+/// prefix, 41 for the service, 11 for the suffix, and two identifiers of ports, of which each has
+/// 31 digits at most as long as a link has fewer than 126 ports.
+const MAX_ROOT: usize = 70;
 
 /// The transport's settings for a part of shared memory.
 pub(crate) fn config(root: &Path, prefix: &str) -> Result<Config, DomainError> {

@@ -23,6 +23,8 @@ use crate::{Domain, DomainError, ServerName};
 
 /// How long the transport waits for a file of a link whose maker has not finished it.
 const HALF_MADE: Duration = Duration::from_millis(100);
+/// Numbers of links: as many as eight digits say, which paths have room for.
+const LINK_NUMBERS: u64 = 0xffff_ffff;
 
 /// A server's name and folder, held until this is dropped; then nothing of the run is left.
 #[derive(Debug)]
@@ -114,9 +116,16 @@ impl Run {
         any
     }
 
-    /// The part of shared memory of one connection.
-    pub fn link(&self, number: u64) -> Result<Link, DomainError> {
-        Link::new(&self.domain, self.instance, number)
+    /// A part of shared memory for one connection, with its number: random, so that nobody can
+    /// take the names in it before they are needed.
+    pub fn new_link(&self) -> Result<(u64, Link), DomainError> {
+        loop {
+            let number = random() & LINK_NUMBERS;
+            let link = Link::new(&self.domain, self.instance, number)?;
+            if !link.root.exists() {
+                return Ok((number, link));
+            }
+        }
     }
 }
 
@@ -145,11 +154,15 @@ pub struct Link {
 impl Link {
     /// The link of a connection, as both sides name it.
     pub fn new(domain: &Domain, instance: u64, number: u64) -> Result<Link, DomainError> {
-        let root = instance_folder(domain, instance).join(format!("{number:x}"));
-        let prefix = format!("{}{instance:016x}_{number:x}_", domain.prefix());
+        let root = instance_folder(domain, instance).join(format!("{number:08x}"));
+        let prefix = format!("{}{instance:016x}_{number:08x}_", domain.prefix());
         let mut config = config(&root, &prefix)?;
         // the server never waits long for what a client has half made
         config.global.creation_timeout = HALF_MADE;
+        // the server removes a link whole: nobody needs to look for dead nodes in it
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
         Ok(Link { config, root, prefix })
     }
 

@@ -61,8 +61,7 @@ pub(crate) struct Connections {
     listener: ControlListener,
     /// By the numbers that plans know them under.
     clients: BTreeMap<u64, Connection>,
-    /// Connections so far; a link has the number of the connection that it was made for and of the
-    /// links before.
+    /// Connections so far.
     numbers: u64,
     /// The lanes, then the services.
     places: Vec<Place>,
@@ -334,8 +333,7 @@ impl Connections {
         if free < needed {
             return Err(Refusal::NoSpace { needed, free });
         }
-        self.numbers += 1;
-        let link = run.link(self.numbers).map_err(|error| failed(&error))?;
+        let (number, link) = run.new_link().map_err(|error| failed(&error))?;
         let pages = replaced_pages();
         let made = link.node().map_err(|error| failed(&error)).and_then(|node| {
             let made = make(&node, &link)?;
@@ -346,7 +344,7 @@ impl Connections {
             }
         });
         match made {
-            Ok((node, made)) => Ok((self.numbers, node, link, made)),
+            Ok((node, made)) => Ok((number, node, link, made)),
             Err(refusal) => {
                 link.remove();
                 Err(refusal)

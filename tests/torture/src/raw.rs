@@ -119,12 +119,12 @@ impl Raw {
     /// The head of a request.
     pub(crate) fn head(&self, plan: u32, sequence: u64) -> RequestHead {
         let (version, fingerprint) = (PROTOCOL_VERSION, self.fingerprint);
-        RequestHead { version, plan, fingerprint, sequence }
+        RequestHead { version, plan, fingerprint, sequence, ..RequestHead::default() }
     }
 
     /// How the names of a link's files in shared memory begin.
     pub(crate) fn prefix_of(&self, link: u64) -> String {
-        format!("{}{:016x}_{link:x}_", self.domain.prefix(), self.instance)
+        format!("{}{:016x}_{link:08x}_", self.domain.prefix(), self.instance)
     }
 }
 

@@ -213,8 +213,8 @@ impl Intruder {
         let mut squatted = vec![format!("{}{COUNTER}", self.prefix)];
         if let Some((instance, last)) = seen.into_iter().max_by_key(|(_, number)| *number) {
             for number in last.wrapping_add(1)..=last.saturating_add(AHEAD) {
-                squatted.push(format!("{}{instance}_{number:x}_{COUNTER}", self.prefix));
-                squatted.push(format!("{}{instance}_{number:x}_x", self.prefix));
+                squatted.push(format!("{}{instance}_{number:08x}_{COUNTER}", self.prefix));
+                squatted.push(format!("{}{instance}_{number:08x}_x", self.prefix));
             }
         }
         for (k, name) in squatted.iter().enumerate() {
