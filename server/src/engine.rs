@@ -176,10 +176,8 @@ impl Engine {
         };
 
         // what was sent
-        if checks {
-            if of_request(head, input) != head.checksum {
-                return Err(Status::CorruptAnswer);
-            }
+        if checks && of_request(head, input) != head.checksum {
+            return Err(Status::CorruptAnswer);
         }
         // what is vouched for or recorded is what was computed, not what others may have written
         let is_private = checks || self.recorder.is_some();

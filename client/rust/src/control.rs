@@ -243,6 +243,11 @@ fn connect(
         }
         if !busy {
             let name_text = name.as_str().to_owned();
+            if busy {
+                // it is there, but others wait for it as well
+                let (timeout, life) = (start.elapsed(), Life::of(0, None));
+                return Err(ConnectError::NoAnswer { name: name_text, timeout, life });
+            }
             return Err(match supervision::given_up(domain.root(), name) {
                 Some(reason) => ConnectError::GivenUp { name: name_text, reason },
                 None => ConnectError::NoServer { name: name_text },

@@ -82,7 +82,10 @@ impl fmt::Display for Life {
             ProcessState::Alive => {
                 write!(f, "its process {process} lives; allow more time in the timeout")
             }
-            ProcessState::Unknown => f.write_str("its process is not known"),
+            ProcessState::Unknown => f.write_str(
+                "its process is not known; see whether it is stopped, or give it a processor of \
+                 its own (see `sarrus doctor`)",
+            ),
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Clients write random bytes into shared memory: their own, or with a flag that of everybody.
+//! Clients write random bytes into shared memory and cut its files short: the numbers of their own
+//! lanes, or with flags what the transport trusts, and what is others'.
 
 use std::collections::BTreeMap;
 use std::os::unix::process::ExitStatusExt;
@@ -15,14 +16,18 @@ use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
 use crate::sandbox::{Process, Sandbox, words};
 
+/// How the names of files end that hold numbers of lanes and nothing that the transport trusts.
+const NUMBERS: &str = ".blackboard_data";
 /// Scribblers at one time.
 const SCRIBBLERS: usize = 3;
 
 #[derive(Args, Default)]
 pub(crate) struct Scribble {
-    /// Scribble over the memory of all clients. A process of the same user can do that, and the
-    /// server and its clients may die of it: SECURITY.md says so; what happens is counted, and is
-    /// no fault.
+    /// Scribble over the transport's own records as well. The server may end of it: SECURITY.md
+    /// says so; what happens is counted, and is no fault.
+    #[arg(long)]
+    records: bool,
+    /// Scribble over the memory of all clients, with the same limit.
     #[arg(long)]
     others: bool,
     /// Only into files whose names hold this.
@@ -40,6 +45,8 @@ impl Scribble {
         let oracle = Arc::new(Oracle::new(robot, settings.seed, 256)?);
         let sandbox = Sandbox::new(settings)?;
         let mut random = Rng::with_seed(settings.seed);
+        let is_limit = self.records || self.others;
+        let only = self.only.clone().or((!self.records).then(|| NUMBERS.to_owned()));
         let mut clock = Clock::new("scribble", settings.seconds);
         let (mut scribblers_made, mut deaths) = (0_u64, BTreeMap::<String, u64>::new());
         let mut total = crate::honest::Counts::default();
@@ -56,7 +63,7 @@ impl Scribble {
                     let how =
                         status.signal().map_or(format!("{status}"), |n| format!("signal {n}"));
                     *deaths.entry(how.clone()).or_default() += 1;
-                    if !self.others {
+                    if !is_limit {
                         report.fault(format!("the server ended by {how} under {recent:?}"));
                     }
                     break;
@@ -75,7 +82,8 @@ impl Scribble {
                     flags.extend(transport_flags(TRANSPORTS[random.usize(..2)]));
                     flags.extend(truncate.then(|| "--truncate".to_owned()));
                     flags.extend(self.others.then(|| "--others".to_owned()));
-                    if let Some(part) = &self.only {
+                    // every file may be cut short
+                    if let Some(part) = only.as_ref().filter(|_| !truncate) {
                         flags.extend(["--only".to_owned(), part.clone()]);
                     }
                     let process = sandbox.role("scribbler", &flags)?.spawn().map_err(words)?;
@@ -97,7 +105,7 @@ impl Scribble {
             }
         }
         report.count(format!("{scribblers_made} scribblers, deaths of the server: {deaths:?}"));
-        match self.others {
+        match is_limit {
             true => report.count(format!(
                 "others: {} answers, {} wrong, {} lost (a limit that is documented)",
                 total.answers, total.wrong, total.lost

@@ -11,14 +11,14 @@ use sarrus_client::Status;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::Call;
 use sarrus_proto::lane::{ComputeClient, ComputePending, Threadsafe, send_request};
-use sarrus_proto::message::RequestHead;
+use sarrus_proto::message::{RequestHead, ResponseHead};
 
 use crate::Settings;
 use crate::honest::Askers;
 use crate::oracle::{Oracle, Question};
 use crate::raw::{LinkNode, Raw};
 use crate::report::{Clock, Report, Verdict};
-use crate::sandbox::Sandbox;
+use crate::sandbox::{Sandbox, wait_until};
 
 /// Questions, each asked again and again.
 const QUESTIONS: usize = 4096;
@@ -65,7 +65,9 @@ impl Soak {
         let oracle = Arc::new(Oracle::new(robot, settings.seed, QUESTIONS)?);
         let sandbox = Sandbox::new(settings)?;
         let lanes = (self.lanes + 1).to_string();
-        let mut server = sandbox.serve(robot, &["--lanes", &lanes])?;
+        // a server that polls answers more, unless something else was asked for
+        let wait: &[&str] = if settings.wait.is_some() { &[] } else { &["--wait", "busy"] };
+        let mut server = sandbox.serve(robot, &[&["--lanes", &lanes], wait].concat())?;
         let (descriptors, memory) = (server.descriptors(), server.memory());
 
         let stop = Arc::new(AtomicBool::new(false));
@@ -134,6 +136,8 @@ impl Soak {
             report.fault(format!("the server ended with {status}"));
             return Ok(Verdict::Done(report));
         }
+        let leaks = !wait_until(Duration::from_secs(10), || server.descriptors() <= descriptors);
+        report.require(!leaks, || "descriptors are not given back".to_owned());
         report.count(format!(
             "descriptors {descriptors} then {}, memory {memory} then {} kB",
             server.descriptors(),
@@ -156,8 +160,15 @@ struct End {
 
 /// Ports go before their nodes.
 enum Way {
-    Lane(ClaimedLane, LinkNode),
-    Service(ComputeClient<Threadsafe>, Option<ComputePending<Threadsafe>>, LinkNode),
+    Lane {
+        lane: ClaimedLane,
+        _node: LinkNode,
+    },
+    Service {
+        pending: Option<ComputePending<Threadsafe>>,
+        client: ComputeClient<Threadsafe>,
+        _node: LinkNode,
+    },
 }
 
 fn attach(
@@ -178,12 +189,12 @@ fn attach(
         let way = if number < lanes {
             let (link, classes) = raw.lane(needs)?;
             let (lane, node) = raw.claim(link, classes)?;
-            Way::Lane(lane, node)
+            Way::Lane { lane, _node: node }
         } else {
             let link = raw.service()?;
             let (client, node) = raw.open(link)?;
             raw.call(Call::Serve)?;
-            Way::Service(client, None, node)
+            Way::Service { pending: None, client, _node: node }
         };
         ends.push(End { way, raw, plans, sequence: 0, asked: None });
     }
@@ -221,7 +232,7 @@ impl End {
     fn take(&mut self, oracle: &Oracle, tally: &mut Tally) -> bool {
         let Some((index, garbage)) = self.asked else { return true };
         let Some(question) = oracle.questions.get(index) else { return true };
-        let mut judge = |head: sarrus_proto::message::ResponseHead, numbers: &[f64]| {
+        let mut judge = |head: ResponseHead, numbers: &[f64]| {
             let right =
                 head.sequence == self.sequence && is_right(question, garbage, &head, numbers);
             tally.answers += 1;
@@ -235,11 +246,11 @@ impl End {
             }
         };
         match &mut self.way {
-            Way::Lane(lane, _) => {
+            Way::Lane { lane, .. } => {
                 let Some((head, numbers)) = lane.inbox.poll() else { return false };
                 judge(head, numbers);
             }
-            Way::Service(_, pending, _) => {
+            Way::Service { pending, .. } => {
                 let Some(waiting) = pending else { return true };
                 match waiting.receive() {
                     Ok(Some(answer)) => judge(answer.payload().head, &answer.payload().numbers),
@@ -271,13 +282,13 @@ impl End {
             _ => (good, None),
         };
         match &mut self.way {
-            Way::Lane(lane, _) => {
+            Way::Lane { lane, .. } => {
                 if let Some(numbers) = lane.outbox.numbers().get_mut(..question.input.len()) {
                     numbers.copy_from_slice(&question.input);
                 }
                 lane.outbox.publish(head);
             }
-            Way::Service(client, pending, _) => {
+            Way::Service { pending, client, .. } => {
                 *pending = send_request(client, &head, &question.input);
                 if pending.is_none() {
                     self.asked = None;
@@ -292,7 +303,7 @@ impl End {
 fn is_right(
     question: &Question,
     garbage: Option<Status>,
-    head: &sarrus_proto::message::ResponseHead,
+    head: &ResponseHead,
     numbers: &[f64],
 ) -> bool {
     match garbage {
