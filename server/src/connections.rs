@@ -177,8 +177,8 @@ impl Connections {
                     // the folder is this user's alone; whoever came in otherwise is not answered
                     let us = rustix::process::geteuid().as_raw();
                     let is_ours = socket.peer().is_ok_and(|peer| peer.user == us);
-                    // who went meanwhile takes no room; beyond the limit clients are told so, and far
-                    // beyond it nobody is heard
+                    // who went meanwhile takes no room; beyond the limit clients are told so, and
+                    // far beyond it nobody is heard
                     if is_ours && !socket.is_closed() && self.clients.len() < 2 * self.limit() {
                         self.numbers += 1;
                         let is_surplus = self.clients.len() >= self.limit();

@@ -145,8 +145,8 @@ pub enum ServeError {
     },
     /// The answering thread lives and does nothing.
     #[error(
-        "the answering thread hangs: no heartbeat for {} s, while another thread ran; its processor \
-         is taken, or a client has overwritten shared memory",
+        "the answering thread hangs: no heartbeat for {} s, while another thread ran; its \
+         processor is taken, or a client has overwritten shared memory",
         PULSE.as_secs()
     )]
     Hung,

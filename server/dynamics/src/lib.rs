@@ -18,7 +18,7 @@
 //! ```
 //!
 //! With the feature `portable` it compiles for any x86-64 processor. `mul_add` is then a call into
-//! the system's library, which rounds once as the instruction does: the same bits, four to six
+//! the system's library, which rounds once as the instruction does: the same bits, three to seven
 //! times the time.
 #![forbid(unsafe_code)]
 // the symbols of the equations
@@ -33,7 +33,7 @@
     not(feature = "portable")
 ))]
 compile_error!(
-    r#"sarrus is built without FMA and AVX2 and would be four to six times slower.
+    r#"sarrus is built without FMA and AVX2 and would be three to seven times slower.
 Put these two lines into `.cargo/config.toml` of your project:
 
 [target.'cfg(target_arch = "x86_64")']

@@ -74,10 +74,11 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
                 Some(fault) => report.fault(fault),
                 None => report.count(line),
             },
-            None => match line.strip_prefix("FAIL full: ") {
-                Some(fault) => report.fault(fault),
-                None => {}
-            },
+            None => {
+                if let Some(fault) = line.strip_prefix("FAIL full: ") {
+                    report.fault(fault);
+                }
+            }
         }
     }
     report.require(output.status.code().is_some_and(|code| code < 2), || {

@@ -221,7 +221,7 @@ impl Intruder {
             if k % 2 == 0 {
                 let _ = symlink(&self.bait, &path);
             } else if fs::write(&path, "").is_ok() {
-                let _ = fs::set_permissions(&path, fs::Permissions::from_mode(0));
+                let _ = fs::set_permissions(&path, fs::Permissions::from_mode(0o000));
             }
         }
         println!("done");
