@@ -26,7 +26,7 @@ use crate::hot::{End, Order, Retired};
 /// Connections without a lane or a service that a server takes besides.
 const MAX_OBSERVERS: usize = 64;
 /// How many that connect are taken in at one look.
-const MAX_ARRIVALS: usize = 64;
+const MAX_ARRIVALS: usize = 32;
 /// How long a client that wants an end waits for one that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
 /// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
