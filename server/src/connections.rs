@@ -28,7 +28,7 @@ const MAX_OBSERVERS: usize = 64;
 /// How many that connect are taken in at one look.
 const MAX_ARRIVALS: usize = 32;
 /// How long a client that wants an end waits for one that is just being given back.
-const HAND_BACK: Duration = Duration::from_millis(20);
+const HAND_BACK: Duration = Duration::from_millis(100);
 /// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
 /// others `[byte]`.
 const LANE_MARGIN: u64 = 256 << 10;

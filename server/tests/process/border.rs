@@ -51,6 +51,8 @@ fn a_client_that_ends_at_any_stage_of_attaching_leaves_nothing() {
     let server = sandbox.serve("stages", &["--lanes", "2"]);
     let mut honest = Asker::new(sandbox.connect("stages", Transport::Lane).unwrap());
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
+    // the smaller lane that it had before its plan is gone
+    wait_until("one lane is taken", || honest.robot.statistics().unwrap().lanes_taken == 1);
     let (files, open) = (sandbox.leftovers(), descriptors(server.id()));
     let fingerprint = honest.robot.model().fingerprint;
     let head = RequestHead {
@@ -115,6 +117,10 @@ fn a_stopped_server_is_said_to_be_stopped_and_goes_on() {
     for transport in [Transport::Lane, Transport::Service] {
         let options = ConnectOptions { transport, timeout, ..options() };
         let mut asker = Asker::new(sandbox.connect_with("stopped", options).unwrap());
+        wait_until("what it had before its plan is gone", || {
+            let statistics = asker.robot.statistics().unwrap();
+            statistics.lanes_taken == u64::from(transport == Transport::Lane)
+        });
         let open = descriptors(server.id());
         signal(server.id(), "-STOP");
         for _ in 0..3 {
