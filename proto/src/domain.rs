@@ -11,7 +11,7 @@ use iceoryx2::prelude::{
     Config, FileName, LogLevel, NodeBuilder, SemanticString, SignalHandlingMode, set_log_level,
 };
 use iceoryx2::prelude::{Node, Service, ServiceName};
-use rustix::fs::OFlags;
+use rustix::fs::{Mode, OFlags};
 
 /// The longest name that a server may have.
 pub const MAX_NAME: usize = 64;
@@ -298,9 +298,26 @@ pub(crate) fn config(root: &Path, prefix: &str) -> Result<Config, DomainError> {
 pub(crate) fn node<S: Service>(root: &Path, config: &Config) -> Result<Node<S>, DomainError> {
     let builder =
         NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(config);
-    builder
-        .create::<S>()
-        .map_err(|error| DomainError::Node { path: root.to_owned(), reason: format!("{error:?}") })
+    let node = builder.create::<S>().map_err(|error| DomainError::Node {
+        path: root.to_owned(),
+        reason: format!("{error:?}"),
+    })?;
+    // the transport lets every user write the counter of nodes
+    close_to_others(&config.global.prefix.to_string());
+    Ok(node)
+}
+
+/// Takes the files in shared memory whose names begin with `prefix` from all other users.
+fn close_to_others(prefix: &str) {
+    for path in shared_files(prefix) {
+        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        if let Ok(file) = rustix::fs::open(&path, flags, Mode::empty())
+            && rustix::fs::fstat(&file).is_ok_and(|found| found.st_mode & 0o077 != 0)
+        {
+            // one of somebody else stays as it is
+            let _ = rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR);
+        }
+    }
 }
 
 /// A folder of this user alone, with those above it.

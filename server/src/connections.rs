@@ -6,6 +6,7 @@
 //! is removed whole.
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender};
 use std::time::{Duration, Instant};
 
@@ -24,6 +25,9 @@ use crate::hot::{End, Order, Retired};
 
 /// Connections without a lane or a service that a server takes besides.
 const MAX_OBSERVERS: usize = 64;
+/// How long new connections are taken between two rounds of calls: who connects and goes without
+/// end must not keep those who are here waiting, nor those who come out.
+const ACCEPT: Duration = Duration::from_millis(2);
 /// How long a client that wants an end waits for one that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
 /// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
@@ -170,7 +174,8 @@ impl Connections {
 
     fn accept(&mut self) {
         self.paused_until = None;
-        loop {
+        let start = Instant::now();
+        while start.elapsed() < ACCEPT {
             match self.listener.accept() {
                 Ok(Some(socket)) => {
                     // the folder is this user's alone; whoever came in otherwise is not answered
@@ -203,7 +208,7 @@ impl Connections {
     pub(crate) fn collect(&mut self) {
         while let Ok((index, end)) = self.retired.try_recv() {
             // here, not on the answering thread: unmapping is a system call
-            drop(end);
+            guarded(|| drop(end));
             self.free(index);
         }
     }
@@ -212,7 +217,7 @@ impl Connections {
         if let Place::Leaving { node, link } | Place::Taken { node, link } =
             std::mem::replace(&mut self.places[index], Place::Free)
         {
-            drop(node);
+            guarded(|| drop(node));
             link.remove();
         }
     }
@@ -222,7 +227,7 @@ impl Connections {
         let Some(index) = client.place.take() else { return };
         match client.unserved.take() {
             Some(port) => {
-                drop(port);
+                guarded(|| drop(port));
                 self.free(index);
             }
             None => {
@@ -301,13 +306,18 @@ impl Connections {
         if let Place::Taken { link, .. } = &self.places[index]
             && let Err(error) = link.reserve()
         {
-            drop(port);
+            guarded(|| drop(port));
             client.place = None;
             self.free(index);
             return Err(no_space(&error));
         }
         // connects; nothing can have come yet, and what has is dropped
-        let _ = port.receive();
+        if guarded(|| _ = port.receive()).is_none() {
+            guarded(|| drop(port));
+            client.place = None;
+            self.free(index);
+            return Err(damaged());
+        }
         self.serve(number, index, End::Service(port))
     }
 
@@ -335,7 +345,8 @@ impl Connections {
         }
         let (number, link) = run.new_link().map_err(|error| failed(&error))?;
         let pages = replaced_pages();
-        let made = link.node().map_err(|error| failed(&error)).and_then(|node| {
+        let made = guarded(|| {
+            let node = link.node().map_err(|error| failed(&error))?;
             let made = make(&node, &link)?;
             // a page was missing meanwhile: what was made there is of no use
             match replaced_pages() == pages {
@@ -343,7 +354,7 @@ impl Connections {
                 false => Err(Refusal::NoSpace { needed, free: free_shared_memory() }),
             }
         });
-        match made {
+        match made.unwrap_or_else(|| Err(damaged())) {
             Ok((node, made)) => Ok((number, node, link, made)),
             Err(refusal) => {
                 link.remove();
@@ -374,6 +385,16 @@ impl Connection {
         buffer.resize(MAX_MESSAGE, 0);
         Ok(self.socket.receive(buffer)?.map(|(bytes, _)| bytes))
     }
+}
+
+/// Does something with the transport, which ends its thread where its records make no sense, as
+/// after a client cut them short; here that is `None`.
+fn guarded<T>(work: impl FnOnce() -> T) -> Option<T> {
+    catch_unwind(AssertUnwindSafe(work)).ok()
+}
+
+fn damaged() -> Refusal {
+    Refusal::Failed { reason: "its shared memory was damaged".to_owned() }
 }
 
 fn failed(error: &dyn std::fmt::Display) -> Refusal {

@@ -11,6 +11,8 @@
 //! answered `overloaded` by its own side of the service; through a lane its newer request
 //! replaces the one that it gave up. Nothing else is ever dropped.
 
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
@@ -50,6 +52,15 @@ const FAREWELL: Duration = Duration::from_millis(100);
 pub(crate) enum End {
     Lane(ServedLane),
     Service(ComputeServer<Threadsafe>),
+    /// A lane whose records in shared memory make no sense: nobody polls it any more. It is kept to
+    /// be taken down beside this thread.
+    DamagedLane(#[expect(dead_code, reason = "kept until it is dropped")] ServedLane),
+    /// The same of a service.
+    DamagedService(
+        #[expect(dead_code, reason = "kept until it is dropped")] ComputeServer<Threadsafe>,
+    ),
+    /// Nothing, between two of the others.
+    None,
 }
 
 /// Orders of the maintenance thread to the answering thread.
@@ -96,7 +107,7 @@ impl Hot {
 
         loop {
             let stopping = self.shared.stopping.load(Relaxed);
-            let answered = self.sweep(stopping);
+            let answered = self.guarded_sweep(stopping);
             sweeps = sweeps.wrapping_add(1);
 
             // in sleeping mode, poll while there is something to do, else nap
@@ -131,11 +142,30 @@ impl Hot {
         }
     }
 
-    /// Looks at each client once, and answers what waits; how many requests there were.
-    fn sweep(&mut self, stopping: bool) -> usize {
+    /// A sweep that outlives a client's damaged memory: the transport ends its thread where its
+    /// records make no sense; here only that client's end is polled no more.
+    fn guarded_sweep(&mut self, stopping: bool) -> usize {
+        let at = Cell::new(usize::MAX);
+        let sweep = catch_unwind(AssertUnwindSafe(|| self.sweep(stopping, &at)));
+        if sweep.is_err()
+            && let Some((_, end)) = self.ends.get_mut(at.get())
+        {
+            *end = match std::mem::replace(end, End::None) {
+                End::Lane(lane) => End::DamagedLane(lane),
+                End::Service(port) => End::DamagedService(port),
+                damaged => damaged,
+            };
+        }
+        sweep.unwrap_or(0)
+    }
+
+    /// Looks at each client once, and answers what waits; how many requests there were. `at` is the
+    /// end that it looks at.
+    fn sweep(&mut self, stopping: bool, at: &Cell<usize>) -> usize {
         let Hot { engine, ends, shared, clock, .. } = self;
         let mut answered = 0;
-        for (place, end) in ends {
+        for (index, (place, end)) in ends.iter_mut().enumerate() {
+            at.set(index);
             let (transport, outcome, start) = match end {
                 End::Lane(lane) => {
                     let Some((head, numbers)) = lane.inbox.poll() else { continue };
@@ -179,6 +209,7 @@ impl Hot {
                     });
                     (Transport::Service, outcome, start)
                 }
+                End::DamagedLane(_) | End::DamagedService(_) | End::None => continue,
             };
             if outcome.late {
                 shared.counters.record_late(*place);

@@ -98,7 +98,11 @@ impl Honest {
                 format!(
                     "query {}: status {status} instead of {}, warnings {warnings} instead of {}, \
                      {:?} instead of {:?}",
-                    question.query, question.status, question.warnings, self.output, question.output
+                    question.query,
+                    question.status,
+                    question.warnings,
+                    self.output,
+                    question.output
                 )
             });
         }

@@ -179,9 +179,8 @@ pub(crate) fn state_of(process: u32) -> Option<char> {
 /// The files in shared memory whose names begin with `prefix`.
 pub(crate) fn shared_files(prefix: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-    let ours = entries.filter(|entry| {
-        entry.file_name().to_str().is_some_and(|name| name.starts_with(prefix))
-    });
+    let ours = entries
+        .filter(|entry| entry.file_name().to_str().is_some_and(|name| name.starts_with(prefix)));
     ours.map(|entry| entry.path()).collect()
 }
 

@@ -87,9 +87,10 @@ impl KillClients {
         } else {
             drop(observer);
             server.stop()?;
-            report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-                format!("left after a clean stop: {:?}", sandbox.files())
-            });
+            report
+                .require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
+                    format!("left after a clean stop: {:?}", sandbox.files())
+                });
         }
         drop(sandbox);
         free_again(settings, robot, &mut report)?;

@@ -56,8 +56,7 @@ impl KillServers {
                 }
             }
         };
-        let askers =
-            Askers::start_with(&sandbox.domain, &oracle, 2, timeout, settings.seed, ask)?;
+        let askers = Askers::start_with(&sandbox.domain, &oracle, 2, timeout, settings.seed, ask)?;
 
         let mut random = Rng::with_seed(settings.seed);
         let (mut starts_killed, mut gone_by_itself) = (0_u64, 0_u64);

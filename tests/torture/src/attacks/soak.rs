@@ -87,7 +87,8 @@ impl Soak {
         let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
         let mut threads = Vec::new();
         for number in 0..self.threads.max(1) {
-            let share = |n: usize| n / self.threads.max(1) + usize::from(n % self.threads.max(1) > number);
+            let share =
+                |n: usize| n / self.threads.max(1) + usize::from(n % self.threads.max(1) > number);
             let ends = attach(&sandbox, &oracle, share(self.lanes), share(self.services))?;
             let (oracle, stop, done) = (oracle.clone(), stop.clone(), done.clone());
             let seed = settings.seed.wrapping_add(number as u64);
@@ -135,8 +136,7 @@ impl Soak {
             report.fault(format!("the server ended with {status}"));
             return Ok(Verdict::Done(report));
         }
-        let leaks =
-            !wait_until(Duration::from_secs(10), || server.descriptors() <= descriptors);
+        let leaks = !wait_until(Duration::from_secs(10), || server.descriptors() <= descriptors);
         report.require(!leaks, || "descriptors are not given back".to_owned());
         report.count(format!(
             "descriptors {descriptors} then {}, memory {memory} then {} kB",
@@ -233,7 +233,8 @@ impl End {
         let Some((index, garbage)) = self.asked else { return true };
         let Some(question) = oracle.questions.get(index) else { return true };
         let mut judge = |head: ResponseHead, numbers: &[f64]| {
-            let right = head.sequence == self.sequence && is_right(question, garbage, &head, numbers);
+            let right =
+                head.sequence == self.sequence && is_right(question, garbage, &head, numbers);
             tally.answers += 1;
             tally.garbage += u64::from(garbage.is_some());
             *tally.statuses.entry(head.status).or_default() += 1;

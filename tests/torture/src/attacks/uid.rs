@@ -191,9 +191,8 @@ impl Intruder {
         // the memory
         let mut seen = Vec::new();
         for path in shared_files(&self.prefix) {
-            let ours = fs::symlink_metadata(&path).is_ok_and(|found| {
-                std::os::unix::fs::MetadataExt::uid(&found) == USERS[1]
-            });
+            let ours = fs::symlink_metadata(&path)
+                .is_ok_and(|found| std::os::unix::fs::MetadataExt::uid(&found) == USERS[1]);
             if ours {
                 continue;
             }

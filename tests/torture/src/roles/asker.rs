@@ -38,8 +38,8 @@ impl Asker {
         });
         let timeout = Duration::from_millis(self.timeout);
         let (domain, transport) = (self.target.domain()?, self.target.transport());
-        let mut honest = Honest::connect(&domain, transport, timeout, &oracle, settings.seed)
-            .map_err(words)?;
+        let mut honest =
+            Honest::connect(&domain, transport, timeout, &oracle, settings.seed).map_err(words)?;
         if self.once {
             // a refusal of one request, as that of a server that is stopping, is asked again
             while honest.counts.answers == 0 {
