@@ -22,7 +22,7 @@ use rustix::net::{
 /// Name of the socket in a server's folder.
 const SOCKET: &str = "control";
 /// Connections that may wait to be accepted.
-const BACKLOG: i32 = 256;
+const BACKLOG: i32 = 1024;
 /// The longest message `[byte]`.
 pub const MAX_MESSAGE: usize = 128 << 10;
 

@@ -346,15 +346,17 @@ impl Connections {
         }
         let (number, link) = run.new_link().map_err(|error| failed(&error))?;
         let pages = replaced_pages();
-        let made = link.node().map_err(|error| failed(&error)).and_then(|node| {
+        let made = catch_unwind(AssertUnwindSafe(|| {
+            let node = link.node().map_err(|error| failed(&error))?;
             let made = make(&node, &link)?;
             // a page was missing meanwhile: what was made there is of no use
             match replaced_pages() == pages {
                 true => Ok((node, made)),
                 false => Err(Refusal::NoSpace { needed, free: free_shared_memory() }),
             }
-        });
-        match made {
+        }));
+        let damaged = "its shared memory was damaged while it was made".to_owned();
+        match made.unwrap_or(Err(Refusal::Failed { reason: damaged })) {
             Ok((node, made)) => Ok((number, node, link, made)),
             Err(refusal) => {
                 link.remove();

@@ -20,8 +20,8 @@ use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, supervision}
 use crate::life::Life;
 use crate::{ConnectError, Error, Prepared};
 
-/// Between two attempts to reach a server that others reach as well.
-const RETRY: Duration = Duration::from_millis(1);
+/// Between two attempts to reach a server that others reach as well: its queue is short.
+const RETRY: Duration = Duration::from_micros(100);
 
 /// How long a client that leaves waits for the server.
 const LEAVE: Duration = Duration::from_millis(250);

@@ -23,8 +23,8 @@ const SCRIBBLERS: usize = 3;
 
 #[derive(Args, Default)]
 pub(crate) struct Scribble {
-    /// Scribble over the transport's own records as well. The server may end of it: SECURITY.md
-    /// says so; what happens is counted, and is no fault.
+    /// Scribble over the transport's own records as well, and cut them short. The server may end of
+    /// it: SECURITY.md says so; what happens is counted, and is no fault.
     #[arg(long)]
     records: bool,
     /// Scribble over the memory of all clients, with the same limit.
@@ -82,8 +82,7 @@ impl Scribble {
                     flags.extend(transport_flags(TRANSPORTS[random.usize(..2)]));
                     flags.extend(truncate.then(|| "--truncate".to_owned()));
                     flags.extend(self.others.then(|| "--others".to_owned()));
-                    // every file may be cut short
-                    if let Some(part) = only.as_ref().filter(|_| !truncate) {
+                    if let Some(part) = &only {
                         flags.extend(["--only".to_owned(), part.clone()]);
                     }
                     let process = sandbox.role("scribbler", &flags)?.spawn().map_err(words)?;
