@@ -22,6 +22,7 @@ use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec
 
 use crate::bus_guard::replaced_pages;
 use crate::hot::{End, Order, Retired};
+use crate::refusals::{failed, no_space, take_down};
 
 /// Connections without a lane or a service that a server takes besides.
 const MAX_OBSERVERS: usize = 64;
@@ -386,24 +387,5 @@ impl Connection {
     pub(crate) fn receive(&self, buffer: &mut Vec<u8>) -> std::io::Result<Option<usize>> {
         buffer.resize(MAX_MESSAGE, 0);
         Ok(self.socket.receive(buffer)?.map(|(bytes, _)| bytes))
-    }
-}
-
-/// Drops a part of the transport. Where a client has overwritten the records that this goes by, the
-/// transport panics; then what is left of it is left.
-fn take_down<T>(part: T) {
-    let _ = catch_unwind(AssertUnwindSafe(|| drop(part)));
-}
-
-fn failed(error: &dyn std::fmt::Display) -> Refusal {
-    Refusal::Failed { reason: error.to_string() }
-}
-
-fn no_space(error: &std::io::Error) -> Refusal {
-    match error.kind() {
-        std::io::ErrorKind::StorageFull => {
-            Refusal::NoSpace { needed: 0, free: free_shared_memory() }
-        }
-        _ => failed(error),
     }
 }

@@ -1,8 +1,5 @@
 //! A run of the server: start, upkeep beside the answering thread, end.
 
-use std::io;
-use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc;
@@ -13,21 +10,23 @@ use quanta::Clock;
 use rtrb::RingBuffer;
 use rustix::process::{Resource, getrlimit, setrlimit};
 use sarrus_dynamics::Model;
-use sarrus_proto::heartbeat::{HeartbeatReader, HeartbeatWriter};
+use sarrus_proto::heartbeat::HeartbeatWriter;
 use sarrus_proto::message::{MAX_PLANS, MAX_SERVICE_CLIENTS, Statistics};
 use sarrus_proto::run::{Run, RunError};
-use sarrus_proto::{Domain, DomainError, ModelInfo, ServerName};
+use sarrus_proto::{Domain, ModelInfo, ServerName};
 
 use crate::bus_guard;
 use crate::connections::Connections;
 use crate::control::{Control, pages};
 use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
+use crate::error::ServeError;
 use crate::hot::{Hot, Shared};
-use crate::placement::{Flags, Placement, PlacementError};
+use crate::placement::{Flags, Placement};
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
-use crate::record::{self, RecordError, RecordOptions};
+use crate::pulse::Pulse;
+use crate::record::{self, RecordOptions};
 use crate::wait::Wait;
 
 /// How to serve.
@@ -83,93 +82,6 @@ impl ServeOptions {
 
 /// The most lanes that one server makes.
 pub const MAX_LANES: usize = 256;
-
-/// Why a server does not start or did not end well.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ServeError {
-    /// The shared memory cannot be entered.
-    #[error(transparent)]
-    Domain(#[from] DomainError),
-    /// Another server runs under this name.
-    #[error(
-        "a server named `{name}` is running already; stop it or choose another name with --name"
-    )]
-    NameTaken {
-        /// The name.
-        name: String,
-    },
-    /// A folder of the server cannot be made or locked.
-    #[error("{}: {source}; {}", path.display(), owner_of(path))]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// The socket that clients connect to cannot be made.
-    #[error(
-        "no socket in {}: {source}; see whether the folder can be written, and how many files this \
-         process may open, `ulimit -n`",
-        path.display()
-    )]
-    Socket {
-        /// The server's folder.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// The page of the heartbeat cannot be made.
-    #[error("no memory for the heartbeat: {0}; see how many files it may open, `ulimit -n`")]
-    Heartbeat(io::Error),
-    /// The handler of missing memory cannot be installed.
-    #[error("SIGBUS cannot be handled: {0}")]
-    Guard(io::Error),
-    /// Nothing can be recorded.
-    #[error(transparent)]
-    Record(#[from] RecordError),
-    /// More lanes than there can be.
-    #[error("{found} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
-    TooManyLanes {
-        /// What was asked.
-        found: usize,
-    },
-    /// Threads or memory cannot be had as the options ask.
-    #[error(transparent)]
-    Placement(#[from] PlacementError),
-    /// The answering thread cannot be started.
-    #[error("the answering thread does not start: {source}; check the limits of this process")]
-    Thread {
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The answering thread lives and does nothing.
-    #[error(
-        "the answering thread hangs: no heartbeat for {} s, while another thread ran; its \
-         processor is taken, or a client has overwritten shared memory",
-        PULSE.as_secs()
-    )]
-    Hung,
-    /// The answering thread ended without an order to stop.
-    #[error(
-        "the answering thread ended by itself; this is a defect of sarrus, please report it with \
-         the model"
-    )]
-    Died,
-}
-
-/// Who owns the nearest path that is there.
-fn owner_of(path: &Path) -> String {
-    use std::os::unix::fs::MetadataExt;
-    let found = path.ancestors().find_map(|path| Some((path, path.symlink_metadata().ok()?.uid())));
-    match found {
-        Some((path, user)) => format!(
-            "{} belongs to user {user}; remove it or name another directory in SARRUS_ROOT",
-            path.display()
-        ),
-        None => "name another directory in SARRUS_ROOT".to_owned(),
-    }
-}
 
 /// Serves a model until `stop` is set; calls `ready` once clients can attach.
 ///
@@ -363,41 +275,6 @@ struct Upkeep {
     since: Instant,
     folded: Instant,
     checked: Instant,
-}
-
-/// Without a heartbeat for this long, the answering thread hangs.
-const PULSE: Duration = Duration::from_secs(10);
-
-/// Whether the answering thread lives, as far as this thread does: what keeps the whole process
-/// from running, such as SIGSTOP, is no fault of that one.
-struct Pulse {
-    heartbeat: HeartbeatReader,
-    beats: u64,
-    /// How long this thread has run and felt none.
-    lost: Duration,
-    felt: Instant,
-}
-
-impl Pulse {
-    fn new(heartbeat: &OwnedFd) -> io::Result<Pulse> {
-        let heartbeat = HeartbeatReader::new(heartbeat)?;
-        Ok(Pulse { heartbeat, beats: 0, lost: Duration::ZERO, felt: Instant::now() })
-    }
-
-    /// Call it often.
-    fn feel(&mut self) {
-        let (beats, now) = (self.heartbeat.read().beats, Instant::now());
-        // a step that took longer did not run all the time
-        self.lost += (now - self.felt).min(2 * WAIT);
-        self.felt = now;
-        if beats != self.beats {
-            (self.beats, self.lost) = (beats, Duration::ZERO);
-        }
-    }
-
-    fn is_lost(&self) -> bool {
-        self.lost > PULSE
-    }
 }
 
 /// The longest wait for clients.

@@ -21,7 +21,7 @@ const BACK: Duration = Duration::from_millis(100);
 
 #[derive(Args, Default)]
 pub(crate) struct KillServers {
-    /// Kill the child of `serve --supervise` and let that start the next one.
+    /// Kill the child of `serve --supervise` and let that start the next one, four times a minute.
     #[arg(long)]
     supervise: bool,
 }
@@ -62,13 +62,15 @@ impl KillServers {
         let (mut starts_killed, mut gone_by_itself) = (0_u64, 0_u64);
         let mut clock = Clock::new("kill-servers", settings.seconds);
         while clock.runs(|| format!("{} kills", kills.load(Relaxed))) {
-            std::thread::sleep(Duration::from_micros(random.u64(..150_000)));
             if self.supervise {
+                // seldom enough that it does not give up
+                std::thread::sleep(Duration::from_millis(random.u64(13_000..16_000)));
                 let Some(child) = child_of(server.id()) else { continue };
                 send_signal(child, Signal::KILL);
                 kills.fetch_add(1, Relaxed);
                 continue;
             }
+            std::thread::sleep(Duration::from_micros(random.u64(..150_000)));
             if let Some(status) = server.ended() {
                 report.fault(format!("the server ended by itself with {status}"));
                 gone_by_itself += 1;

@@ -23,7 +23,7 @@ use crate::sandbox::{Process, Sandbox, send_signal, state_of, wait_until, words}
 /// How long a client waits: shorter than most stops.
 const TIMEOUT: Duration = Duration::from_millis(100);
 /// Connections that come and go while the server is stopped: more than may wait to be accepted.
-const PASSERS: usize = 1100;
+const PASSERS: usize = 300;
 
 /// Whether the server is stopped, as a number that grows with each change: it runs, is about to
 /// stop, is stopped, is about to run.

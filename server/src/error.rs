@@ -1,0 +1,98 @@
+//! Why a server does not start or did not end well.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use sarrus_proto::DomainError;
+
+use crate::placement::PlacementError;
+use crate::pulse::PULSE;
+use crate::record::RecordError;
+use crate::serve::MAX_LANES;
+
+/// Why a server does not start or did not end well.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ServeError {
+    /// The shared memory cannot be entered.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// Another server runs under this name.
+    #[error(
+        "a server named `{name}` is running already; stop it or choose another name with --name"
+    )]
+    NameTaken {
+        /// The name.
+        name: String,
+    },
+    /// A folder of the server cannot be made or locked.
+    #[error("{}: {source}; {}", path.display(), owner_of(path))]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The socket that clients connect to cannot be made.
+    #[error(
+        "no socket in {}: {source}; see whether the folder can be written, and how many files this \
+         process may open, `ulimit -n`",
+        path.display()
+    )]
+    Socket {
+        /// The server's folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The page of the heartbeat cannot be made.
+    #[error("no memory for the heartbeat: {0}; see how many files it may open, `ulimit -n`")]
+    Heartbeat(io::Error),
+    /// The handler of missing memory cannot be installed.
+    #[error("SIGBUS cannot be handled: {0}")]
+    Guard(io::Error),
+    /// Nothing can be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// More lanes than there can be.
+    #[error("{found} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
+    TooManyLanes {
+        /// What was asked.
+        found: usize,
+    },
+    /// Threads or memory cannot be had as the options ask.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
+    /// The answering thread cannot be started.
+    #[error("the answering thread does not start: {source}; check the limits of this process")]
+    Thread {
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The answering thread lives and does nothing.
+    #[error(
+        "the answering thread hangs: no heartbeat for {} s, while another thread ran; its \
+         processor is taken, or a client has overwritten shared memory",
+        PULSE.as_secs()
+    )]
+    Hung,
+    /// The answering thread ended without an order to stop.
+    #[error(
+        "the answering thread ended by itself; this is a defect of sarrus, please report it with \
+         the model"
+    )]
+    Died,
+}
+
+/// Who owns the nearest path that is there.
+fn owner_of(path: &Path) -> String {
+    use std::os::unix::fs::MetadataExt;
+    let found = path.ancestors().find_map(|path| Some((path, path.symlink_metadata().ok()?.uid())));
+    match found {
+        Some((path, user)) => format!(
+            "{} belongs to user {user}; remove it or name another directory in SARRUS_ROOT",
+            path.display()
+        ),
+        None => "name another directory in SARRUS_ROOT".to_owned(),
+    }
+}
