@@ -276,7 +276,7 @@ impl Connections {
         })?;
         self.places[index] = Place::Taken { node, link };
         self.lanes_made += 1;
-        self.serve(number, index, End::Lane(lane))?;
+        self.serve(number, index, End::Lane(lane, 0))?;
         Ok(name)
     }
 

@@ -8,7 +8,9 @@ use sarrus_proto::DomainError;
 use crate::placement::PlacementError;
 use crate::pulse::PULSE;
 use crate::record::RecordError;
-use crate::serve::MAX_LANES;
+
+/// The most lanes that one server makes.
+pub const MAX_LANES: usize = 256;
 
 /// Why a server does not start or did not end well.
 #[derive(Debug, thiserror::Error)]

@@ -49,7 +49,8 @@ const FAREWELL: Duration = Duration::from_millis(100);
 
 /// The answering thread's end of what a client has.
 pub(crate) enum End {
-    Lane(ServedLane),
+    /// With the sequence of the last request: an entry may be seen twice while it is written.
+    Lane(ServedLane, u64),
     Service(ComputeServer<Threadsafe>),
     /// Of a client that has overwritten the transport's records.
     Broken,
@@ -140,7 +141,7 @@ impl Hot {
         let (mut answered, mut broken) = (0, None);
         for (index, (place, end)) in ends.iter_mut().enumerate() {
             let mut look = || match end {
-                End::Lane(lane) => poll_lane(lane, *place, engine, clock, stopping),
+                End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
                 End::Service(port) => poll_service(port, engine, clock, stopping),
                 End::Broken => None,
             };
@@ -209,16 +210,18 @@ impl Hot {
 #[inline]
 fn poll_lane(
     lane: &mut ServedLane,
+    last: &mut u64,
     place: usize,
     engine: &mut Engine,
     clock: &Clock,
     stopping: bool,
 ) -> Option<Turn> {
     let (head, numbers) = lane.inbox.poll()?;
-    // not a request: the client has just claimed its lane
-    if head.sequence == 0 {
+    // no new request: answered before, or, with sequence 0, the client has just claimed its lane
+    if head.sequence == *last {
         return None;
     }
+    *last = head.sequence;
     let start = clock.raw();
     engine.found(start, Client::Lane(place as u32));
     let taken = Taken::of(clock, &head, start);

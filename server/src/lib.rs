@@ -26,7 +26,7 @@ mod serve;
 mod taken;
 mod wait;
 
-pub use error::ServeError;
+pub use error::{MAX_LANES, ServeError};
 pub use placement::PlacementError;
-pub use serve::{MAX_LANES, ServeOptions, serve};
+pub use serve::{ServeOptions, serve};
 pub use wait::Wait;

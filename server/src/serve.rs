@@ -20,7 +20,7 @@ use crate::connections::Connections;
 use crate::control::{Control, pages};
 use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
-use crate::error::ServeError;
+use crate::error::{MAX_LANES, ServeError};
 use crate::hot::{Hot, Shared};
 use crate::placement::{Flags, Placement};
 use crate::plans::{MAX_ORDERS, Plans};
@@ -79,9 +79,6 @@ impl ServeOptions {
         Ok(Placement::new(Flags { cpu, priority, lock_memory, busy: wait == Wait::Busy })?)
     }
 }
-
-/// The most lanes that one server makes.
-pub const MAX_LANES: usize = 256;
 
 /// Serves a model until `stop` is set; calls `ready` once clients can attach.
 ///

@@ -124,9 +124,8 @@ impl Session {
                 lane.outbox.publish(*head);
                 loop {
                     if let Some((answer, numbers)) = lane.inbox.poll()
-                        && (answer.sequence == head.sequence || head.checksum != 0)
+                        && is_for(head, answer.sequence)
                     {
-                        // with a checksum another number is no older answer, but a changed one
                         copy_or_nan(numbers, output);
                         return Exchange::Answered(answer);
                     }
@@ -155,7 +154,7 @@ impl Session {
                     match pending.receive() {
                         Ok(Some(response)) => {
                             let answer = response.payload();
-                            if answer.head.sequence == head.sequence || head.checksum != 0 {
+                            if is_for(head, answer.head.sequence) {
                                 copy_or_nan(&answer.numbers, output);
                                 return Exchange::Answered(answer.head);
                             }
@@ -172,6 +171,14 @@ impl Session {
             }
         }
     }
+}
+
+/// Whether an answer of this sequence is taken for the request's. With a checksum another number is a
+/// changed one, but for that of the answer before, which may be seen twice.
+#[inline]
+fn is_for(request: &RequestHead, sequence: u64) -> bool {
+    let is_older = sequence.wrapping_add(1) == request.sequence;
+    sequence == request.sequence || request.checksum != 0 && !is_older
 }
 
 fn copy_or_nan(numbers: &[f64], output: &mut [f64]) {

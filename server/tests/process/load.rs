@@ -133,7 +133,8 @@ fn the_busy_loop_makes_no_system_call() {
 
 /// A client that always has a request under way.
 enum Pusher {
-    Lane(ClaimedLane),
+    /// With the sequence of its last request.
+    Lane(ClaimedLane, u64),
     Requests(ComputeClient<Threadsafe>, Option<sarrus_proto::lane::ComputePending<Threadsafe>>),
 }
 
@@ -141,12 +142,13 @@ impl Pusher {
     /// Takes the answer if it is there and asks again at once.
     fn push(&mut self, head: &RequestHead, numbers: &[f64]) -> u64 {
         match self {
-            Pusher::Lane(lane) => {
+            Pusher::Lane(lane, sequence) => {
                 if lane.inbox.poll().is_none() {
                     return 0;
                 }
                 lane.outbox.numbers()[..numbers.len()].copy_from_slice(numbers);
-                lane.outbox.publish(*head);
+                *sequence += 1;
+                lane.outbox.publish(RequestHead { sequence: *sequence, ..*head });
                 1
             }
             Pusher::Requests(client, pending) => {
@@ -190,7 +192,7 @@ fn no_client_starves_another() {
         nodes.push(node);
         lane.outbox.numbers()[..numbers.len()].copy_from_slice(&numbers);
         lane.outbox.publish(head);
-        pushers.push(Pusher::Lane(lane));
+        pushers.push(Pusher::Lane(lane, head.sequence));
     }
     let mut answered = [0; 5];
     let start = Instant::now();
