@@ -280,3 +280,24 @@ fn top_shows_a_server_and_its_clients() {
     assert!(sarrus(&sandbox, &["top", "seen"]).1.starts_with("seen: process "));
     assert_eq!(sarrus(&sandbox, &["top", "nobody"]).0, Some(2));
 }
+
+#[test]
+fn an_entry_that_is_seen_again_is_answered_once() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("again", &["--wait", "busy"]);
+    let liar = Liar::new(&sandbox, "again");
+    let plan = liar.plan(crate::support::STATE).unwrap();
+    let (_node, mut lane) = liar.lane([39, 256]);
+    let (version, fingerprint) = (PROTOCOL_VERSION, liar.fingerprint);
+    for sequence in 1..50 {
+        let head =
+            RequestHead { version, plan: plan.0, fingerprint, sequence, ..RequestHead::default() };
+        lane.outbox.numbers().fill(0.0);
+        lane.outbox.publish(head);
+        wait_until("an answer", || lane.inbox.poll().is_some());
+        // the same request once more
+        lane.outbox.publish(head);
+        std::thread::sleep(Duration::from_millis(2));
+        assert!(lane.inbox.poll().is_none(), "{sequence}");
+    }
+}
