@@ -173,8 +173,8 @@ impl Session {
     }
 }
 
-/// Whether an answer of this sequence is taken for the request's. With a checksum another number is a
-/// changed one, but for that of the answer before, which may be seen twice.
+/// Whether an answer of this sequence is taken for the request's. With a checksum another number is
+/// a changed one, but for that of the answer before, which may be seen twice.
 #[inline]
 fn is_for(request: &RequestHead, sequence: u64) -> bool {
     let is_older = sequence.wrapping_add(1) == request.sequence;
