@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn zeros_are_not_right_and_their_count_is_told() {
+    fn zeros_are_not_right_and_their_count_matters() {
         let (request, answer) = (RequestHead::default(), ResponseHead::default());
         let zeros = [0.0; 200];
         for n in 0..zeros.len() {

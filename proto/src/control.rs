@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::message::{PlanNumber, Statistics};
 use crate::socket::{ControlSocket, MAX_MESSAGE};
-use crate::{PROTOCOL_VERSION, Query};
+use crate::{PROTOCOL_VERSION, Query, fnv1a_64};
 
 /// Bytes of model information in one answer.
 pub const PAGE: usize = 16 << 10;
@@ -102,8 +102,6 @@ pub enum Grant {
     Hello {
         /// Root of the server's domain.
         root: String,
-        /// The server's process.
-        process: u32,
         /// Pages of the model information.
         pages: usize,
     },
@@ -304,10 +302,7 @@ pub fn exchange(
 
 /// FNV-1a of a query as it travels: an answer names by it what it answers.
 pub fn query_hash(query: &Query) -> u64 {
-    let bytes = serde_json::to_vec(query).unwrap_or_default();
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    fnv1a_64(&serde_json::to_vec(query).unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -340,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn another_version_is_told_from_garbage() {
+    fn another_version_is_no_garbage() {
         let of = |text: &str| ControlRequest::from_bytes(text.as_bytes()).unwrap_err();
         let other = r#"{"version":99,"nonce":7,"call":{"unheard":[1]}}"#;
         assert_eq!(of(other), (CallHead { version: 99, nonce: 7 }, Refusal::WrongVersion));

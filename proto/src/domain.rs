@@ -14,6 +14,8 @@ use iceoryx2::prelude::{Node, Service, ServiceName};
 use rustix::fs::{Mode, OFlags, statvfs};
 use rustix::process::{Resource, getrlimit};
 
+use crate::fnv1a_64;
+
 /// The longest name that a server may have.
 pub const MAX_NAME: usize = 64;
 
@@ -446,9 +448,7 @@ impl ServerName {
 
 /// FNV-1a, folded to 32 bits.
 fn hash(text: &str) -> u32 {
-    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    });
+    let hash = fnv1a_64(text.as_bytes());
     (hash ^ hash >> 32) as u32
 }
 

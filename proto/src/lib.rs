@@ -9,6 +9,7 @@ pub mod actuators;
 mod answer;
 pub mod counts;
 mod field;
+mod fnv;
 mod info;
 mod layout;
 mod query;
@@ -43,6 +44,7 @@ pub mod supervision;
 
 pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};
+pub use fnv::fnv1a_64;
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo};
 pub use layout::{Layout, Sizes, Slot};
 pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, QueryOptions, Request};

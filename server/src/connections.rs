@@ -41,25 +41,20 @@ pub(crate) struct Connection {
     pub(crate) socket: ControlSocket,
     /// Where its end is among the places.
     place: Option<usize>,
-    /// Came when there were as many as are served: it is told so, and nothing else.
+    /// Came when there were as many as are served: that is all it hears.
     pub(crate) is_surplus: bool,
+    /// Has overwritten the transport's records: it is ended at the next look.
+    pub(crate) is_broken: bool,
     /// The server's port of a service whose client has not opened its own.
     unserved: Option<ComputeServer<Threadsafe>>,
 }
 
-/// Where the answering thread polls.
-enum Place {
-    Free,
-    /// Dropped in this order: the node goes when the ports are gone.
-    Taken {
-        node: Node<Threadsafe>,
-        link: Link,
-    },
+/// What a place beside the answering thread is taken by; it goes when the ports are gone.
+struct Place {
+    node: Node<Threadsafe>,
+    link: Link,
     /// Ordered back from the answering thread.
-    Leaving {
-        node: Node<Threadsafe>,
-        link: Link,
-    },
+    is_leaving: bool,
 }
 
 /// All clients of a run.
@@ -69,8 +64,8 @@ pub(crate) struct Connections {
     clients: BTreeMap<u64, Connection>,
     /// Connections so far.
     numbers: u64,
-    /// The lanes, then the services.
-    places: Vec<Place>,
+    /// The lanes, then the services; `None` where one is free.
+    places: Vec<Option<Place>>,
     n_lanes: usize,
     orders: Producer<Order>,
     retired: Consumer<Retired>,
@@ -86,7 +81,7 @@ impl Connections {
         orders: Producer<Order>,
         retired: Consumer<Retired>,
     ) -> Connections {
-        let places = (0..n_lanes + MAX_SERVICE_CLIENTS).map(|_| Place::Free).collect();
+        let places = (0..n_lanes + MAX_SERVICE_CLIENTS).map(|_| None).collect();
         Connections {
             listener,
             clients: BTreeMap::new(),
@@ -114,7 +109,7 @@ impl Connections {
     }
 
     pub(crate) fn lanes_taken(&self) -> usize {
-        self.places[..self.n_lanes].iter().filter(|place| !matches!(place, Place::Free)).count()
+        self.places[..self.n_lanes].iter().flatten().count()
     }
 
     /// Who is connected, with what; `plans` and `late` know the rest.
@@ -148,11 +143,10 @@ impl Connections {
     /// Waits until a client comes, speaks or goes, at most for `span`; the numbers of those that
     /// speak or go.
     pub(crate) fn wait(&mut self, span: Duration) -> Vec<u64> {
-        let leaving = self.places.iter().any(|place| matches!(place, Place::Leaving { .. }));
+        let leaving = self.places.iter().flatten().any(|place| place.is_leaving);
         let span = if leaving { span.min(Duration::from_millis(1)) } else { span };
         let open = self.paused_until.is_none_or(|until| Instant::now() >= until);
-        let numbers: Vec<u64> = self.clients.keys().copied().collect();
-        let mut descriptors: Vec<PollFd<'_>> = Vec::with_capacity(numbers.len() + 1);
+        let mut descriptors: Vec<PollFd<'_>> = Vec::with_capacity(self.clients.len() + 1);
         let interest = if open { PollFlags::IN } else { PollFlags::empty() };
         descriptors.push(PollFd::new(&self.listener, interest));
         descriptors
@@ -161,8 +155,9 @@ impl Connections {
         let _ = poll(&mut descriptors, Some(&timespec(span)));
         let news = |descriptor: &PollFd<'_>| !descriptor.revents().is_empty();
         let new_clients = news(&descriptors[0]);
-        let ready = descriptors[1..].iter().zip(numbers).filter(|(one, _)| news(one));
-        let ready = ready.map(|(_, number)| number).collect();
+        let clients = descriptors[1..].iter().zip(&self.clients);
+        let ready = clients.filter(|(one, (_, client))| news(one) || client.is_broken);
+        let ready = ready.map(|(_, (number, _))| *number).collect();
         if new_clients {
             self.accept();
         }
@@ -178,12 +173,18 @@ impl Connections {
                     // the folder is this user's alone; whoever came in otherwise is not answered
                     let us = rustix::process::geteuid().as_raw();
                     let is_ours = socket.peer().is_ok_and(|peer| peer.user == us);
-                    // who went meanwhile takes no room; beyond the limit clients are told so, and
+                    // who went meanwhile takes no room; beyond the limit clients are refused, and
                     // far beyond it nobody is heard
                     if is_ours && !socket.is_closed() && self.clients.len() < 2 * self.limit() {
                         self.numbers += 1;
                         let is_surplus = self.clients.len() >= self.limit();
-                        let client = Connection { socket, place: None, is_surplus, unserved: None };
+                        let client = Connection {
+                            socket,
+                            place: None,
+                            is_surplus,
+                            is_broken: false,
+                            unserved: None,
+                        };
                         self.clients.insert(self.numbers, client);
                     }
                 }
@@ -206,8 +207,10 @@ impl Connections {
     pub(crate) fn collect(&mut self) {
         while let Ok((index, end)) = self.retired.pop() {
             if matches!(end, End::Broken) {
-                let of = |client: &Connection| client.place == Some(index);
-                self.clients.retain(|_, client| !of(client));
+                let mut clients = self.clients.values_mut();
+                if let Some(client) = clients.find(|client| client.place == Some(index)) {
+                    (client.place, client.is_broken) = (None, true);
+                }
             }
             // here, not on the answering thread: unmapping is a system call
             take_down(end);
@@ -216,9 +219,7 @@ impl Connections {
     }
 
     fn free(&mut self, index: usize) {
-        if let Place::Leaving { node, link } | Place::Taken { node, link } =
-            std::mem::replace(&mut self.places[index], Place::Free)
-        {
+        if let Some(Place { node, link, .. }) = self.places[index].take() {
             take_down(node);
             link.remove();
         }
@@ -235,10 +236,8 @@ impl Connections {
             None => {
                 // room for two orders of each place: full means that the answering thread is gone
                 let _ = self.orders.push(Order::Retire { place: index });
-                if let Place::Taken { node, link } =
-                    std::mem::replace(&mut self.places[index], Place::Free)
-                {
-                    self.places[index] = Place::Leaving { node, link };
+                if let Some(place) = &mut self.places[index] {
+                    place.is_leaving = true;
                 }
             }
         }
@@ -249,7 +248,10 @@ impl Connections {
         let place = self.clients.get(&number).and_then(|client| client.place);
         self.give_back(number);
         let start = Instant::now();
-        while place.is_some_and(|place| matches!(self.places[place], Place::Leaving { .. }))
+        let is_leaving = |places: &[Option<Place>], index: usize| {
+            places[index].as_ref().is_some_and(|place| place.is_leaving)
+        };
+        while place.is_some_and(|index| is_leaving(&self.places, index))
             && start.elapsed() < HAND_BACK
         {
             std::thread::sleep(Duration::from_micros(100));
@@ -268,13 +270,13 @@ impl Connections {
         let lanes = 0..self.n_lanes;
         let index = self.free_place(lanes).ok_or(Refusal::NoLane { limit: self.n_lanes })?;
         let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
-        let (name, node, link, lane) = self.make(run, bytes + LANE_MARGIN, |node, link| {
+        let (name, place, lane) = make(run, bytes + LANE_MARGIN, |node, link| {
             let mut lane = ServedLane::create(node, classes).map_err(|error| failed(&error))?;
             link.reserve().map_err(|error| no_space(&error))?;
             lane.map();
             Ok(lane)
         })?;
-        self.places[index] = Place::Taken { node, link };
+        self.places[index] = Some(place);
         self.lanes_made += 1;
         self.serve(number, index, End::Lane(lane, 0))?;
         Ok(name)
@@ -286,12 +288,12 @@ impl Connections {
         let services = self.n_lanes..self.places.len();
         let index =
             self.free_place(services).ok_or(Refusal::NoService { limit: MAX_SERVICE_CLIENTS })?;
-        let (name, node, link, port) = self.make(run, SERVICE_NEEDS, |node, link| {
+        let (name, place, port) = make(run, SERVICE_NEEDS, |node, link| {
             let port = serve_compute(node).map_err(|error| failed(&error))?;
             link.reserve().map_err(|error| no_space(&error))?;
             Ok(port)
         })?;
-        self.places[index] = Place::Taken { node, link };
+        self.places[index] = Some(place);
         if let Some(client) = self.clients.get_mut(&number) {
             (client.place, client.unserved) = (Some(index), Some(port));
         }
@@ -305,8 +307,8 @@ impl Connections {
         let (Some(index), Some(port)) = (client.place, client.unserved.take()) else {
             return Err(Refusal::NoEnd);
         };
-        if let Place::Taken { link, .. } = &self.places[index]
-            && let Err(error) = link.reserve()
+        if let Some(place) = &self.places[index]
+            && let Err(error) = place.link.reserve()
         {
             take_down(port);
             client.place = None;
@@ -334,50 +336,49 @@ impl Connections {
         Ok(())
     }
 
-    /// Makes something in a link of its own; nothing is left where that fails.
-    fn make<T>(
-        &mut self,
-        run: &Run,
-        needed: u64,
-        make: impl FnOnce(&Node<Threadsafe>, &Link) -> Result<T, Refusal>,
-    ) -> Result<(u64, Node<Threadsafe>, Link, T), Refusal> {
-        let free = free_shared_memory();
-        if free < needed {
-            return Err(Refusal::NoSpace { needed, free });
-        }
-        let (number, link) = run.new_link().map_err(|error| failed(&error))?;
-        let pages = replaced_pages();
-        let made = catch_unwind(AssertUnwindSafe(|| {
-            let node = link.node().map_err(|error| failed(&error))?;
-            let made = make(&node, &link)?;
-            // a page was missing meanwhile: what was made there is of no use
-            match replaced_pages() == pages {
-                true => Ok((node, made)),
-                false => Err(Refusal::NoSpace { needed, free: free_shared_memory() }),
-            }
-        }));
-        let damaged = "its shared memory was damaged while it was made".to_owned();
-        match made.unwrap_or(Err(Refusal::Failed { reason: damaged })) {
-            Ok((node, made)) => Ok((number, node, link, made)),
-            Err(refusal) => {
-                link.remove();
-                Err(refusal)
-            }
-        }
-    }
-
     fn free_place(&mut self, among: std::ops::Range<usize>) -> Option<usize> {
         let start = Instant::now();
         loop {
             self.collect();
             let places = &self.places[among.clone()];
-            let leaving = places.iter().any(|place| matches!(place, Place::Leaving { .. }));
-            match places.iter().position(|place| matches!(place, Place::Free)) {
+            let leaving = places.iter().flatten().any(|place| place.is_leaving);
+            match places.iter().position(Option::is_none) {
                 None if leaving && start.elapsed() < HAND_BACK => {
                     std::thread::sleep(Duration::from_micros(200));
                 }
                 found => return found.map(|index| among.start + index),
             }
+        }
+    }
+}
+
+/// Makes something in a link of its own, with the number of that; nothing is left where that fails.
+fn make<T>(
+    run: &Run,
+    needed: u64,
+    make: impl FnOnce(&Node<Threadsafe>, &Link) -> Result<T, Refusal>,
+) -> Result<(u64, Place, T), Refusal> {
+    let free = free_shared_memory();
+    if free < needed {
+        return Err(Refusal::NoSpace { needed, free });
+    }
+    let (number, link) = run.new_link().map_err(|error| failed(&error))?;
+    let pages = replaced_pages();
+    let made = catch_unwind(AssertUnwindSafe(|| {
+        let node = link.node().map_err(|error| failed(&error))?;
+        let made = make(&node, &link)?;
+        // a page was missing meanwhile: what was made there is of no use
+        match replaced_pages() == pages {
+            true => Ok((node, made)),
+            false => Err(Refusal::NoSpace { needed, free: free_shared_memory() }),
+        }
+    }));
+    let damaged = "its shared memory was damaged while it was made".to_owned();
+    match made.unwrap_or(Err(Refusal::Failed { reason: damaged })) {
+        Ok((node, made)) => Ok((number, Place { node, link, is_leaving: false }, made)),
+        Err(refusal) => {
+            link.remove();
+            Err(refusal)
         }
     }
 }

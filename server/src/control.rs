@@ -55,7 +55,7 @@ impl Control {
     ) {
         let Some(connection) = self.connections.get(client) else { return };
         // what a client said before it went is of no use to anybody
-        if connection.socket.is_closed() {
+        if connection.is_broken || connection.socket.is_closed() {
             return self.end(client);
         }
         let bytes = match connection.receive(&mut self.buffer) {
@@ -119,11 +119,7 @@ impl Control {
             return Err(Refusal::TooManyClients { limit: self.connections.limit() });
         }
         match call {
-            Call::Hello => Ok(Grant::Hello {
-                root: self.root.clone(),
-                process: std::process::id(),
-                pages: self.pages.len(),
-            }),
+            Call::Hello => Ok(Grant::Hello { root: self.root.clone(), pages: self.pages.len() }),
             Call::Model { page } => {
                 let text = self.pages.get(page).cloned().ok_or(Refusal::NoSuchPage)?;
                 Ok(Grant::Page { text })

@@ -140,13 +140,13 @@ impl Hot {
         let Hot { engine, ends, shared, clock, .. } = self;
         let (mut answered, mut broken) = (0, None);
         for (index, (place, end)) in ends.iter_mut().enumerate() {
-            let mut look = || match end {
+            // the transport panics over records of its own that a client has overwritten
+            let look = catch_unwind(AssertUnwindSafe(|| match end {
                 End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
                 End::Service(port) => poll_service(port, engine, clock, stopping),
                 End::Broken => None,
-            };
-            // the transport panics over records of its own that a client has overwritten
-            let turn = match catch_unwind(AssertUnwindSafe(&mut look)) {
+            }));
+            let turn = match look {
                 Ok(Some(turn)) => turn,
                 Ok(None) => continue,
                 Err(_) => {

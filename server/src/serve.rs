@@ -68,13 +68,14 @@ impl ServeOptions {
     /// # Errors
     /// [`ServeError`]; nothing is changed.
     pub fn check(&self) -> Result<(), ServeError> {
-        if self.lanes > MAX_LANES {
-            return Err(ServeError::TooManyLanes { found: self.lanes });
-        }
         self.placement().map(drop)
     }
 
+    /// Where the threads belong, once all options were found to work.
     fn placement(&self) -> Result<Placement, ServeError> {
+        if self.lanes > MAX_LANES {
+            return Err(ServeError::TooManyLanes { found: self.lanes });
+        }
         let &ServeOptions { cpu, priority, lock_memory, wait, .. } = self;
         Ok(Placement::new(Flags { cpu, priority, lock_memory, busy: wait == Wait::Busy })?)
     }
@@ -94,7 +95,6 @@ pub fn serve(
     stop: &AtomicBool,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
-    options.check()?;
     let placement = options.placement()?;
     let _locked = placement.lock_memory()?;
     let name = ServerName::new(&options.name)?;
@@ -120,12 +120,12 @@ fn run(
     let run = take_name(domain, name)?;
 
     // the answering thread
-    // an end is ordered there and back before its place is free again
     let places = options.lanes + MAX_SERVICE_CLIENTS;
     let counters = Counters::new(places);
     let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
     let (plan_orders_in, plan_orders) = RingBuffer::new(MAX_ORDERS);
     let (retired_plans, retired_plans_out) = RingBuffer::new(MAX_PLANS);
+    // an end is ordered there and back before its place is free again
     let (orders_in, orders) = RingBuffer::new(2 * places);
     let (retired, retired_out) = RingBuffer::new(places);
     let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;
@@ -238,7 +238,7 @@ fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
 fn allow_descriptors() {
     let mut limit = getrlimit(Resource::Nofile);
     limit.current = limit.maximum;
-    // where that is refused fewer clients can come, and the next one is told why
+    // where that is refused fewer clients can come, and the next one hears why
     let _ = setrlimit(Resource::Nofile, limit);
 }
 
@@ -294,10 +294,7 @@ impl Upkeep {
             let (latency, shared, since) = (&mut self.latency, &self.shared, self.since);
             self.control.answer(client, stopping, |control| {
                 latency.fold(&shared.counters);
-                let late_of = |place| shared.counters.late_of(place);
-                let clients =
-                    control.connections.clients(|client| control.plans.held(client), late_of);
-                Statistics { clients, ..statistics(control, latency, shared, since) }
+                statistics(control, latency, shared, since)
             });
         }
         self.control.connections.collect();
@@ -340,6 +337,7 @@ fn statistics(control: &Control, latency: &Latency, shared: &Shared, since: Inst
         system_allocations: pool.system,
         pool_allocations: pool.pool,
         process: std::process::id().into(),
-        clients: Vec::new(),
+        clients: connections
+            .clients(|client| control.plans.held(client), |place| shared.counters.late_of(place)),
     }
 }

@@ -1,9 +1,9 @@
 //! Talking to a CAN bridge: commands of a controller, and what anybody may see and ask.
 
 use iceoryx2::node::Node;
-use rustix::time::{ClockId, clock_gettime};
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest};
 use sarrus_proto::bridge::{ControllerEnd, ObserverEnd};
+use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::service::ServiceError;
 use sarrus_proto::watch::BridgeStatistics;
@@ -113,8 +113,7 @@ fn refused(name: &str, error: ServiceError) -> ConnectError {
 
 /// CLOCK_MONOTONIC, which all processes of a machine share and stamps are in `[ns]`.
 pub fn now_ns() -> u64 {
-    let now = clock_gettime(ClockId::Monotonic);
-    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+    monotonic_ns()
 }
 
 /// This process's place in the shared memory; the node goes before what it leaves is tidied away.

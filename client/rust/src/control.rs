@@ -68,8 +68,7 @@ impl Control {
         let (response, descriptor) = exchange(&socket, &request, deadline)
             .map_err(|error| failed(error, name.as_str(), start, || Life::of(process, None)))?;
         let expected = request.fingerprint;
-        // the server's own number of its process may be another system's
-        let Grant::Hello { root, pages, .. } = granted(&response, expected)? else {
+        let Grant::Hello { root, pages } = granted(&response, expected)? else {
             return Err(ConnectError::BadAnswer { what: "to an attach" });
         };
         let bad = || ConnectError::BadAnswer { what: "to an attach" };

@@ -23,6 +23,8 @@
 //! files, positions, comments, warnings, `--lenient`) and what a later version makes of it (closed
 //! forms, tolerances, order of elimination): it tells robots apart, not versions of sarrus.
 
+use sarrus_proto::fnv1a_64;
+
 use crate::description::{
     Coupling, Cut, Description, Inertial, Joint, JointKind, Limits, Link, Loop, Placement, Row,
     Submechanism, SubmechanismKind, Terms,
@@ -46,14 +48,6 @@ impl Description {
         bytes.description(self);
         bytes.0
     }
-}
-
-/// FNV-1a of 64 bits: h ← (h ⊕ byte) · 0x100000001b3 from 0xcbf29ce484222325 (G. Fowler,
-/// L. C. Noll, K.-P. Vo; RFC 9923).
-fn fnv1a_64(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 /// The writer. Every structure is taken apart without `..`: a field that is added does not compile

@@ -33,13 +33,13 @@ pub(crate) struct Replay {
 
 impl Replay {
     pub(crate) fn run(self) -> ExitCode {
-        let told = |error: &RecordingError| {
+        let unreadable = |error: &RecordingError| {
             eprintln!("sarrus replay: {}: {error}", self.file.display());
             ExitCode::from(2)
         };
         let mut recording = match open(&self.file) {
             Ok(recording) => recording,
-            Err(error) => return told(&error),
+            Err(error) => return unreadable(&error),
         };
         let loaded = match self.load(recording.robot()) {
             Ok(loaded) => loaded,
@@ -61,7 +61,7 @@ impl Replay {
                 };
                 finish("replay", &results, u8::from(!replayed.is_same()))
             }
-            Err(error) => told(&error),
+            Err(error) => unreadable(&error),
         }
     }
 

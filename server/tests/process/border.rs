@@ -7,10 +7,10 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use sarrus_client::{ConnectError, ConnectOptions, Error, Status, Transport};
+use sarrus_proto::ServerName;
 use sarrus_proto::control::Call;
 use sarrus_proto::lane::send_request;
-use sarrus_proto::message::{MAX_SERVICE_CLIENTS, RequestHead};
-use sarrus_proto::{PROTOCOL_VERSION, ServerName};
+use sarrus_proto::message::MAX_SERVICE_CLIENTS;
 
 use crate::lies::Liar;
 use crate::support::{Asker, Sandbox, options};
@@ -54,31 +54,23 @@ fn a_client_that_ends_at_any_stage_of_attaching_leaves_nothing() {
     // the smaller lane that it had before its plan is gone
     wait_until("one lane is taken", || honest.robot.statistics().unwrap().lanes_taken == 1);
     let (files, open) = (sandbox.leftovers(), descriptors(server.id()));
-    let fingerprint = honest.robot.model().fingerprint;
-    let head = RequestHead {
-        version: PROTOCOL_VERSION,
-        plan: 0,
-        fingerprint,
-        sequence: 1,
-        ..RequestHead::default()
-    };
-
     // what a client has made when it ends is forgotten, not dropped: nothing of it is taken down
-    let stages: [fn(&Liar<'_>, &RequestHead); 6] = [
-        |_, _| (),
-        |liar, _| drop(liar.call(Call::Lane { n_in: 39, n_out: 13 }).unwrap()),
-        |liar, _| std::mem::forget(liar.lane([39, 13])),
-        |liar, _| drop(liar.call(Call::Service).unwrap()),
-        |liar, _| std::mem::forget(liar.service()),
-        |liar, head| {
+    let stages: [fn(&Liar<'_>); 6] = [
+        |_| (),
+        |liar| drop(liar.call(Call::Lane { n_in: 39, n_out: 13 }).unwrap()),
+        |liar| std::mem::forget(liar.lane([39, 13])),
+        |liar| drop(liar.call(Call::Service).unwrap()),
+        |liar| std::mem::forget(liar.service()),
+        |liar| {
             let (node, client) = liar.service();
-            std::mem::forget(send_request(&client, head, &[0.0; 39]).unwrap());
+            let request = send_request(&client, &liar.head(0, 1), &[0.0; 39]);
+            std::mem::forget(request.unwrap());
             std::mem::forget((node, client));
         },
     ];
     for round in 0..90 {
         let liar = Liar::new(&sandbox, "stages");
-        stages[round % stages.len()](&liar, &head);
+        stages[round % stages.len()](&liar);
         drop(liar);
         assert_eq!(honest.ask().unwrap().status, Status::Ok);
     }
@@ -199,15 +191,8 @@ fn a_client_that_cuts_its_files_short_disturbs_nobody() {
     let before = sandbox.leftovers();
     let liar = Liar::new(&sandbox, "short");
     let (_node, client) = liar.service();
-    let head = RequestHead {
-        version: PROTOCOL_VERSION,
-        plan: 0,
-        fingerprint: liar.fingerprint,
-        sequence: 1,
-        ..RequestHead::default()
-    };
     // the segment that its requests lie in
-    let _pending = send_request(&client, &head, &[0.0; 39]).unwrap();
+    let _pending = send_request(&client, &liar.head(0, 1), &[0.0; 39]).unwrap();
     let is_data = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "data");
     let own: Vec<PathBuf> =
         sandbox.leftovers().into_iter().filter(|path| !before.contains(path)).collect();
@@ -288,10 +273,8 @@ fn an_entry_that_is_seen_again_is_answered_once() {
     let liar = Liar::new(&sandbox, "again");
     let plan = liar.plan(crate::support::STATE).unwrap();
     let (_node, mut lane) = liar.lane([39, 256]);
-    let (version, fingerprint) = (PROTOCOL_VERSION, liar.fingerprint);
     for sequence in 1..50 {
-        let head =
-            RequestHead { version, plan: plan.0, fingerprint, sequence, ..RequestHead::default() };
+        let head = liar.head(plan.0, sequence);
         lane.outbox.numbers().fill(0.0);
         lane.outbox.publish(head);
         wait_until("an answer", || lane.inbox.poll().is_some());
@@ -300,4 +283,35 @@ fn an_entry_that_is_seen_again_is_answered_once() {
         std::thread::sleep(Duration::from_millis(2));
         assert!(lane.inbox.poll().is_none(), "{sequence}");
     }
+}
+
+#[test]
+fn a_client_that_breaks_its_service_ends_with_its_plans() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("broken", &[]);
+    let mut honest = Asker::new(sandbox.connect("broken", Transport::Service).unwrap());
+    let before = sandbox.leftovers();
+    let liar = Liar::new(&sandbox, "broken");
+    let (node, client) = liar.service();
+    liar.plan(crate::plans::distinct(7)).unwrap();
+    assert_eq!(honest.robot.statistics().unwrap().plans, 2);
+    // what server and client know of each other: the transport panics over it
+    let is_its = |path: &PathBuf| {
+        path.extension().is_some_and(|ending| ending == "connection") && !before.contains(path)
+    };
+    let own: Vec<PathBuf> = sandbox.leftovers().into_iter().filter(is_its).collect();
+    assert!(!own.is_empty());
+    for path in own {
+        let status = Command::new("truncate").args(["-s", "0"]).arg(path).status().unwrap();
+        assert!(status.success());
+    }
+    wait_until("it is ended", || liar.socket.is_closed());
+    wait_until("its plan is free", || honest.robot.statistics().unwrap().plans == 1);
+    assert_eq!(honest.robot.statistics().unwrap().clients.len(), 1);
+    assert_eq!(honest.ask().unwrap().status, Status::Ok);
+    // this process would die of its own deed
+    std::mem::forget((client, node));
+    drop((liar, honest));
+    assert!(server.stop("-TERM").success());
+    assert_eq!(sandbox.leftovers(), NOTHING);
 }

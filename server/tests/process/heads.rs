@@ -8,7 +8,6 @@ use sarrus_client::{
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{RequestHead, ResponseHead};
-use sarrus_server::pool;
 
 use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, STATE, Sandbox, options};
@@ -67,15 +66,7 @@ fn checked_and_timed_requests_allocate_nothing_through_a_lane() {
         let mut asker = Asker::new(robot);
         asker.plan = asker.robot.prepare(&STATE.with_options(BOTH)).unwrap();
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
-        let before = pool::counts();
-        let adopted = pool::adopt_thread();
-        let good = (0..1000)
-            .filter(|_| asker.ask().is_ok_and(|answer| answer.status == Status::Ok))
-            .count();
-        drop(adopted);
-        let after = pool::counts();
-        let blocks = (after.pool - before.pool, after.system - before.system);
-        assert_eq!((good, blocks), (1000, (0, 0)));
+        assert_eq!(asker.thousand(), (1000, 0, 0));
         std::thread::sleep(Duration::from_millis(200));
         if let Some(statistics) = asker.robot.statistics() {
             assert_eq!(statistics.system_allocations, 0, "{statistics:?}");

@@ -36,6 +36,12 @@ impl Liar<'_> {
         liar
     }
 
+    /// The head of a request for the plan of this number.
+    pub(crate) fn head(&self, plan: u32, sequence: u64) -> RequestHead {
+        let (version, fingerprint) = (PROTOCOL_VERSION, self.fingerprint);
+        RequestHead { version, plan, fingerprint, sequence, ..RequestHead::default() }
+    }
+
     pub(crate) fn call(&self, call: Call) -> Result<Grant, Refusal> {
         self.send(&ControlRequest { head: head(), fingerprint: 0, call })
     }
@@ -212,13 +218,7 @@ fn lies_through_a_lane_get_their_status() {
     // a lane that is too small for another client's plan
     drop((lane, node));
     let (node, mut lane) = liar.lane([1, 1]);
-    lane.outbox.publish(RequestHead {
-        version: PROTOCOL_VERSION,
-        plan: 0,
-        fingerprint: liar.fingerprint,
-        sequence: 1,
-        ..RequestHead::default()
-    });
+    lane.outbox.publish(liar.head(0, 1));
     let start = Instant::now();
     let answer = loop {
         if let Some((answer, _)) = lane.inbox.poll() {
@@ -267,13 +267,7 @@ fn lies_through_the_service_get_their_status() {
     }
 
     // one request at a time: a second one is not taken, and that is reported
-    let head = RequestHead {
-        version: PROTOCOL_VERSION,
-        plan: 0,
-        fingerprint: liar.fingerprint,
-        sequence: 99,
-        ..RequestHead::default()
-    };
+    let head = liar.head(0, 99);
     let first = send_request(&client, &head, &vec![0.0; n_in]).unwrap();
     assert!(send_request(&client, &head, &vec![0.0; n_in]).is_none());
     drop(first);

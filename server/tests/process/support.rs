@@ -9,10 +9,11 @@ use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
-    ConnectError, ConnectOptions, Field, FieldSet, PlanId, Query, Request, Robot, Transport,
-    WaitStrategy,
+    ConnectError, ConnectOptions, Field, FieldSet, PlanId, Query, Request, Robot, Status,
+    Transport, WaitStrategy,
 };
 use sarrus_proto::Domain;
+use sarrus_server::pool;
 
 /// What every test asks: all of the robot's state.
 pub(crate) const STATE: Query = Query::new(
@@ -234,6 +235,19 @@ impl Asker {
 
     pub(crate) fn ask(&mut self) -> Result<sarrus_client::Answer, sarrus_client::Error> {
         self.robot.ask(self.plan, &self.input, &mut self.output)
+    }
+
+    /// Asks a thousand times: how many answers were ok, and how many blocks this thread took from
+    /// the pool and from the system for them.
+    pub(crate) fn thousand(&mut self) -> (usize, u64, u64) {
+        let before = pool::counts();
+        let adopted = pool::adopt_thread();
+        let good = (0..1000)
+            .filter(|_| self.ask().is_ok_and(|answer| answer.status == Status::Ok))
+            .count();
+        drop(adopted);
+        let after = pool::counts();
+        (good, after.pool - before.pool, after.system - before.system)
     }
 
     pub(crate) fn bits(&self) -> Vec<u64> {

@@ -13,13 +13,13 @@ pub(super) enum End {
     GivenUp {
         reason: String,
         code: u8,
-        /// Whether clients are to be told; not where another server has the name.
-        told: bool,
+        /// Whether clients are to learn the reason; not where another server has the name.
+        is_public: bool,
     },
 }
 
 pub(super) fn given_up(reason: String, code: u8) -> End {
-    End::GivenUp { reason, code, told: true }
+    End::GivenUp { reason, code, is_public: true }
 }
 
 pub(super) fn too_often(how: &str) -> End {

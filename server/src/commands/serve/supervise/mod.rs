@@ -239,7 +239,7 @@ impl Supervisor {
             && (self.announced.is_none() || code == 1)
         {
             let (reason, taken) = failure.unwrap_or_else(|| (describe(&status), false));
-            return Err(End::GivenUp { reason, code: code as u8, told: !taken });
+            return Err(End::GivenUp { reason, code: code as u8, is_public: !taken });
         }
         self.say();
         let how = match failure {
@@ -312,9 +312,9 @@ impl Supervisor {
         match end {
             End::Ordered if is_clean => ExitCode::SUCCESS,
             End::Ordered => ExitCode::from(2),
-            End::GivenUp { reason, code, told } => {
+            End::GivenUp { reason, code, is_public } => {
                 eprintln!("sarrus serve: given up: {reason}");
-                if told && let Err(error) = leave_reason(name, &reason) {
+                if is_public && let Err(error) = leave_reason(name, &reason) {
                     eprintln!("sarrus serve: clients will not know why: {error}");
                 }
                 ExitCode::from(code)
