@@ -103,6 +103,12 @@ wire_enum! {
         /// The direction of ẏ, of unit length, that the actuators control least; after a singular
         /// actuation the one that none controls (n_vy).
         Uncontrolled = 41, "uncontrolled";
+        /// The largest distance that the answer's state moved from the given q or q̇, in radians or
+        /// lengths of the cluster (1).
+        Projection = 42, "projection";
+        /// How far each tree coordinate, its velocity and its actuator's force are outside their
+        /// limits: negative below, positive above, zero inside or without a limit (n_v × 3).
+        Limits = 43, "limits";
     }
 }
 
@@ -123,7 +129,8 @@ impl Field {
             K => (s.n_c, s.n_v),
             KBias | Lambda | LambdaDeterminate => (s.n_c, 1),
             MY => (s.n_vy, s.n_vy),
-            Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy => (1, 1),
+            Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => (1, 1),
+            Limits => (s.n_v, 3),
             FramePose => (n_frames, 7),
             FrameTwist | FrameAcc => (n_frames, 6),
             JacobianTree => (6 * n_frames, s.n_v),

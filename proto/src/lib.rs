@@ -47,7 +47,7 @@ pub use field::{Field, FieldSet};
 pub use fnv::fnv1a_64;
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo};
 pub use layout::{Layout, Sizes, Slot};
-pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, QueryOptions, Request};
+pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, QueryOptions, Request, Tolerance};
 pub use status::{Status, Warnings};
 
 #[cfg(feature = "transport")]

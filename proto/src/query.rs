@@ -69,6 +69,33 @@ impl QueryOptions {
     }
 }
 
+/// A bound in radians or lengths of a cluster, kept as its bits: queries are compared and hashed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
+#[repr(transparent)]
+pub struct Tolerance(pub u64);
+
+impl Tolerance {
+    /// 1e-6: files whose numbers have six decimals stay below it.
+    pub const USUAL: Tolerance = Tolerance::new(1e-6);
+
+    /// The bound of a number.
+    pub const fn new(bound: f64) -> Tolerance {
+        Tolerance(bound.to_bits())
+    }
+
+    /// The number of the bound.
+    pub const fn bound(self) -> f64 {
+        f64::from_bits(self.0)
+    }
+}
+
+impl Default for Tolerance {
+    fn default() -> Tolerance {
+        Tolerance::USUAL
+    }
+}
+
 /// What a plan is made for: the fields that a request gives and those that the answer holds. Its
 /// bytes are those on the wire, so it holds plain numbers only and is checked by [`Query::check`]
 /// before use.
@@ -88,6 +115,11 @@ pub struct Query {
     pub want: FieldSet,
     /// What travels beside them.
     pub options: QueryOptions,
+    /// From which gap of a redundant row on an answer carries [`crate::Warnings::LOOP_OPEN`].
+    pub loop_tolerance: Tolerance,
+    /// From which distance of the given state on an answer carries
+    /// [`crate::Warnings::INPUT_PROJECTED`].
+    pub projection_tolerance: Tolerance,
     /// Indices of the links whose frames are asked.
     pub frames: [u16; MAX_FRAMES],
     /// Indices of the links that wrenches act on.
@@ -104,6 +136,8 @@ pub enum QueryError {
     UnknownField,
     /// A bit of `options` stands for nothing in this version.
     UnknownOption,
+    /// A tolerance is negative or no number.
+    BadTolerance,
     /// More frames or wrenches than a plan can name.
     TooMany {
         /// What there are too many of.
@@ -135,6 +169,9 @@ impl fmt::Display for QueryError {
             QueryError::UnknownOption => {
                 f.write_str("an option is unknown to this version; client and server differ")
             }
+            QueryError::BadTolerance => {
+                f.write_str("a tolerance is negative or no number; give one from 0 on")
+            }
             QueryError::TooMany { what, limit } => {
                 write!(f, "too many {what}; a plan names at most {limit}")
             }
@@ -165,6 +202,8 @@ impl Query {
             given,
             want,
             options: QueryOptions::NONE,
+            loop_tolerance: Tolerance::USUAL,
+            projection_tolerance: Tolerance::USUAL,
             frames: [0; MAX_FRAMES],
             wrench_links: [0; MAX_WRENCHES],
         }
@@ -195,6 +234,21 @@ impl Query {
         self
     }
 
+    /// The same query with this gap of redundant rows allowed, in radians or lengths of the cluster.
+    #[must_use]
+    pub const fn with_loop_tolerance(mut self, tolerance: f64) -> Query {
+        self.loop_tolerance = Tolerance::new(tolerance);
+        self
+    }
+
+    /// The same query with this distance of the given state allowed, in radians or lengths of the
+    /// cluster.
+    #[must_use]
+    pub const fn with_projection_tolerance(mut self, tolerance: f64) -> Query {
+        self.projection_tolerance = Tolerance::new(tolerance);
+        self
+    }
+
     /// The links whose frames are asked.
     pub fn frames(&self) -> &[u16] {
         &self.frames[..(self.n_frames as usize).min(MAX_FRAMES)]
@@ -215,6 +269,11 @@ impl Query {
         }
         if !self.options.is_known() {
             return Err(QueryError::UnknownOption);
+        }
+        for tolerance in [self.loop_tolerance, self.projection_tolerance] {
+            if tolerance.bound().is_nan() || tolerance.bound() < 0.0 {
+                return Err(QueryError::BadTolerance);
+            }
         }
         if self.n_frames as usize > MAX_FRAMES {
             return Err(QueryError::TooMany { what: "frames", limit: MAX_FRAMES });
@@ -288,6 +347,8 @@ impl Query {
             JacobianTree,
             JacobianIndependent,
             JacobianActuator,
+            Projection,
+            Limits,
         ]);
         const DYNAMICS: FieldSet = FieldSet::of(&[Lambda, LambdaDeterminate, MY, CY, CondMy]);
         let outputs = STATE.0

@@ -70,11 +70,16 @@ impl Warnings {
     pub const NONE: Warnings = Warnings(0);
     /// A position, velocity or actuator force lies outside the limits that the model declares.
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
-    /// Results may keep fewer than nine digits: a loop is within 1/100 (the sine that vanishes
-    /// there) of a singular pose and rates were asked; the actuators are within 1e-5 of losing
-    /// control and forces or motion of theirs were asked; in forward dynamics, what is left of a
-    /// joint's inertia once the joints behind it are free is less than 1e-6 of it.
+    /// Some field of the answer may keep fewer than nine digits: near a singular pose, where
+    /// actuators nearly lose control, or where little is left of an inertia. Without it all keep
+    /// nine.
     pub const ILL_CONDITIONED: Warnings = Warnings(2);
+    /// A row that the solution leaves out as redundant is open by more than the query's tolerance:
+    /// the loops do not close here.
+    pub const LOOP_OPEN: Warnings = Warnings(4);
+    /// The given q or q̇ does not fit its loops: the answer is of a state that is further from it
+    /// than the query's tolerance ([`crate::Field::Projection`]).
+    pub const INPUT_PROJECTED: Warnings = Warnings(8);
 
     /// True when every bit of `other` is set.
     pub const fn contains(self, other: Warnings) -> bool {
@@ -86,6 +91,8 @@ impl Warnings {
         let names = [
             (Self::LIMITS_EXCEEDED, "limits_exceeded"),
             (Self::ILL_CONDITIONED, "ill_conditioned"),
+            (Self::LOOP_OPEN, "loop_open"),
+            (Self::INPUT_PROJECTED, "input_projected"),
         ];
         names.into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
     }

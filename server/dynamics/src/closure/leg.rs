@@ -66,7 +66,7 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         &self,
         point: &Vector3<T>,
         local: &mut Local<'_, T>,
-    ) -> (Reach<T>, Validity<T::Mask>) {
+    ) -> (Reach<T>, Validity<T>) {
         let [j1, j2, j3] = self.joints;
         let axes: Matrix3<T> = lift_mat(&self.axes);
         let (a, e): (Vector3<T>, Vector3<T>) = (lift(&self.a), lift(&self.e));

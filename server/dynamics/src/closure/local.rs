@@ -56,6 +56,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) inverse: Vec<T>,
     /// Determinant of each block at the pose that Newton's method leaves.
     pub(crate) branch: Vec<T>,
+    /// Gain of each block, see [`crate::closure::Outcome::gain`].
+    pub(crate) gain: Vec<T>,
     /// Newton's last step.
     pub(crate) step: Vec<T>,
     /// The last closed pose on a path, and the goal (n_q each).
@@ -99,6 +101,7 @@ impl<T: Real> Scratch<T> {
             B: of(side * side),
             inverse: of(side * side),
             branch: of(n),
+            gain: of(n),
             step: of(side),
             last: of(n),
             goal: of(n),

@@ -30,9 +30,8 @@ pub(crate) use local::{Level, Local, Rate, Scratch};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::{End, Numerical};
-use outcome::ILL_CONDITIONED;
 pub(crate) use outcome::{Outcome, Validity};
-pub(crate) use path::interpolate;
+pub(crate) use path::{interpolate, largest_distance};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use platform::{Arm, Leg, Platform};
 pub(crate) use rrpr::Rrpr;
@@ -126,7 +125,7 @@ impl<T: Scalar> Closure<T> {
 
 /// How a closed form ended; where it is singular, whether K lost rank there or only its part K_d.
 fn report<T: Scalar>(
-    validity: Validity<bool>,
+    validity: Validity<T>,
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
     local: &mut Local<'_, T>,

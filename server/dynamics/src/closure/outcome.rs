@@ -2,31 +2,30 @@
 
 use sarrus_proto::Status;
 
-use crate::scalar::{Mask, Real};
-
-/// Square of the sine, or of a length against its size, below which a pose is near a singular one:
-/// rates are known to ε / δ² of their size at δ, accelerations to ε / δ³.
-pub(crate) const ILL_CONDITIONED: f64 = 1e-4;
+use crate::scalar::{Mask, Real, Scalar};
 
 /// What came of closing a cluster.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outcome {
     pub(crate) status: Status,
     pub(crate) iterations: u32,
-    /// Closed, but so ill-conditioned, near a singular pose, that rates may keep fewer than nine
-    /// digits; reported from the velocity level on.
-    pub(crate) ill_conditioned: bool,
+    /// 1/sin² of the angle, or of a length against its size, that vanishes at a singular pose; the
+    /// product along closures that hang on each other. With Γ² for it poses are known to Γ ε, rates
+    /// to Γ² ε, accelerations to Γ³ ε at worst.
+    pub(crate) gain: f64,
+    /// Largest gap of the rows that the solution leaves out, in radians or lengths of the cluster.
+    pub(crate) open: f64,
 }
 
 impl Outcome {
     pub(crate) const FINE: Outcome = Outcome::closed(0);
 
     pub(crate) const fn closed(iterations: u32) -> Outcome {
-        Outcome { status: Status::Ok, iterations, ill_conditioned: false }
+        Outcome { status: Status::Ok, iterations, gain: 1.0, open: 0.0 }
     }
 
     pub(crate) const fn failed(status: Status, iterations: u32) -> Outcome {
-        Outcome { status, iterations, ill_conditioned: false }
+        Outcome { status, iterations, gain: 1.0, open: 0.0 }
     }
 }
 
@@ -39,50 +38,49 @@ const fn least_square_sine<T: Real>() -> f64 {
 
 /// Which lanes a closed form could not serve, and why.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Validity<M> {
-    pub(crate) unreachable: M,
-    pub(crate) singular: M,
-    /// As [`Outcome::ill_conditioned`].
-    pub(crate) ill_conditioned: M,
+pub(crate) struct Validity<T: Real> {
+    pub(crate) unreachable: T::Mask,
+    pub(crate) singular: T::Mask,
+    /// As [`Outcome::gain`].
+    pub(crate) gain: T,
 }
 
-impl<M: Mask> Validity<M> {
-    pub(crate) fn fine() -> Validity<M> {
-        let none = M::splat(false);
-        Validity { unreachable: none, singular: none, ill_conditioned: none }
+impl<T: Real> Validity<T> {
+    pub(crate) fn fine() -> Validity<T> {
+        let none = T::Mask::splat(false);
+        Validity { unreachable: none, singular: none, gain: T::ONE }
     }
 
     /// From the square of what vanishes at a singular pose, negative beyond it, and the square of
     /// its size elsewhere.
     #[inline(always)]
-    pub(crate) fn of<T: Real<Mask = M>>(square: T, size: T) -> Validity<M> {
-        let below = |floor: f64| square.lt(T::from_f64(floor) * size);
+    pub(crate) fn of(square: T, size: T) -> Validity<T> {
         Validity {
             unreachable: square.lt(T::ZERO),
-            singular: below(least_square_sine::<T>()),
-            ill_conditioned: below(ILL_CONDITIONED),
+            singular: square.lt(T::from_f64(least_square_sine::<T>()) * size),
+            gain: size / square,
         }
     }
 
     /// Either.
     #[inline(always)]
-    pub(crate) fn or(self, other: Validity<M>) -> Validity<M> {
+    pub(crate) fn or(self, other: Validity<T>) -> Validity<T> {
         Validity {
             unreachable: self.unreachable | other.unreachable,
             singular: self.singular | other.singular,
-            ill_conditioned: self.ill_conditioned | other.ill_conditioned,
+            gain: T::select(self.gain.lt(other.gain), other.gain, self.gain),
         }
     }
 }
 
-impl From<Validity<bool>> for Outcome {
-    fn from(validity: Validity<bool>) -> Outcome {
+impl<T: Scalar> From<Validity<T>> for Outcome {
+    fn from(validity: Validity<T>) -> Outcome {
         if validity.unreachable {
             Outcome::failed(Status::Unreachable, 0)
         } else if validity.singular {
             Outcome::failed(Status::SingularClosure, 0)
         } else {
-            Outcome { ill_conditioned: validity.ill_conditioned, ..Outcome::FINE }
+            Outcome { gain: validity.gain.to_f64().max(1.0), ..Outcome::FINE }
         }
     }
 }

@@ -63,3 +63,24 @@ fn free_distance<T: Scalar>(cluster: &Cluster<T>, dof: &Dof, from: &[T], to: &[T
             * T::from_f64(2.0);
     half_angle * T::from_f64(2.0) + square(dof.q..four).sqrt() * T::from_f64(1.0 / cluster.length)
 }
+
+/// How far the dependents of a pose are from those of another, in radians or cluster lengths: the
+/// largest of them. Whole turns do not count.
+pub(crate) fn largest_distance<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> f64 {
+    const TURN: f64 = core::f64::consts::TAU;
+    let mut largest = 0.0_f64;
+    for dof in cluster.dependent.iter().map(|v| &cluster.dofs[*v]) {
+        let of_dof = if !dof.single {
+            if dof.k == 0 { free_distance(cluster, dof, from, to).to_f64() } else { 0.0 }
+        } else {
+            let step = (to[dof.q] - from[dof.q]).to_f64();
+            if dof.slides() {
+                step / cluster.length
+            } else {
+                (-(step / TURN).round()).mul_add(TURN, step)
+            }
+        };
+        largest = largest.max(of_dof.abs());
+    }
+    largest
+}

@@ -98,7 +98,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         &self,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Validity<T::Mask> {
+    ) -> Validity<T> {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (a, t) = (lift(&self.a), lift(&self.t));
         let y = local.q[self.joint];
@@ -167,7 +167,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         p1: &Plane<T>,
         p2: &Plane<T>,
         level: Level,
-    ) -> (Links<T>, Validity<T::Mask>) {
+    ) -> (Links<T>, Validity<T>) {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (b0, c0, d) = (lift(&self.b), lift(&self.c), lift(&self.d));
         let (b_square, c_square) = (T::lift(self.b_square), T::lift(self.c_square));
@@ -214,7 +214,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         p1: &Plane<T>,
         p2: &Plane<T>,
         level: Level,
-    ) -> (Links<T>, Validity<T::Mask>) {
+    ) -> (Links<T>, Validity<T>) {
         let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
         let (a, b0, t) = (lift(&self.a), lift(&self.b), lift(&self.t));
         let b_square = T::lift(self.b_square);

@@ -78,7 +78,7 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Validity<T::Mask> {
+    ) -> Validity<T> {
         // pose of the platform along the chain; its joints' axes and points are kept for the
         // Jacobian
         let mut pose = Pose::identity();
@@ -154,7 +154,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Validity<T::Mask> {
+    ) -> Validity<T> {
         // where the pin is, then how the strut reaches it
         let arm = if ARM { self.arm.as_ref() } else { None };
         let (pin, of_arm) = self.pin(arm, platform, local);
@@ -231,7 +231,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         arm: Option<&Arm<C>>,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
-    ) -> (Pin<T>, Validity<T::Mask>) {
+    ) -> (Pin<T>, Validity<T>) {
         let pin: Vector3<T> = lift(&self.pin);
         let Some(arm) = arm else {
             let point = platform.point(&pin);

@@ -45,7 +45,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         &self,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Validity<T::Mask> {
+    ) -> Validity<T> {
         let [j1, j2, j3] = self.joints;
         let two = |v: &[C; 2]| [T::lift(v[0]), T::lift(v[1])];
         let (d3, d1, t0, e) =

@@ -33,7 +33,7 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
     let mut known = vec![false; n];
     let mut placed = vec![false; cluster.n];
     let mut offset = 0;
-    let mut blocks = Vec::new();
+    let mut blocks: Vec<Block> = Vec::new();
     for set in sets {
         let (set_rows, set_columns) =
             elimination_order(&set, &row_of, |i, a| K[used[i] * n + cluster.dependent[a]]);
@@ -106,10 +106,16 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
         (0..cluster.n).filter(|j| moves[*j]).for_each(|j| placed[j] = false);
         before.iter().chain(bodies.iter().map(|(j, _)| j)).for_each(|j| placed[*j] = true);
         unknowns.iter().for_each(|j| known[*j] = true);
+        let known_from =
+            |v: usize| blocks.iter().position(|block| block.unknowns.iter().any(|dof| dof.v == v));
+        let dofs = cuts.iter().flat_map(|cut| &cut.earlier);
+        let mut earlier: Vec<usize> = dofs.filter_map(|(dof, _)| known_from(dof.v)).collect();
+        earlier.sort_unstable();
+        earlier.dedup();
         let size = unknowns.len();
         let unknowns = unknowns.into_iter().map(of).collect();
         let remember = cuts.iter().any(|cut| !one_sided(cut));
-        blocks.push(Block { unknowns, cuts, bodies, before, offset, remember });
+        blocks.push(Block { unknowns, cuts, bodies, before, earlier, offset, remember });
         offset += size * size;
     }
     // bodies on the paths to any cut, and those that the blocks leave without a fresh pose

@@ -6,18 +6,17 @@ use crate::closure::column_unit;
 use crate::linalg::{least_norm, solve_sound};
 use crate::mechanism::Cluster;
 use crate::model::Model;
-use crate::plan::state::WEAK;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
 /// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as
 /// independents, of least norm where there are more, and where there are fewer the best, with the
-/// remainder in `tau_rest`.
+/// remainder in `tau_rest`. The least part of their control that the actuators of a cluster have.
 pub(super) fn to_actuators<T: Scalar>(
     model: &Model<T>,
     ws: &mut Workspace<T>,
-) -> Result<bool, Status> {
-    let mut weak = false;
+) -> Result<f64, Status> {
+    let mut control = 1.0_f64;
     ws.tau_rest.fill(T::ZERO);
     if !ws.tau_y.iter().all(|tau| tau.is_finite()) {
         return Err(Status::NonFiniteInput);
@@ -35,8 +34,8 @@ pub(super) fn to_actuators<T: Scalar>(
         } else if (m, n_u) == (1, 1) {
             let (u, j) = cluster.active[0];
             let (G, i) = (cluster.G(&ws.G)[(j, 0)], cluster.independent[0]);
-            weak |= (G.abs() * T::from_f64(column_unit(cluster, i)))
-                .lt(T::from_f64(WEAK * column_unit(cluster, j)));
+            let scaled = G.to_f64() * column_unit(cluster, i) / column_unit(cluster, j);
+            control = control.min(scaled.abs());
             let tau = ws.tau_y[cluster.vy] / G;
             if !tau.is_finite() {
                 return Err(Status::SingularActuation);
@@ -46,7 +45,7 @@ pub(super) fn to_actuators<T: Scalar>(
             actuator_matrix(cluster, ws);
             let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
                 .ok_or(Status::SingularActuation)?;
-            weak |= solved.least.lt(T::from_f64(WEAK));
+            control = control.min(solved.least.to_f64());
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 if !(ws.dense_rhs[r].is_finite()) {
                     return Err(Status::SingularActuation);
@@ -69,7 +68,7 @@ pub(super) fn to_actuators<T: Scalar>(
             }
         }
     }
-    Ok(weak)
+    Ok(control)
 }
 
 /// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.

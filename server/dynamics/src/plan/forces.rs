@@ -4,8 +4,9 @@ use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
 use crate::linalg::{factorise_tree, solve_tree};
-use crate::model::{Model, UNEQUAL};
+use crate::model::Model;
 use crate::plan::actuation::to_actuators;
+use crate::plan::diagnostics::digits::cancellation;
 use crate::plan::run::RunReport;
 use crate::plan::state::tree_accelerations;
 use crate::plan::{Method, Plan};
@@ -34,10 +35,15 @@ impl Plan {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
             let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
             algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
-            to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
+            ws.tau_terms.fill(T::ZERO);
+            to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
+            let (growth, zero) =
+                cancellation(largest(&ws.tau_terms).to_f64(), largest(&ws.tau_y).to_f64());
+            report.doubt.times(growth);
+            report.doubt.force = zero;
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
-            report.warn_if(to_actuators(model, ws)?);
+            report.doubt.times(1.0 / to_actuators(model, ws)?);
         }
         if self.wants(Field::Lambda) {
             // what the tree needs beyond the actuators comes from the loops
@@ -60,6 +66,7 @@ impl Plan {
         input: &[T],
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
+        ws.tau_terms.fill(T::ZERO);
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
         let n = model.meta.sizes.n_vy;
@@ -72,28 +79,35 @@ impl Plan {
         if self.steps.mass_matrix {
             algorithms::reduced_mass_matrix(model, ws);
         }
-        // the whole system has no pivots to judge: the recursion's tell of its masses too
+        // the whole system has no pivots to judge: those of the recursion are looked at
         if self.method == Method::Kkt {
             ws.ydd.fill(T::ZERO);
         }
-        let (positive, unequal) = if self.method == Method::Projection {
+        let positive = if self.method == Method::Projection {
             ws.factor.copy_from_slice(&ws.M_y);
             let positive = factorise_tree(&model.sparsity, &mut ws.factor);
             solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
-            (positive, unequal(model, model.sparsity.diagonal().map(|at| ws.factor[at])))
+            positive
         } else {
-            let positive = algorithms::embedded_solve(model, ws);
-            (positive, unequal(model, ws.embedding.inverses(model)))
+            algorithms::embedded_solve(model, ws)
         };
-        report.warn_if(unequal);
         if self.method == Method::Kkt {
+            report.doubt.times(self.lost_inertia(model, ws, |_| T::ONE).to_f64());
             self.tree_forward_dynamics(model, ws, input)?;
-            report.warn_if(!self.balanced(model, ws, input));
+            if !self.balanced(model, ws, input) {
+                report.doubt.times(f64::INFINITY);
+            }
             return Ok(());
         }
         if !positive.all() {
             return Err(Status::MassNotPositive);
         }
+        // what each pivot makes of the terms that met in its row, against ÿ
+        let ydd = &ws.ydd;
+        let terms = self.lost_inertia(model, ws, |k| ydd[k].abs());
+        let (growth, zero) = cancellation(terms.to_f64(), largest(&ws.ydd).to_f64());
+        report.doubt.times(growth);
+        report.doubt.acceleration = zero;
         for cluster in &model.clusters {
             for (k, &j) in cluster.independent.iter().enumerate() {
                 ws.qdd[cluster.v + j] = ws.ydd[cluster.vy + k];
@@ -110,6 +124,31 @@ impl Plan {
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
+    }
+
+    /// Largest of (Σ |terms| + inertia · ÿ) / pivot over the independents, in internal order: the
+    /// inertia is that of the joint alone, the pivot what is left of it where all behind it is free.
+    fn lost_inertia<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        ydd: impl Fn(usize) -> T,
+    ) -> T {
+        let of = |largest: T, (k, inverse): (usize, T)| {
+            let inertia = T::from_f64(model.inertia[k]);
+            let terms = match self.method {
+                Method::Kkt => inertia * ydd(k),
+                _ => inertia.mul_add(ydd(k), ws.tau_terms[k]),
+            };
+            let x = inverse * terms;
+            T::select(x.lt(largest), largest, x)
+        };
+        if self.method == Method::Projection {
+            let inverses = model.sparsity.diagonal().map(|at| ws.factor[at]);
+            inverses.enumerate().fold(T::ZERO, of)
+        } else {
+            ws.embedding.inverses(model).enumerate().fold(T::ZERO, of)
+        }
     }
 
     /// q̈ of the tree under its constraints.
@@ -146,16 +185,13 @@ impl Plan {
         let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &qdd };
         algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.start_rate = qdd;
-        let size = |tau: &[T]| {
-            tau.iter().fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size))
-        };
-        let mut largest = size(&ws.tau_q);
+        let mut largest = self::largest(&ws.tau_q);
         self.each_given_force(model, input, |v, tau| {
             largest = T::select(largest.lt(tau.abs()), tau.abs(), largest);
             ws.tau_q[v] -= tau;
         });
-        to_independent(model, &ws.G, &ws.tau_q, &mut ws.ydd);
-        if size(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO {
+        to_independent(model, &ws.G, &ws.tau_q, &mut ws.ydd, &mut ws.tau_terms);
+        if self::largest(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO {
             return true;
         }
         let positive = algorithms::embedded_solve(model, ws);
@@ -163,7 +199,7 @@ impl Plan {
             model.order.vy_v.iter().fold(T::ZERO, |size, v| {
                 T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size)
             });
-        positive && size(&ws.ydd).lt(given * T::from_f64(WORTH))
+        positive && self::largest(&ws.ydd).lt(given * T::from_f64(WORTH))
     }
 
     /// The given forces by internal tree velocity; a force on an independent is one on its joint.
@@ -193,9 +229,10 @@ impl Plan {
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
+            ws.tau_terms.fill(T::ZERO);
             self.given_forces(model, ws, input);
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
-                report.warn_if(to_actuators(model, ws)?);
+                report.doubt.times(1.0 / to_actuators(model, ws)?);
             }
         }
         Ok(())
@@ -214,14 +251,17 @@ impl Plan {
             (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
         let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.g };
         algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
-        to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y);
+        to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
     }
 
     /// The given forces as τ_y.
     fn given_forces<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) {
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
         if let Some(tau) = slot(Field::TauY) {
-            tau.iter().zip(&model.order.vy).for_each(|(x, k)| ws.tau_y[*k] = *x);
+            for (x, &k) in tau.iter().zip(&model.order.vy) {
+                ws.tau_y[k] = *x;
+                ws.tau_terms[k] += x.abs();
+            }
             return;
         }
         ws.tau_q.fill(T::ZERO);
@@ -230,7 +270,7 @@ impl Plan {
         } else if let Some(tau) = slot(Field::TauQ) {
             tau.iter().zip(&model.order.v).for_each(|(x, v)| ws.tau_q[*v] = *x);
         }
-        to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y);
+        to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
     }
 
     /// The given wrenches on their bodies; false where there are none.
@@ -266,21 +306,32 @@ pub(crate) fn wrenches_on_bodies<T: Scalar>(
     }
 }
 
-/// τ_y = Gᵀ τ_q, cluster by cluster.
-fn to_independent<T: Scalar>(model: &Model<T>, G: &[T], tau_q: &[T], tau_y: &mut [T]) {
+/// τ_y = Gᵀ τ_q, cluster by cluster; adds Σ |terms| of each to `terms`.
+fn to_independent<T: Scalar>(
+    model: &Model<T>,
+    G: &[T],
+    tau_q: &[T],
+    tau_y: &mut [T],
+    terms: &mut [T],
+) {
     for cluster in &model.clusters {
         let m = cluster.n_vy;
         if cluster.is_serial() {
-            tau_y[cluster.independents()].copy_from_slice(&tau_q[cluster.v..cluster.v + m]);
+            for k in 0..m {
+                let tau = tau_q[cluster.v + k];
+                tau_y[cluster.vy + k] = tau;
+                terms[cluster.vy + k] += tau.abs();
+            }
             continue;
         }
         let G = cluster.G(G);
         for k in 0..m {
-            let mut tau = T::ZERO;
+            let (mut tau, mut sum) = (T::ZERO, terms[cluster.vy + k]);
             for j in 0..cluster.n_v {
                 tau = G[(j, k)].mul_add(tau_q[cluster.v + j], tau);
+                sum = G[(j, k)].abs().mul_add(tau_q[cluster.v + j].abs(), sum);
             }
-            tau_y[cluster.vy + k] = tau;
+            (tau_y[cluster.vy + k], terms[cluster.vy + k]) = (tau, sum);
         }
     }
 }
@@ -294,10 +345,7 @@ fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [
     }
 }
 
-/// True where a joint's inertia is as good as gone, given the inverses of what is left of each in
-/// internal order.
-fn unequal<T: Scalar>(model: &Model<T>, inverses: impl Iterator<Item = T>) -> bool {
-    inverses.zip(&model.inertia).fold(false, |unequal, (inverse, inertia)| {
-        unequal | T::from_f64(UNEQUAL).lt(inverse * T::from_f64(*inertia))
-    })
+/// Largest absolute value.
+fn largest<T: Scalar>(x: &[T]) -> T {
+    x.iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest))
 }

@@ -4,6 +4,7 @@ mod actuation;
 mod diagnostics;
 mod forces;
 mod kkt;
+mod limits;
 mod method;
 mod output;
 mod run;

@@ -55,6 +55,7 @@ impl Plan {
             }
         }
         self.write_figure(Field::Iterations, T::from_f64(f64::from(report.iterations)), output);
+        self.write_figure(Field::Projection, T::from_f64(report.projection), output);
         self.check_overflow(output)
     }
 
@@ -167,6 +168,7 @@ impl Plan {
                     independent_jacobian(model, ws, frame, out, &order.vy_external)
                 });
             }
+            Field::Limits => self.write_limits(model, ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
             // written where they are computed
             _ => {}

@@ -5,6 +5,7 @@ use sarrus_proto::{Request, Status, Warnings};
 use crate::algorithms;
 use crate::mechanism::Motion;
 use crate::model::Model;
+use crate::plan::diagnostics::digits::Doubt;
 use crate::plan::{Answer, Plan};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -14,6 +15,11 @@ pub(super) struct RunReport<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
     pub(super) warnings: Warnings,
+    /// How much roundings may have grown.
+    pub(super) doubt: Doubt,
+    /// Largest gap of redundant rows, and distance of the given state, in radians or lengths.
+    pub(super) open: f64,
+    pub(super) projection: f64,
     pub(super) residual: T,
     /// Distance to singularity of the cluster that could not be closed, if there is one; its good
     /// independents are in the workspace.
@@ -33,6 +39,9 @@ impl<T: Scalar> RunReport<T> {
             status: Status::Ok,
             iterations: 0,
             warnings: Warnings::NONE,
+            doubt: Doubt::NONE,
+            open: 0.0,
+            projection: 0.0,
             residual: nan,
             sigma_min: nan,
             failed: false,
@@ -41,10 +50,10 @@ impl<T: Scalar> RunReport<T> {
         }
     }
 
-    /// Notes that digits may be lost.
-    pub(super) fn warn_if(&mut self, ill_conditioned: bool) {
-        if ill_conditioned {
-            self.warnings |= Warnings::ILL_CONDITIONED;
+    /// Adds a warning where it is due.
+    fn warn_if(&mut self, due: bool, warning: Warnings) {
+        if due {
+            self.warnings |= warning;
         }
     }
 }
@@ -91,6 +100,14 @@ impl Plan {
             self.write_failure(model, workspace, &report, output);
             return Answer { status: report.status, warnings: Warnings::NONE };
         }
+        let doubtful = report.doubt.is_large();
+        let lost = doubtful && !self.keeps_digits(workspace, input, output, &report);
+        report.warn_if(lost, Warnings::ILL_CONDITIONED);
+        report.warn_if(report.open > self.query.loop_tolerance.bound(), Warnings::LOOP_OPEN);
+        report.warn_if(
+            report.projection > self.query.projection_tolerance.bound(),
+            Warnings::INPUT_PROJECTED,
+        );
         report.warnings |= self.limits(model, workspace);
         Answer { status: Status::Ok, warnings: report.warnings }
     }
@@ -119,30 +136,6 @@ impl Plan {
             Request::Map => self.map_forces(model, ws, input, report),
             _ => Ok(()),
         }
-    }
-
-    /// Where a position, velocity or actuator force lies outside the model's limits.
-    fn limits<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Warnings {
-        let mut warnings = Warnings::NONE;
-        let velocities =
-            self.steps.velocity.is_some() && self.steps.level >= crate::closure::Level::Velocity;
-        for limit in &model.limits {
-            let q = ws.q[limit.q].to_f64();
-            let mut outside = q < limit.lower || q > limit.upper;
-            outside |= velocities && ws.qd[limit.v].to_f64().abs() > limit.velocity;
-            if outside {
-                warnings |= Warnings::LIMITS_EXCEEDED;
-            }
-        }
-        if self.request == Request::InverseDynamics && self.wants_any(&[sarrus_proto::Field::TauU])
-        {
-            for (tau, effort) in ws.tau_u.iter().zip(&model.effort) {
-                if tau.to_f64().abs() > *effort {
-                    warnings |= Warnings::LIMITS_EXCEEDED;
-                }
-            }
-        }
-        warnings
     }
 }
 

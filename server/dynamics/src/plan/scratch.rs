@@ -13,9 +13,14 @@ impl<T: Scalar> Workspace<T> {
         model: &Model<T>,
         plans: impl IntoIterator<Item = &'a Plan>,
     ) -> Workspace<T> {
-        Workspace::sized(
-            model,
-            plans.into_iter().fold(Needs::default(), |needs, plan| needs.and(plan.needs())),
-        )
+        let (mut needs, mut longest) = (Needs::default(), 0);
+        for plan in plans {
+            (needs, longest) = (needs.and(plan.needs()), longest.max(plan.want().len()));
+        }
+        let mut workspace = Workspace::sized(model, needs);
+        if let Some(probe) = &mut workspace.probe {
+            probe.make_room(longest);
+        }
+        workspace
     }
 }

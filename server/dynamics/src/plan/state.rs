@@ -2,7 +2,7 @@
 
 use sarrus_proto::{Field, Slot, Status};
 
-use crate::closure::{Level, Outcome};
+use crate::closure::{Level, Outcome, column_unit, largest_distance};
 use crate::linalg::solve_sound;
 use crate::mechanism::Cluster;
 use crate::model::Model;
@@ -15,8 +15,6 @@ use crate::workspace::Workspace;
 const STEPS: u32 = 60;
 /// Longest of these steps, in radians or cluster lengths.
 const LONGEST: f64 = 0.2;
-/// Least pivot of G_u, against its largest entry, from which on actuators determine ten digits.
-pub(super) const WEAK: f64 = 1e-5;
 /// Largest deviation of a quaternion from unit length.
 const UNIT: f64 = 1e-6;
 
@@ -105,6 +103,13 @@ impl Plan {
         if self.steps.position == Space::Actuation || self.actuated_rates() {
             self.check_unactuated(model)?;
         }
+        if let (Some(given), true) = (slot(Field::Qd), self.steps.level > Level::Position) {
+            for (x, &v) in given.iter().zip(&order.v) {
+                let cluster = &model.clusters[model.cluster_of_v[v]];
+                let off = (*x - ws.qd[v]).abs().to_f64() / column_unit(cluster, v - cluster.v);
+                report.projection = report.projection.max(off);
+            }
+        }
         Ok(())
     }
 
@@ -140,7 +145,7 @@ impl Plan {
         let actuated = self.steps.position == Space::Actuation;
         hold_idle(cluster, ws);
         let mut outcome = if actuated {
-            from_actuators(model, c, ws, report)?
+            from_actuators(self.steps.level, model, c, ws, report)?
         } else {
             let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
             ws.close(model, c, level)
@@ -150,11 +155,15 @@ impl Plan {
             self.remember_failure(model, c, ws, actuated, report);
             return Err(outcome.status);
         }
+        if self.steps.position == Space::Tree {
+            let (start, q) = (&ws.start[cluster.coordinates()], &ws.q[cluster.coordinates()]);
+            report.projection = report.projection.max(largest_distance(cluster, start, q));
+        }
+        let mut control = 1.0;
         if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
-            let mut ill_conditioned = false;
             if self.steps.velocity == Some(Space::Actuation) {
-                ill_conditioned |= self.independent_rates(cluster, ws, given(Field::Ud), false)?;
+                control = self.independent_rates(cluster, ws, given(Field::Ud), false)?;
             }
             if self.steps.level > Level::Position {
                 outcome = self.close_again(model, c, ws);
@@ -163,11 +172,12 @@ impl Plan {
                 }
             }
             if self.steps.acceleration == Some(Space::Actuation) {
-                ill_conditioned |= self.independent_rates(cluster, ws, given(Field::Udd), true)?;
+                control =
+                    control.min(self.independent_rates(cluster, ws, given(Field::Udd), true)?);
             }
-            outcome.ill_conditioned |= ill_conditioned;
         }
-        report.warn_if(self.steps.level > Level::Position && outcome.ill_conditioned);
+        report.open = report.open.max(outcome.open);
+        report.doubt.closure(outcome.gain, self.steps.level, control);
         Ok(())
     }
 
@@ -179,15 +189,15 @@ impl Plan {
         ws.close(model, c, self.steps.level)
     }
 
-    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; true
-    /// where the actuators nearly lose control.
+    /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; the part
+    /// of their control that the actuators have there.
     fn independent_rates<T: Scalar>(
         &self,
         cluster: &Cluster<T>,
         ws: &mut Workspace<T>,
         given: &[T],
         accelerations: bool,
-    ) -> Result<bool, Status> {
+    ) -> Result<f64, Status> {
         let m = cluster.n_vy;
         if cluster.active.len() != m {
             return Err(Status::SingularActuation);
@@ -207,7 +217,7 @@ impl Plan {
             let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
             to[cluster.v + j] = ws.dense_rhs[k];
         }
-        Ok(solved.least.lt(T::from_f64(WEAK)))
+        Ok(solved.least.to_f64())
     }
 }
 
@@ -232,6 +242,7 @@ pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Works
 /// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's
 /// method from the start.
 fn from_actuators<T: Scalar>(
+    level: Level,
     model: &Model<T>,
     c: usize,
     ws: &mut Workspace<T>,
@@ -272,7 +283,7 @@ fn from_actuators<T: Scalar>(
             None
         };
         let at = cluster.coordinates();
-        let weak = solved.is_some_and(|solved| solved.least.lt(T::from_f64(WEAK)));
+        let control = solved.map_or(1.0, |solved| solved.least.to_f64());
         match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the path from the last good one
             None if k == 0 => {
@@ -307,8 +318,9 @@ fn from_actuators<T: Scalar>(
             cluster.dofs[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
-            report.warn_if(weak);
-            return Ok(ws.close(model, c, Level::Velocity));
+            let outcome = ws.close(model, c, Level::Velocity);
+            report.doubt.closure(outcome.gain, level, control);
+            return Ok(outcome);
         }
     }
     Ok(Outcome::failed(Status::Unreachable, 0))

@@ -5,10 +5,12 @@ mod dual;
 mod elementary;
 mod noise;
 mod single;
+mod stochastic;
 
 pub use double_double::Dd;
 pub use dual::Dual;
 pub(crate) use noise::noise;
+pub(crate) use stochastic::Stochastic;
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
@@ -97,6 +99,10 @@ impl Mask for bool {
 
 /// A scalar of one lane: code off the straight path may branch on it.
 pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
+    /// Whether doubtful answers are computed again to count their digits; elsewhere the doubt alone
+    /// decides.
+    const PROBED: bool = false;
+
     /// The nearest double.
     fn to_f64(self) -> f64;
 }
@@ -152,6 +158,8 @@ impl Real for f64 {
 }
 
 impl Scalar for f64 {
+    const PROBED: bool = true;
+
     #[inline(always)]
     fn to_f64(self) -> f64 {
         self

@@ -3,10 +3,12 @@
 //! velocities in the order of the bodies. After each shape stands who writes it.
 
 mod body;
+mod probe;
 
 use nalgebra::Vector3;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
+use probe::Probe;
 
 use crate::closure::{self, Level, Local, Outcome, Scratch};
 use crate::mechanism::{Body, Cluster};
@@ -75,6 +77,8 @@ pub struct Workspace<T> {
     pub(crate) tau_y: Vec<T>,
     pub(crate) tau_u: Vec<T>,
     pub(crate) tau_rest: Vec<T>,
+    /// Σ |terms| of each independent force (n_vy).
+    pub(crate) tau_terms: Vec<T>,
     /// The tree forces that only the loops can supply (n_v).
     pub(crate) loop_q: Vec<T>,
     /// Matrix (n²), right-hand side and scaling (n) of the tree under its constraints, with n of
@@ -90,6 +94,8 @@ pub struct Workspace<T> {
     pub(crate) dense_spare: Vec<T>,
     /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
+    /// What doubtful answers are computed with again, for scalars that have it.
+    pub(crate) probe: Option<Box<Probe>>,
     needs: Needs,
     /// The model that it was made for.
     fingerprint: u64,
@@ -216,6 +222,7 @@ impl<T: Scalar> Workspace<T> {
             tau_y: of(sizes.n_vy),
             tau_u: of(sizes.n_u),
             tau_rest: of(sizes.n_vy),
+            tau_terms: of(sizes.n_vy),
             M_y: of(packed),
             C_y: of(sizes.n_vy),
             factor: of(packed),
@@ -225,6 +232,7 @@ impl<T: Scalar> Workspace<T> {
             kkt: of(kkt * kkt),
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),
+            probe: Probe::new(model, needs),
             needs,
             fingerprint: model.fingerprint(),
             dense: of(side * side),

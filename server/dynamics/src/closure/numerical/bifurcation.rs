@@ -51,11 +51,11 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
         distance += step.abs() * unit;
     }
     let iterations = followed.iterations + count;
-    if good
-        && off < distance * T::from_f64(ASTRAY)
-        && continuation::redundant_rows_hold(cluster, local)
-    {
-        return Outcome::closed(iterations);
+    if good && off < distance * T::from_f64(ASTRAY) {
+        let gap = continuation::redundant_gap(cluster, local);
+        if continuation::holds(gap) {
+            return Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) };
+        }
     }
     local.q.copy_from_slice(&local.scratch.last[..n]);
     Outcome { iterations, ..followed }

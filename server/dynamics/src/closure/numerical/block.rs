@@ -32,6 +32,8 @@ pub(crate) struct Block {
     /// The other bodies on these paths whose pose is not yet that of their coordinates, in tree
     /// order.
     pub(crate) before: Vec<usize>,
+    /// The earlier blocks that determined joints on these paths.
+    pub(crate) earlier: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
     /// True when the determinant at the old unknowns changes with the new y, so that the first step

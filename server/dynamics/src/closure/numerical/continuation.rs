@@ -62,6 +62,7 @@ pub(in crate::closure) fn follow<T: Scalar>(
     numerical.remember(cluster, bodies, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
     let (mut at, mut step, mut attempts, mut failed) = (0.0, FIRST, 0, false);
+    let mut open = T::ZERO;
     while at < 1.0 {
         attempts += 1;
         let next = f64::min(1.0, at + step);
@@ -75,7 +76,9 @@ pub(in crate::closure) fn follow<T: Scalar>(
         let (good, count) =
             numerical.newton(cluster, bodies, local, true, whole * T::from_f64(next - at));
         iterations += count;
-        if good && redundant_rows_hold(cluster, local) {
+        let gap = if good { redundant_gap(cluster, local) } else { T::ZERO };
+        if good && holds(gap) {
+            open = gap;
             local.scratch.last[..n].copy_from_slice(local.q);
             numerical.remember(cluster, bodies, local);
             at = next;
@@ -104,21 +107,26 @@ pub(in crate::closure) fn follow<T: Scalar>(
             }
         }
     }
-    Outcome::closed(iterations)
+    Outcome { open: open.to_f64(), ..Outcome::closed(iterations) }
 }
 
-/// True where the rows that the solution leaves out hold too, as closely as rounded files let them;
-/// the poses are fresh.
-pub(in crate::closure) fn redundant_rows_hold<T: Scalar>(
+/// Largest gap of the rows that the solution leaves out, in radians or lengths of the cluster; the
+/// poses are fresh.
+pub(in crate::closure) fn redundant_gap<T: Scalar>(
     cluster: &Cluster<T>,
     local: &mut Local<'_, T>,
-) -> bool {
+) -> T {
     if cluster.used.len() == cluster.rows.len() {
-        return true;
+        return T::ZERO;
     }
     let scratch = &mut *local.scratch;
     constraint_residual(cluster, &scratch.pose, local.q, &mut scratch.phi);
-    largest_residual(cluster, &scratch.phi) < T::from_f64(APART)
+    largest_residual(cluster, &scratch.phi)
+}
+
+/// True where such a gap is what rounded files leave, and not another closed pose's.
+pub(in crate::closure) fn holds<T: Scalar>(gap: T) -> bool {
+    gap < T::from_f64(APART)
 }
 
 /// Why the path to the goal in `local.q` ended: some other closed pose has its y, or none has.

@@ -1,6 +1,5 @@
 //! The inverse of a block, with its determinant.
 
-use crate::closure::ILL_CONDITIONED;
 use crate::linalg::{column_square, solve_unpivoted};
 use crate::scalar::{Mask, Real};
 
@@ -29,9 +28,9 @@ pub(in crate::closure) struct Inverted<T: Real> {
     pub(in crate::closure) sound: T::Mask,
     /// Where accelerations by it keep a digit; as `ill_conditioned`.
     pub(in crate::closure) accurate: T::Mask,
-    /// Where the matrix is near a singular one; of two or three rows, for others their callers must
-    /// look.
-    pub(in crate::closure) ill_conditioned: T::Mask,
+    /// 1/sin² of what vanishes where the matrix is singular; of two or three rows, for others their
+    /// callers must look.
+    pub(in crate::closure) gain: T,
     pub(in crate::closure) det: T,
 }
 
@@ -45,7 +44,7 @@ impl<T: Real> Inverted<T> {
         Inverted {
             sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det),
             accurate: accurate(det * det, squares),
-            ill_conditioned: below(ILL_CONDITIONED),
+            gain: squares / (det * det),
             det,
         }
     }
@@ -64,7 +63,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
             Inverted {
                 sound: T::ZERO.lt(A[0].abs()),
                 accurate: T::Mask::splat(true),
-                ill_conditioned: T::Mask::splat(false),
+                gain: T::ONE,
                 det: A[0],
             }
         }
@@ -109,12 +108,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
                 m,
                 const { SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON) },
             );
-            Inverted {
-                sound,
-                accurate: T::Mask::splat(true),
-                ill_conditioned: T::Mask::splat(false),
-                det,
-            }
+            Inverted { sound, accurate: T::Mask::splat(true), gain: T::ONE, det }
         }
     }
 }

@@ -2,7 +2,6 @@
 
 use crate::closure::numerical::block::{Block, RowsAt, by_width};
 use crate::closure::numerical::inverse::{Inverted, accurate, inverse_square_sine};
-use crate::closure::outcome::ILL_CONDITIONED;
 use crate::closure::{Level, Local, column_unit};
 use crate::linalg::column_square;
 use crate::mechanism::Cluster;
@@ -10,15 +9,15 @@ use crate::scalar::Real;
 
 impl Block {
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier
-    /// blocks on the right-hand side. The masks tell where they mean something and where the pose
-    /// is ill-conditioned.
+    /// blocks on the right-hand side. The mask tells where they mean something; with it comes
+    /// 1/sin² of what vanishes at a singular pose of the block.
     #[inline]
     pub(super) fn jacobian<T: Real>(
         &self,
         cluster: &Cluster<T::Const>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (T::Mask, T::Mask) {
+    ) -> (T::Mask, T) {
         by_width!(self.jacobian_of_width(cluster, local, level))
     }
 
@@ -27,7 +26,7 @@ impl Block {
         cluster: &Cluster<T::Const>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (T::Mask, T::Mask) {
+    ) -> (T::Mask, T) {
         let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
         self.both_sides::<T, M>(cluster, local);
         let scratch = &mut *local.scratch;
@@ -35,25 +34,25 @@ impl Block {
         if wide {
             (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
         }
-        // one row is ill-conditioned where its independents move it far more than its unknown
+        // one row alone: its independents move it more than its unknown does
         let alone = (m == 1).then(|| {
             let square = |x: T, v: usize| {
                 (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v))
             };
             let moves = (scratch.B[..n_vy].iter().zip(&cluster.independent))
                 .fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
-            square(scratch.A[0], self.unknowns[0].v).lt(moves * T::from_f64(ILL_CONDITIONED))
+            moves / square(scratch.A[0], self.unknowns[0].v)
         });
-        let Inverted { sound, mut accurate, mut ill_conditioned, .. } = self.invert::<T, M>(local);
+        let Inverted { sound, mut accurate, mut gain, .. } = self.invert::<T, M>(local);
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         if let Some(alone) = alone {
-            ill_conditioned = alone;
+            gain = alone;
         }
         if wide {
             let square = inverse_square_sine(inverse, &scratch.step[..m], m);
             accurate = self::accurate(T::ONE, square);
-            ill_conditioned = T::from_f64(1.0 / ILL_CONDITIONED).lt(square);
+            gain = square;
         }
         for (i, dof) in self.unknowns[..m].iter().enumerate() {
             let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
@@ -66,7 +65,7 @@ impl Block {
             }
         }
         let good = if level == Level::Acceleration { sound & accurate } else { sound };
-        (good, ill_conditioned)
+        (good, gain)
     }
 
     /// K_d of the block into A; K_i, and what earlier blocks add to it, into B.

@@ -127,7 +127,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     }
 
     /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean
-    /// something, and where the pose is near a singular one.
+    /// something, and the gain of [`Outcome::gain`].
     #[inline]
     fn rates<T: Real<Const = C>>(
         &self,
@@ -135,7 +135,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (T::Mask, T::Mask) {
+    ) -> (T::Mask, T) {
         let m = cluster.n_vy;
         for (k, &j) in cluster.independent.iter().enumerate() {
             for other in 0..m {
@@ -145,10 +145,15 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             local.g[j] = T::ZERO;
         }
         // G block by block: G_d = −K_d⁻¹ K_i
-        let (mut good, mut ill_conditioned) = (T::Mask::splat(true), T::Mask::splat(false));
-        for block in &self.blocks {
-            let (sound, block_ill_conditioned) = block.jacobian(cluster, local, level);
-            (good, ill_conditioned) = (good & sound, ill_conditioned | block_ill_conditioned);
+        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let (mut good, mut gain) = (T::Mask::splat(true), T::ONE);
+        for (b, block) in self.blocks.iter().enumerate() {
+            let (sound, own) = block.jacobian(cluster, local, level);
+            // what is lost here multiplies what was lost before
+            let gains = &mut local.scratch.gain;
+            let before = block.earlier.iter().fold(T::ONE, |gain, a| larger(gain, gains[*a]));
+            gains[b] = larger(T::ONE, own) * before;
+            (good, gain) = (good & sound, larger(gain, gains[b]));
         }
         for block in &self.blocks {
             for &Dof { v: j, .. } in &block.unknowns {
@@ -169,7 +174,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 block.bias(&cluster.cuts, local);
             }
         }
-        (good, ill_conditioned)
+        (good, gain)
     }
 }
 
@@ -187,9 +192,9 @@ impl<C: Scalar> Numerical<C> {
         }
         let moved = distance(cluster, local.start, local.q);
         let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
-        let good = good && continuation::redundant_rows_hold(cluster, local);
-        let outcome = if good {
-            Outcome::closed(iterations)
+        let gap = if good { continuation::redundant_gap(cluster, local) } else { C::ZERO };
+        let outcome = if good && continuation::holds(gap) {
+            Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) }
         } else {
             bifurcation::follow_or_bifurcate(self, cluster, bodies, local, iterations)
         };
@@ -210,7 +215,8 @@ impl<C: Scalar> Numerical<C> {
         self.remember(cluster, bodies, local);
         let (good, iterations) = self.newton(cluster, bodies, local, true, C::ZERO);
         if good {
-            Outcome::closed(iterations)
+            let open = continuation::redundant_gap(cluster, local).to_f64();
+            Outcome { open, ..Outcome::closed(iterations) }
         } else {
             Outcome::failed(Status::NotConverged, iterations)
         }
@@ -229,7 +235,7 @@ impl<C: Scalar> Numerical<C> {
             return outcome;
         }
         match self.rates(cluster, bodies, local, level) {
-            (true, ill_conditioned) => Outcome { ill_conditioned, ..outcome },
+            (true, gain) => Outcome { gain: gain.to_f64(), ..outcome },
             (false, _) => Outcome::failed(
                 continuation::singular_status(cluster, bodies, local),
                 outcome.iterations,

@@ -14,6 +14,10 @@ use crate::spatial::{column, dot};
 /// Shortest link and least sine between links at zero, relative to the mechanism's size.
 const DEGENERATE: f64 = 1e-6;
 
+/// How near links come to one line at a change point, relative to the mechanism's size: rounded
+/// files meet it that nearly.
+const CHANGE: f64 = 1e-6;
+
 type Plane = [Dd; 2];
 
 /// The loop, with one slider or none.
@@ -72,6 +76,21 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
             {
                 return Err("links stand in line or have no length at zero".into());
             }
+            let reach = if has_bearing {
+                // what J1 lies beside the slider's line, against b
+                let normal = [-t[1], t[0]];
+                let middle = (inner(&normal, &b) + inner(&normal, &a)).to_f64();
+                [(middle + size(&a)).abs() - size(&b), (middle - size(&a)).abs() - size(&b)]
+            } else if place == Some(0) {
+                // |D| of an independent slider, against b − c
+                let nearest = outer(&t, &minus(&d, &a)).abs().to_f64();
+                [nearest - (size(&b) - size(&c)).abs(), f64::INFINITY]
+            } else {
+                // |D| against b − c and b + c
+                let (near, far) = ((size(&a) - size(&d)).abs(), size(&a) + size(&d));
+                [near - (size(&b) - size(&c)).abs(), far - (size(&b) + size(&c))]
+            };
+            has_no_change_point(reach, cluster.length)?;
             let tie =
                 |k: usize| ring[k].joint.map(|joint| Tie { joint, place: k, sense: sense[k] });
             let ties: Vec<Tie<Dd>> = (1..4).filter_map(tie).collect();
@@ -94,6 +113,15 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
         }
     };
     Ok(Form { closure, deviations })
+}
+
+/// At the ends of what the independent joint reaches the links must not just stand in one line: two
+/// assemblies meet there, each goes on as the other, and a closed form knows no path.
+fn has_no_change_point(reach: [f64; 2], length: f64) -> Result<(), String> {
+    if reach.iter().any(|x| x.abs() < CHANGE * length) {
+        return Err("links can stand in one line where two assemblies meet, a change point".into());
+    }
+    Ok(())
 }
 
 /// A slider that lies opposite to the independent joint: rocker, pin, slider, stator.
@@ -119,6 +147,8 @@ fn lambda(
     if size(&d3) < DEGENERATE * of.cluster.length {
         return Err("pin lies on the rocker's axis".into());
     }
+    let nearest = (size(&d3) - size(&d1)).abs();
+    has_no_change_point([nearest - eccentricity.abs().to_f64(), f64::INFINITY], of.cluster.length)?;
     Ok(Rrpr {
         joints: [rocker, stator, slider],
         d3,

@@ -1,0 +1,122 @@
+//! How many digits of a doubtful answer rounding has left.
+//!
+//! While a request is computed its doubt is kept: a bound, up to a constant, of the factor by which
+//! its roundings grow. It is the gain of the closures ([`crate::closure::Outcome::gain`]), times the
+//! cancellation of forces, times what is divided by where actuators or inertias nearly vanish. A
+//! bound is always too large; so an answer with a large one is computed twice again with every
+//! rounding moved ([`crate::scalar::Stochastic`]), and it is the difference that is reported.
+
+use sarrus_proto::Field;
+
+use crate::closure::Level;
+use crate::plan::Plan;
+use crate::plan::run::RunReport;
+use crate::scalar::{Scalar, Stochastic};
+use crate::workspace::Workspace;
+
+/// The doubt from which on digits are counted: with the roundings of a few hundred operations ten
+/// digits are left below it.
+pub(in crate::plan) const DOUBTFUL: f64 = 2e4;
+/// Difference of the runs, against the largest number of a field, at which it keeps nine digits for
+/// sure: roundings are moved by about four times their own size.
+const KEPT: f64 = 2e-10;
+/// Part of the largest term of a sum below which what is left of it counts as zero.
+pub(in crate::plan) const ZERO: f64 = 1e-4;
+/// Part of one radian or metre below which a position counts as zero.
+const AT_ZERO: f64 = 1e-3;
+
+/// What grows the roundings of a request, and where a field counts as zero.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::plan) struct Doubt {
+    /// Bound of the growth.
+    pub(in crate::plan) factor: f64,
+    /// Forces and accelerations that count as zero.
+    pub(in crate::plan) force: f64,
+    pub(in crate::plan) acceleration: f64,
+}
+
+impl Doubt {
+    pub(in crate::plan) const NONE: Doubt = Doubt { factor: 1.0, force: 0.0, acceleration: 0.0 };
+
+    /// A closure of this gain, down to a level, whose actuators leave this part of their control.
+    pub(in crate::plan) fn closure(&mut self, gain: f64, level: Level, control: f64) {
+        let growth = match level {
+            Level::Position => gain.sqrt(),
+            Level::Velocity => gain,
+            Level::Acceleration => gain * gain.sqrt(),
+        };
+        self.factor = larger(self.factor, growth / control);
+    }
+
+    /// Roundings of all that was computed so far grow by this much.
+    pub(in crate::plan) fn times(&mut self, factor: f64) {
+        self.factor *= larger(1.0, factor);
+    }
+
+    /// True where digits have to be counted, or are no numbers.
+    pub(in crate::plan) fn is_large(&self) -> bool {
+        !(self.factor < DOUBTFUL)
+    }
+}
+
+/// The larger one; NaN where either is.
+fn larger(a: f64, b: f64) -> f64 {
+    if b <= a { a } else { b }
+}
+
+/// Terms of this size leave numbers of that one: how much their roundings grow, and the size that
+/// counts as zero.
+pub(in crate::plan) fn cancellation(terms: f64, left: f64) -> (f64, f64) {
+    let zero = ZERO * terms;
+    if terms > 0.0 { (terms / f64::max(left, zero), zero) } else { (1.0, 0.0) }
+}
+
+impl Plan {
+    /// True where every field of the answer keeps nine digits. Allocates never.
+    pub(in crate::plan) fn keeps_digits<T: Scalar>(
+        &self,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        output: &[T],
+        report: &RunReport<T>,
+    ) -> bool {
+        let Some(mut probe) = ws.probe.take() else { return false };
+        let fits = probe.input.len() >= input.len() && probe.output.len() >= output.len();
+        let keeps = fits
+            && (1..=2).all(|run: u64| {
+                let (given, found) =
+                    (&mut probe.input[..input.len()], &mut probe.output[..output.len()]);
+                let key = run.wrapping_mul(0x5851_f42d_4c95_7f2d);
+                for (to, x) in given.iter_mut().zip(input) {
+                    *to = Stochastic::input(x.to_f64(), key);
+                }
+                let answer = self.run(&probe.model, &mut probe.workspace, given, found);
+                answer.status == sarrus_proto::Status::Ok && self.agree(output, found, report)
+            });
+        ws.probe = Some(probe);
+        keeps
+    }
+
+    /// True where no field differs in its first nine digits.
+    fn agree<T: Scalar>(&self, output: &[T], found: &[Stochastic], report: &RunReport<T>) -> bool {
+        use Field::*;
+        self.want().slots().iter().all(|slot| {
+            let zero = match slot.field {
+                Residual | Iterations | NearestY | Branch | LambdaDeterminate
+                | GoodIndependents | Uncontrolled | Projection | Limits => return true,
+                Q | Y | U | FramePose => AT_ZERO,
+                Ydd | Qdd | Udd | FrameAcc => report.doubt.acceleration,
+                TauQ | TauY | TauU | TauUnactuated => report.doubt.force,
+                _ => 0.0,
+            };
+            let (mut size, mut apart) = (zero, 0.0_f64);
+            for (x, y) in output[slot.range()].iter().zip(&found[slot.range()]) {
+                let (x, y) = (x.to_f64(), y.to_f64());
+                // a condition may be infinite
+                let distance = if x == y { 0.0 } else { (x - y).abs() };
+                (size, apart) = (larger(size, x.abs()), larger(apart, distance));
+            }
+            apart <= KEPT * size
+        })
+    }
+}

@@ -1,0 +1,75 @@
+//! Positions, velocities and actuator forces against the limits of the model.
+
+use sarrus_proto::{Field, Request, Warnings};
+
+use crate::closure::Level;
+use crate::model::Model;
+use crate::plan::Plan;
+use crate::scalar::Scalar;
+use crate::workspace::Workspace;
+
+/// The columns of [`Field::Limits`].
+const POSITION: usize = 0;
+const VELOCITY: usize = 1;
+const EFFORT: usize = 2;
+
+impl Plan {
+    /// Whether a position, velocity or actuator force lies outside its limits.
+    pub(super) fn limits<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Warnings {
+        let mut warnings = Warnings::NONE;
+        self.each_excess(model, ws, |_, _, excess| {
+            if excess != 0.0 {
+                warnings |= Warnings::LIMITS_EXCEEDED;
+            }
+        });
+        warnings
+    }
+
+    /// By how much each of them does (n_v × 3).
+    pub(super) fn write_limits<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        out: &mut [T],
+    ) {
+        out.fill(T::ZERO);
+        self.each_excess(model, ws, |v, column, excess| {
+            out[model.order.v_external[v] * 3 + column] = T::from_f64(excess);
+        });
+    }
+
+    /// Calls `each(internal velocity, column, excess)` for every limit that this request can meet.
+    #[inline(always)]
+    fn each_excess<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        mut each: impl FnMut(usize, usize, f64),
+    ) {
+        let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;
+        for limit in &model.limits {
+            each(limit.v, POSITION, excess(ws.q[limit.q].to_f64(), limit.lower, limit.upper));
+            if moves {
+                let velocity = ws.qd[limit.v].to_f64();
+                each(limit.v, VELOCITY, excess(velocity, -limit.velocity, limit.velocity));
+            }
+        }
+        if self.request == Request::InverseDynamics && self.wants(Field::TauU) {
+            for ((tau, effort), v) in ws.tau_u.iter().zip(&model.effort).zip(&model.order.u_v) {
+                each(*v, EFFORT, excess(tau.to_f64(), -effort, *effort));
+            }
+        }
+    }
+}
+
+/// How far x lies outside: negative below, positive above.
+#[inline(always)]
+fn excess(x: f64, lower: f64, upper: f64) -> f64 {
+    if x < lower {
+        x - lower
+    } else if x > upper {
+        x - upper
+    } else {
+        0.0
+    }
+}
