@@ -3,7 +3,7 @@
 pub mod catalogue;
 pub(crate) mod chain;
 pub mod question;
-mod random;
+pub(crate) mod random;
 pub mod states;
 mod texts;
 

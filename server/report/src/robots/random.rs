@@ -11,4 +11,29 @@ impl Random {
         let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((x ^ x >> 31) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
+
+    /// Uniform between two numbers.
+    pub(crate) fn between(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * 0.5 * (self.next() + 1.0)
+    }
+
+    /// Between two positive numbers, its logarithm uniform.
+    pub(crate) fn scale(&mut self, from: f64, to: f64) -> f64 {
+        self.between(from.ln(), to.ln()).exp()
+    }
+
+    /// A whole number below n.
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        (self.between(0.0, n as f64) as usize).min(n.saturating_sub(1))
+    }
+
+    /// One of several.
+    pub(crate) fn one_of<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.below(of.len())]
+    }
+
+    /// True as often as not.
+    pub(crate) fn coin(&mut self) -> bool {
+        self.next() < 0.0
+    }
 }

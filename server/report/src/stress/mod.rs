@@ -4,6 +4,7 @@
 //! `harness/` asks, compares and assesses; `mechanisms/` are the robots; a file of `families/` is
 //! one family of cases, swept over a parameter; `figures.rs` draws them.
 
+mod false_alarms;
 mod families;
 mod figures;
 mod harness;
@@ -44,6 +45,17 @@ const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 25] = [
     ("stabilisation", families::stabilisation::run),
 ];
 
+/// Families whose silent failures are counted.
+const COUNTED: [(&str, fn(&mut Cases, &Effort) -> Outcome); 2] = [
+    ("dead points in series", families::dead_points_in_series::run),
+    ("light behind heavy", families::light_behind_heavy::run),
+];
+
+/// States of each bundled robot at which warnings of good answers are counted.
+fn generic_states(effort: &Effort) -> usize {
+    if effort.quick { 20 } else { 1400 }
+}
+
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let mut cases = Cases::default();
@@ -51,7 +63,12 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         progress.show(name, k as f64 / FAMILIES.len() as f64);
         family(&mut cases, effort)?;
     }
-    Ok(figures::section(&cases.all))
+    progress.show("warnings of good answers", 1.0);
+    let alarms = false_alarms::count(generic_states(effort))?;
+    let mut section = figures::section(&cases.all);
+    section.summary.push(false_alarms::sum(&alarms).sentence());
+    section.tables.insert(1, false_alarms::table(&alarms));
+    Ok(section)
 }
 
 #[cfg(test)]
@@ -94,6 +111,83 @@ mod tests {
     #[test]
     fn nothing_fails_silently() {
         check(&Effort { quick: true });
+    }
+
+    /// Counts what the families do and prints the worst that fail silently.
+    fn count(effort: &Effort) {
+        for (name, family) in COUNTED {
+            let (start, mut cases) = (std::time::Instant::now(), Cases::default());
+            family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let of = |assessment| {
+                cases.all.iter().filter(|case| case.assessment == assessment).collect::<Vec<_>>()
+            };
+            println!(
+                "{name}: {} cases, {} not judged, in {} ms: {:?}",
+                cases.all.len(),
+                cases.not_judged.len(),
+                start.elapsed().as_millis(),
+                Assessment::ALL.map(|assessment| (assessment.name(), of(assessment).len()))
+            );
+            let mut words: Vec<(String, usize)> = Vec::new();
+            for case in &cases.all {
+                let word = format!(
+                    "{} {}",
+                    case.status,
+                    case.reported.split(':').next_back().unwrap_or("")
+                );
+                match words.iter_mut().find(|(of, _)| *of == word) {
+                    Some((_, n)) => *n += 1,
+                    None => words.push((word, 1)),
+                }
+            }
+            words.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+            words.iter().take(12).for_each(|(word, n)| println!("  {n} × {word}"));
+            let mut silent = of(Assessment::FailedSilently);
+            silent.sort_by(|a, b| {
+                f64::total_cmp(&b.error.unwrap_or(f64::NAN), &a.error.unwrap_or(f64::NAN))
+            });
+            for case in silent.iter().take(40) {
+                println!(
+                    "  {:.1e} {}, {}, {:.1e}, {}, {}; {}",
+                    case.error.unwrap_or(f64::NAN),
+                    case.mechanism,
+                    case.asked,
+                    case.value,
+                    case.method,
+                    case.status,
+                    case.reported
+                );
+            }
+        }
+    }
+
+    /// On the bundled robots at generic states, of answers that keep eleven digits.
+    fn count_alarms(effort: &Effort) {
+        let start = std::time::Instant::now();
+        let counts = false_alarms::count(generic_states(effort)).expect("counts");
+        for (name, count) in &counts {
+            println!("{name}: {count:?}");
+        }
+        let sum = false_alarms::sum(&counts);
+        println!("{} ({} ms)", sum.sentence(), start.elapsed().as_millis());
+        assert!(sum.good > 0 && 1000 * sum.alarms <= sum.good, "{sum:?}");
+    }
+
+    #[test]
+    fn good_answers_hardly_ever_warn() {
+        count_alarms(&Effort { quick: true });
+    }
+
+    #[test]
+    #[ignore = "takes minutes"]
+    fn a_hundred_thousand_good_answers_hardly_ever_warn() {
+        count_alarms(&Effort { quick: false });
+    }
+
+    #[test]
+    #[ignore = "counts"]
+    fn silent_failures_are_counted() {
+        count(&Effort { quick: std::env::var_os("SARRUS_FULL").is_none() });
     }
 
     /// For a minute.

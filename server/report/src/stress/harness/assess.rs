@@ -12,16 +12,18 @@ pub(crate) const HELD: f64 = 1e-9;
 pub(crate) fn assess(status: Status, warnings: Warnings, error: f64, empty: bool) -> Assessment {
     match status {
         Status::Ok if error <= HELD => Assessment::Held,
-        Status::Ok if error.is_finite() && warned(warnings) => Assessment::Degraded,
+        Status::Ok if error.is_finite() && warned(warnings, "ill_conditioned") => {
+            Assessment::Degraded
+        }
         Status::Ok => Assessment::FailedSilently,
         _ if empty => Assessment::Failed,
         _ => Assessment::FailedSilently,
     }
 }
 
-/// True where an answer says that it is ill-conditioned.
-fn warned(warnings: Warnings) -> bool {
-    warnings.names().any(|name| name == "ill_conditioned")
+/// True where an answer has the warning of this name, as scripts see it.
+pub(crate) fn warned(warnings: Warnings, name: &str) -> bool {
+    warnings.names().any(|of| of == name)
 }
 
 #[cfg(test)]

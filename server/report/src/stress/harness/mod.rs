@@ -1,12 +1,13 @@
 //! The harness of stress cases: a robot, a question, a reference, an assessment.
 //!
-//! Each file knows those before it: `robot`, `question`, `assess`, `case`, `runs`,
-//! `simulations`.
+//! Each file knows those before it: `robot`, `question`, `assess`, `case`, `judged`,
+//! `runs`, `simulations`.
 
 use crate::measure::Effort;
 
 pub(super) mod assess;
 pub(super) mod case;
+pub(super) mod judged;
 pub(super) mod question;
 pub(super) mod robot;
 pub(super) mod runs;

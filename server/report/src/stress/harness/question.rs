@@ -137,6 +137,15 @@ impl Question {
 
     /// The answer of a model.
     pub(crate) fn run<T: Scalar>(&self, model: &Model<T>) -> Outcome<Answered<T>> {
+        self.run_with(model, |_, x| T::from_f64(x))
+    }
+
+    /// The same with every given number as `number` makes it of its place and its value.
+    pub(crate) fn run_with<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        number: impl Fn(usize, f64) -> T,
+    ) -> Outcome<Answered<T>> {
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, (field, _)| set.with(*field));
         let query = Query::new(self.request, given, FieldSet::of(&self.want));
         let query =
@@ -159,7 +168,8 @@ impl Question {
                 )
                 .into());
             }
-            place.iter_mut().zip(numbers).for_each(|(to, x)| *to = T::from_f64(*x));
+            let numbers = numbers.iter().enumerate();
+            place.iter_mut().zip(numbers).for_each(|(to, (k, x))| *to = number(k, *x));
         }
         let mut numbers = vec![T::ZERO; plan.want().len()];
         let answer = plan.run(model, &mut workspace, &input, &mut numbers);

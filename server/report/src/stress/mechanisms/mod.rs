@@ -3,6 +3,8 @@
 
 pub(super) mod approach;
 pub(super) mod open_loops;
+pub(super) mod trains;
+pub(super) mod weights;
 
 use sarrus_dynamics::LinkId;
 use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Kind};

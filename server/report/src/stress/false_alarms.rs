@@ -1,0 +1,112 @@
+//! Warnings without a reason: how many good answers of bundled robots carry one.
+
+use sarrus_dynamics::{Plan, Status, Workspace};
+
+use crate::Outcome;
+use crate::page::Table;
+use crate::reference::Reference;
+use crate::robots::catalogue::BUNDLED;
+use crate::robots::{Question, Robot, Start, Subject, packed};
+
+use super::harness::assess::{HELD, warned};
+
+/// Error by size up to which an answer keeps eleven digits.
+const GOOD: f64 = 1e-11;
+
+/// What came of the answers of a robot, or of all of them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Count {
+    /// Answers that were ok and had a reference.
+    pub(crate) answers: usize,
+    /// Those that keep eleven digits, and how many of these warn of `ill_conditioned`.
+    pub(crate) good: usize,
+    pub(crate) alarms: usize,
+    /// Those that keep fewer than nine digits, and how many of these do not warn.
+    pub(crate) bad: usize,
+    pub(crate) silent: usize,
+}
+
+impl Count {
+    fn add(&mut self, other: Count) {
+        self.answers += other.answers;
+        self.good += other.good;
+        self.alarms += other.alarms;
+        self.bad += other.bad;
+        self.silent += other.silent;
+    }
+
+    fn answer(&mut self, error: f64, warns: bool) {
+        self.answers += 1;
+        self.good += usize::from(error <= GOOD);
+        self.alarms += usize::from(error <= GOOD && warns);
+        self.bad += usize::from(error > HELD);
+        self.silent += usize::from(error > HELD && !warns);
+    }
+
+    /// In a sentence.
+    pub(crate) fn sentence(self) -> String {
+        format!(
+            "False alarms: of {} answers of the bundled robots at generic states, {} keep eleven \
+            digits and {} of these warn of ill_conditioned; {} keep fewer than nine, {} of these \
+            without a word.",
+            self.answers, self.good, self.alarms, self.bad, self.silent
+        )
+    }
+}
+
+/// The counts of every bundled robot, closed in each of its ways, at this many states: state,
+/// inverse and forward dynamics.
+pub(crate) fn count(states: usize) -> Outcome<Vec<(&'static str, Count)>> {
+    BUNDLED.into_iter().map(|name| Ok((name, of_robot(name, states)?))).collect()
+}
+
+/// All of them.
+pub(crate) fn sum(counts: &[(&'static str, Count)]) -> Count {
+    let mut sum = Count::default();
+    counts.iter().for_each(|(_, count)| sum.add(*count));
+    sum
+}
+
+fn of_robot(name: &'static str, states: usize) -> Outcome<Count> {
+    let robot = Robot::load(Subject::Bundled(name), states)?;
+    let mut count = Count::default();
+    for (place, variant) in robot.variants.iter().enumerate() {
+        let model = &variant.compiled.model;
+        for question in Question::CHOSEN {
+            let mut reference = Reference::new(&robot, place, question, Start::None)?;
+            let plan = Plan::new(model, &question.query())?;
+            let mut workspace = Workspace::for_plans(model, [&plan]);
+            let mut output = vec![0.0; plan.want().len()];
+            for (k, state) in robot.states.iter().enumerate() {
+                reference.compute(&robot, k)?;
+                let input = packed(&plan, state, place);
+                let answer = plan.run(model, &mut workspace, &input, &mut output);
+                if answer.status == Status::Ok {
+                    let error = reference.exact(plan.want(), k).error(&output);
+                    count.answer(error, warned(answer.warnings, "ill_conditioned"));
+                }
+            }
+        }
+    }
+    Ok(count)
+}
+
+/// A row for each robot.
+pub(crate) fn table(counts: &[(&'static str, Count)]) -> Table {
+    let row = |(name, count): &(&'static str, Count)| {
+        let Count { answers, good, alarms, bad, silent } = *count;
+        let numbers = [answers, good, alarms, bad, silent].map(|n| n.to_string());
+        [vec![(*name).to_owned()], numbers.to_vec()].concat()
+    };
+    let columns =
+        ["robot", "answers", "eleven digits", "of these warn", "below nine", "of these silent"];
+    Table {
+        id: "extremes-false-alarms".into(),
+        title: "Warnings of good answers".into(),
+        caption: "State, inverse and forward dynamics of the bundled robots at random states, \
+            closed in each of their ways, against double-double; warnings are ill_conditioned."
+            .into(),
+        columns: columns.map(str::to_owned).into(),
+        rows: counts.iter().map(row).collect(),
+    }
+}

@@ -1,0 +1,100 @@
+//! Dead points in series: each stage near one of its own, their ratios multiplied.
+
+use sarrus_dynamics::{Field, Request};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::robots::random::Random;
+use crate::stress::harness::case::{At, Cases};
+use crate::stress::harness::question::{Question, State};
+use crate::stress::harness::robot::Robot;
+use crate::stress::mechanisms::trains::{Draw, train};
+
+use Field::*;
+
+/// Trains of one to five stages, at zero and turned.
+pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
+    cases.family("dead points in series", "product of the sines");
+    for seed in 0..if effort.quick { 120 } else { 3000 } {
+        one(cases, seed)?;
+    }
+    Ok(())
+}
+
+/// The train of this seed, asked for everything.
+pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
+    let mut random = Random(seed);
+    let stages = 1 + random.below(5);
+    // some as regular as they can be, all angles equal
+    let regular = random.below(3) == 0;
+    let delta = random.scale(0.005, 0.1);
+    let draw = Draw {
+        stages,
+        angle: if regular { [delta, delta] } else { [0.005, 0.1] },
+        lengths: !regular,
+        sliders: !regular && random.coin(),
+        turned: random.coin(),
+        tilted: random.below(4) == 0,
+    };
+    let train = train(&mut random, draw)?;
+    let turned = if train.y == 0.0 { "" } else { ", turned" };
+    let name = format!("{stages} stages{turned}, seed {seed}");
+    let at = At { value: train.sines, method: "-" };
+    let Some(robot) = cases.load(&name, at, Robot::new(&name, train.description)) else {
+        return Ok(());
+    };
+    // within the reach of what the last stage leaves
+    let y = train.y + random.one_of(&[0.0, 0.1, -0.1]) * train.sines * random.next();
+    let yd = if random.below(4) == 0 { 0.0 } else { random.next() };
+    let mut state =
+        State { y: vec![y], yd: vec![yd], ydd: vec![random.next()], ..State::default() };
+    state.forces(&robot)?;
+    everything(cases, &robot, train.sines, &state, None)
+}
+
+/// Every level of motion and every space of forces, each as a question of its own and all at once.
+pub(crate) fn everything(
+    cases: &mut Cases,
+    robot: &Robot,
+    value: f64,
+    state: &State,
+    tau_u: Option<Vec<f64>>,
+) -> Outcome {
+    let at = At { value, method: robot.closures() };
+    let motion = [(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)];
+    let guess = state.guess.iter().map(|guess| (QGuess, guess));
+    let given = |n: usize| -> Vec<(Field, Vec<f64>)> {
+        let motion = motion[..n].iter().copied();
+        motion.chain(guess.clone()).map(|(field, numbers)| (field, numbers.clone())).collect()
+    };
+    let (kinematics, inverse) = (Request::Kinematics, Request::InverseDynamics);
+    for (asked, request, n, want) in [
+        ("pose", kinematics, 1, &[Q, U][..]),
+        ("velocity", kinematics, 2, &[Qd, Ud]),
+        ("velocity, G", kinematics, 2, &[Q, Qd, U, Ud, G, GU, K]),
+        ("acceleration", kinematics, 3, &[Qdd, Udd]),
+        ("acceleration, G", kinematics, 3, &[Qd, Qdd, Ud, Udd, G, GBias, GU, GUBias, K, KBias]),
+        ("ID", inverse, 3, &[TauU]),
+        ("ID, tau_y", inverse, 3, &[TauY]),
+        ("ID, all", inverse, 3, &[TauY, TauU, TauQ, Qdd, Lambda, MY, CY]),
+    ] {
+        cases.judge(robot, at, asked, &Question::new(request, given(n), want))?;
+    }
+    let tau_u = match tau_u {
+        Some(tau_u) => tau_u,
+        None => {
+            let all = Question::inverse(state, &[TauU]).run(&robot.compiled.model)?;
+            let size = all.get(TauU).iter().map(|x| if x.is_finite() { 1.3 * x } else { 1.0 });
+            size.collect()
+        }
+    };
+    for (asked, force, want) in [
+        ("FD", (TauY, &state.tau_y), &[Ydd][..]),
+        ("FD of tau_u", (TauU, &tau_u), &[Ydd]),
+        ("FD of tau_u, all", (TauU, &tau_u), &[Ydd, Qd, Qdd, Udd, Lambda, MY, CY]),
+    ] {
+        let given = given(2).into_iter().chain([(force.0, force.1.clone())]).collect();
+        cases.judge(robot, at, asked, &Question::new(Request::ForwardDynamics, given, want))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,53 @@
+//! Light links behind heavy ones: what is light must not drown in what is heavy.
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::robots::random::Random;
+use crate::stress::families::dead_points_in_series::everything;
+use crate::stress::harness::case::{At, Cases};
+use crate::stress::harness::question::State;
+use crate::stress::harness::robot::Robot;
+use crate::stress::mechanisms::weights::{planar_platform, row, tree};
+
+/// Platforms of welded legs, links in a row and trees.
+pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
+    cases.family("light behind heavy", "heavy mass over light mass");
+    for seed in 0..if effort.quick { 24 } else { 400 } {
+        one(cases, seed)?;
+    }
+    Ok(())
+}
+
+/// The mechanism of this seed, asked for everything.
+pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
+    let mut random = Random(1 << 32 | seed);
+    let decades = random.between(2.0, 5.0);
+    let ratio = 10f64.powf(decades);
+    let (name, of) = match seed % 4 {
+        0 | 1 => ("welded legs", planar_platform(&mut random, [5.0 / ratio, 5.0])?),
+        2 => {
+            let n = 8 + random.below(9);
+            ("links in a row", row(&mut random, n, 10.0, 10.0 / ratio)?)
+        }
+        _ => {
+            let n = 8 + random.below(25);
+            ("tree", tree(&mut random, n, decades)?)
+        }
+    };
+    let name = format!("{name}, seed {seed}");
+    let Some(robot) = cases.load(&name, At { value: ratio, method: "-" }, Robot::new(&name, of))
+    else {
+        return Ok(());
+    };
+    let mut draw =
+        |n: usize, size: f64| -> Vec<f64> { (0..n).map(|_| size * random.next()).collect() };
+    let sizes = robot.compiled.model.sizes();
+    let mut state = State {
+        y: draw(sizes.n_qy, 0.1),
+        yd: draw(sizes.n_vy, 1.0),
+        ydd: draw(sizes.n_vy, 2.0),
+        ..State::default()
+    };
+    state.forces(&robot)?;
+    everything(cases, &robot, ratio, &state, None)
+}

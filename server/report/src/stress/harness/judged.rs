@@ -1,0 +1,161 @@
+//! Answers judged field by field, against a reference that is compared with itself first.
+
+use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::{Field, Method, Request, Status};
+
+use super::assess::{HELD, assess};
+use super::case::{At, Case, Cases};
+use super::question::{Answered, Question};
+use super::robot::Robot;
+use crate::Outcome;
+
+use Field::*;
+
+/// By how much the numbers given are changed for a second reference, relative to each: far more
+/// than double-double rounds, far less than a double does.
+const CHANGE: f64 = 1.0 / (1_u128 << 80) as f64;
+/// Largest difference by size of two references that are taken for the truth.
+const CERTAIN: f64 = 1e-11;
+/// Part of its natural size below which a field counts as zero.
+const NOTHING: f64 = 1e-6;
+/// Independents up to which the second reference goes by projection.
+const PROJECTED: usize = 40;
+
+impl Cases {
+    /// Asks and judges every field of the answer by its own size. A case whose reference in
+    /// double-double moves by more than it may when the numbers given move by 2^−80 of themselves,
+    /// and forward dynamics go by the other method, is counted and not judged.
+    pub(crate) fn judge(
+        &mut self,
+        robot: &Robot,
+        at: At<'_>,
+        asked: &str,
+        ask: &Question,
+    ) -> Outcome {
+        let answer = ask.run(&robot.compiled.model)?;
+        let ok = answer.status() == Status::Ok;
+        let (mut worst, mut reported) = (None, String::new());
+        if ok {
+            let exact = ask.run(&robot.compiled.exact)?;
+            if exact.status() == Status::Ok {
+                let second = second_reference(robot, ask)?;
+                if second.status() != Status::Ok || largest(robot, ask, &second, &exact).1 > CERTAIN
+                {
+                    self.not_judged.push((self.family_name(), robot.name.clone()));
+                    return Ok(());
+                }
+                let (field, error) = largest(robot, ask, &answer, &exact);
+                worst = Some(error);
+                if error > HELD {
+                    reported = format!("{} off", field.map_or("nothing", Field::name));
+                }
+            } else {
+                reported = format!("double-double: {}", exact.status().name());
+            }
+        }
+        let assessment = assess(
+            answer.status(),
+            answer.warnings(),
+            worst.unwrap_or(f64::INFINITY),
+            answer.is_empty(),
+        );
+        let case = Case {
+            status: answer.status().name().to_owned(),
+            warnings: answer.warnings().names().map(str::to_owned).collect(),
+            error: ok.then_some(worst.unwrap_or(f64::INFINITY)),
+            reported,
+            assessment,
+            ..self.blank(&robot.name, at, asked)
+        };
+        self.all.push(case);
+        Ok(())
+    }
+}
+
+/// The same in double-double from numbers that are off by 2^−80 of themselves; forward dynamics by
+/// the other method.
+fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
+    let exact = &robot.compiled.exact;
+    let other = match ask.method.unwrap_or_else(|| exact.forward_method()) {
+        Method::Recursion if exact.sizes().n_vy <= PROJECTED => Method::Projection,
+        _ => Method::Recursion,
+    };
+    let method = (ask.request == Request::ForwardDynamics).then_some(other);
+    Question { method, ..ask.clone() }.run_with(exact, |k, x| {
+        let sign = if k % 2 == 0 { CHANGE } else { -CHANGE };
+        Dd::from(x) + Dd::from(x * sign)
+    })
+}
+
+/// The field of the largest error by its size, and that error.
+fn largest<T: Scalar>(
+    robot: &Robot,
+    ask: &Question,
+    answer: &Answered<T>,
+    exact: &Answered<Dd>,
+) -> (Option<Field>, f64) {
+    ask.want
+        .iter()
+        .map(|field| (Some(*field), error(robot, ask, *field, answer, exact)))
+        .fold((None, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
+}
+
+/// max |x − exact| / max |exact| of a field, lengths in those of the robot; infinite where there is
+/// no number.
+fn error<T: Scalar>(
+    robot: &Robot,
+    ask: &Question,
+    field: Field,
+    answer: &Answered<T>,
+    exact: &Answered<Dd>,
+) -> f64 {
+    let exact = exact.get(field);
+    let units = units(robot, field, exact.len());
+    let (mut worst, mut size): (f64, f64) = (0.0, NOTHING * natural(ask, field));
+    for ((x, exact), unit) in answer.get(field).iter().zip(exact).zip(&units) {
+        let off = unit * (double_double(*x) - *exact).to_f64().abs();
+        worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
+        size = size.max(unit * exact.to_f64().abs());
+    }
+    if worst == 0.0 { 0.0 } else { worst / size.max(f64::MIN_POSITIVE) }
+}
+
+/// A number of any scalar with all digits that double-double has.
+fn double_double<T: Scalar>(x: T) -> Dd {
+    let hi = x.to_f64();
+    Dd::from(hi) + Dd::from((x - T::from_f64(hi)).to_f64())
+}
+
+/// What makes each number of a field one of radians and moments.
+fn units(robot: &Robot, field: Field, n: usize) -> Vec<f64> {
+    let of = |field| robot.units(field).unwrap_or_default();
+    let outer = |rows: Vec<f64>, columns: Vec<f64>| -> Vec<f64> {
+        rows.iter().flat_map(|row| columns.iter().map(move |column| row / column)).collect()
+    };
+    let units = match field {
+        G => outer(of(Qd), of(Yd)),
+        GU => outer(of(Ud), of(Yd)),
+        MY => outer(of(TauY), of(Yd)),
+        GUBias => of(Udd),
+        _ => of(field),
+    };
+    if units.len() == n { units } else { vec![1.0; n] }
+}
+
+/// The size that a field has of itself: a radian, the speed given, its square and the acceleration.
+fn natural(ask: &Question, field: Field) -> f64 {
+    let given = |of: &[Field]| {
+        ask.given
+            .iter()
+            .filter(|(field, _)| of.contains(field))
+            .flat_map(|(_, numbers)| numbers)
+            .fold(0.0, |size: f64, x| size.max(x.abs()))
+    };
+    let speed = given(&[Yd, Qd, Ud]);
+    match field {
+        Q | U | Y | G | GU | K => 1.0,
+        Qd | Ud => speed,
+        Qdd | Udd | GBias | GUBias | KBias => (speed * speed).max(given(&[Ydd, Qdd, Udd])),
+        _ => 0.0,
+    }
+}

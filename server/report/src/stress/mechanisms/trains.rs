@@ -1,0 +1,223 @@
+//! Trains of four-bars near their dead points, drawn at random: each stage's rocker carries the
+//! next one's crank pin, so that their ratios multiply.
+
+use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Kind};
+use sarrus_dynamics::{CutJoint, DescriptionBuilder};
+
+use crate::Outcome;
+use crate::robots::random::Random;
+use crate::stress::harness::robot::{Slide, Turn, joint};
+use crate::stress::mechanisms::BASE;
+
+type Point = [f64; 2];
+
+/// One stage: crank pin, pin between coupler and rocker, rocker's pivot, and where the rocker's
+/// arm ends, which is the next stage's crank pin.
+#[derive(Clone, Copy, Debug)]
+struct Stage {
+    crank: Point,
+    pin: Point,
+    pivot: Point,
+    /// The rocker's direction of motion where it slides, else zero.
+    line: Point,
+}
+
+/// What a train is drawn from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Draw {
+    /// Its stages.
+    pub(crate) stages: usize,
+    /// The angle between each coupler and its rocker is drawn between these.
+    pub(crate) angle: [f64; 2],
+    /// Bars are drawn between 1/2 and 3/2, else they are 1.
+    pub(crate) lengths: bool,
+    /// Some rockers slide.
+    pub(crate) sliders: bool,
+    /// The zero pose is another, and the near dead points are reached by turning the crank.
+    pub(crate) turned: bool,
+    /// The plane is drawn too.
+    pub(crate) tilted: bool,
+}
+
+/// A train, the crank's angle near the dead points, and the product of the sines there.
+#[derive(Clone, Debug)]
+pub(crate) struct Train {
+    pub(crate) description: Description,
+    pub(crate) y: f64,
+    pub(crate) sines: f64,
+}
+
+/// A train of one crank.
+pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
+    let length = |random: &mut Random| if draw.lengths { random.between(0.5, 1.5) } else { 1.0 };
+    let mut stages = Vec::new();
+    let (mut tip, mut sines) = ([0.0, length(random)], 1.0);
+    for _ in 0..draw.stages {
+        let delta = random.scale(draw.angle[0], draw.angle[1]);
+        let (coupler, rocker, arm) = (length(random), length(random), length(random));
+        let heading = if draw.lengths { random.between(-0.5, 0.5) } else { 0.0 };
+        let pin = along(tip, heading, coupler);
+        let pivot = along(pin, heading - delta, rocker);
+        let slides = draw.sliders && random.below(3) == 0;
+        // where it slides, it does so across its rocker
+        let across = heading - delta + std::f64::consts::FRAC_PI_2;
+        let line = if slides { [across.cos(), across.sin()] } else { [0.0; 2] };
+        stages.push(Stage { crank: tip, pin, pivot, line });
+        sines *= delta.sin();
+        let lean = if draw.lengths { random.between(-0.6, 0.6) } else { 0.0 };
+        tip = along(pivot, std::f64::consts::FRAC_PI_2 + lean, arm);
+    }
+    let mut y = 0.0;
+    if draw.turned {
+        let mut turn = random.between(0.05, 0.4) * if random.coin() { 1.0 } else { -1.0 };
+        for _ in 0..8 {
+            if let Some(away) = turned(&stages, turn) {
+                (stages, y) = (away, -turn);
+                break;
+            }
+            turn *= -0.7;
+        }
+    }
+    let axes = if draw.tilted { rotation(random) } else { [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
+    Ok(Train { description: built(random, &stages, axes)?, y, sines })
+}
+
+/// The points of all stages after the first crank has turned about the origin; none where a stage
+/// does not reach.
+fn turned(stages: &[Stage], mut turn: f64) -> Option<Vec<Stage>> {
+    let mut crank_pivot = Some([0.0; 2]);
+    let mut shift = [0.0; 2];
+    let mut away = Vec::new();
+    for stage in stages {
+        let crank = match crank_pivot {
+            Some(pivot) => about(pivot, stage.crank, turn),
+            None => [stage.crank[0] + shift[0], stage.crank[1] + shift[1]],
+        };
+        let coupler = far(stage.crank, stage.pin);
+        let side = cross(stage.crank, stage.pin, stage.pivot);
+        let (pin, pivot);
+        if stage.line == [0.0; 2] {
+            let rocker = far(stage.pin, stage.pivot);
+            pin = meet(crank, coupler, stage.pivot, rocker, side)?;
+            let heading = |p: Point| f64::atan2(p[1] - stage.pivot[1], p[0] - stage.pivot[0]);
+            turn = heading(pin) - heading(stage.pin);
+            (pivot, crank_pivot) = (stage.pivot, Some(stage.pivot));
+        } else {
+            // the pin moves along its line to where the coupler reaches it
+            let [dx, dy] = stage.line;
+            let (ax, ay) = (crank[0] - stage.pin[0], crank[1] - stage.pin[1]);
+            let (middle, off) = (ax * dx + ay * dy, ax * dy - ay * dx);
+            let square = coupler * coupler - off * off;
+            if square <= 0.0 {
+                return None;
+            }
+            let before =
+                (stage.pin[0] - stage.crank[0]) * dx + (stage.pin[1] - stage.crank[1]) * dy;
+            let s = middle + square.sqrt() * before.signum();
+            shift = [s * dx, s * dy];
+            pin = [stage.pin[0] + shift[0], stage.pin[1] + shift[1]];
+            pivot = [stage.pivot[0] + shift[0], stage.pivot[1] + shift[1]];
+            crank_pivot = None;
+        }
+        away.push(Stage { crank, pin, pivot, line: stage.line });
+    }
+    Some(away)
+}
+
+/// The robot of these points, in the plane of two axes of the root.
+fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<Description> {
+    let [x, y] = axes;
+    let place = |p: Point| std::array::from_fn(|k| p[0] * x[k] + p[1] * y[k]);
+    let z = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    let mut of = begun(random, Kind::Numerical);
+    let crank = joint(&mut of, BASE, Turn, [0.0; 3], z);
+    let (mut on, mut joints) = (crank, vec![crank]);
+    for stage in stages {
+        of.default_inertial(inertial(random));
+        let coupler = joint(&mut of, on, Turn, place(stage.crank), z);
+        of.default_inertial(inertial(random));
+        let rocker = if stage.line == [0.0; 2] {
+            joint(&mut of, BASE, Turn, place(stage.pivot), z)
+        } else {
+            joint(&mut of, BASE, Slide, place(stage.pivot), place(stage.line))
+        };
+        let cut = match random.below(6) {
+            0 => CutJoint::Revolute { axis: z },
+            1 => CutJoint::Spherical,
+            2 => CutJoint::Cylindrical { axis: z },
+            _ => CutJoint::PlanarRevolute { axis: z },
+        };
+        let name = format!("cut{}", joints.len());
+        of.cut(name, coupler, rocker).at(place(stage.pin)).joint(cut);
+        joints.extend([coupler, rocker]);
+        on = rocker;
+    }
+    let active = if random.coin() { crank } else { on };
+    of.independent([crank]).active([active]);
+    Ok(of.build()?)
+}
+
+/// A mechanism under way with a random inertia and a gravity that is felt in some of them.
+pub(crate) fn begun(random: &mut Random, kind: Kind) -> DescriptionBuilder {
+    let mut of = DescriptionBuilder::new("mechanism");
+    if random.coin() {
+        of.gravity([0.0, -9.81, 0.0]);
+    }
+    of.default_inertial(inertial(random));
+    of.submechanism("loop", kind);
+    of
+}
+
+/// 1 kg, its centre within 0.1 of the frame, about 0.01 kg m².
+pub(crate) fn inertial(random: &mut Random) -> Inertial {
+    let centre = [(); 3].map(|()| random.between(-0.1, 0.1));
+    let [a, b, c] = [(); 3].map(|()| random.between(0.008, 0.012));
+    Inertial::new(1.0, centre, [a, 1e-3 * random.next(), 0.0, b, 1e-3 * random.next(), c])
+}
+
+/// The first two axes of a frame that is turned at random.
+pub(crate) fn rotation(random: &mut Random) -> [[f64; 3]; 2] {
+    let unit = |v: [f64; 3]| {
+        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        v.map(|x| x / length)
+    };
+    let x = unit([(); 3].map(|()| random.next()));
+    let other = [(); 3].map(|()| random.next());
+    let dot: f64 = x.iter().zip(other).map(|(a, b)| a * b).sum();
+    [x, unit(std::array::from_fn(|k| other[k] - dot * x[k]))]
+}
+
+fn along(from: Point, heading: f64, length: f64) -> Point {
+    [from[0] + length * heading.cos(), from[1] + length * heading.sin()]
+}
+
+fn about(pivot: Point, p: Point, turn: f64) -> Point {
+    let (s, c) = turn.sin_cos();
+    let [x, y] = [p[0] - pivot[0], p[1] - pivot[1]];
+    [pivot[0] + c * x - s * y, pivot[1] + s * x + c * y]
+}
+
+fn far(a: Point, b: Point) -> f64 {
+    f64::hypot(b[0] - a[0], b[1] - a[1])
+}
+
+/// Positive where c lies to the left of the way from a to b.
+fn cross(a: Point, b: Point, c: Point) -> f64 {
+    (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+}
+
+/// Where two circles meet, on the side where c, b, a turn as `side` says.
+fn meet(a: Point, of_a: f64, c: Point, of_c: f64, side: f64) -> Option<Point> {
+    let d = far(a, c);
+    let x = (d * d + of_a * of_a - of_c * of_c) / (2.0 * d);
+    let square = of_a * of_a - x * x;
+    if square <= 0.0 {
+        return None;
+    }
+    let (ux, uy) = ((c[0] - a[0]) / d, (c[1] - a[1]) / d);
+    let h = square.sqrt();
+    [h, -h]
+        .into_iter()
+        .map(|h| [a[0] + x * ux - h * uy, a[1] + x * uy + h * ux])
+        .find(|pin| cross(a, *pin, c) * side > 0.0)
+}

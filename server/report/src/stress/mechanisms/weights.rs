@@ -1,0 +1,86 @@
+//! Mechanisms of light and heavy links, drawn at random.
+
+use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Kind};
+use sarrus_dynamics::{CutJoint, LinkId};
+
+use crate::Outcome;
+use crate::robots::random::Random;
+use crate::stress::harness::robot::{Turn, Z, joint};
+use crate::stress::mechanisms::BASE;
+use crate::stress::mechanisms::trains::{begun, rotation};
+
+/// A link of this mass, about as long and thick as it is heavy.
+fn weighing(random: &mut Random, mass: f64) -> Inertial {
+    let centre = [(); 3].map(|()| random.between(-0.1, 0.1));
+    let moments = [(); 3].map(|()| mass * random.between(0.008, 0.012));
+    Inertial::new(mass, centre, [moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]])
+}
+
+/// A platform in the plane on two to four legs of three or four hinges, each but the first closed by
+/// a weld of six rows; masses over some decades.
+pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<Description> {
+    let mut of = begun(random, Kind::Numerical);
+    let n_legs = 2 + random.below(3);
+    let mut independent: Vec<LinkId> = Vec::new();
+    let mut platform = BASE;
+    for leg in 0..n_legs {
+        let heading = std::f64::consts::TAU * leg as f64 / n_legs as f64;
+        let at = |radius: f64, turn: f64| {
+            [radius * (heading + turn).cos(), radius * (heading + turn).sin(), 0.0]
+        };
+        let n = 3 + random.below(2);
+        let mut on = BASE;
+        for k in 0..n {
+            let mass = random.scale(masses[0], masses[1]);
+            of.default_inertial(weighing(random, mass));
+            let radius = 1.2 - 0.9 * k as f64 / (n - 1) as f64;
+            // a leg is bent, now this way and now that
+            let bend = random.between(0.15, 0.35) * if k % 2 == 0 { 1.0 } else { -1.0 };
+            on = joint(&mut of, on, Turn, at(radius, bend), Z);
+            if leg == 0 || (n == 4 && k == 0) {
+                independent.push(on);
+            }
+        }
+        if leg == 0 {
+            platform = on;
+        } else {
+            of.cut(format!("weld{leg}"), platform, on).at([0.0; 3]).joint(CutJoint::Weld);
+        }
+    }
+    of.independent(independent.iter().copied()).active(independent);
+    Ok(of.build()?)
+}
+
+/// Links in a row, heavy ones and light ones by turns or one half after the other.
+pub(crate) fn row(random: &mut Random, n: usize, heavy: f64, light: f64) -> Outcome<Description> {
+    let mut of = begun(random, Kind::Serial);
+    let by_turns = random.coin();
+    let spatial = random.coin();
+    let mut on = BASE;
+    for k in 0..n {
+        let is_light = if by_turns { k % 2 == 1 } else { 2 * k >= n };
+        let mass = if is_light { light } else { heavy };
+        of.default_inertial(weighing(random, mass));
+        let axis = if spatial { rotation(random)[0] } else { Z };
+        on = joint(&mut of, on, Turn, [0.3 * k as f64, 0.0, 0.0], axis);
+    }
+    Ok(of.build()?)
+}
+
+/// A tree of hinges on any axes whose links become lighter from the base outwards.
+pub(crate) fn tree(random: &mut Random, n: usize, decades: f64) -> Outcome<Description> {
+    let mut of = begun(random, Kind::Serial);
+    let mut links: Vec<(LinkId, i32, [f64; 3])> = vec![(BASE, 0, [0.0; 3])];
+    let deepest = 8;
+    for _ in 0..n {
+        // on one of the last links, so that arms grow long
+        let (on, depth, at) = links[links.len() - 1 - random.below(links.len().min(4))];
+        let (on, depth, at) = if depth < deepest { (on, depth, at) } else { links[0] };
+        let mass = 10.0 * 10f64.powf(-decades * f64::from(depth) / f64::from(deepest));
+        of.default_inertial(weighing(random, mass));
+        let point = at.map(|x| x + random.between(-0.3, 0.3));
+        let link = joint(&mut of, on, Turn, point, rotation(random)[0]);
+        links.push((link, depth + 1, point));
+    }
+    Ok(of.build()?)
+}
