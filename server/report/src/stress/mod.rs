@@ -122,10 +122,11 @@ mod tests {
                 cases.all.iter().filter(|case| case.assessment == assessment).collect::<Vec<_>>()
             };
             println!(
-                "{name}: {} cases, {} not judged, in {} ms: {:?}",
+                "{name}: {} cases, {} not judged, in {} ms, held up to {:.1e}: {:?}",
                 cases.all.len(),
                 cases.not_judged.len(),
                 start.elapsed().as_millis(),
+                of(Assessment::Held).iter().filter_map(|case| case.error).fold(0.0, f64::max),
                 Assessment::ALL.map(|assessment| (assessment.name(), of(assessment).len()))
             );
             let mut words: Vec<(String, usize)> = Vec::new();

@@ -44,7 +44,7 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
         return Ok(());
     };
     // within the reach of what the last stage leaves
-    let y = train.y + random.one_of(&[0.0, 0.1, -0.1]) * train.sines * random.next();
+    let y = train.y + random.one_of(&[0.0, 0.2]) * train.least * train.sines * random.next();
     let yd = if random.below(4) == 0 { 0.0 } else { random.next() };
     let mut state =
         State { y: vec![y], yd: vec![yd], ydd: vec![random.next()], ..State::default() };

@@ -7,12 +7,12 @@ use crate::stress::families::dead_points_in_series::everything;
 use crate::stress::harness::case::{At, Cases};
 use crate::stress::harness::question::State;
 use crate::stress::harness::robot::Robot;
-use crate::stress::mechanisms::weights::{planar_platform, row, tree};
+use crate::stress::mechanisms::weights::{planar_loops, planar_platform, row, tree};
 
 /// Platforms of welded legs, links in a row and trees.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("light behind heavy", "heavy mass over light mass");
-    for seed in 0..if effort.quick { 24 } else { 400 } {
+    for seed in 0..if effort.quick { 60 } else { 400 } {
         one(cases, seed)?;
     }
     Ok(())
@@ -23,8 +23,9 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let mut random = Random(1 << 32 | seed);
     let decades = random.between(2.0, 5.0);
     let ratio = 10f64.powf(decades);
-    let (name, of) = match seed % 4 {
-        0 | 1 => ("welded legs", planar_platform(&mut random, [5.0 / ratio, 5.0])?),
+    let (name, of) = match seed % 5 {
+        0 => ("welded loops", planar_loops(&mut random, [5.0 / ratio, 5.0])?),
+        1 | 4 => ("welded legs", planar_platform(&mut random, [5.0 / ratio, 5.0])?),
         2 => {
             let n = 8 + random.below(9);
             ("links in a row", row(&mut random, n, 10.0, 10.0 / ratio)?)

@@ -45,13 +45,15 @@ pub(crate) struct Train {
     pub(crate) description: Description,
     pub(crate) y: f64,
     pub(crate) sines: f64,
+    /// The least of the angles.
+    pub(crate) least: f64,
 }
 
 /// A train of one crank.
 pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
     let length = |random: &mut Random| if draw.lengths { random.between(0.5, 1.5) } else { 1.0 };
     let mut stages = Vec::new();
-    let (mut tip, mut sines) = ([0.0, length(random)], 1.0);
+    let (mut tip, mut sines, mut least) = ([0.0, length(random)], 1.0, f64::INFINITY);
     for _ in 0..draw.stages {
         let delta = random.scale(draw.angle[0], draw.angle[1]);
         let (coupler, rocker, arm) = (length(random), length(random), length(random));
@@ -63,7 +65,7 @@ pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
         let across = heading - delta + std::f64::consts::FRAC_PI_2;
         let line = if slides { [across.cos(), across.sin()] } else { [0.0; 2] };
         stages.push(Stage { crank: tip, pin, pivot, line });
-        sines *= delta.sin();
+        (sines, least) = (sines * delta.sin(), least.min(delta));
         let lean = if draw.lengths { random.between(-0.6, 0.6) } else { 0.0 };
         tip = along(pivot, std::f64::consts::FRAC_PI_2 + lean, arm);
     }
@@ -71,7 +73,9 @@ pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
     if draw.turned {
         let mut turn = random.between(0.05, 0.4) * if random.coin() { 1.0 } else { -1.0 };
         for _ in 0..8 {
-            if let Some(away) = turned(&stages, turn) {
+            // the way there has to be open
+            let way = (1..=40).map(|k| turned(&stages, turn * f64::from(k) / 40.0));
+            if let Some(away) = way.collect::<Option<Vec<_>>>().and_then(|mut all| all.pop()) {
                 (stages, y) = (away, -turn);
                 break;
             }
@@ -79,7 +83,7 @@ pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
         }
     }
     let axes = if draw.tilted { rotation(random) } else { [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
-    Ok(Train { description: built(random, &stages, axes)?, y, sines })
+    Ok(Train { description: built(random, &stages, axes)?, y, sines, least })
 }
 
 /// The points of all stages after the first crank has turned about the origin; none where a stage

@@ -51,6 +51,45 @@ pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<
     Ok(of.build()?)
 }
 
+/// Chains of four or five hinges in the plane, each from a link that stands already to another one,
+/// to which its end is welded by six rows; light links, some of them heavy, and any of the hinges
+/// independent.
+pub(crate) fn planar_loops(random: &mut Random, masses: [f64; 2]) -> Outcome<Description> {
+    let mut of = begun(random, Kind::Numerical);
+    let mut links: Vec<(LinkId, [f64; 3])> = vec![(BASE, [0.0; 3]), (BASE, [1.0, 0.2, 0.0])];
+    let mut independent = Vec::new();
+    for chain in 0..2 + random.below(2) {
+        let (from, start) = links[random.below(links.len())];
+        let others: Vec<_> = links.iter().filter(|of| of.1 != start).copied().collect();
+        let (to, end) = others[random.below(others.len())];
+        let n = 4 + random.below(2);
+        let (mut on, mut hinges) = (from, Vec::new());
+        let across = [start[1] - end[1], end[0] - start[0], 0.0];
+        let side = if random.coin() { 1.0 } else { -1.0 };
+        for k in 0..n {
+            let mass = if k + 1 == n || random.below(3) == 0 {
+                masses[1]
+            } else {
+                random.scale(masses[0], 10.0 * masses[0])
+            };
+            of.default_inertial(weighing(random, mass));
+            let part = k as f64 / (n - 1) as f64;
+            let arc = side * (0.4 * std::f64::consts::PI * part).sin() * random.between(0.4, 1.0);
+            let point =
+                std::array::from_fn(|i| start[i] + part * (end[i] - start[i]) + arc * across[i]);
+            on = joint(&mut of, on, Turn, point, Z);
+            hinges.push(on);
+            links.push((on, point));
+        }
+        of.cut(format!("weld{chain}"), to, on).at(end).joint(CutJoint::Weld);
+        for _ in 0..n - 3 {
+            independent.push(hinges.remove(random.below(hinges.len())));
+        }
+    }
+    of.independent(independent.iter().copied()).active(independent);
+    Ok(of.build()?)
+}
+
 /// Links in a row, heavy ones and light ones by turns or one half after the other.
 pub(crate) fn row(random: &mut Random, n: usize, heavy: f64, light: f64) -> Outcome<Description> {
     let mut of = begun(random, Kind::Serial);
