@@ -115,7 +115,8 @@ mod tests {
 
     /// Counts what the families do and prints the worst that fail silently.
     fn count(effort: &Effort) {
-        for (name, family) in COUNTED {
+        let only = std::env::var("SARRUS_ONLY").unwrap_or_default();
+        for (name, family) in COUNTED.into_iter().filter(|(name, _)| name.contains(&only)) {
             let (start, mut cases) = (std::time::Instant::now(), Cases::default());
             family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             let of = |assessment| {

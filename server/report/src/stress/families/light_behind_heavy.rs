@@ -21,11 +21,11 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
 /// The mechanism of this seed, asked for everything.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let mut random = Random(1 << 32 | seed);
-    let decades = random.between(2.0, 5.0);
+    let decades = random.between(3.0, 6.0);
     let ratio = 10f64.powf(decades);
     let (name, of) = match seed % 5 {
-        0 => ("welded loops", planar_loops(&mut random, [5.0 / ratio, 5.0])?),
-        1 | 4 => ("welded legs", planar_platform(&mut random, [5.0 / ratio, 5.0])?),
+        0 => ("welded loops", planar_loops(&mut random, [10.0 / ratio, 10.0])?),
+        1 | 4 => ("welded legs", planar_platform(&mut random, [10.0 / ratio, 10.0])?),
         2 => {
             let n = 8 + random.below(9);
             ("links in a row", row(&mut random, n, 10.0, 10.0 / ratio)?)
@@ -40,12 +40,13 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     else {
         return Ok(());
     };
+    let speed = random.one_of(&[0.0, 1.0, 1.0, 5.0]);
     let mut draw =
         |n: usize, size: f64| -> Vec<f64> { (0..n).map(|_| size * random.next()).collect() };
     let sizes = robot.compiled.model.sizes();
     let mut state = State {
-        y: draw(sizes.n_qy, 0.1),
-        yd: draw(sizes.n_vy, 1.0),
+        y: draw(sizes.n_qy, if sizes.n_c > 0 { 0.03 } else { 0.3 }),
+        yd: draw(sizes.n_vy, speed),
         ydd: draw(sizes.n_vy, 2.0),
         ..State::default()
     };

@@ -21,7 +21,7 @@ fn weighing(random: &mut Random, mass: f64) -> Inertial {
 pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<Description> {
     let mut of = begun(random, Kind::Numerical);
     let n_legs = 2 + random.below(3);
-    let mut independent: Vec<LinkId> = Vec::new();
+    let (mut independent, mut all): (Vec<LinkId>, Vec<LinkId>) = (Vec::new(), Vec::new());
     let mut platform = BASE;
     for leg in 0..n_legs {
         let heading = std::f64::consts::TAU * leg as f64 / n_legs as f64;
@@ -31,12 +31,19 @@ pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<
         let n = 3 + random.below(2);
         let mut on = BASE;
         for k in 0..n {
-            let mass = random.scale(masses[0], masses[1]);
+            let mass = if random.coin() {
+                random.scale(masses[0], masses[1])
+            } else if k + 1 == n || random.below(3) == 0 {
+                masses[1]
+            } else {
+                masses[0]
+            };
             of.default_inertial(weighing(random, mass));
             let radius = 1.2 - 0.9 * k as f64 / (n - 1) as f64;
             // a leg is bent, now this way and now that
             let bend = random.between(0.15, 0.35) * if k % 2 == 0 { 1.0 } else { -1.0 };
             on = joint(&mut of, on, Turn, at(radius, bend), Z);
+            all.push(on);
             if leg == 0 || (n == 4 && k == 0) {
                 independent.push(on);
             }
@@ -45,6 +52,19 @@ pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<
             platform = on;
         } else {
             of.cut(format!("weld{leg}"), platform, on).at([0.0; 3]).joint(CutJoint::Weld);
+        }
+    }
+    // others that will do, as often as not
+    let n = independent.len();
+    for _ in 0..if random.coin() { 20 } else { 0 } {
+        let mut other = all.clone();
+        while other.len() > n {
+            other.remove(random.below(other.len()));
+        }
+        let mut tried = of.clone();
+        tried.independent(other.iter().copied()).active(other);
+        if tried.compile().is_ok() {
+            return Ok(tried.build()?);
         }
     }
     of.independent(independent.iter().copied()).active(independent);
@@ -110,7 +130,7 @@ pub(crate) fn row(random: &mut Random, n: usize, heavy: f64, light: f64) -> Outc
 pub(crate) fn tree(random: &mut Random, n: usize, decades: f64) -> Outcome<Description> {
     let mut of = begun(random, Kind::Serial);
     let mut links: Vec<(LinkId, i32, [f64; 3])> = vec![(BASE, 0, [0.0; 3])];
-    let deepest = 8;
+    let deepest = random.one_of(&[8, 12, 16]);
     for _ in 0..n {
         // on one of the last links, so that arms grow long
         let (on, depth, at) = links[links.len() - 1 - random.below(links.len().min(4))];
