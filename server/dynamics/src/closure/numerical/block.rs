@@ -95,6 +95,14 @@ impl Block {
         self.invert::<T, ANY>(local).det
     }
 
+    /// The gain of this block b, which multiplies that of the blocks before it.
+    #[inline(always)]
+    pub(super) fn multiply_gain<T: Real>(&self, b: usize, own: T, gains: &mut [T]) {
+        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let before = self.earlier.iter().fold(T::ONE, |gain, a| larger(gain, gains[*a]));
+        gains[b] = larger(T::ONE, own) * before;
+    }
+
     /// Inverse of A into the block's place.
     #[inline(always)]
     pub(super) fn invert<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) -> Inverted<T> {

@@ -96,7 +96,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             }
             let branch = remembered.then_some(local.scratch.branch[b]);
             let start = Start { branch, moved };
-            let (fine, count) = block.newton(cluster, bodies, local, start, self.end);
+            let (fine, count, own) = block.newton(cluster, bodies, local, start, self.end);
+            block.multiply_gain(b, own, &mut local.scratch.gain);
             good = good & fine;
             taken += count;
             if !good.any() {
@@ -127,7 +128,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     }
 
     /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean
-    /// something, and the gain of [`Outcome::gain`].
+    /// something.
     #[inline]
     fn rates<T: Real<Const = C>>(
         &self,
@@ -135,7 +136,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (T::Mask, T) {
+    ) -> T::Mask {
         let m = cluster.n_vy;
         for (k, &j) in cluster.independent.iter().enumerate() {
             for other in 0..m {
@@ -145,15 +146,11 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             local.g[j] = T::ZERO;
         }
         // G block by block: G_d = −K_d⁻¹ K_i
-        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
-        let (mut good, mut gain) = (T::Mask::splat(true), T::ONE);
+        let mut good = T::Mask::splat(true);
         for (b, block) in self.blocks.iter().enumerate() {
             let (sound, own) = block.jacobian(cluster, local, level);
-            // what is lost here multiplies what was lost before
-            let gains = &mut local.scratch.gain;
-            let before = block.earlier.iter().fold(T::ONE, |gain, a| larger(gain, gains[*a]));
-            gains[b] = larger(T::ONE, own) * before;
-            (good, gain) = (good & sound, larger(gain, gains[b]));
+            block.multiply_gain(b, own, &mut local.scratch.gain);
+            good = good & sound;
         }
         for block in &self.blocks {
             for &Dof { v: j, .. } in &block.unknowns {
@@ -174,7 +171,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 block.bias(&cluster.cuts, local);
             }
         }
-        (good, gain)
+        good
     }
 }
 
@@ -231,15 +228,14 @@ impl<C: Scalar> Numerical<C> {
         level: Level,
         outcome: Outcome,
     ) -> Outcome {
-        if level == Level::Position {
-            return outcome;
-        }
-        match self.rates(cluster, bodies, local, level) {
-            (true, gain) => Outcome { gain: gain.to_f64(), ..outcome },
-            (false, _) => Outcome::failed(
+        if level > Level::Position && !self.rates(cluster, bodies, local, level) {
+            return Outcome::failed(
                 continuation::singular_status(cluster, bodies, local),
                 outcome.iterations,
-            ),
+            );
         }
+        let gains = &local.scratch.gain[..self.blocks.len()];
+        let gain = gains.iter().fold(1.0, |largest, gain| gain.to_f64().max(largest));
+        Outcome { gain, ..outcome }
     }
 }

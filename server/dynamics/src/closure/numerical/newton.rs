@@ -81,6 +81,8 @@ struct Attempt<T: Real> {
     /// Size of the last step, and the determinant of the last inverse.
     size: T,
     det: T,
+    /// 1/sin² of what vanishes at a singular pose, at the last inverse.
+    gain: T,
 }
 
 impl<T: Real> Attempt<T> {
@@ -91,6 +93,7 @@ impl<T: Real> Attempt<T> {
             done: T::Mask::splat(false),
             size: T::from_f64(TRUST / CONTRACTION),
             det: T::ZERO,
+            gain: T::ONE,
         }
     }
 
@@ -128,8 +131,8 @@ impl<T: Real> Attempt<T> {
 
 impl Block {
     /// Newton's method for the block's unknowns; poses before the block are closed, its own are
-    /// fresh before and after a good end. The mask tells which lanes were accepted; with it comes
-    /// the number of steps.
+    /// fresh before and after a good end. The mask tells which lanes were accepted; with it come
+    /// the number of steps and the gain.
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
@@ -138,7 +141,7 @@ impl Block {
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
-    ) -> (T::Mask, u32) {
+    ) -> (T::Mask, u32, T) {
         by_width!(self.newton_of_width(cluster, bodies, local, start, end))
     }
 
@@ -149,7 +152,7 @@ impl Block {
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
-    ) -> (T::Mask, u32) {
+    ) -> (T::Mask, u32, T) {
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
         let mut inverse_square_sine = T::ZERO;
@@ -168,8 +171,12 @@ impl Block {
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if k == 0 {
                 inverse_square_sine = self.first_inverse::<T, M>(local, start, &mut attempt);
+                attempt.gain = match self.width::<M>() {
+                    1 => self.lever_gain(cluster, local),
+                    _ => inverse_square_sine,
+                };
             } else if fresh {
-                attempt.keeps_branch(&self.invert::<T, M>(local));
+                attempt.gain = self.next_inverse::<T, M>(cluster, local, &mut attempt);
             }
             let size = self.step::<T, M>(local, cluster.length, attempt.done);
             taken += 1;
@@ -187,7 +194,43 @@ impl Block {
                 break;
             }
         }
-        (attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some())), taken)
+        let good = attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some()));
+        (good, taken, attempt.gain)
+    }
+
+    /// The inverse after a step; returns 1/sin² of what vanishes at a singular pose.
+    #[inline(always)]
+    fn next_inverse<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        attempt: &mut Attempt<T>,
+    ) -> T {
+        let m = self.width::<M>();
+        if m > 3 {
+            let scratch = &mut *local.scratch;
+            (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
+        }
+        let inverted = self.invert::<T, M>(local);
+        attempt.keeps_branch(&inverted);
+        let scratch = &*local.scratch;
+        match m {
+            1 => self.lever_gain(cluster, local),
+            2 | 3 => inverted.gain,
+            _ => {
+                let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+                self::inverse_square_sine(inverse, &scratch.step[..m], m)
+            }
+        }
+    }
+
+    /// The same of one row: its lever against the length of the cluster.
+    #[inline(always)]
+    fn lever_gain<T: Real>(&self, cluster: &Cluster<T::Const>, local: &Local<'_, T>) -> T {
+        let slides = self.unknowns[0].slides();
+        let inverse = local.scratch.inverse[self.offset];
+        let inverse = if slides { inverse } else { inverse * T::from_f64(cluster.length) };
+        inverse * inverse
     }
 
     /// The inverse at the start, whose branch is compared with the old one; returns 1/sin²α.

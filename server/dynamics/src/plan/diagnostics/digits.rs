@@ -23,26 +23,26 @@ const KEPT: f64 = 2e-10;
 /// Part of the largest term of a sum below which what is left of it counts as zero.
 pub(in crate::plan) const ZERO: f64 = 1e-4;
 /// Part of one radian or metre below which a position counts as zero.
-const AT_ZERO: f64 = 1e-3;
+const AT_ZERO: f64 = 1e-4;
 
 /// What grows the roundings of a request, and where a field counts as zero.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plan) struct Doubt {
     /// Bound of the growth.
     pub(in crate::plan) factor: f64,
-    /// Forces and accelerations that count as zero.
+    /// Forces and accelerations that count as zero, against the largest one.
     pub(in crate::plan) force: f64,
     pub(in crate::plan) acceleration: f64,
 }
 
 impl Doubt {
-    pub(in crate::plan) const NONE: Doubt = Doubt { factor: 1.0, force: 0.0, acceleration: 0.0 };
+    pub(in crate::plan) const NONE: Doubt = Doubt { factor: 1.0, force: 1.0, acceleration: 1.0 };
 
     /// A closure of this gain, down to a level, whose actuators leave this part of their control.
     pub(in crate::plan) fn closure(&mut self, gain: f64, level: Level, control: f64) {
         let growth = match level {
-            Level::Position => gain.sqrt(),
-            Level::Velocity => gain,
+            // of positions that may be as small as what counts as zero
+            Level::Position | Level::Velocity => gain,
             Level::Acceleration => gain * gain.sqrt(),
         };
         self.factor = larger(self.factor, growth / control);
@@ -65,10 +65,14 @@ fn larger(a: f64, b: f64) -> f64 {
 }
 
 /// Terms of this size leave numbers of that one: how much their roundings grow, and the size that
-/// counts as zero.
+/// counts as zero against what is left.
 pub(in crate::plan) fn cancellation(terms: f64, left: f64) -> (f64, f64) {
     let zero = ZERO * terms;
-    if terms > 0.0 { (terms / f64::max(left, zero), zero) } else { (1.0, 0.0) }
+    if terms > 0.0 {
+        (terms / f64::max(left, zero), f64::max(1.0, zero / left))
+    } else {
+        (1.0, 1.0)
+    }
 }
 
 impl Plan {
@@ -101,22 +105,23 @@ impl Plan {
     fn agree<T: Scalar>(&self, output: &[T], found: &[Stochastic], report: &RunReport<T>) -> bool {
         use Field::*;
         self.want().slots().iter().all(|slot| {
-            let zero = match slot.field {
+            let (least, part) = match slot.field {
                 Residual | Iterations | NearestY | Branch | LambdaDeterminate
                 | GoodIndependents | Uncontrolled | Projection | Limits => return true,
-                Q | Y | U | FramePose => AT_ZERO,
-                Ydd | Qdd | Udd | FrameAcc => report.doubt.acceleration,
-                TauQ | TauY | TauU | TauUnactuated => report.doubt.force,
-                _ => 0.0,
+                Q | Y | U | FramePose => (AT_ZERO, 1.0),
+                Ydd | Qdd | Udd | FrameAcc => (0.0, report.doubt.acceleration),
+                TauQ | TauY | TauU | TauUnactuated => (0.0, report.doubt.force),
+                _ => (0.0, 1.0),
             };
-            let (mut size, mut apart) = (zero, 0.0_f64);
+            let (mut size, mut apart) = (least, 0.0_f64);
             for (x, y) in output[slot.range()].iter().zip(&found[slot.range()]) {
                 let (x, y) = (x.to_f64(), y.to_f64());
                 // a condition may be infinite
                 let distance = if x == y { 0.0 } else { (x - y).abs() };
                 (size, apart) = (larger(size, x.abs()), larger(apart, distance));
             }
-            apart <= KEPT * size
+            // of nothing, rounding is all there is
+            apart <= KEPT * size * part || part.is_infinite()
         })
     }
 }

@@ -153,7 +153,9 @@ fn natural(ask: &Question, field: Field) -> f64 {
     };
     let speed = given(&[Yd, Qd, Ud]);
     match field {
-        Q | U | Y | G | GU | K => 1.0,
+        // a position of a tenth of a milliradian has the size of its joint's error
+        Q | U | Y => 1e-4 / NOTHING,
+        G | GU | K => 1.0,
         Qd | Ud => speed,
         Qdd | Udd | GBias | GUBias | KBias => (speed * speed).max(given(&[Ydd, Qdd, Udd])),
         _ => 0.0,
