@@ -9,8 +9,8 @@ use crate::{Status, Warnings};
 pub const PROTOCOL_VERSION: u32 = 5;
 /// Plans that one server holds at one time; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
-/// Numbers that one request can carry through the service.
-pub const MAX_NUMBERS_IN: usize = 2048;
+/// Numbers that one request can carry: y, ẏ, ÿ and a guess of a thousand joints.
+pub const MAX_NUMBERS_IN: usize = 4096;
 /// Numbers that one answer can carry.
 pub const MAX_NUMBERS_OUT: usize = 16384;
 /// Clients that can have a service at one time.

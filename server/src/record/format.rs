@@ -8,14 +8,15 @@
 //! segments            MAGIC, number from 1, first sequence, checksum; then frames
 //! frame               FRAME and words of the body, sequence, checksum of both, of the body; body
 //! body                time, lost, plan and client, sequence, status and warnings, counts,
-//!                     request and links, given, want, indices of links, numbers in, numbers out
+//!                     request and links, given, want, tolerances of loops and of the given state,
+//!                     indices of links, numbers in, numbers out
 //! ```
 //!
 //! Segments are written one after the other and round again; a new number voids what the segment
 //! held, because every checksum within it depends on that number.
 
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
-use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, Request};
+use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, Request, Tolerance};
 
 /// First word of a recording.
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"sarrusRC");
@@ -24,7 +25,7 @@ pub(super) const SEGMENT: u64 = u64::from_le_bytes(*b"sarrusSG");
 /// Upper half of the first word of a frame.
 pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
 /// Version of this layout.
-pub(super) const FORMAT: u64 = 1;
+pub(super) const FORMAT: u64 = 2;
 /// Bytes of a word.
 pub(super) const WORD: usize = 8;
 /// Bytes of the header, and of what everything before the segments is a multiple of.
@@ -36,7 +37,7 @@ pub(super) const SEGMENT_HEAD: usize = 4;
 /// Words before the body of a frame.
 pub(super) const FRAME_HEAD: usize = 4;
 /// Words of a body that has neither links nor numbers.
-pub(super) const BODY_HEAD: usize = 9;
+pub(super) const BODY_HEAD: usize = 11;
 /// The most words of a body before its numbers.
 pub(super) const MAX_BODY_HEAD: usize = BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES) / LINKS;
 /// The most words of a body.
@@ -121,7 +122,13 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
     let (frames, wrenches) = (query.frames(), query.wrench_links());
     let counts = (frames.len() as u32) | (wrenches.len() as u32) << 16;
     let packed = |links: &[u16]| links.iter().rev().fold(0, |word, link| word << 16 | *link as u64);
-    let fixed = [join(query.request, counts), query.given.0, query.want.0];
+    let fixed = [
+        join(query.request, counts),
+        query.given.0,
+        query.want.0,
+        query.loop_tolerance.0,
+        query.projection_tolerance.0,
+    ];
     let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).map(packed);
     words.iter_mut().zip(fixed.into_iter().chain(links)).map(|(to, word)| *to = word).count()
 }
@@ -129,16 +136,16 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
 /// Reads it: the query, `None` where no plan ran, and how many words it took. `None` for words that
 /// are no query.
 pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
-    let &[first, given, want, ..] = words else { return None };
+    let &[first, given, want, open, projection, ..] = words else { return None };
     let (request, counts) = halves(first);
     if request == 0 {
-        return Some((None, 3));
+        return Some((None, 5));
     }
     let (n_frames, n_wrenches) = ((counts & 0xffff) as usize, (counts >> 16) as usize);
     if n_frames > MAX_FRAMES || n_wrenches > MAX_WRENCHES {
         return None;
     }
-    let mut at = 3;
+    let mut at = 5;
     let mut links = |n: usize| {
         let packed = words.get(at..at + n.div_ceil(LINKS))?;
         at += packed.len();
@@ -148,7 +155,11 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     };
     let (frames, wrenches) = (links(n_frames)?, links(n_wrenches)?);
     let request = Request::from_code(request)?;
-    let query = Query::new(request, FieldSet(given), FieldSet(want)).with_frames(&frames);
+    let query = Query {
+        loop_tolerance: Tolerance(open),
+        projection_tolerance: Tolerance(projection),
+        ..Query::new(request, FieldSet(given), FieldSet(want)).with_frames(&frames)
+    };
     let query = if wrenches.is_empty() { query } else { query.with_wrenches(&wrenches) };
     Some((Some(query), at))
 }

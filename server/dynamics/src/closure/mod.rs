@@ -29,7 +29,7 @@ pub(crate) use leg::Strut;
 pub(crate) use local::{Level, Local, Rate, Scratch};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
-pub(crate) use numerical::{End, Numerical};
+pub(crate) use numerical::{End, Numerical, Turn};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{interpolate, largest_distance};
 pub(crate) use planar::{Planar, Tie};

@@ -215,6 +215,7 @@ impl<'a> Builder<'a> {
             terms: JointTerms::none(),
             order: Order::default(),
             zero: Vec::new(),
+            growth: [0.0; 2],
             limits: Vec::new(),
             effort: Vec::new(),
         };

@@ -12,14 +12,18 @@ use crate::closure::Level;
 use crate::compile::analysis::POSES;
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
-use crate::model::{Model, UNEQUAL};
-use crate::scalar::noise;
+use crate::linalg::{factorise_tree, solve_tree};
+use crate::model::{Method, Model, UNEQUAL};
+use crate::scalar::{Dd, Real, Scalar, noise};
 use crate::workspace::{Needs, Workspace};
 
 /// Least Δ against the joint's own inertia, and against the largest of the robot, that is
 /// distinguished from rounding.
 const NOTHING: f64 = 1e-15;
 const LEAST: f64 = 1e-18;
+
+/// Independents up to which projection is tried at load, whose cost grows with their cube.
+const PROJECTED: usize = 64;
 
 /// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it
 /// nearly is not. Returns the largest inertia of each independent among these poses, in internal
@@ -94,11 +98,11 @@ fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Si
 
 /// Poses and G at the zero pose or at some distance from it; false where a loop does not close
 /// there.
-fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
+fn set_pose<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, k: usize) -> bool {
     for (i, &q) in model.order.qy_q.iter().enumerate() {
         ws.q[q] = model.zero[q];
         if model.order.qy_q.len() == model.meta.sizes.n_vy {
-            ws.q[q] += 0.1 * noise(k * 1000 + i);
+            ws.q[q] += T::from_f64(0.1 * noise(k * 1000 + i));
         }
     }
     ws.start.copy_from_slice(&model.zero);
@@ -113,6 +117,59 @@ fn set_pose(model: &Model<f64>, ws: &mut Workspace<f64>, k: usize) -> bool {
     }
     algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
     true
+}
+
+/// By how many unit roundoffs accelerations are off at the poses that were tried, against the
+/// largest of them: by the recursion, and by projection where the robot is small enough for that to
+/// be tried. Zero where no pose could be closed.
+pub(super) fn growth(model: &Model<f64>, exact: &Model<Dd>) -> [f64; 2] {
+    let n = model.meta.sizes.n_vy;
+    let mut growth = [0.0; 2];
+    let needs = Needs { mass_matrix: n <= PROJECTED, ..Needs::default() };
+    let (mut ws, mut exact_ws) = (Workspace::sized(model, needs), Workspace::sized(exact, needs));
+    ws.probe = None;
+    for k in 0..POSES {
+        if !set_pose(model, &mut ws, k) || !set_pose(exact, &mut exact_ws, k) {
+            break;
+        }
+        let force = |i: usize| model.inertia[i] * noise(k * 1000 + 500 + i);
+        let reference = solved(exact, &mut exact_ws, Method::Recursion, force);
+        for (method, growth) in [Method::Recursion, Method::Projection].into_iter().zip(&mut growth)
+        {
+            if method == Method::Projection && !needs.mass_matrix {
+                continue;
+            }
+            let found = solved(model, &mut ws, method, force);
+            let (mut off, mut size) = (0.0_f64, 0.0_f64);
+            for (x, reference) in found.iter().zip(&reference) {
+                off = off.max((Dd::from(*x) - *reference).to_f64().abs());
+                size = size.max(reference.to_f64().abs());
+            }
+            if size > 0.0 {
+                *growth = f64::max(*growth, off / (size * <f64 as Real>::EPSILON));
+            }
+        }
+    }
+    growth
+}
+
+/// ÿ from M_y ÿ = b by a method. Needs the joint poses and G. Allocates.
+fn solved<T: Scalar>(
+    model: &Model<T>,
+    ws: &mut Workspace<T>,
+    method: Method,
+    b: impl Fn(usize) -> f64,
+) -> Vec<T> {
+    ws.ydd.iter_mut().enumerate().for_each(|(i, to)| *to = T::from_f64(b(i)));
+    if method == Method::Projection {
+        algorithms::reduced_mass_matrix(model, ws);
+        ws.factor.copy_from_slice(&ws.M_y);
+        factorise_tree(&model.sparsity, &mut ws.factor);
+        solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
+    } else {
+        algorithms::embedded_solve(model, ws);
+    }
+    ws.ydd.clone()
 }
 
 /// What the recursion divides by at each independent, in internal order: the inertia that is left

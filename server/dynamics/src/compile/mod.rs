@@ -17,6 +17,7 @@ mod owners;
 mod rank;
 mod spanning_tree;
 mod terms;
+mod turns;
 
 use std::sync::Arc;
 
@@ -204,6 +205,16 @@ fn build(
     let mut model = exact.map(Dd::to_f64);
     model.inertia = masses::check(&model, description, errors, warnings);
     exact.inertia.clone_from(&model.inertia);
+    for (c, turns) in turns::find(&model) {
+        if let Some(numerical) = exact.closures[c].numerical() {
+            numerical.turns.clone_from(&turns);
+        }
+        if let Some(numerical) = model.closures[c].numerical() {
+            numerical.turns = turns;
+        }
+    }
+    model.growth = masses::growth(&model, &exact);
+    exact.growth = model.growth;
     for (s, loops) in
         model.closures_at_zero().iter().enumerate().filter(|(_, loops)| loops.sigma_min < SINGULAR)
     {

@@ -6,6 +6,7 @@
 
 mod closures_at_zero;
 mod compiled;
+mod method;
 mod order;
 mod tolerance;
 
@@ -17,6 +18,7 @@ use sarrus_proto::{ClosureInfo, ModelInfo, Sizes};
 pub use closures_at_zero::ClosureAtZero;
 pub(crate) use closures_at_zero::assess;
 pub use compiled::Compiled;
+pub use method::Method;
 pub(crate) use order::{Limit, Order};
 
 use crate::closure::Closure;
@@ -60,6 +62,9 @@ pub struct Model<C = f64> {
     /// Largest inertia of each independent at the poses that were tried at load, in internal order
     /// (n_vy).
     pub(crate) inertia: Vec<f64>,
+    /// By how many unit roundoffs accelerations were off at these poses, by recursion and by
+    /// projection; zero where that was not tried.
+    pub(crate) growth: [f64; 2],
     /// What acts in joints besides their actuators.
     pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
@@ -183,6 +188,7 @@ impl<C: Copy> Model<C> {
             sparsity: self.sparsity.clone(),
             has_child_cluster: self.has_child_cluster.clone(),
             inertia: self.inertia.clone(),
+            growth: self.growth,
             terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),

@@ -4,12 +4,12 @@ use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
 use crate::linalg::{factorise_tree, solve_tree};
-use crate::model::Model;
+use crate::model::{Method, Model};
+use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
 use crate::plan::diagnostics::digits::cancellation;
 use crate::plan::run::RunReport;
 use crate::plan::state::tree_accelerations;
-use crate::plan::{Method, Plan};
 use crate::scalar::{Mask, Scalar};
 use crate::spatial::zero;
 use crate::workspace::Workspace;
@@ -18,6 +18,9 @@ use crate::workspace::Workspace;
 const BALANCE: f64 = 1e-14;
 /// Part of the largest ÿ that what is left over may be worth, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
+
+/// Unit roundoffs by which accelerations of a robot with nothing special are off.
+const ROUNDINGS: f64 = 50.0;
 
 impl Plan {
     /// τ_q = M q̈ + C − Σ Jᵀ w, τ_y = Gᵀ τ_q, τ_u from G_uᵀ τ_u = τ_y.
@@ -107,6 +110,7 @@ impl Plan {
         let terms = self.lost_inertia(model, ws, |k| ydd[k].abs());
         let (growth, zero) = cancellation(terms.to_f64(), largest(&ws.ydd).to_f64());
         report.doubt.times(growth);
+        report.doubt.times(model.growth_of(self.method) / ROUNDINGS);
         report.doubt.acceleration = zero;
         for cluster in &model.clusters {
             for (k, &j) in cluster.independent.iter().enumerate() {

@@ -5,7 +5,6 @@ mod diagnostics;
 mod forces;
 mod kkt;
 mod limits;
-mod method;
 mod output;
 mod run;
 mod scratch;
@@ -13,13 +12,12 @@ mod state;
 
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
-pub use method::Method;
 
 pub(crate) use sarrus_proto::Answer;
 use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request};
 
 use crate::closure::Level;
-use crate::model::Model;
+use crate::model::{Method, Model};
 use crate::workspace::Needs;
 
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.

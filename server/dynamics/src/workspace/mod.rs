@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 use probe::Probe;
 
-use crate::closure::{self, Level, Local, Outcome, Scratch};
+use crate::closure::{self, Closure, Level, Local, Outcome, Scratch};
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
 use crate::scalar::Scalar;
@@ -160,6 +160,11 @@ impl<T: Scalar> Workspace<T> {
     /// Closes cluster c of a model down to a level, as [`crate::closure::Closure::close`] does.
     pub(crate) fn close(&mut self, model: &Model<T>, c: usize, level: Level) -> Outcome {
         let cluster = &model.clusters[c];
+        if let Closure::Numerical(numerical) = &model.closures[c] {
+            let at = cluster.coordinates();
+            let (start, q) = (&mut self.start[at.clone()], &self.q[at]);
+            numerical.turns.iter().for_each(|turn| turn.bring(start, q));
+        }
         model.closures[c].close(cluster, model.bodies_of(cluster), &mut self.local(cluster), level)
     }
 

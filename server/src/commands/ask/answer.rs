@@ -1,6 +1,6 @@
 //! One line out.
 
-use sarrus_client::{Answer, Field, Layout, Status};
+use sarrus_client::{Answer, Field, Layout, ModelInfo, Status};
 use sarrus_proto::Slot;
 use serde::Serialize;
 
@@ -19,11 +19,11 @@ pub(super) fn bad_request(out: &mut Vec<u8>, remark: &Remark) {
 }
 
 /// The answer to a request: `numbers` are packed as `layout` says, wanted fields that are not in it
-/// are null; `tree` names the tree velocities.
+/// are null.
 pub(super) fn answer(
     out: &mut Vec<u8>,
     asked: &Asked,
-    tree: &[String],
+    model: &ModelInfo,
     answer: Answer,
     layout: &Layout,
     numbers: &[f64],
@@ -43,7 +43,7 @@ pub(super) fn answer(
         key(out, output.name(), false);
         match output {
             Output::Field(field) => match of(*field) {
-                Some((slot, numbers)) => value(out, slot, numbers, tree),
+                Some((slot, numbers)) => value(out, slot, numbers, model),
                 None => null(out),
             },
             Output::Frames => {
@@ -130,9 +130,14 @@ fn by_link<P: Copy, R: Clone>(
 }
 
 /// The numbers of a field: a plain number, a list, or a list of rows.
-fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], tree: &[String]) {
+fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo) {
     match slot.field {
-        Field::Residual | Field::CondKd | Field::CondGu | Field::CondMy | Field::SigmaMin => {
+        Field::Residual
+        | Field::CondKd
+        | Field::CondGu
+        | Field::CondMy
+        | Field::SigmaMin
+        | Field::Projection => {
             numbers.iter().for_each(|x| number(out, x));
         }
         // a count: it is far below the largest whole number of a double
@@ -140,10 +145,43 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], tree: &[String]) {
         // a sign
         Field::Branch => list(out, numbers.iter(), |out, x| write(out, &(*x as i64))),
         Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
-        Field::GoodIndependents => list(out, chosen(numbers, tree), write),
+        Field::GoodIndependents => list(out, chosen(numbers, &model.tree), write),
+        Field::Limits => write(out, &exceeded(numbers, model)),
         Field::G | Field::GU | Field::K | Field::MY => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
+}
+
+/// A limit that is exceeded.
+#[derive(Serialize)]
+struct Exceeded<'a> {
+    name: &'a str,
+    what: &'static str,
+    value: f64,
+    lower: Option<f64>,
+    upper: Option<f64>,
+}
+
+/// The limits that are exceeded, from how far each of them is.
+fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo) -> Vec<Exceeded<'a>> {
+    let mut found = Vec::new();
+    let joints = model.tree.iter().zip(&model.limits).zip(numbers.chunks_exact(3));
+    for ((name, limits), excess) in joints {
+        let Some(limits) = limits else { continue };
+        let (velocity, effort) = (limits.velocity, limits.effort);
+        let ranges = [
+            ("position", limits.lower, limits.upper),
+            ("velocity", velocity.map(|x| -x), velocity),
+            ("effort", effort.map(|x| -x), effort),
+        ];
+        for ((what, lower, upper), excess) in ranges.into_iter().zip(excess) {
+            let bound = if *excess < 0.0 { lower } else { upper };
+            if let (Some(bound), true) = (bound, *excess != 0.0) {
+                found.push(Exceeded { name, what, value: bound + excess, lower, upper });
+            }
+        }
+    }
+    found
 }
 
 /// The names at which 1 stands.

@@ -21,6 +21,7 @@ use clap::{Args, ValueEnum};
 use sarrus_client::{
     Answer, Error, Field, FieldSet, Layout, ModelInfo, Request, Status, Warnings, describe,
 };
+use sarrus_proto::Tolerance;
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 
 use super::robot::{RobotFlags, refuse};
@@ -45,6 +46,22 @@ pub(crate) struct Ask {
     connect: Option<String>,
     #[command(flatten)]
     robot: RobotFlags,
+    /// Gap of redundant rows, in radians or lengths of the cluster, from which on an answer carries
+    /// `loop_open`; a line's own `loop_tolerance` comes first.
+    #[arg(long, value_name = "X", default_value_t = Tolerance::USUAL.bound(), value_parser = tolerance)]
+    loop_tolerance: f64,
+    /// Distance of the given q or q̇ from the answer's, in radians or lengths of the cluster, from
+    /// which on it carries `input_projected`; a line's own `projection_tolerance` comes first.
+    #[arg(long, value_name = "X", default_value_t = Tolerance::USUAL.bound(), value_parser = tolerance)]
+    projection_tolerance: f64,
+}
+
+/// A number from 0 on.
+fn tolerance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x >= 0.0 => Ok(x),
+        _ => Err("expected a number from 0 on".to_owned()),
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -73,10 +90,12 @@ impl RequestFlag {
 impl Ask {
     pub(crate) fn run(self) -> ExitCode {
         let request = self.request.request();
+        let tolerances = [self.loop_tolerance, self.projection_tolerance].map(Tolerance::new);
         let session = match &self.connect {
             Some(name) => match There::connect(name) {
                 Ok(there) => Session {
                     request,
+                    tolerances,
                     model: there.robot.model().clone(),
                     engine: Engine::There(Box::new(there)),
                 },
@@ -90,6 +109,7 @@ impl Ask {
                     let model = describe(&loaded);
                     Session {
                         request,
+                        tolerances,
                         model,
                         engine: Engine::Here(Box::new(Here::new(loaded.compiled.model))),
                     }
@@ -104,6 +124,8 @@ impl Ask {
 /// A model that is asked line by line.
 struct Session {
     request: Request,
+    /// Of loops and of the given state, where a line has none.
+    tolerances: [Tolerance; 2],
     model: ModelInfo,
     engine: Engine,
 }
@@ -159,7 +181,7 @@ impl Session {
             words,
         };
         let asked = match valid {
-            Ok(text) => read::read(self.request, &self.model, text),
+            Ok(text) => read::read(self.request, self.tolerances, &self.model, text),
             Err(_) => Err(Problem {
                 status: Status::BadRequest,
                 offset: line.len(),
@@ -181,15 +203,7 @@ impl Session {
                 &sarrus_client::Query::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
                 &self.model.sizes,
             );
-            answer::answer(
-                out,
-                &asked,
-                &self.model.tree,
-                failed,
-                &nothing,
-                &[],
-                Some(&remark(problem)),
-            );
+            answer::answer(out, &asked, &self.model, failed, &nothing, &[], Some(&remark(problem)));
             return failed.status;
         }
 
@@ -214,7 +228,7 @@ impl Session {
             answer::answer(
                 out,
                 &asked,
-                &self.model.tree,
+                &self.model,
                 reply.answer,
                 &layout,
                 &numbers,

@@ -2,6 +2,8 @@
 
 use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, Request, Status};
 
+use sarrus_proto::Tolerance;
+
 use super::json::{Fault, Value};
 use super::request::{Asked, Given, INPUTS, Output, Problem};
 
@@ -9,7 +11,12 @@ use super::request::{Asked, Given, INPUTS, Output, Problem};
 const MOST: usize = 64;
 
 /// Reads a line for one kind of request on one model.
-pub(super) fn read(request: Request, model: &ModelInfo, line: &str) -> Result<Asked, Problem> {
+pub(super) fn read(
+    request: Request,
+    tolerances: [Tolerance; 2],
+    model: &ModelInfo,
+    line: &str,
+) -> Result<Asked, Problem> {
     let root = Value::parse(line)?;
     let members =
         root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
@@ -19,6 +26,7 @@ pub(super) fn read(request: Request, model: &ModelInfo, line: &str) -> Result<As
         want: None,
         frames: None,
         wrenches: Vec::new(),
+        tolerances,
         given: Vec::new(),
         doubt: None,
     };
@@ -28,12 +36,20 @@ pub(super) fn read(request: Request, model: &ModelInfo, line: &str) -> Result<As
     reader.finish(request, root)
 }
 
+/// A bound from 0 on.
+fn tolerance(name: &str, value: Value<'_>) -> Result<Tolerance, Problem> {
+    let number = value.number().filter(|x| *x >= 0.0);
+    let number = number.ok_or_else(|| value.is_no(&format!("{name} as a number from 0 on")))?;
+    Ok(Tolerance::new(number))
+}
+
 struct Reader<'a> {
     model: &'a ModelInfo,
     keys: Vec<(String, usize)>,
     want: Option<Vec<(Output, usize)>>,
     frames: Option<Vec<(String, u16)>>,
     wrenches: Vec<(u16, Vec<f64>)>,
+    tolerances: [Tolerance; 2],
     given: Vec<Given>,
     doubt: Option<Problem>,
 }
@@ -48,6 +64,8 @@ impl Reader<'_> {
             "want" => self.want = Some(wants(value)?),
             "frames" => self.frames = Some(self.links(value)?),
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
+            "loop_tolerance" => self.tolerances[0] = tolerance(&name, value)?,
+            "projection_tolerance" => self.tolerances[1] = tolerance(&name, value)?,
             _ => match INPUTS.into_iter().find(|field| field.name() == name) {
                 Some(field) => {
                     let n = field.shape(&self.model.sizes, 0, 0).0;
@@ -56,7 +74,10 @@ impl Reader<'_> {
                 }
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
-                    let known = format!("{}, wrenches, frames, want", known.join(", "));
+                    let known = format!(
+                        "{}, wrenches, frames, want, loop_tolerance, projection_tolerance",
+                        known.join(", ")
+                    );
                     return Err(key.fault(format!(
                         "{} is no key of a request, expected one of {known}",
                         shown(&name)
@@ -182,7 +203,9 @@ impl Reader<'_> {
         let want = outputs
             .iter()
             .fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
-        let mut query = Query::new(request, given, want);
+        let [loop_tolerance, projection_tolerance] = self.tolerances;
+        let mut query =
+            Query { loop_tolerance, projection_tolerance, ..Query::new(request, given, want) };
         let frames = self.frames.unwrap_or_default();
         query = query.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
         if !self.wrenches.is_empty() {

@@ -49,13 +49,46 @@ pub(crate) struct Numerical<C> {
     pub(crate) after: Vec<usize>,
     /// The closed pose at y = 0 from which a request without a guess starts (n_q).
     pub(crate) zero: Vec<C>,
+    /// What turns round with an independent joint that can.
+    pub(crate) turns: Vec<Turn>,
     pub(crate) end: End,
+}
+
+/// A whole turn of an independent joint that brings the loops back to the same pose.
+#[derive(Clone, Debug)]
+pub(crate) struct Turn {
+    /// Its local coordinate.
+    pub(crate) coordinate: usize,
+    /// By how many turns each coordinate has changed (n_q).
+    pub(crate) turns: Vec<f64>,
+}
+
+impl Turn {
+    /// Brings the closed pose `start` within half a turn of the coordinate in `q`.
+    #[inline]
+    pub(crate) fn bring<T: Scalar>(&self, start: &mut [T], q: &[T]) {
+        let away = (q[self.coordinate] - start[self.coordinate]).to_f64();
+        if away.abs() <= core::f64::consts::PI {
+            return;
+        }
+        let turns = (away / core::f64::consts::TAU).round() * core::f64::consts::TAU;
+        for (x, of_x) in start.iter_mut().zip(&self.turns) {
+            *x += T::from_f64(turns * of_x);
+        }
+    }
 }
 
 impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     /// From the blocks and a closed pose.
     pub(crate) fn new(Blocks { blocks, on_way, after }: Blocks, zero: Vec<C>) -> Numerical<C> {
-        Numerical { blocks, on_way, after, zero, end: End { tolerance: None, steps: STEPS } }
+        Numerical {
+            blocks,
+            on_way,
+            after,
+            zero,
+            turns: Vec::new(),
+            end: End { tolerance: None, steps: STEPS },
+        }
     }
 
     /// The same blocks with every constant converted.
@@ -65,6 +98,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             on_way: self.on_way.clone(),
             after: self.after.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),
+            turns: self.turns.clone(),
             end: self.end,
         }
     }

@@ -19,7 +19,7 @@ use crate::workspace::Workspace;
 pub(in crate::plan) const DOUBTFUL: f64 = 2e4;
 /// Difference of the runs, against the largest number of a field, at which it keeps nine digits for
 /// sure: roundings are moved by about four times their own size.
-const KEPT: f64 = 2e-10;
+const KEPT: f64 = 5e-11;
 /// Part of the largest term of a sum below which what is left of it counts as zero.
 pub(in crate::plan) const ZERO: f64 = 1e-4;
 /// Part of one radian or metre below which a position counts as zero.
