@@ -96,9 +96,10 @@ pub(crate) fn reached(cases: &mut Cases, seed: u64) -> Outcome {
         let stages = 2 + random.below(2);
         let draw = Draw { stages, angle: [angle, angle], ..Draw::default() };
         let train = train(&mut random, draw)?;
-        ("train of regular four-bars", train.description, train.sines * angle)
+        let far = random.one_of(&[1.0, 5.0, 30.0]);
+        ("train of regular four-bars", train.description, far * train.sines * angle)
     } else {
-        ("leg of three closed chains", leg(&mut random)?, 0.05)
+        ("leg of three closed chains", leg(&mut random)?, random.scale(0.01, 0.15))
     };
     let name = format!("{name}, seed {seed}");
     let at = At { value: size, method: "numerical" };

@@ -184,7 +184,7 @@ pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train>
             of.cut(format!("pin{k}"), rocker, slider).at(place([0.0, arm])).joint(pin);
             of.independent([rocker]).active([slider]);
             // the square of what vanishes goes with the way that is left
-            y.push(reach_of_lambda() - delta * delta);
+            y.push(reach_of_lambda() + delta * delta);
             (on, at) = (rocker, [at[0], at[1] + arm]);
             continue;
         }
@@ -276,11 +276,11 @@ pub(crate) fn leg(random: &mut Random) -> Outcome<Description> {
     for k in 0..3 {
         let crank = joint(&mut of, on, Turn, [0.1, 0.2 * k as f64, -0.5], rotation(random)[0]);
         independent.push(crank);
-        let delta = random.scale(0.05, 0.3);
+        let delta = random.scale(0.02, 0.2);
         let foot = [(); 3].map(|()| random.between(-0.6, 0.6));
         let (lever, tip) = rod(random, &mut of, k, (crank, on), foot, delta);
         // one rod moves the next
-        let delta = random.scale(0.1, 0.6);
+        let delta = random.scale(0.05, 0.5);
         let (last, _) = rod(random, &mut of, k + 3, (lever, on), tip, delta);
         if k == 2 {
             on = last;
