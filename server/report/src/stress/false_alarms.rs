@@ -6,9 +6,15 @@ use crate::Outcome;
 use crate::page::Table;
 use crate::reference::Reference;
 use crate::robots::catalogue::BUNDLED;
+use crate::robots::random::Random;
 use crate::robots::{Question, Robot, Start, Subject, packed};
 
+use super::families::dead_points_in_series::everything;
+use super::harness;
 use super::harness::assess::{HELD, warned};
+use super::harness::case::Cases;
+use super::harness::question::State;
+use super::harness::robot::{bundled, numerical};
 
 /// Error by size up to which an answer keeps eleven digits.
 const GOOD: f64 = 1e-11;
@@ -44,9 +50,9 @@ impl Count {
     }
 
     /// In a sentence.
-    pub(crate) fn sentence(self) -> String {
+    pub(crate) fn sentence(self, what: &str) -> String {
         format!(
-            "False alarms: of {} answers of the bundled robots at generic states, {} keep eleven \
+            "False alarms, {what}: of {} answers of the bundled robots at generic states, {} keep eleven \
             digits and {} of these warn of ill_conditioned; {} keep fewer than nine, {} of these \
             without a word.",
             self.answers, self.good, self.alarms, self.bad, self.silent
@@ -58,6 +64,36 @@ impl Count {
 /// inverse and forward dynamics.
 pub(crate) fn count(states: usize) -> Outcome<Vec<(&'static str, Count)>> {
     BUNDLED.into_iter().map(|name| Ok((name, of_robot(name, states)?))).collect()
+}
+
+/// The same by every question of the families, each field judged by itself, at this many states.
+pub(crate) fn count_fields(states: u64) -> Outcome<Count> {
+    let (mut count, mut cases) = (Count::default(), Cases::default());
+    for name in BUNDLED {
+        for of in [bundled(name)?, numerical(bundled(name)?)] {
+            let robot = harness::robot::Robot::new(name, of)?;
+            for seed in 0..states {
+                let mut random = Random(7 << 32 | seed);
+                let mut state = State::of(&robot, random.between(0.05, 0.25))?;
+                // a quaternion is kept as it is
+                if state.y.len() == state.yd.len() {
+                    state.y.iter_mut().for_each(|y| *y *= random.next());
+                }
+                state.yd.iter_mut().chain(&mut state.ydd).for_each(|x| *x *= random.next());
+                state.forces(&robot)?;
+                everything(&mut cases, &robot, 0.0, &state, None)?;
+            }
+        }
+    }
+    for case in &cases.all {
+        if let Some(error) = case.error {
+            count.answer(error, case.warnings.iter().any(|name| name == "ill_conditioned"));
+        }
+        if case.error.is_some_and(|error| error > HELD) {
+            println!("{case:?}");
+        }
+    }
+    Ok(count)
 }
 
 /// All of them.

@@ -14,7 +14,7 @@ use self::harness::case::Cases;
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
-use crate::page::Section;
+use crate::page::{Assessment, Section};
 
 /// Families in the order of the page, by what they sweep.
 const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 25] = [
@@ -46,14 +46,23 @@ const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 25] = [
 ];
 
 /// Families whose silent failures are counted.
-const COUNTED: [(&str, fn(&mut Cases, &Effort) -> Outcome); 2] = [
+const COUNTED: [(&str, fn(&mut Cases, &Effort) -> Outcome); 6] = [
     ("dead points in series", families::dead_points_in_series::run),
     ("light behind heavy", families::light_behind_heavy::run),
+    ("change points", families::change_points::run),
+    ("loops that cannot close", families::loops_that_cannot_close::run),
+    ("inconsistent input", families::inconsistent_input::run),
+    ("cranks that turn", families::cranks_that_turn::run),
 ];
 
 /// States of each bundled robot at which warnings of good answers are counted.
 fn generic_states(effort: &Effort) -> usize {
     if effort.quick { 20 } else { 1400 }
+}
+
+/// The same where every field is judged.
+fn states_of_fields(effort: &Effort) -> u64 {
+    if effort.quick { 2 } else { 30 }
 }
 
 /// Fills the section.
@@ -65,17 +74,44 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     }
     progress.show("warnings of good answers", 1.0);
     let alarms = false_alarms::count(generic_states(effort))?;
+    let mut counted = Vec::new();
+    for (name, family) in COUNTED {
+        progress.show(name, 1.0);
+        counted.push(counts(name, family, effort)?.1);
+    }
     let mut section = figures::section(&cases.all);
-    section.summary.push(false_alarms::sum(&alarms).sentence());
+    section.summary.extend(counted);
+    section.summary.push(false_alarms::sum(&alarms).sentence("usual fields"));
+    let fields = false_alarms::count_fields(states_of_fields(effort))?;
+    section.summary.push(fields.sentence("every field"));
     section.tables.insert(1, false_alarms::table(&alarms));
     Ok(section)
+}
+
+/// The cases of a family, and in a line what became of them.
+fn counts(
+    name: &str,
+    family: fn(&mut Cases, &Effort) -> Outcome,
+    effort: &Effort,
+) -> Outcome<(Cases, String)> {
+    let mut cases = Cases::default();
+    family(&mut cases, effort)?;
+    let of = |assessment| cases.all.iter().filter(|case| case.assessment == assessment).count();
+    let counts =
+        Assessment::ALL.map(|assessment| format!("{} {}", of(assessment), assessment.name()));
+    let line = format!(
+        "Counted, {name}: {} cases, {}; {} not judged, as their reference is none.",
+        cases.all.len(),
+        counts.join(", "),
+        cases.not_judged.len()
+    );
+    Ok((cases, line))
 }
 
 #[cfg(test)]
 mod tests {
     use super::harness::case::Case;
     use super::*;
-    use crate::page::Assessment;
 
     /// The rule for every family. What fails silently is printed as it can be asked again.
     fn check(effort: &Effort) {
@@ -117,18 +153,16 @@ mod tests {
     fn count(effort: &Effort) {
         let only = std::env::var("SARRUS_ONLY").unwrap_or_default();
         for (name, family) in COUNTED.into_iter().filter(|(name, _)| name.contains(&only)) {
-            let (start, mut cases) = (std::time::Instant::now(), Cases::default());
-            family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let start = std::time::Instant::now();
+            let (cases, line) =
+                counts(name, family, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             let of = |assessment| {
                 cases.all.iter().filter(|case| case.assessment == assessment).collect::<Vec<_>>()
             };
             println!(
-                "{name}: {} cases, {} not judged, in {} ms, held up to {:.1e}: {:?}",
-                cases.all.len(),
-                cases.not_judged.len(),
+                "{line} {} ms, held up to {:.1e}",
                 start.elapsed().as_millis(),
-                of(Assessment::Held).iter().filter_map(|case| case.error).fold(0.0, f64::max),
-                Assessment::ALL.map(|assessment| (assessment.name(), of(assessment).len()))
+                of(Assessment::Held).iter().filter_map(|case| case.error).fold(0.0, f64::max)
             );
             let mut words: Vec<(String, usize)> = Vec::new();
             for case in &cases.all {
@@ -143,12 +177,32 @@ mod tests {
                 }
             }
             words.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+            if std::env::var_os("SARRUS_ALL").is_some() {
+                for case in &cases.all {
+                    println!(
+                        "ALL {name}|{}|{}|{}|{:e}|{}|{}|{:?}|{:?}|{}",
+                        case.family,
+                        case.mechanism,
+                        case.asked,
+                        case.value,
+                        case.method,
+                        case.status,
+                        case.assessment,
+                        case.error,
+                        case.reported
+                    );
+                }
+            }
             words.iter().take(12).for_each(|(word, n)| println!("  {n} × {word}"));
             let mut silent = of(Assessment::FailedSilently);
             silent.sort_by(|a, b| {
                 f64::total_cmp(&b.error.unwrap_or(f64::NAN), &a.error.unwrap_or(f64::NAN))
             });
-            for case in silent.iter().take(40) {
+            for case in silent.iter().take(if std::env::var_os("SARRUS_ALL").is_some() {
+                100_000
+            } else {
+                20
+            }) {
                 println!(
                     "  {:.1e} {}, {}, {:.1e}, {}, {}; {}",
                     case.error.unwrap_or(f64::NAN),
@@ -171,7 +225,10 @@ mod tests {
             println!("{name}: {count:?}");
         }
         let sum = false_alarms::sum(&counts);
-        println!("{} ({} ms)", sum.sentence(), start.elapsed().as_millis());
+        println!("{} ({} ms)", sum.sentence("usual fields"), start.elapsed().as_millis());
+        assert!(sum.good > 0 && 1000 * sum.alarms <= sum.good, "{sum:?}");
+        let sum = false_alarms::count_fields(states_of_fields(effort)).expect("counts");
+        println!("{} ({} ms)", sum.sentence("every field"), start.elapsed().as_millis());
         assert!(sum.good > 0 && 1000 * sum.alarms <= sum.good, "{sum:?}");
     }
 

@@ -8,7 +8,7 @@ use crate::robots::random::Random;
 use crate::stress::harness::case::{At, Cases};
 use crate::stress::harness::question::{Question, State};
 use crate::stress::harness::robot::Robot;
-use crate::stress::mechanisms::trains::{Draw, train};
+use crate::stress::mechanisms::trains::{Draw, closed_forms, spatial, train};
 
 use Field::*;
 
@@ -36,18 +36,24 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
         turned: random.coin(),
         tilted: random.below(4) == 0,
     };
-    let train = train(&mut random, draw)?;
-    let turned = if train.y == 0.0 { "" } else { ", turned" };
-    let name = format!("{stages} stages{turned}, seed {seed}");
+    let (kind, train) = match seed % 6 {
+        4 => ("closed forms", closed_forms(&mut random, stages)?),
+        5 => ("rods in space", spatial(&mut random, stages)?),
+        _ => ("stages", train(&mut random, draw)?),
+    };
+    let turned = if train.y.iter().all(|y| *y == 0.0) { "" } else { ", turned" };
+    let name = format!("{stages} {kind}{turned}, seed {seed}");
     let at = At { value: train.sines, method: "-" };
     let Some(robot) = cases.load(&name, at, Robot::new(&name, train.description)) else {
         return Ok(());
     };
     // within the reach of what the last stage leaves
-    let y = train.y + random.one_of(&[0.0, 0.2]) * train.least * train.sines * random.next();
-    let yd = if random.below(4) == 0 { 0.0 } else { random.next() };
-    let mut state =
-        State { y: vec![y], yd: vec![yd], ydd: vec![random.next()], ..State::default() };
+    let reach = random.one_of(&[0.0, 0.2]) * train.least * train.sines;
+    let rest = random.below(4) == 0;
+    let mut draw = |size: f64| train.y.iter().map(|_| size * random.next()).collect::<Vec<_>>();
+    let y = draw(reach).iter().zip(&train.y).map(|(off, y)| y + off).collect();
+    let (yd, ydd) = (draw(if rest { 0.0 } else { 1.0 }), draw(1.0));
+    let mut state = State { y, yd, ydd, ..State::default() };
     state.forces(&robot)?;
     everything(cases, &robot, train.sines, &state, None)
 }

@@ -2,16 +2,20 @@
 
 pub(super) mod big_jumps;
 pub(super) mod chains;
+pub(super) mod change_points;
 pub(super) mod conservation;
+pub(super) mod cranks_that_turn;
 pub(super) mod dead_points_in_series;
 pub(super) mod faulty_files;
 pub(super) mod gravity;
 pub(super) mod idle_freedoms;
+pub(super) mod inconsistent_input;
 pub(super) mod inconsistent_starts;
 pub(super) mod invalid_numbers;
 pub(super) mod joint_terms;
 pub(super) mod light_behind_heavy;
 pub(super) mod loops_in_one_subtree;
+pub(super) mod loops_that_cannot_close;
 pub(super) mod many_turns;
 pub(super) mod mass_ratios;
 pub(super) mod massless_links;

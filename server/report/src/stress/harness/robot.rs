@@ -52,6 +52,11 @@ impl Robot {
         })
     }
 
+    /// A length that is typical of it `[m]`.
+    pub(crate) fn length(&self) -> f64 {
+        self.length
+    }
+
     /// How its loops are closed, in a word.
     pub(crate) fn closures(&self) -> &'static str {
         use sarrus_dynamics::ClosureKind::{Analytic, Numerical};

@@ -3,6 +3,7 @@
 
 pub(super) mod approach;
 pub(super) mod open_loops;
+pub(super) mod poses;
 pub(super) mod trains;
 pub(super) mod weights;
 

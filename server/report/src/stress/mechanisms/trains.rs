@@ -2,12 +2,12 @@
 //! next one's crank pin, so that their ratios multiply.
 
 use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Kind};
-use sarrus_dynamics::{CutJoint, DescriptionBuilder};
+use sarrus_dynamics::{CutJoint, DescriptionBuilder, LinkId};
 
 use crate::Outcome;
 use crate::robots::random::Random;
 use crate::stress::harness::robot::{Slide, Turn, joint};
-use crate::stress::mechanisms::BASE;
+use crate::stress::mechanisms::{BASE, reach_of_lambda};
 
 type Point = [f64; 2];
 
@@ -23,7 +23,7 @@ struct Stage {
 }
 
 /// What a train is drawn from.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Draw {
     /// Its stages.
     pub(crate) stages: usize,
@@ -39,11 +39,11 @@ pub(crate) struct Draw {
     pub(crate) tilted: bool,
 }
 
-/// A train, the crank's angle near the dead points, and the product of the sines there.
+/// A train, the independents' values near the dead points, and the product of the sines there.
 #[derive(Clone, Debug)]
 pub(crate) struct Train {
     pub(crate) description: Description,
-    pub(crate) y: f64,
+    pub(crate) y: Vec<f64>,
     pub(crate) sines: f64,
     /// The least of the angles.
     pub(crate) least: f64,
@@ -83,7 +83,7 @@ pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
         }
     }
     let axes = if draw.tilted { rotation(random) } else { [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
-    Ok(Train { description: built(random, &stages, axes)?, y, sines, least })
+    Ok(Train { description: built(random, &stages, axes)?, y: vec![y], sines, least })
 }
 
 /// The points of all stages after the first crank has turned about the origin; none where a stage
@@ -159,6 +159,139 @@ fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<
     let active = if random.coin() { crank } else { on };
     of.independent([crank]).active([active]);
     Ok(of.build()?)
+}
+
+/// Four-bars and lambdas, each closed by itself, most by their closed forms and on the rocker of the
+/// one before; all reach their dead points by turning their cranks.
+pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train> {
+    let mut of = begun(random, Kind::Serial);
+    let (mut on, mut at, mut y) = (BASE, [0.0; 2], Vec::new());
+    let (mut sines, mut least) = (1.0, f64::INFINITY);
+    let z = [0.0, 0.0, 1.0];
+    for k in 0..stages {
+        let delta = random.scale(0.005, 0.1);
+        (sines, least) = (sines * delta, f64::min(least, delta));
+        let place = |p: Point| [p[0] + at[0], p[1] + at[1], 0.0];
+        if random.below(3) == 0 {
+            of.submechanism(format!("lambda{k}"), Kind::Rrpr);
+            let (arm, aside) = (0.9, 0.3);
+            let heading = f64::atan2(arm, -1.0) - f64::asin(aside / f64::hypot(1.0, arm));
+            let rocker = joint(&mut of, on, Turn, place([0.0; 2]), z);
+            let stator = joint(&mut of, on, Turn, place([1.0, 0.0]), z);
+            let way = [heading.cos(), heading.sin(), 0.0];
+            let slider = joint(&mut of, stator, Slide, place([0.8, 0.1]), way);
+            let pin = CutJoint::PlanarRevolute { axis: z };
+            of.cut(format!("pin{k}"), rocker, slider).at(place([0.0, arm])).joint(pin);
+            of.independent([rocker]).active([slider]);
+            // the square of what vanishes goes with the way that is left
+            y.push(reach_of_lambda() + delta * delta);
+            (on, at) = (rocker, [at[0], at[1] + arm]);
+            continue;
+        }
+        let pin = along([0.0, 1.0], random.between(-0.5, 0.5), random.between(0.5, 1.5));
+        let heading = f64::atan2(pin[1] - 1.0, pin[0]);
+        let pivot = along(pin, heading - delta, random.between(0.5, 1.5));
+        let mut stage = [Stage { crank: [0.0, 1.0], pin, pivot, line: [0.0; 2] }];
+        let mut turn = random.between(0.2, 0.6) * if random.coin() { 1.0 } else { -1.0 };
+        y.push(0.0);
+        for _ in 0..8 {
+            if let Some(away) = turned(&stage, turn) {
+                stage = [away[0]];
+                y[k] = -turn;
+                break;
+            }
+            turn *= -0.7;
+        }
+        let kind = random.one_of(&[Kind::FourBar, Kind::FourBar, Kind::Numerical]);
+        of.submechanism(format!("bars{k}"), kind);
+        let crank = joint(&mut of, on, Turn, place([0.0; 2]), z);
+        let coupler = joint(&mut of, crank, Turn, place(stage[0].crank), z);
+        let rocker = joint(&mut of, on, Turn, place(stage[0].pivot), z);
+        let cut = CutJoint::PlanarRevolute { axis: z };
+        of.cut(format!("pin{k}"), coupler, rocker).at(place(stage[0].pin)).joint(cut);
+        of.independent([crank]).active([if random.coin() { crank } else { rocker }]);
+        (on, at) = (rocker, [at[0] + stage[0].pivot[0], at[1] + stage[0].pivot[1]]);
+    }
+    Ok(Train { description: of.build()?, y, sines, least })
+}
+
+/// A train in space: each rod has two turns at its foot and a ball at its head, where it stands
+/// near the plane in which it moves nothing.
+pub(crate) fn spatial(random: &mut Random, stages: usize) -> Outcome<Train> {
+    let mut of = begun(random, Kind::Numerical);
+    let first = joint(&mut of, BASE, Turn, [0.0; 3], rotation(random)[0]);
+    let (mut on, mut tip) = (first, rotation(random)[0]);
+    let (mut sines, mut least) = (1.0, f64::INFINITY);
+    for k in 0..stages {
+        let delta = random.scale(0.005, 0.1);
+        (sines, least) = (sines * delta.sin(), least.min(delta));
+        (on, tip) = rod(random, &mut of, k, (on, BASE), tip, delta);
+    }
+    of.independent([first]).active([if random.coin() { first } else { on }]);
+    Ok(Train { description: of.build()?, y: vec![0.0], sines, least })
+}
+
+/// A rod from a point of a link to a lever on another link, δ from where it moves the lever not at
+/// all; returns the lever and a point of it.
+fn rod(
+    random: &mut Random,
+    of: &mut DescriptionBuilder,
+    k: usize,
+    (from, to): (LinkId, LinkId),
+    foot: [f64; 3],
+    delta: f64,
+) -> (LinkId, [f64; 3]) {
+    let [axis, lever] = rotation(random);
+    let across = cross_product(axis, lever);
+    let (s, c) = delta.sin_cos();
+    let (sb, cb) = random.between(-0.8, 0.8).sin_cos();
+    let [length, arm, next] = [(); 3].map(|()| random.between(0.5, 1.5));
+    let along: [f64; 3] =
+        std::array::from_fn(|i| c * (cb * lever[i] + sb * axis[i]) + s * across[i]);
+    let head: [f64; 3] = std::array::from_fn(|i| foot[i] + length * along[i]);
+    let pivot: [f64; 3] = std::array::from_fn(|i| head[i] - arm * lever[i]);
+    // two axes across the rod
+    let level = cross_product(along, axis);
+    let upright = cross_product(along, level);
+    of.default_inertial(inertial(random));
+    let turn = joint(of, from, Turn, foot, level);
+    let shaft = joint(of, turn, Turn, foot, upright);
+    of.default_inertial(inertial(random));
+    let rocker = joint(of, to, Turn, pivot, axis);
+    of.cut(format!("ball{k}"), shaft, rocker).at(head).joint(CutJoint::Spherical);
+    let (s, c) = random.between(-1.0, 1.0).sin_cos();
+    (rocker, std::array::from_fn(|i| pivot[i] + next * (c * across[i] + s * axis[i])))
+}
+
+/// A leg of three closed chains in one mechanism: a hip, cranks on the shank, and rods that stand
+/// near their dead points.
+pub(crate) fn leg(random: &mut Random) -> Outcome<Description> {
+    let mut of = begun(random, Kind::Numerical);
+    let mut on = BASE;
+    let mut independent = Vec::new();
+    for k in 0..3 {
+        on = joint(&mut of, on, Turn, [0.0, 0.0, -0.1 * f64::from(k)], rotation(random)[0]);
+        independent.push(on);
+    }
+    for k in 0..3 {
+        let crank = joint(&mut of, on, Turn, [0.1, 0.2 * k as f64, -0.5], rotation(random)[0]);
+        independent.push(crank);
+        let delta = random.scale(0.02, 0.2);
+        let foot = [(); 3].map(|()| random.between(-0.6, 0.6));
+        let (lever, tip) = rod(random, &mut of, k, (crank, on), foot, delta);
+        // one rod moves the next
+        let delta = random.scale(0.05, 0.5);
+        let (last, _) = rod(random, &mut of, k + 3, (lever, on), tip, delta);
+        if k == 2 {
+            on = last;
+        }
+    }
+    of.independent(independent.iter().copied()).active(independent);
+    Ok(of.build()?)
+}
+
+fn cross_product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// A mechanism under way with a random inertia and a gravity that is felt in some of them.

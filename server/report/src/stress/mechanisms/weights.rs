@@ -9,10 +9,11 @@ use crate::stress::harness::robot::{Turn, Z, joint};
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::trains::{begun, rotation};
 
-/// A link of this mass, about as long and thick as it is heavy.
+/// A link of this mass, as small as a hand or as large as a thigh.
 fn weighing(random: &mut Random, mass: f64) -> Inertial {
-    let centre = [(); 3].map(|()| random.between(-0.1, 0.1));
-    let moments = [(); 3].map(|()| mass * random.between(0.008, 0.012));
+    let size = random.scale(0.01, 0.1);
+    let centre = [(); 3].map(|()| size * random.next());
+    let moments = [(); 3].map(|()| mass * size * size * random.between(0.8, 1.2));
     Inertial::new(mass, centre, [moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]])
 }
 
@@ -126,10 +127,15 @@ pub(crate) fn row(random: &mut Random, n: usize, heavy: f64, light: f64) -> Outc
     Ok(of.build()?)
 }
 
-/// A tree of hinges on any axes whose links become lighter from the base outwards.
+/// A tree of hinges on any axes whose links become lighter from the base outwards; some float.
 pub(crate) fn tree(random: &mut Random, n: usize, decades: f64) -> Outcome<Description> {
     let mut of = begun(random, Kind::Serial);
-    let mut links: Vec<(LinkId, i32, [f64; 3])> = vec![(BASE, 0, [0.0; 3])];
+    let mut root = BASE;
+    if random.coin() {
+        of.default_inertial(weighing(random, 10.0));
+        root = of.floating("trunk", BASE).link();
+    }
+    let mut links: Vec<(LinkId, i32, [f64; 3])> = vec![(root, 0, [0.0; 3])];
     let deepest = random.one_of(&[8, 12, 16]);
     for _ in 0..n {
         // on one of the last links, so that arms grow long

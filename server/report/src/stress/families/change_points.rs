@@ -1,0 +1,281 @@
+//! Four-bars that fold flat, where their two assemblies meet: an answer goes straight on or says
+//! that it does not.
+
+use std::f64::consts::PI;
+
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
+use sarrus_dynamics::{Field, Request, Status};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::page::Assessment;
+use crate::robots::random::Random;
+use crate::stress::harness::assess::warned;
+use crate::stress::harness::case::{At, Case, Cases};
+use crate::stress::harness::question::Question;
+use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
+use crate::stress::mechanisms::BASE;
+use crate::stress::mechanisms::trains::begun;
+
+use Field::*;
+
+type Point = [f64; 2];
+
+/// Step of the path that answers are compared with, in radians of the crank.
+const FINE: f64 = 1e-4;
+/// Difference of the rates of path and answer, against 1 and the rate, that is another branch's.
+const OTHER: f64 = 0.1;
+/// Rates of the path that are told by its differences.
+const SLOW: f64 = 20.0;
+
+/// Parallelograms, kites and other four-bars that fold flat, through and near their flat poses.
+pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
+    cases.family("change points", "rad of a step");
+    for seed in 0..if effort.quick { 40 } else { 1000 } {
+        one(cases, seed)?;
+    }
+    Ok(())
+}
+
+/// How a sequence asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum From {
+    /// From zero each time.
+    Zero,
+    /// From the last answer.
+    Last,
+    /// From the last answer along its velocity.
+    Along,
+}
+
+/// The four-bar of this seed, turned through its change points in every way.
+pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
+    let mut random = Random(4 << 32 | seed);
+    let bars = Bars::drawn(&mut random);
+    let step = random.scale(3e-3, 0.5);
+    let direction = if random.coin() { 1.0 } else { -1.0 };
+    let mut kinds = vec![(Kind::FourBar, "FOURBAR"), (Kind::Numerical, "NUMERICAL")];
+    if bars.name == "parallelogram" {
+        kinds.push((Kind::ParallelogramChain, "PARALLELOGRAMCHAIN"));
+    }
+    let seed_of_robot = random;
+    for (kind, word) in kinds {
+        let mut random = Random(seed_of_robot.0);
+        let name = format!("{}, {word}, seed {seed}", bars.name);
+        let at = At { value: step, method: word };
+        let robot = Robot::new(&name, bars.robot(&mut random, kind)?);
+        let Some(robot) = cases.load(&name, at, robot) else { continue };
+        for from in [From::Zero, From::Last, From::Along] {
+            sequence(cases, &robot, &bars, at, direction, from)?;
+        }
+    }
+    Ok(())
+}
+
+/// Requests one after the other until the crank has turned by more than half.
+fn sequence(
+    cases: &mut Cases,
+    robot: &Robot,
+    bars: &Bars,
+    at: At<'_>,
+    direction: f64,
+    from: From,
+) -> Outcome {
+    let (mut y, mut path) = (0.0, Path::of(bars));
+    let mut last: Option<(Vec<f64>, Vec<f64>)> = None;
+    let (mut ok, mut refused, mut jump) = (0, String::new(), None);
+    while f64::abs(y) < 3.6 {
+        y += direction * at.value;
+        if path.go(bars, y).is_none() {
+            break;
+        }
+        let mut given = vec![(Y, vec![y]), (Yd, vec![direction])];
+        if let (Some((q, qd)), true) = (&last, from != From::Zero) {
+            given.push((QGuess, q.clone()));
+            if from == From::Along {
+                given.push((QdGuess, qd.clone()));
+            }
+        }
+        let answer =
+            Question::new(Request::Kinematics, given, &[Q, Qd]).run(&robot.compiled.model)?;
+        if answer.status() != Status::Ok {
+            if refused.is_empty() {
+                refused = format!("{} at y = {y:.6}", answer.status().name());
+            }
+            if !answer.is_empty() {
+                jump = Some((y, f64::INFINITY, "numbers beside a failure"));
+                break;
+            }
+            continue;
+        }
+        ok += 1;
+        let (q, qd) = (answer.get(Q).to_vec(), answer.get(Qd).to_vec());
+        let pin = bars.pin(q[2]);
+        let (near, far) = (distance(pin, path.pin), distance(pin, path.other));
+        let rate = path.rate(bars) * direction;
+        let off = (qd[2] - rate).abs();
+        if near > far {
+            jump = Some((y, near, "pose"));
+            break;
+        }
+        let told = warned(answer.warnings(), "ill_conditioned");
+        if rate.abs() < SLOW && off > OTHER * (1.0 + rate.abs()) && !told {
+            jump = Some((y, off, "rate"));
+            break;
+        }
+        last = Some((q, qd));
+    }
+    let assessment = match (jump, refused.is_empty()) {
+        (Some(_), _) => Assessment::FailedSilently,
+        (None, true) => Assessment::Held,
+        (None, false) => Assessment::Failed,
+    };
+    let reported = match jump {
+        Some((y, _, what)) => {
+            format!("{what} of the other branch at y = {y:.6}, step {:e}", at.value)
+        }
+        None => format!("{ok} poses ok"),
+    };
+    let case = Case {
+        status: if refused.is_empty() { "ok".into() } else { refused },
+        error: jump.map(|(_, by, _)| by),
+        reference: "the path in small steps",
+        reported,
+        assessment,
+        ..cases.blank(
+            &robot.name,
+            at,
+            match from {
+                From::Zero => "turn, from zero",
+                From::Last => "turn, from the last",
+                From::Along => "turn, along the last",
+            },
+        )
+    };
+    cases.all.push(case);
+    Ok(())
+}
+
+/// Crank, coupler, rocker, and the ground along x; the crank's angle and the side of the pin at
+/// zero.
+struct Bars {
+    name: &'static str,
+    crank: f64,
+    coupler: f64,
+    rocker: f64,
+    ground: f64,
+    zero: f64,
+    pin: Point,
+}
+
+impl Bars {
+    /// Bars that fold flat, at a zero pose away from it.
+    fn drawn(random: &mut Random) -> Bars {
+        loop {
+            let [a, b, c] = [(); 3].map(|()| random.between(0.5, 2.0));
+            let (name, [crank, coupler, rocker, ground]) = match random.below(7) {
+                0 | 1 => ("parallelogram", [a, b, a, b]),
+                2 => ("antiparallelogram", [a, b, a, b]),
+                3 => ("kite, crank and ground equal", [a, b, b, a]),
+                4 => ("kite, crank and coupler equal", [a, a, b, b]),
+                5 => ("flat stretched", [a, b, c, b + c - a]),
+                _ => ("flat folded", [a, b, c, a + c - b]),
+            };
+            let zero = random.between(0.5, PI - 0.5);
+            let (wide, least) = ([crank, coupler, rocker, ground], 0.2);
+            let mut bars = Bars { name, crank, coupler, rocker, ground, zero, pin: [0.0; 2] };
+            let Some(pins) = bars.pins(0.0) else { continue };
+            let tip = bars.tip(0.0);
+            let parallel = [tip[0] + ground, tip[1]];
+            let nearest = usize::from(distance(pins[1], parallel) < distance(pins[0], parallel));
+            bars.pin = match name {
+                "parallelogram" => pins[nearest],
+                "antiparallelogram" => pins[1 - nearest],
+                _ => pins[random.below(2)],
+            };
+            let open = distance(pins[0], pins[1]) > 0.3;
+            if open && wide.iter().all(|bar| *bar > least) {
+                return bars;
+            }
+        }
+    }
+
+    fn tip(&self, y: f64) -> Point {
+        let (s, c) = (self.zero + y).sin_cos();
+        [self.crank * c, self.crank * s]
+    }
+
+    /// Both pins between coupler and rocker.
+    fn pins(&self, y: f64) -> Option<[Point; 2]> {
+        let (a, d) = (self.tip(y), distance(self.tip(y), [self.ground, 0.0]));
+        let x = (d * d + self.coupler * self.coupler - self.rocker * self.rocker) / (2.0 * d);
+        let square = self.coupler * self.coupler - x * x;
+        // flat is in reach
+        let h = if square < -1e-9 { return None } else { square.max(0.0).sqrt() };
+        let (ux, uy) = ((self.ground - a[0]) / d, -a[1] / d);
+        Some([h, -h].map(|h| [a[0] + x * ux - h * uy, a[1] + x * uy + h * ux]))
+    }
+
+    /// The pin at an angle of the rocker.
+    fn pin(&self, turn: f64) -> Point {
+        let (s, c) = turn.sin_cos();
+        let [x, y] = [self.pin[0] - self.ground, self.pin[1]];
+        [self.ground + c * x - s * y, s * x + c * y]
+    }
+
+    fn robot(&self, random: &mut Random, kind: Kind) -> Outcome<Description> {
+        let [a, b, c, d] =
+            [[0.0; 2], self.tip(0.0), self.pin, [self.ground, 0.0]].map(|[x, y]| [x, y, 0.0]);
+        let mut of = begun(random, kind);
+        let crank = joint(&mut of, BASE, Turn, a, Z);
+        let coupler = joint(&mut of, crank, Turn, b, Z);
+        let rocker = joint(&mut of, BASE, Turn, d, Z);
+        cut(&mut of, coupler, rocker, c, "xy");
+        finish(of, &[crank], &[crank])
+    }
+}
+
+/// A path of the pin in small steps that goes straight on.
+struct Path {
+    y: f64,
+    pin: Point,
+    before: Point,
+    /// The pin of the other assembly.
+    other: Point,
+    step: f64,
+}
+
+impl Path {
+    fn of(bars: &Bars) -> Path {
+        Path { y: 0.0, pin: bars.pin, before: bars.pin, other: bars.pin, step: 0.0 }
+    }
+
+    /// On to a crank's angle; none where the loop does not close on the way.
+    fn go(&mut self, bars: &Bars, to: f64) -> Option<()> {
+        let n = ((to - self.y).abs() / FINE).ceil().max(1.0);
+        let (from, step) = (self.y, (to - self.y) / n);
+        for k in 1..=n as usize {
+            let y = if k as f64 == n { to } else { from + step * k as f64 };
+            let share = if self.step == 0.0 { 0.0 } else { step / self.step };
+            let ahead: Point =
+                std::array::from_fn(|i| self.pin[i] + share * (self.pin[i] - self.before[i]));
+            let [a, b] = bars.pins(y)?;
+            self.before = self.pin;
+            (self.pin, self.other) =
+                if distance(a, ahead) <= distance(b, ahead) { (a, b) } else { (b, a) };
+            (self.y, self.step) = (y, step);
+        }
+        Some(())
+    }
+
+    /// The rocker's rate over the crank's, by the last difference.
+    fn rate(&self, bars: &Bars) -> f64 {
+        let heading = |p: Point| f64::atan2(p[1], p[0] - bars.ground);
+        let turn = heading(self.pin) - heading(self.before);
+        (turn - (turn / (2.0 * PI)).round() * 2.0 * PI) / self.step
+    }
+}
+
+fn distance(a: Point, b: Point) -> f64 {
+    f64::hypot(b[0] - a[0], b[1] - a[1])
+}

@@ -1,0 +1,121 @@
+//! Poses that a path reaches: cranks many turns round, trains of regular stages, poses near zero of
+//! legs whose rods are near their dead points.
+
+use std::f64::consts::TAU;
+
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Field, Request, Status};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::robots::random::Random;
+use crate::stress::harness::case::{At, Cases, Reference};
+use crate::stress::harness::question::{Question, State};
+use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
+use crate::stress::mechanisms::BASE;
+use crate::stress::mechanisms::approach::followed;
+use crate::stress::mechanisms::trains::{Draw, begun, leg, train};
+
+use Field::*;
+
+/// What 2π has beyond its double.
+const TAU_LOW: f64 = 2.449_293_598_294_706_4e-16;
+
+pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
+    cases.family("cranks that turn", "y, rad");
+    for seed in 0..if effort.quick { 12 } else { 300 } {
+        crank(cases, seed)?;
+    }
+    cases.family("poses that a path reaches", "rad from zero");
+    for seed in 0..if effort.quick { 12 } else { 300 } {
+        reached(cases, seed)?;
+    }
+    Ok(())
+}
+
+/// A crank-rocker at 60 and 1000 rad and somewhere else.
+pub(crate) fn crank(cases: &mut Cases, seed: u64) -> Outcome {
+    let mut random = Random(5 << 32 | seed);
+    let of = crank_rocker(&mut random)?;
+    let name = format!("crank-rocker, seed {seed}");
+    let Some(robot) =
+        cases.load(&name, At { value: 0.0, method: "numerical" }, Robot::new(&name, of))
+    else {
+        return Ok(());
+    };
+    for y in [60.0, 1000.0, random.scale(3.0, 3000.0), -random.scale(3.0, 3000.0)] {
+        let turns = (y / TAU).round();
+        let turned = Dd::from(turns) * (Dd::from(TAU) + Dd::from(TAU_LOW));
+        let reduced = (Dd::from(y) - turned).hi();
+        let want = [Qd, Qdd];
+        let ask = |y: f64| {
+            let given = vec![(Y, vec![y]), (Yd, vec![0.7]), (Ydd, vec![-0.4])];
+            Question::new(Request::Kinematics, given, &want)
+        };
+        let near = ask(reduced);
+        // where double-double has no answer either, its path has one
+        let exact = match followed(&robot.compiled.exact, &[reduced])? {
+            Some(guess) => {
+                let mut exact = near;
+                exact.given.push((QGuess, guess.iter().map(|q: &Dd| q.hi()).collect()));
+                exact
+            }
+            None => near,
+        };
+        let at = At { value: y.abs(), method: "numerical" };
+        cases.ask(&robot, at, "kinematics", &ask(y), &Reference::Of(&exact))?;
+    }
+    Ok(())
+}
+
+/// Bars of Grashof's kind, the crank the shortest.
+fn crank_rocker(random: &mut Random) -> Outcome<Description> {
+    let (crank, ground) = (random.between(0.15, 0.35), 1.0);
+    let [coupler, rocker] = [(); 2].map(|()| random.between(0.75, 1.05));
+    let (s, c) = random.between(0.0, TAU).sin_cos();
+    let tip = [crank * c, crank * s];
+    let d = f64::hypot(ground - tip[0], tip[1]);
+    let x = (d * d + coupler * coupler - rocker * rocker) / (2.0 * d);
+    let h = (coupler * coupler - x * x).sqrt() * if random.coin() { 1.0 } else { -1.0 };
+    let (ux, uy) = ((ground - tip[0]) / d, -tip[1] / d);
+    let pin = [tip[0] + x * ux - h * uy, tip[1] + x * uy + h * ux, 0.0];
+    let mut of = begun(random, Kind::Numerical);
+    let crank = joint(&mut of, BASE, Turn, [0.0; 3], Z);
+    let coupler = joint(&mut of, crank, Turn, [tip[0], tip[1], 0.0], Z);
+    let rocker = joint(&mut of, BASE, Turn, [ground, 0.0, 0.0], Z);
+    cut(&mut of, coupler, rocker, pin, "xy");
+    finish(of, &[crank], &[crank])
+}
+
+/// A train or a leg at a pose that small steps from zero reach.
+pub(crate) fn reached(cases: &mut Cases, seed: u64) -> Outcome {
+    let mut random = Random(6 << 32 | seed);
+    let (name, of, size) = if random.coin() {
+        let angle = random.scale(0.03, 0.1);
+        let stages = 2 + random.below(2);
+        let draw = Draw { stages, angle: [angle, angle], ..Draw::default() };
+        let train = train(&mut random, draw)?;
+        let far = random.one_of(&[1.0, 5.0, 30.0]);
+        ("train of regular four-bars", train.description, far * train.sines * angle)
+    } else {
+        ("leg of three closed chains", leg(&mut random)?, random.scale(0.01, 0.15))
+    };
+    let name = format!("{name}, seed {seed}");
+    let at = At { value: size, method: "numerical" };
+    let Some(robot) = cases.load(&name, at, Robot::new(&name, of)) else { return Ok(()) };
+    for _ in 0..4 {
+        let n = robot.compiled.model.sizes().n_qy;
+        let y: Vec<f64> = (0..n).map(|_| size * random.next()).collect();
+        // a pose that no path reaches asks nothing
+        let Some(guess) = followed(&robot.compiled.model, &y)? else { continue };
+        let state = State { y, ..State::default() };
+        let exact = Question::pose(&State { guess: Some(guess), ..state.clone() });
+        let case =
+            cases.ask(&robot, at, "pose", &Question::pose(&state), &Reference::Of(&exact))?;
+        if case.status != Status::Ok.name() {
+            case.reported = format!("small steps arrive; {}", case.reported);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,123 @@
+//! Poses and velocities that do not fit their loops: an answer that replaces what was given says so.
+
+use sarrus_dynamics::description::SubmechanismKind as Kind;
+use sarrus_dynamics::{Field, Request, Status};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::page::Assessment;
+use crate::robots::random::Random;
+use crate::stress::harness::assess::warned;
+use crate::stress::harness::case::{At, Case, Cases};
+use crate::stress::harness::question::{Question, State};
+use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard, door, four_bar};
+
+use Field::*;
+
+/// Radians, radians per second or parts of the length from which on a replaced input is named.
+const NAMED: f64 = 1e-6;
+/// What is this near to it by a factor may go either way: lengths are typical ones.
+const NEAR: f64 = 4.0;
+
+/// Closed states of robots, off their loops in one joint or in all.
+pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
+    cases.family("inconsistent input", "q or qd off its loops, rad or parts of the length");
+    for (k, robot) in robots()?.iter().enumerate() {
+        for seed in 0..if effort.quick { 12 } else { 200 } {
+            one(cases, robot, (k as u64) << 16 | seed)?;
+        }
+    }
+    Ok(())
+}
+
+fn robots() -> Outcome<Vec<Robot>> {
+    let mut robots = Vec::new();
+    for name in ["lambda", "wrist", "torso", "five_bar", "delta", "stewart", "rh5v2_upper_body"] {
+        robots.push(Robot::new(name, bundled(name)?)?);
+    }
+    for (name, of) in [
+        ("lambda", numerical(bundled("lambda")?)),
+        ("torso", numerical(bundled("torso")?)),
+        ("four-bar", four_bar(LOOSE, Kind::FourBar, "xy")?),
+        ("four-bar", four_bar(GRASHOF, Kind::Numerical, "xy")?),
+        ("four-bar of five rows", four_bar(LOOSE, Kind::Numerical, "xyzab")?),
+        ("Bricard", bricard(false)?),
+        ("door", door(false)?),
+    ] {
+        robots.push(Robot::new(name, of)?);
+    }
+    Ok(robots)
+}
+
+/// A closed state, moved off its loops, given whole.
+pub(crate) fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
+    let mut random = Random(3 << 32 | seed);
+    let model = &robot.compiled.model;
+    let mut state = State::of(robot, 0.1)?;
+    state.yd.iter_mut().for_each(|x| *x *= random.next());
+    let closed = Question::kinematics(&state).run(model)?;
+    let (mut q, mut qd) = (closed.get(Q).to_vec(), closed.get(Qd).to_vec());
+    let size = random.scale(1e-12, 0.3);
+    let velocity = random.coin();
+    let units = robot.units(if velocity { Qd } else { Q }).unwrap_or_default();
+    let one = random.coin().then(|| random.below(units.len()));
+    let off = if velocity { &mut qd } else { &mut q };
+    for (k, x) in off.iter_mut().enumerate() {
+        if one.is_none_or(|one| one == k) {
+            *x += size * random.next() / units[k];
+        }
+    }
+    // a state whose quaternions are none any more is refused for that
+    let of_quaternions = !velocity && model.tree_q_names().iter().any(|name| name.contains('/'));
+    if of_quaternions {
+        return Ok(());
+    }
+    let (request, mut want) = match random.below(3) {
+        0 => (Request::Kinematics, vec![Q, Qd]),
+        1 => (Request::InverseDynamics, vec![Q, Qd, TauY]),
+        _ => (Request::ForwardDynamics, vec![Q, Qd, Ydd]),
+    };
+    let mut given = vec![(Q, q.clone()), (Qd, qd.clone())];
+    if request == Request::ForwardDynamics {
+        given.push((TauY, state.tau_y.clone()));
+    }
+    let projection = Field::from_name("projection");
+    want.extend(projection);
+    let ask = Question::new(request, given, &want);
+    let answer = ask.run(model)?;
+    let ok = answer.status() == Status::Ok;
+    let moved =
+        |field, given: &[f64], units: &[f64]| {
+            let pairs = answer.get(field).iter().zip(given).zip(units);
+            pairs.fold(0.0, |moved: f64, ((a, b), unit)| {
+                if a.is_nan() { f64::INFINITY } else { moved.max(unit * (a - b).abs()) }
+            })
+        };
+    let of_q = moved(Q, &q, &robot.units(Q).unwrap_or_default());
+    let of_qd = moved(Qd, &qd, &robot.units(Qd).unwrap_or_default());
+    let moved = of_q.max(of_qd);
+    if ok && moved > NAMED / NEAR && moved < NAMED * NEAR {
+        return Ok(());
+    }
+    let named = warned(answer.warnings(), "input_projected");
+    let assessment = match (ok, named) {
+        (false, _) if answer.is_empty() => Assessment::Failed,
+        (true, false) if moved <= NAMED => Assessment::Held,
+        (true, true) if moved > NAMED => Assessment::Degraded,
+        _ => Assessment::FailedSilently,
+    };
+    let figure = projection.and_then(|field| answer.get(field).first().copied());
+    let figure = figure.map_or(String::new(), |x| format!(", projection {x:.1e}"));
+    let case = Case {
+        status: answer.status().name().to_owned(),
+        warnings: answer.warnings().names().map(str::to_owned).collect(),
+        error: (ok && assessment != Assessment::Held).then_some(moved),
+        reference: "what was given",
+        reported: format!("q moved by {of_q:.1e}, qd by {of_qd:.1e}{figure}, seed {seed}"),
+        assessment,
+        ..cases.blank(&robot.name, At { value: size, method: robot.closures() }, ask.name())
+    };
+    cases.all.push(case);
+    Ok(())
+}
