@@ -11,8 +11,8 @@ use sarrus_proto::control::{
 use sarrus_proto::message::PlanNumber;
 
 #[test]
-fn a_query_is_128_bytes_with_its_fields_at_fixed_places() {
-    assert_eq!((size_of::<Query>(), align_of::<Query>()), (128, 8));
+fn a_query_is_144_bytes_with_its_fields_at_fixed_places() {
+    assert_eq!((size_of::<Query>(), align_of::<Query>()), (144, 8));
     let offsets = [
         offset_of!(Query, request),
         offset_of!(Query, n_frames),
@@ -20,10 +20,12 @@ fn a_query_is_128_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Query, given),
         offset_of!(Query, want),
         offset_of!(Query, options),
+        offset_of!(Query, loop_tolerance),
+        offset_of!(Query, projection_tolerance),
         offset_of!(Query, frames),
         offset_of!(Query, wrench_links),
     ];
-    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 32, 96]);
+    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 32, 40, 48, 112]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (8, 4, 4, 1)
@@ -32,7 +34,7 @@ fn a_query_is_128_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 42] = [
+    const NAMES: [&str; 44] = [
         "y",
         "yd",
         "ydd",
@@ -75,6 +77,8 @@ fn fields_keep_their_numbers_and_names() {
         "lambda_determinate",
         "good_independents",
         "uncontrolled",
+        "projection",
+        "limits",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -117,7 +121,7 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 
 #[test]
 fn calls_and_their_answers_keep_their_words() {
-    assert_eq!(PROTOCOL_VERSION, 4);
+    assert_eq!(PROTOCOL_VERSION, 5);
     let head = CallHead { version: PROTOCOL_VERSION, nonce: 7 };
     let text = |call| ControlRequest { head, fingerprint: 1, call }.to_bytes();
     let calls = [
@@ -131,7 +135,7 @@ fn calls_and_their_answers_keep_their_words() {
         (Call::Statistics, r#""statistics""#),
     ];
     for (call, words) in calls {
-        let expected = format!(r#"{{"version":4,"nonce":7,"fingerprint":1,"call":{words}}}"#);
+        let expected = format!(r#"{{"version":5,"nonce":7,"fingerprint":1,"call":{words}}}"#);
         assert_eq!(String::from_utf8(text(call)).unwrap(), expected);
     }
     let refusals = [
@@ -160,7 +164,7 @@ fn calls_and_their_answers_keep_their_words() {
     };
     for (refusal, words) in refusals {
         let expected = format!(
-            r#"{{"version":4,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
+            r#"{{"version":5,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
         );
         let bytes = answer(Err(refusal)).to_bytes();
         assert_eq!(String::from_utf8(bytes).unwrap(), expected);

@@ -390,8 +390,8 @@ impl Served {
                 law(answer.head.sequence == head.sequence, || about("another number"))?;
                 let status = Status::from_code(answer.head.status);
                 let status = status.ok_or_else(|| about("an unknown status"))?;
-                let all = Warnings::LIMITS_EXCEEDED.0 | Warnings::ILL_CONDITIONED.0;
-                law(answer.head.warnings & !all == 0, || about("warnings"))?;
+                let known = Warnings(answer.head.warnings).names().count() as u32;
+                law(answer.head.warnings.count_ones() == known, || about("warnings"))?;
                 let plan = self.plans.get(head.plan as usize);
                 let gate = if head.version != PROTOCOL_VERSION {
                     Some(Status::BadRequest)
