@@ -14,7 +14,7 @@ pub(crate) struct RobotFlags {
     #[command(flatten)]
     source: SourceFlags,
     /// Submechanism file that goes with --urdf; without it every joint is independent and active.
-    #[arg(long, value_name = "FILE", requires = "urdf", conflicts_with = "robot")]
+    #[arg(long, value_name = "FILE", conflicts_with = "robot")]
     submechanisms: Option<PathBuf>,
     /// Gravity in root axes, m/s².
     #[arg(
@@ -54,6 +54,12 @@ fn gravity(text: &str) -> Result<Gravity, String> {
 }
 
 impl RobotFlags {
+    /// Takes files that were named without flags.
+    pub(crate) fn add_files(&mut self, urdf: Option<PathBuf>, submechanisms: Option<PathBuf>) {
+        self.source.urdf = urdf.or(self.source.urdf.take());
+        self.submechanisms = submechanisms.or(self.submechanisms.take());
+    }
+
     /// Reads and compiles the robot.
     pub(crate) fn load(&self) -> Result<Loaded, LoadError> {
         load(&self.source(), &self.options())

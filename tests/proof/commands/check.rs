@@ -165,6 +165,29 @@ fn a_valid_robot_in_words_names_closures_and_sizes() {
 }
 
 #[test]
+fn files_are_taken_with_and_without_flags() {
+    let folder = Folder::new("positional");
+    let (urdf, yaml) = sarrus_models::bundled_text("lambda").unwrap();
+    let (urdf, yaml) = (folder.file("a.urdf", urdf), folder.file("a.yml", yaml));
+    let flags = report(&["--urdf", &urdf, "--submechanisms", &yaml]);
+    assert_eq!(flags.0, Some(0));
+    assert_eq!(report(&[&urdf, &yaml]), flags);
+    assert_eq!(report(&[&urdf, "--submechanisms", &yaml]), flags);
+    assert_eq!(report(&[&urdf]), report(&["--urdf", &urdf]));
+    for wrong in [
+        &[][..],
+        &[&urdf, "--robot", "lambda"],
+        &[&urdf, "--urdf", &urdf],
+        &[&urdf, &yaml, "--submechanisms", &yaml],
+        &[&urdf, &yaml, &yaml],
+        &["--submechanisms", &yaml],
+        &["--robot", "lambda", "--submechanisms", &yaml],
+    ] {
+        assert_eq!(run(&[&["check"], wrong].concat(), b"").code, Some(2), "{wrong:?}");
+    }
+}
+
+#[test]
 fn robots_lists_the_bundled_ones() {
     let text = run(&["robots"], b"");
     assert_eq!((text.code, text.err.as_str()), (Some(0), ""));

@@ -4,6 +4,7 @@ mod assembled;
 mod closures;
 mod pose;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
@@ -16,6 +17,12 @@ use pose::Numbers;
 /// Flags of `check`.
 #[derive(Args)]
 pub(crate) struct Check {
+    /// A URDF file, as --urdf.
+    #[arg(value_name = "FILE.urdf", group = "SourceFlags")]
+    urdf_file: Option<PathBuf>,
+    /// Its submechanism file, as --submechanisms.
+    #[arg(value_name = "FILE.yml", requires = "urdf_file", conflicts_with = "submechanisms")]
+    submechanisms_file: Option<PathBuf>,
     #[command(flatten)]
     robot: RobotFlags,
     #[command(flatten)]
@@ -35,7 +42,8 @@ pub(crate) struct Check {
 }
 
 impl Check {
-    pub(crate) fn run(self) -> ExitCode {
+    pub(crate) fn run(mut self) -> ExitCode {
+        self.robot.add_files(self.urdf_file.take(), self.submechanisms_file.take());
         let report = if self.assemble {
             self.assembled()
         } else {
