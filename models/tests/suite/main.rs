@@ -19,6 +19,7 @@ mod fingerprints;
 mod hostile;
 mod other_faults;
 mod reading;
+mod rewrite;
 mod terms;
 mod urdf_faults;
 mod yaml_faults;

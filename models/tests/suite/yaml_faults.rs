@@ -281,5 +281,6 @@ faults! { yaml:
             {xyz: [0, 0, 0]}\n    successor_placement: {xyz: [0, 0, 0]}\n",
         "submechanisms.yml:4:20: a loop that is open by 3.563e-1 m (or rad) at the zero pose, \
          expected placements that coincide at zero, correct predecessor_placement, \
-         successor_placement or the joints' origins";
+         successor_placement or the joints' origins; `sarrus check --assemble --write OUT.urdf` \
+         does it";
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{CheckReport, Diagnostic, Loaded, assemble, load};
+use sarrus_models::{CheckReport, Diagnostic, Loaded, NewZero, Rewritten, assemble, load};
 use sarrus_server::record::RecordedRobot;
 
 /// Which robot, and how its files are read.
@@ -72,6 +72,11 @@ impl RobotFlags {
         weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
     ) -> Result<Result<CheckReport, E>, LoadError> {
         assemble(&self.source(), &self.options(), near, weights)
+    }
+
+    /// The robot's texts with another zero pose; in words what cannot be written.
+    pub(crate) fn rewritten(&self, zero: &NewZero) -> Result<Result<Rewritten, String>, LoadError> {
+        zero.write(&self.source(), &self.options())
     }
 
     /// The robot's texts, for a recording.

@@ -165,7 +165,8 @@ pub(super) fn close_zero(
             site,
             found: format!("a loop that is open by {open:.3e} m (or rad) at the zero pose"),
             expected: "placements that coincide at zero".into(),
-            help: "correct predecessor_placement, successor_placement or the joints' origins"
+            help: "correct predecessor_placement, successor_placement or the joints' origins; \
+                `sarrus check --assemble --write OUT.urdf` does it"
                 .into(),
         });
     }

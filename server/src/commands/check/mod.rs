@@ -39,6 +39,10 @@ pub(crate) struct Check {
     /// file. 0: free, inf: kept fixed.
     #[arg(long, value_name = "FILE|NAME=W,…", requires = "assemble", allow_hyphen_values = true)]
     weights: Option<Numbers>,
+    /// Write the files with the found pose as their zero pose: the URDF here, and where cuts need
+    /// placements the submechanisms beside it with the ending yml. All else stays byte for byte.
+    #[arg(long, value_name = "OUT.urdf", requires = "assemble")]
+    write: Option<PathBuf>,
 }
 
 impl Check {
@@ -49,10 +53,14 @@ impl Check {
         } else {
             CheckReport::new(&self.robot.load()).map_err(|error| refuse("check", &error))
         };
-        let report = match report {
+        let mut report = match report {
             Ok(report) => report,
             Err(code) => return code,
         };
+        if let Err(error) = self.write_files(&mut report) {
+            eprintln!("sarrus check: {error}");
+            return ExitCode::from(2);
+        }
         let failure = report.assembled.as_ref().and_then(|of| of.error.as_ref());
         if let Some(failure) = failure {
             eprintln!("sarrus check: {failure}");
@@ -67,6 +75,28 @@ impl Check {
             }
         };
         finish("check", &results, code)
+    }
+
+    /// Writes the files of a pose that was found; what cannot be written, in words.
+    fn write_files(&self, report: &mut CheckReport) -> Result<(), String> {
+        let Some(assembled) = report.assembled.as_mut().filter(|_| report.errors.is_empty()) else {
+            return Ok(());
+        };
+        let Some((out, zero)) = self.write.as_ref().zip(assembled.zero.as_ref()) else {
+            return Ok(());
+        };
+        let files = self
+            .robot
+            .rewritten(zero)
+            .map_err(|error| error.to_string())?
+            .map_err(|why| format!("{why}; write the origins and placements by hand"))?;
+        let beside = files.submechanisms.map(|text| (out.with_extension("yml"), text));
+        for (file, text) in [(out.clone(), files.urdf)].into_iter().chain(beside) {
+            std::fs::write(&file, text)
+                .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+            assembled.written.push(file.display().to_string());
+        }
+        Ok(())
     }
 
     /// The report with an assembly, or the code of what stands in its way.
