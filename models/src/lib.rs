@@ -53,6 +53,7 @@
 
 mod assembly;
 mod assembly_report;
+mod base;
 mod build;
 mod bundled;
 mod check;
@@ -74,6 +75,7 @@ pub mod yaml;
 
 pub use assembly::assemble;
 pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
+pub use base::Base;
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use error::LoadError;

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use sarrus_dynamics::description::{Cut, Description, Placement};
 
+use crate::base::Base;
 use crate::error::LoadError;
 use crate::load::{Options, Source, texts};
 use crate::open::load_open;
@@ -55,7 +56,9 @@ impl NewZero {
             Ok(written) => written.into_bytes(),
             Err(why) => return Ok(Err(why)),
         };
-        let cuts = self.cuts();
+        // a free base stands in no file
+        let first = usize::from(options.base != Base::Fixed);
+        let cuts = self.cuts(first);
         if cuts.is_empty() {
             return Ok(self.verified(Rewritten { urdf, submechanisms: None }, source, options));
         }
@@ -76,12 +79,12 @@ impl NewZero {
         Ok(Err(why))
     }
 
-    /// The cuts that need placements: submechanism, loop, predecessor's and successor's.
-    fn cuts(&self) -> Vec<(usize, usize, Placement, Placement)> {
+    /// The cuts that need placements: submechanism from the first of the file on, loop,
+    /// predecessor's and successor's.
+    fn cuts(&self, first: usize) -> Vec<(usize, usize, Placement, Placement)> {
         let mut cuts = Vec::new();
-        for (s, (old, new)) in
-            self.old.submechanisms.iter().zip(&self.new.submechanisms).enumerate()
-        {
+        let pairs = self.old.submechanisms.iter().zip(&self.new.submechanisms).skip(first);
+        for (s, (old, new)) in pairs.enumerate() {
             for (l, (old, new)) in old.loops.iter().zip(&new.loops).enumerate() {
                 if let (true, Cut::Placed { predecessor, successor }) =
                     (old.cut != new.cut, &new.cut)

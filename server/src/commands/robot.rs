@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{CheckReport, Diagnostic, Loaded, NewZero, Rewritten, assemble, load};
+use sarrus_models::{Base, CheckReport, Diagnostic, Loaded, NewZero, Rewritten, assemble, load};
 use sarrus_server::record::RecordedRobot;
 
 /// Which robot, and how its files are read.
@@ -28,6 +28,10 @@ pub(crate) struct RobotFlags {
     /// Faults of mass and inertia are warnings.
     #[arg(long)]
     lenient: bool,
+    /// The root link hangs on the world by a free joint without actuator, `floating_base`: six
+    /// coordinates before all others. LINK, if given, must be the root.
+    #[arg(long, value_name = "LINK", num_args = 0..=1, default_missing_value = "")]
+    floating_base: Option<String>,
 }
 
 #[derive(Args)]
@@ -95,7 +99,12 @@ impl RobotFlags {
     }
 
     fn options(&self) -> Options {
-        Options { gravity: self.gravity.0, lenient: self.lenient }
+        let base = match self.floating_base.as_deref() {
+            None => Base::Fixed,
+            Some("") => Base::Floating,
+            Some(link) => Base::FloatingAt(link.to_owned()),
+        };
+        Options { gravity: self.gravity.0, lenient: self.lenient, base }
     }
 }
 
