@@ -17,6 +17,7 @@ macro_rules! faults {
 mod cuts;
 mod fingerprints;
 mod hostile;
+mod loops;
 mod other_faults;
 mod reading;
 mod rewrite;

@@ -1,0 +1,178 @@
+//! Loops whose rows, mobility or zero pose want a word.
+
+use sarrus_models::{CheckReport, LoadError, Options, Source, assemble, load};
+
+use super::reported;
+
+/// A body of unit mass on a revolute joint.
+fn body(joint: &str, parent: &str, child: &str, at: [f64; 3], axis: [f64; 3]) -> String {
+    let [x, y, z] = at;
+    let [a, b, c] = axis;
+    format!(
+        "<link name=\"{child}\"><inertial><mass value=\"1\"/><inertia ixx=\"0.1\" ixy=\"0\" \
+         ixz=\"0\" iyy=\"0.1\" iyz=\"0\" izz=\"0.1\"/></inertial></link>\n\
+         <joint name=\"{joint}\" type=\"continuous\"><parent link=\"{parent}\"/>\
+         <child link=\"{child}\"/><origin xyz=\"{x} {y} {z}\"/><axis xyz=\"{a:e} {b} {c}\"/></joint>\n"
+    )
+}
+
+/// A four-bar of these points whose ground hinge at the last turns about (ε, 0, 1).
+fn four_bar(points: [[f64; 2]; 4], tilt: f64) -> String {
+    let [[a, b], [c, d], [e, f], [g, h]] = points;
+    let z = [0.0, 0.0, 1.0];
+    let bodies = [
+        body("crank", "base", "crank_link", [a, b, 0.0], z),
+        body("rod", "crank_link", "rod_link", [c - a, d - b, 0.0], z),
+        body("rocker", "base", "rocker_link", [g, h, 0.0], [tilt, 0.0, 1.0]),
+    ];
+    format!(
+        "<robot name=\"bars\"><link name=\"base\"/><link name=\"mark\"><inertial>\
+         <mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/>\
+         </inertial></link>\n{}<joint name=\"pin\" \
+         type=\"fixed\"><parent link=\"base\"/><child link=\"mark\"/>\
+         <origin xyz=\"{e} {f} 0\"/></joint></robot>",
+        bodies.concat()
+    )
+}
+
+fn yaml(independent: &str, cut: &str) -> String {
+    format!(
+        "submechanisms:\n- type: NUMERICAL\n  contextual_name: bars\n  \
+         jointnames_spanningtree: [crank, rod, rocker]\n  \
+         jointnames_independent: [{independent}]\n  jointnames_active: [crank]\n  \
+         loop_constraints:\n  - cut_joint: pin\n    predecessor_body: rod_link\n    \
+         successor_body: rocker_link\n    {cut}\n"
+    )
+}
+
+const POINTS: [[f64; 2]; 4] = [[0.0, 0.0], [0.3, 0.8], [1.4, 1.0], [1.2, 0.0]];
+const REVOLUTE: &str = "cut_joint_type: revolute\n    axis: [0, 0, 1]";
+const PLANAR: &str = "cut_joint_type: planar_revolute\n    axis: [0, 0, 1]";
+
+#[test]
+fn redundant_rows_that_do_not_hold_are_said_in_metres_and_radians() {
+    for tilt in [1e-5, 5e-5, 2e-4] {
+        let said = reported(&four_bar(POINTS, tilt), &yaml("crank", REVOLUTE));
+        let gap = said.split("open by up to ").nth(1).unwrap_or_else(|| panic!("{tilt}: {said}"));
+        let mut numbers = gap.split([' ']).filter_map(|word| word.parse::<f64>().ok());
+        let (length, angle) = (numbers.next().unwrap(), numbers.next().unwrap());
+        assert!(gap.contains(" m and ") && gap.contains(" rad at sampled poses"), "{gap}");
+        let share = length.max(angle) / tilt;
+        assert!((0.1..2.0).contains(&share), "{tilt}: {gap}");
+    }
+    for tilt in [0.0, 1e-12, 1e-8] {
+        let said = reported(&four_bar(POINTS, tilt), &yaml("crank", REVOLUTE));
+        assert!(said.contains("redundant") && !said.contains("open by"), "{said}");
+        assert!(said.lines().all(|line| line.chars().count() <= 400), "{said}");
+    }
+}
+
+#[test]
+fn redundant_rows_name_the_cut_that_fits() {
+    let said = reported(&four_bar(POINTS, 0.0), &yaml("crank", REVOLUTE));
+    assert!(
+        said.contains("write cut_joint_type: planar_revolute with axis: [0, 0, 1] for pin"),
+        "{said}"
+    );
+    // and that is what fits
+    assert_eq!(reported(&four_bar(POINTS, 0.0), &yaml("crank", PLANAR)), "");
+}
+
+/// Crank and rod in line: the rocker, which is independent, cannot move them.
+const IN_LINE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0], [3.0, -2.0]];
+
+#[test]
+fn a_dead_point_at_zero_is_named_and_an_assembly_leads_off_it() {
+    let (urdf, yaml) = (four_bar(IN_LINE, 0.0), yaml("rocker", PLANAR));
+    let said = reported(&urdf, &yaml);
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(
+        said.contains("the zero pose is a dead point of loop pin")
+            && said.contains("--assemble --near crank=0.1")
+            && !said.contains("mobility"),
+        "{said}"
+    );
+    let source = Source::Text { urdf: urdf.into(), submechanisms: Some(yaml.clone().into()) };
+    let options = Options::default();
+    let near = |_: &[String], zero: Vec<f64>| {
+        Ok::<_, ()>(zero.iter().enumerate().map(|(k, _)| [0.3, 0.0, 0.0][k]).collect())
+    };
+    let report = assemble(&source, &options, near, |names| Ok(vec![1.0; names.len()]));
+    let report: CheckReport = report.unwrap().unwrap();
+    assert_eq!(report.errors, []);
+    let assembled = report.assembled.unwrap();
+    assert!(!assembled.new_zero.origins.is_empty());
+    let files = assembled.zero.unwrap().write(&source, &options).unwrap().unwrap();
+    let text = String::from_utf8(files.urdf).unwrap();
+    assert_eq!(reported(&text, &yaml), "");
+}
+
+#[test]
+fn independents_that_do_not_determine_the_rest_are_not_what_was_expected() {
+    // two crank angles would do, one of them twice does not
+    let urdf = four_bar(POINTS, 0.0).replace(
+        "</robot>",
+        &(body("tool", "rocker_link", "tool_link", [0.1, 0.1, 0.0], [0.0, 0.0, 1.0]) + "</robot>"),
+    );
+    let yaml = yaml("tool", PLANAR).replace("rocker]", "rocker, tool]");
+    let source = Source::Text { urdf: urdf.into(), submechanisms: Some(yaml.into()) };
+    let Err(LoadError::Faults(report)) = load(&source, &Options::default()) else { panic!() };
+    for error in &report.errors {
+        let error = error.to_string();
+        assert!(!error.contains("expected mobility 1"), "{error}");
+    }
+}
+
+/// A rod with three revolutes at each end, or as many as are given at the far one, between a crank
+/// and a rocker; its cut is on the rocker.
+fn rod_of_revolutes(far: usize, axes: [[f64; 3]; 3]) -> (String, Vec<String>) {
+    let y = [0.0, 1.0, 0.0];
+    let mut urdf = body("crank", "base", "crank_link", [0.0; 3], y);
+    urdf += &body("rocker", "base", "rocker_link", [0.5, 0.1, 0.0], [0.0, 1.0, 0.2]);
+    let mut tree = vec!["crank".to_owned(), "rocker".to_owned()];
+    let mut parent = "crank_link".to_owned();
+    for k in 0..3 + far {
+        let at = match k {
+            0 => [0.0, 0.0, 0.1],
+            3 => [0.5, 0.1, 0.05],
+            _ => [0.0; 3],
+        };
+        let (joint, child) = (format!("ball{k}"), format!("ball{k}_link"));
+        urdf += &body(&joint, &parent, &child, at, axes[k % 3]);
+        tree.push(joint);
+        parent = child;
+    }
+    let urdf = format!(
+        "<robot name=\"rods\"><link name=\"base\"/><link name=\"mark\"><inertial>\
+         <mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/>\
+         </inertial></link>\n{urdf}<joint name=\"pin\" type=\"fixed\"><parent link=\"base\"/>\
+         <child link=\"mark\"/><origin xyz=\"0.5 0.1 0.15\"/></joint></robot>"
+    );
+    (urdf, tree)
+}
+
+#[test]
+fn a_rod_between_balls_of_three_revolutes_spins_idly() {
+    let cuts = [(0, "spherical"), (2, "revolute\n    axis: [0, 0, 1]"), (3, "weld")];
+    let straight = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let skew = [[1.0, 0.2, 0.1], [0.1, 1.0, -0.3], [0.3, 0.2, 1.0]];
+    for axes in [straight, skew] {
+        for (far, cut) in cuts {
+            let (urdf, tree) = rod_of_revolutes(far, axes);
+            let last = format!("ball{}_link", 2 + far);
+            let yaml = format!(
+                "submechanisms:\n- type: NUMERICAL\n  contextual_name: rods\n  \
+                 jointnames_spanningtree: [{}]\n  jointnames_independent: [crank]\n  \
+                 jointnames_active: [crank]\n  loop_constraints:\n  - cut_joint: pin\n    \
+                 predecessor_body: {last}\n    successor_body: rocker_link\n    \
+                 cut_joint_type: {cut}\n",
+                tree.join(", ")
+            );
+            let said = reported(&urdf, &yaml);
+            assert!(
+                said.contains("idle joints") && said.lines().count() == 1,
+                "{far} {cut} {axes:?}: {said}"
+            );
+        }
+    }
+}
