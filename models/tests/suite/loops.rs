@@ -176,3 +176,73 @@ fn a_rod_between_balls_of_three_revolutes_spins_idly() {
         }
     }
 }
+
+/// The same rod whose far ball hangs on the rocker: `near` revolutes on the crank, `far` on the
+/// rocker, and a cut where they meet.
+fn rod_from_both_ends(
+    axes: [[f64; 3]; 3],
+    far: usize,
+    cut: &str,
+    cut_at: [f64; 3],
+) -> (String, String) {
+    let y = [0.0, 1.0, 0.0];
+    let mut urdf = body("crank", "base", "crank_link", [0.0; 3], y);
+    urdf += &body("rocker", "base", "rocker_link", [0.5, 0.1, 0.0], [0.0, 1.0, 0.2]);
+    let mut tree = vec!["crank".to_owned(), "rocker".to_owned()];
+    let mut last = Vec::new();
+    for (end, first, at, count) in
+        [("near", "crank", [0.0, 0.0, 0.1], 3), ("far", "rocker", [0.0, 0.0, 0.15], far)]
+    {
+        let mut parent = format!("{first}_link");
+        for k in 0..count {
+            let joint = format!("{end}{k}");
+            let child = format!("{joint}_link");
+            let place = if k == 0 { at } else { [0.0; 3] };
+            urdf += &body(&joint, &parent, &child, place, axes[k]);
+            tree.push(joint);
+            parent = child;
+        }
+        last.push(parent);
+    }
+    let [x, y, z] = cut_at;
+    let urdf = format!(
+        "<robot name=\"rods\"><link name=\"base\"/><link name=\"mark\"><inertial>\
+         <mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/>\
+         </inertial></link>\n{urdf}<joint name=\"pin\" type=\"fixed\"><parent link=\"base\"/>\
+         <child link=\"mark\"/><origin xyz=\"{x} {y} {z}\"/></joint></robot>"
+    );
+    let yaml = format!(
+        "submechanisms:\n- type: NUMERICAL\n  contextual_name: rods\n  \
+         jointnames_spanningtree: [{}]\n  jointnames_independent: [crank]\n  \
+         jointnames_active: [crank]\n  loop_constraints:\n  - cut_joint: pin\n    \
+         predecessor_body: {}\n    successor_body: {}\n    cut_joint_type: {cut}\n",
+        tree.join(", "),
+        last[0],
+        last[1]
+    );
+    (urdf, yaml)
+}
+
+#[test]
+fn a_rod_that_is_cut_within_or_at_its_far_ball_spins_idly() {
+    let straight = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let skew = [[1.0, 0.2, 0.1], [0.1, 1.0, -0.3], [0.3, 0.2, 1.0]];
+    let ball = [0.5, 0.1, 0.15];
+    let cuts = [
+        (3, "weld", [0.25, 0.05, 0.125]),
+        (3, "weld", [0.2, 0.3, 0.1]),
+        (3, "weld", ball),
+        (2, "revolute\n    axis: [0, 0.6, 0.8]", ball),
+        (1, "universal\n    axis: [0, 0.6, 0.8]\n    axis2: [0, -0.8, 0.6]", ball),
+    ];
+    for axes in [straight, skew] {
+        for (far, cut, at) in cuts {
+            let (urdf, yaml) = rod_from_both_ends(axes, far, cut, at);
+            let said = reported(&urdf, &yaml);
+            assert!(
+                said.contains("idle joints") && said.lines().count() == 1,
+                "{far} {cut} {axes:?}: {said}"
+            );
+        }
+    }
+}
