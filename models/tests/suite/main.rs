@@ -21,6 +21,7 @@ mod loops;
 mod other_faults;
 mod reading;
 mod rewrite;
+mod suggest;
 mod terms;
 mod urdf_faults;
 mod yaml_faults;

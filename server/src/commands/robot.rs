@@ -5,7 +5,9 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{Base, CheckReport, Diagnostic, Loaded, NewZero, Rewritten, assemble, load};
+use sarrus_models::{
+    Base, CheckReport, Diagnostic, Loaded, NewZero, Rewritten, Suggestion, assemble, load, suggest,
+};
 use sarrus_server::record::RecordedRobot;
 
 /// Which robot, and how its files are read.
@@ -76,6 +78,11 @@ impl RobotFlags {
         weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
     ) -> Result<Result<CheckReport, E>, LoadError> {
         assemble(&self.source(), &self.options(), near, weights)
+    }
+
+    /// A submechanism file that fits the robot; see [`sarrus_models::suggest`].
+    pub(crate) fn suggest(&self) -> Result<Suggestion, LoadError> {
+        suggest(&self.source(), &self.options())
     }
 
     /// The robot's texts with another zero pose; in words what cannot be written.

@@ -112,7 +112,7 @@ fn loop_name(subject: &Subject<'_>) -> String {
 }
 
 /// A closed pose off the zero pose, to which every joint may contribute.
-fn off_zero(subject: &Subject<'_>, k: usize) -> Option<Sample> {
+pub(super) fn off_zero(subject: &Subject<'_>, k: usize) -> Option<Sample> {
     let cluster = subject.cluster;
     let mut q = zero(cluster);
     for (v, at) in cluster.dofs.iter().enumerate() {
@@ -123,9 +123,9 @@ fn off_zero(subject: &Subject<'_>, k: usize) -> Option<Sample> {
         .then(|| Sample::at(cluster, subject.bodies, &q))
 }
 
-/// As many velocities as a loop has degrees of freedom that determine all others: actuated ones
-/// and those that are declared first, as far as they do.
-pub(crate) fn good_independents(subject: &Subject<'_>, at: &Sample, mobility: usize) -> Vec<usize> {
+/// As many velocities as a loop has degrees of freedom that determine all others: first those that
+/// are declared, as far as they do, then actuated ones and those on the base.
+pub(super) fn good_independents(subject: &Subject<'_>, at: &Sample, mobility: usize) -> Vec<usize> {
     let cluster = subject.cluster;
     let all: Vec<usize> = (0..cluster.n_v).collect();
     let free = null_space(&at.columns(&all, cluster));
@@ -135,7 +135,9 @@ pub(crate) fn good_independents(subject: &Subject<'_>, at: &Sample, mobility: us
         (0..left.ncols()).map(|a| left[(v, a)] * left[(v, a)]).sum::<f64>().sqrt()
     };
     let active = cluster.active.iter().map(|(_, v)| *v);
-    let preferred: Vec<usize> = cluster.independent.iter().copied().chain(active).collect();
+    let on_base = all.iter().copied().filter(|v| cluster.local_parent[cluster.dofs[*v].body] == 0);
+    let preferred: Vec<usize> =
+        cluster.independent.iter().copied().chain(active).chain(on_base).collect();
     let mut chosen: Vec<usize> = Vec::new();
     while chosen.len() < mobility.min(free.len()) {
         let rest: Vec<usize> = all.iter().copied().filter(|v| !chosen.contains(v)).collect();

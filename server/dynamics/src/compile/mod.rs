@@ -18,6 +18,7 @@ mod owners;
 mod rank;
 mod redundant;
 mod spanning_tree;
+mod suggest;
 mod terms;
 
 use std::sync::Arc;
@@ -31,6 +32,8 @@ use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::model::{Compiled, Model};
 use crate::scalar::{Dd, Scalar};
+pub use suggest::{SuggestedIndependents, suggest_independents};
+
 pub(crate) use geometry::{pose as pose_of, unit_of};
 
 /// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use sarrus_models::CheckReport;
+use sarrus_models::{CheckReport, Suggestion};
 
 use super::output::{Format, FormatFlag, finish, json_line};
 use super::robot::{RobotFlags, diagnostics, refuse};
@@ -39,6 +39,10 @@ pub(crate) struct Check {
     /// file. 0: free, inf: kept fixed.
     #[arg(long, value_name = "FILE|NAME=W,…", requires = "assemble", allow_hyphen_values = true)]
     weights: Option<Numbers>,
+    /// Print a submechanism file instead: independents that determine every joint, and the types
+    /// whose closed forms fit; also for files whose independents or types are wrong or missing.
+    #[arg(long, conflicts_with = "assemble")]
+    suggest: bool,
     /// Write the files with the found pose as their zero pose: the URDF here, and where cuts need
     /// placements the submechanisms beside it with the ending yml. All else stays byte for byte.
     #[arg(long, value_name = "OUT.urdf", requires = "assemble")]
@@ -48,6 +52,9 @@ pub(crate) struct Check {
 impl Check {
     pub(crate) fn run(mut self) -> ExitCode {
         self.robot.add_files(self.urdf_file.take(), self.submechanisms_file.take());
+        if self.suggest {
+            return self.suggestion();
+        }
         let report = if self.assemble {
             self.assembled()
         } else {
@@ -75,6 +82,20 @@ impl Check {
             }
         };
         finish("check", &results, code)
+    }
+
+    /// A submechanism file on stdout, and what is still wrong with it on stderr.
+    fn suggestion(&self) -> ExitCode {
+        let Suggestion { yaml, report, .. } = match self.robot.suggest() {
+            Ok(suggestion) => suggestion,
+            Err(error) => return refuse("check", &error),
+        };
+        eprint!("{}", diagnostics(&report.errors, &report.warnings));
+        let results = match self.format.format {
+            Format::Json => json_line(&serde_json::json!({ "suggestion": yaml })),
+            Format::Text => yaml,
+        };
+        finish("check", &results, u8::from(!report.errors.is_empty()))
     }
 
     /// Writes the files of a pose that was found; what cannot be written, in words.
