@@ -1,6 +1,6 @@
 //! Loops whose rows, mobility or zero pose want a word.
 
-use sarrus_models::{CheckReport, LoadError, Options, Source, assemble, load};
+use sarrus_models::{CheckReport, Options, Source, assemble, suggest};
 
 use super::reported;
 
@@ -109,18 +109,55 @@ fn a_dead_point_at_zero_is_named_and_an_assembly_leads_off_it() {
 
 #[test]
 fn independents_that_do_not_determine_the_rest_are_not_what_was_expected() {
-    // two crank angles would do, one of them twice does not
-    let urdf = four_bar(POINTS, 0.0).replace(
-        "</robot>",
-        &(body("tool", "rocker_link", "tool_link", [0.1, 0.1, 0.0], [0.0, 0.0, 1.0]) + "</robot>"),
+    // a five-bar with a four-bar on one of its cranks
+    let (z, mass) = (
+        [0.0, 0.0, 1.0],
+        "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" \
+        ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>",
     );
-    let yaml = yaml("tool", PLANAR).replace("rocker]", "rocker, tool]");
-    let source = Source::Text { urdf: urdf.into(), submechanisms: Some(yaml.into()) };
-    let Err(LoadError::Faults(report)) = load(&source, &Options::default()) else { panic!() };
-    for error in &report.errors {
-        let error = error.to_string();
-        assert!(!error.contains("expected mobility 1"), "{error}");
+    let mut urdf = "<robot name=\"bars\"><link name=\"base\"/>".to_owned();
+    for (joint, parent, at) in [
+        ("c1", "base", [0.0, 0.0, 0.0]),
+        ("l1", "c1_link", [0.0, 1.0, 0.0]),
+        ("c2", "base", [2.0, 0.0, 0.0]),
+        ("l2", "c2_link", [0.0, 1.0, 0.0]),
+        ("k", "c1_link", [0.0, 1.0, 0.0]),
+        ("r", "base", [-1.2, 0.0, 0.0]),
+    ] {
+        urdf += &body(joint, parent, &format!("{joint}_link"), at, z);
     }
+    for (pin, at) in [("p", "1 2 0"), ("s", "-1 0.9 0")] {
+        urdf += &format!(
+            "<link name=\"{pin}_mark\">{mass}</link><joint name=\"{pin}\" type=\"fixed\"><parent \
+             link=\"base\"/><child link=\"{pin}_mark\"/><origin xyz=\"{at}\"/></joint>"
+        );
+    }
+    urdf += "</robot>";
+    let cut = |pin: &str, ends: [&str; 2]| {
+        format!(
+            "  - cut_joint: {pin}\n    predecessor_body: {}_link\n    \
+             successor_body: {}_link\n    {PLANAR}\n",
+            ends[0], ends[1]
+        )
+    };
+    let yaml = |independent: &str| {
+        format!(
+            "submechanisms:\n- type: NUMERICAL\n  contextual_name: bars\n  \
+             jointnames_spanningtree: [c1, l1, c2, l2, k, r]\n  \
+             jointnames_independent: [{independent}]\n  jointnames_active: [c1, c2]\n  \
+             loop_constraints:\n{}{}",
+            cut("p", ["l1", "l2"]),
+            cut("s", ["k", "r"])
+        )
+    };
+    let said = reported(&urdf, &yaml("c1, r"));
+    assert!(
+        said.contains("but the independents c1, r do not determine l1, c2, l2, expected")
+            && said.contains("write jointnames_independent: [c1, c2]")
+            && !said.contains("expected mobility"),
+        "{said}"
+    );
+    assert_eq!(reported(&urdf, &yaml("c1, c2")), "");
 }
 
 /// A rod with three revolutes at each end, or as many as are given at the far one, between a crank
@@ -245,4 +282,13 @@ fn a_rod_that_is_cut_within_or_at_its_far_ball_spins_idly() {
             );
         }
     }
+    // and a proposal says so, whatever was declared
+    let (urdf, yaml) = rod_from_both_ends(skew, 3, "weld", cuts[0].2);
+    let yaml = yaml.replace("jointnames_independent: [crank]", "jointnames_independent: [far1]");
+    let source = Source::Text { urdf: urdf.into(), submechanisms: Some(yaml.into()) };
+    let found = suggest(&source, &Options::default()).unwrap();
+    assert_eq!(found.report.errors, [], "{}", found.yaml);
+    let lines: Vec<&str> = found.yaml.lines().collect();
+    assert!(lines[0].starts_with("# rods that spin idly, by the joint that stands still: "));
+    assert!(found.yaml.contains("jointnames_spanningtree: [crank, rocker, "), "{}", found.yaml);
 }
