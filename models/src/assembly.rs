@@ -9,9 +9,12 @@ use crate::check::CheckReport;
 use crate::error::LoadError;
 use crate::load::{Options, Source, load};
 use crate::open::load_open;
+use crate::rewrite::NewZero;
 
 /// Residual up to which a loop is closed at zero; as the compiler has it.
 const OPEN: f64 = 1e-6;
+/// Scaled distance to singularity below which a zero pose is a dead point; as the compiler has it.
+const DEAD_POINT: f64 = 1e-9;
 
 /// Reads a robot and closes it near a pose.
 ///
@@ -39,8 +42,16 @@ pub fn assemble<E>(
             Ok(given) => given,
             Err(error) => return Ok(Err(error)),
         };
-        report.assembled =
-            Some(AssemblyReport::new(model.tree_q_names(), &near, model.assemble(&near, &weights)));
+        let found = model.assemble(&near, &weights);
+        let pose = found.as_ref().ok().map(|found| found.q.clone());
+        let mut assembled = AssemblyReport::new(model.tree_q_names(), &near, found);
+        assembled.zero = pose.and_then(|q| new_zero(&loaded.description, &q));
+        // from a dead point the way leads over another zero pose
+        let is_dead = model.closures_at_zero().iter().any(|closure| closure.sigma_min < DEAD_POINT);
+        if let (true, Some(zero)) = (is_dead, &assembled.zero) {
+            assembled.new_zero = changes(&zero.old, &zero.new);
+        }
+        report.assembled = Some(assembled);
         return Ok(Ok(report));
     };
 
@@ -61,23 +72,35 @@ pub fn assemble<E>(
     };
     let is_open = residual_at(&model.tree_zero()) > OPEN;
     let found = model.assemble(&near, &weights);
-    let closed = found.as_ref().ok().and_then(|found| rezeroed(&opened.description, &found.q));
+    let zero = found.as_ref().ok().and_then(|found| new_zero(&opened.description, &found.q));
     let mut assembled = AssemblyReport::new(model.tree_q_names(), &near, found);
-    if let (true, Some(closed)) = (is_open, closed) {
-        assembled.new_zero = changes(&opened.description, &closed);
-        let name = |(s, l, placement)| (loop_name(&opened.description, s, l), placement);
-        assembled.at_zero.successors =
-            closing_placements(&opened.description).into_iter().map(name).collect();
-        let as_it_is = report;
-        report = CheckReport::new(&opened.compile(closed))?;
-        // a fingerprint would be that of other files
-        report.fingerprint = None;
-        if report.errors.is_empty() {
-            report.warnings = [as_it_is.errors, report.warnings].concat();
+    if let Some(zero) = zero {
+        let closed = CheckReport::new(&opened.compile(zero.new.clone()))?;
+        // where the new zero pose is no better, its faults are not those of the files
+        if is_open || closed.errors.is_empty() {
+            let as_it_is = report;
+            // a fingerprint would be that of other files
+            report = CheckReport { fingerprint: None, ..closed };
+            assembled.new_zero = changes(&zero.old, &zero.new);
+            if report.errors.is_empty() {
+                report.warnings = [as_it_is.errors, report.warnings].concat();
+                assembled.zero = Some(zero);
+            }
+        }
+        if is_open {
+            let name = |(s, l, placement)| (loop_name(&opened.description, s, l), placement);
+            assembled.at_zero.successors =
+                closing_placements(&opened.description).into_iter().map(name).collect();
         }
     }
     report.assembled = Some(assembled);
     Ok(Ok(report))
+}
+
+/// The robot with a pose as its zero pose, where that is another one.
+fn new_zero(description: &Description, q: &[f64]) -> Option<Box<NewZero>> {
+    let new = rezeroed(description, q)?;
+    Some(Box::new(NewZero { old: description.clone(), new }))
 }
 
 /// What differs between two descriptions of the same robot.

@@ -4,6 +4,8 @@ use sarrus_dynamics::description::Placement;
 use sarrus_dynamics::{AssembleError, Assembled};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
+use crate::rewrite::NewZero;
+
 /// What came of an assembly.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
@@ -32,6 +34,12 @@ pub struct AssemblyReport {
     /// it is.
     #[serde(skip_serializing_if = "NewPlacements::is_empty")]
     pub at_zero: NewPlacements,
+    /// The robot as it is and with the found pose as its zero pose; none without one.
+    #[serde(skip)]
+    pub zero: Option<Box<NewZero>>,
+    /// The files that were written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub written: Vec<String>,
 }
 
 /// One coordinate of the pose.
@@ -124,6 +132,8 @@ impl AssemblyReport {
             branch: found.branch,
             new_zero: NewPlacements::default(),
             at_zero: NewPlacements::default(),
+            zero: None,
+            written: Vec::new(),
         }
     }
 }

@@ -47,6 +47,11 @@ impl Spans {
         }
     }
 
+    /// Makes room for a submechanism before all others that stands in no file.
+    pub(crate) fn put_first(&mut self) {
+        self.submechanisms.insert(0, SubmechanismSpan { span: self.robot, loops: Vec::new() });
+    }
+
     /// Where a part stands; the nearest known part around it when it has no position of its own.
     pub(crate) fn of(&self, site: Site) -> Span {
         let submechanism = |s: usize| self.submechanisms.get(s);

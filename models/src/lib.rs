@@ -53,6 +53,7 @@
 
 mod assembly;
 mod assembly_report;
+mod base;
 mod build;
 mod bundled;
 mod check;
@@ -65,14 +66,17 @@ mod nearest;
 mod number;
 mod open;
 mod report;
+mod rewrite;
 mod smurf;
 mod submechanisms;
+mod suggest;
 mod text;
 mod urdf;
 pub mod yaml;
 
 pub use assembly::assemble;
 pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
+pub use base::Base;
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use error::LoadError;
@@ -80,3 +84,5 @@ pub use load::{Loaded, Options, Source, load, texts};
 pub use nearest::nearest;
 pub use open::{Opened, load_open};
 pub use report::{Diagnostic, Diagnostics, Report};
+pub use rewrite::{NewZero, Rewritten};
+pub use suggest::{Suggestion, suggest};

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
+use crate::base::{self, Base};
 use crate::build::{self, Spans};
 use crate::contents::{Contents, file};
 use crate::error::LoadError;
@@ -40,18 +41,20 @@ pub enum Source {
 }
 
 /// How a robot is read.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Gravity in root axes `[m/s²]`.
     pub gravity: [f64; 3],
     /// Faults of mass and inertia are warnings.
     pub lenient: bool,
+    /// What the root link stands on.
+    pub base: Base,
 }
 
 impl Default for Options {
-    /// Standard gravity downwards, strict.
+    /// Standard gravity downwards, strict, on the ground.
     fn default() -> Options {
-        Options { gravity: [0.0, 0.0, -9.81], lenient: false }
+        Options { gravity: [0.0, 0.0, -9.81], lenient: false, base: Base::Fixed }
     }
 }
 
@@ -198,7 +201,7 @@ pub(crate) fn describe(
         Some(text) => Some(submechanisms::values(text, diagnostics)?),
         None => None,
     };
-    let Some(description) = build::description(&urdf, values, entries, options.gravity) else {
+    let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
         diagnostics.error(
             urdf.span,
             "two readers of these files see different names",
@@ -208,8 +211,9 @@ pub(crate) fn describe(
         return None;
     };
 
-    let spans = Spans::new(&urdf, submechanisms.as_ref());
-    Some((description, spans))
+    let mut spans = Spans::new(&urdf, submechanisms.as_ref());
+    base::put(&options.base, &mut description, &mut spans, diagnostics);
+    (!diagnostics.has_errors()).then_some((description, spans))
 }
 
 /// The model; its faults go back to their positions.

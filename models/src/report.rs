@@ -9,6 +9,8 @@ use crate::nearest::nearest;
 
 /// Faults of one severity that a report holds; a hostile file could have millions.
 const MOST: usize = 1000;
+/// Characters of a line with its position.
+const LONGEST: usize = 400;
 
 /// One fault or warning with its position in a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -172,7 +174,9 @@ impl Diagnostics {
 
     fn diagnostic(&self, span: Span, found: String, expected: String, help: String) -> Diagnostic {
         let file = self.files.get(span.file as usize).cloned().unwrap_or_default();
-        let [found, expected, help] = bounded([found, expected, help]);
+        // what stands around the three parts takes less than forty characters
+        let most = LONGEST.saturating_sub(file.chars().count() + 40).max(LONGEST / 2);
+        let [found, expected, help] = bounded([found, expected, help], most);
         Diagnostic {
             file,
             line: span.line as usize,
@@ -227,20 +231,19 @@ pub fn quoted(name: &str) -> String {
     shown
 }
 
-/// The parts of a message on one line of at most 400 characters with its position: control
-/// characters are made visible, and the longest part is cut where all are too long together.
-fn bounded(parts: [String; 3]) -> [String; 3] {
-    const MOST: usize = 360;
+/// The parts of a message on one line, `most` characters together: control characters are made
+/// visible, and the longest part is cut where all are too long.
+fn bounded(parts: [String; 3], most: usize) -> [String; 3] {
     let mut parts = parts.map(|part| visible(&part));
     let length = |part: &String| part.chars().count();
     loop {
-        let excess = parts.iter().map(length).sum::<usize>().saturating_sub(MOST);
+        let excess = parts.iter().map(length).sum::<usize>().saturating_sub(most);
         let Some(part) = parts.iter_mut().max_by_key(|part| length(part)) else { return parts };
         if excess == 0 {
             return parts;
         }
         // never shorter than its share, so that each part stays
-        let kept = length(part).saturating_sub(excess + 1).max(MOST / 3 - 1);
+        let kept = length(part).saturating_sub(excess + 1).max(most / 3 - 1);
         *part = part.chars().take(kept).chain(['…']).collect();
     }
 }
@@ -260,14 +263,25 @@ fn visible(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::bounded;
+    use super::{Diagnostics, Span, bounded};
+
+    #[test]
+    fn a_line_with_its_position_is_at_most_400_characters_whatever_the_file_is_called() {
+        let mut diagnostics = Diagnostics::new(false);
+        let file = diagnostics.add_file(&"folder/".repeat(20));
+        let span = Span { file, line: 123_456, column: 12_345 };
+        diagnostics.warning(span, "a".repeat(300), "b".repeat(300), "c".repeat(300));
+        for warning in diagnostics.into_report().warnings {
+            assert!(format!("warning: {warning}").chars().count() <= 400, "{warning}");
+        }
+    }
 
     #[test]
     fn a_message_is_one_line_of_bounded_length_and_keeps_its_parts() {
         let short = ["a\nb", "c", "d"].map(str::to_owned);
-        assert_eq!(bounded(short), ["a\\nb", "c", "d"]);
+        assert_eq!(bounded(short, 360), ["a\\nb", "c", "d"]);
         for lengths in [[500, 10, 10], [500, 500, 500], [119, 121, 121], [0, 0, 361]] {
-            let cut = bounded(lengths.map(|n| "é".repeat(n)));
+            let cut = bounded(lengths.map(|n| "é".repeat(n)), 360);
             let kept = cut.each_ref().map(|part| part.chars().count());
             assert!(kept.iter().sum::<usize>() <= 360, "{lengths:?}: {kept:?}");
             assert!(kept.iter().zip(lengths).all(|(kept, n)| *kept >= n.min(119)), "{kept:?}");

@@ -83,6 +83,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_table_of_types_in_the_readme_is_true() {
+        let readme = include_str!("../../README.md");
+        let rows: Vec<Vec<&str>> = readme
+            .lines()
+            .skip_while(|line| !line.starts_with("| type | joints |"))
+            .take_while(|line| line.starts_with('|'))
+            .map(|line| line.trim_matches('|').split('|').map(str::trim).collect())
+            .collect();
+        let any = |text: String| if text.is_empty() { "any".to_owned() } else { text };
+        for known in KNOWN.iter().filter(|known| known.kind != Kind::Serial) {
+            let name = format!("`{}`", known.name);
+            let row = rows.iter().find(|row| row[0].split(", ").any(|of| of == name)).unwrap();
+            let joints = known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
+            let independent = known.independent.map(|count| count.to_string()).unwrap_or_default();
+            assert_eq!([row[1], row[3]], [any(joints), any(independent)], "{name}");
+        }
+        assert_eq!(rows.len(), 2 + 12);
+    }
+
+    #[test]
     fn letter_runs_are_sums_of_groups() {
         let sum = |written| letters(written).map(|sum| (sum.rotations, sum.translations));
         assert_eq!(sum("R"), Some((1, 0)));

@@ -17,8 +17,11 @@ macro_rules! faults {
 mod cuts;
 mod fingerprints;
 mod hostile;
+mod loops;
 mod other_faults;
 mod reading;
+mod rewrite;
+mod suggest;
 mod terms;
 mod urdf_faults;
 mod yaml_faults;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::{Cut, JointKind, Placement, SubmechanismKind};
-use sarrus_models::{CheckReport, Diagnostic, Loaded, bundled, bundled_text};
+use sarrus_models::{Base, CheckReport, Diagnostic, Loaded, bundled, bundled_text};
 
 use super::*;
 
@@ -372,4 +372,28 @@ fn the_text_of_a_bundled_robot_is_there_for_others() {
     let (urdf, yaml) = bundled_text("torso").unwrap();
     assert!(urdf.contains("<robot name=\"torso\">") && yaml.contains("2SPU+1U"));
     assert!(bundled_text("nobody").is_none());
+}
+
+#[test]
+fn a_floating_base_is_a_free_joint_before_all_others() {
+    let source = Source::Text { urdf: super::URDF.into(), submechanisms: Some(super::YAML.into()) };
+    let with = |base| load(&source, &Options { base, ..Options::default() });
+    let fixed = with(Base::Fixed).unwrap().compiled.model;
+    for base in [Base::Floating, Base::FloatingAt("base".into())] {
+        let model = with(base).unwrap().compiled.model;
+        let first = ["rx", "ry", "rz", "tx", "ty", "tz"].map(|x| format!("floating_base/{x}"));
+        assert_eq!(model.tree_names()[..6], first);
+        assert_eq!(model.tree_names()[6..], *fixed.tree_names());
+        let (with, without) = (model.sizes(), fixed.sizes());
+        assert_eq!((with.n_q, with.n_vy), (without.n_q + 7, without.n_vy + 6));
+        assert_eq!((with.n_u, with.n_c), (without.n_u, without.n_c));
+        assert_ne!(model.fingerprint(), fixed.fingerprint());
+    }
+    for (link, found) in
+        [("rocker", "`rocker`, which is not the root"), ("bas", "not exist (there is `base`)")]
+    {
+        let Err(LoadError::Faults(report)) = with(Base::FloatingAt(link.into())) else { panic!() };
+        let error = report.errors[0].to_string();
+        assert!(error.contains(found) && error.contains("the root link `base`"), "{error}");
+    }
 }

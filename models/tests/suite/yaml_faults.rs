@@ -270,16 +270,19 @@ faults! { yaml:
     a_mobility_that_differs_from_the_independents_is_an_error:
         "[elbow]\n" => "[elbow, swing]\n",
         "submechanisms.yml:4:20: mobility 1 (3 joints less rank 2 of 2 rows), expected mobility 2 \
-         as declared by jointnames_independent, change jointnames_independent or loop_constraints";
+         as declared by jointnames_independent, change jointnames_independent (such as [elbow]) or \
+         loop_constraints";
     redundant_rows_are_reported_and_idle_joints_named:
         "    - {name: y, axis: [0, 0, 0, 0, 1, 0]}\n" => "    - {name: x, axis: [0, 0, 0, 1, 0, 0]}\n",
         "submechanisms.yml:4:20: mobility 2 (3 joints less rank 1 of 2 rows); redundant rows: \
          slide/x; joints that the independents do not determine: swing, slide, expected mobility 1 \
-         as declared by jointnames_independent, change jointnames_independent or loop_constraints";
+         as declared by jointnames_independent, change jointnames_independent (such as [elbow, \
+         slide]) or loop_constraints";
     placements_that_leave_a_loop_open_are_an_error:
         "    successor_body: rod\n" => "    successor_body: rod\n    predecessor_placement: \
             {xyz: [0, 0, 0]}\n    successor_placement: {xyz: [0, 0, 0]}\n",
         "submechanisms.yml:4:20: a loop that is open by 3.563e-1 m (or rad) at the zero pose, \
          expected placements that coincide at zero, correct predecessor_placement, \
-         successor_placement or the joints' origins";
+         successor_placement or the joints' origins; `sarrus check --assemble --write OUT.urdf` \
+         does it";
 }

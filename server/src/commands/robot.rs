@@ -5,7 +5,9 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{CheckReport, Diagnostic, Loaded, assemble, load};
+use sarrus_models::{
+    Base, CheckReport, Diagnostic, Loaded, NewZero, Rewritten, Suggestion, assemble, load, suggest,
+};
 use sarrus_server::record::RecordedRobot;
 
 /// Which robot, and how its files are read.
@@ -14,7 +16,7 @@ pub(crate) struct RobotFlags {
     #[command(flatten)]
     source: SourceFlags,
     /// Submechanism file that goes with --urdf; without it every joint is independent and active.
-    #[arg(long, value_name = "FILE", requires = "urdf", conflicts_with = "robot")]
+    #[arg(long, value_name = "FILE", conflicts_with = "robot")]
     submechanisms: Option<PathBuf>,
     /// Gravity in root axes, m/s².
     #[arg(
@@ -28,6 +30,10 @@ pub(crate) struct RobotFlags {
     /// Faults of mass and inertia are warnings.
     #[arg(long)]
     lenient: bool,
+    /// The root link hangs on the world by a free joint without actuator, `floating_base`: six
+    /// coordinates before all others. LINK, if given, must be the root.
+    #[arg(long, value_name = "LINK", num_args = 0..=1, default_missing_value = "")]
+    floating_base: Option<String>,
 }
 
 #[derive(Args)]
@@ -54,6 +60,12 @@ fn gravity(text: &str) -> Result<Gravity, String> {
 }
 
 impl RobotFlags {
+    /// Takes files that were named without flags.
+    pub(crate) fn add_files(&mut self, urdf: Option<PathBuf>, submechanisms: Option<PathBuf>) {
+        self.source.urdf = urdf.or(self.source.urdf.take());
+        self.submechanisms = submechanisms.or(self.submechanisms.take());
+    }
+
     /// Reads and compiles the robot.
     pub(crate) fn load(&self) -> Result<Loaded, LoadError> {
         load(&self.source(), &self.options())
@@ -66,6 +78,16 @@ impl RobotFlags {
         weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
     ) -> Result<Result<CheckReport, E>, LoadError> {
         assemble(&self.source(), &self.options(), near, weights)
+    }
+
+    /// A submechanism file that fits the robot; see [`sarrus_models::suggest`].
+    pub(crate) fn suggest(&self) -> Result<Suggestion, LoadError> {
+        suggest(&self.source(), &self.options())
+    }
+
+    /// The robot's texts with another zero pose; in words what cannot be written.
+    pub(crate) fn rewritten(&self, zero: &NewZero) -> Result<Result<Rewritten, String>, LoadError> {
+        zero.write(&self.source(), &self.options())
     }
 
     /// The robot's texts, for a recording.
@@ -84,7 +106,12 @@ impl RobotFlags {
     }
 
     fn options(&self) -> Options {
-        Options { gravity: self.gravity.0, lenient: self.lenient }
+        let base = match self.floating_base.as_deref() {
+            None => Base::Fixed,
+            Some("") => Base::Floating,
+            Some(link) => Base::FloatingAt(link.to_owned()),
+        };
+        Options { gravity: self.gravity.0, lenient: self.lenient, base }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The robot inside its recording: the texts of its files and how they are read.
 
-use sarrus_models::{LoadError, Loaded, Options, Source, load, texts};
+use sarrus_models::{Base, LoadError, Loaded, Options, Source, load, texts};
 use serde::{Deserialize, Serialize};
 
 /// What is needed to compute the answers of a recording again: the robot's files and the options of
@@ -18,6 +18,9 @@ pub struct RecordedRobot {
     pub gravity: [f64; 3],
     /// Faults of mass and inertia are warnings.
     pub lenient: bool,
+    /// The root link of a floating base, empty where it was not named; none for a fixed base.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floating_base: Option<String>,
 }
 
 impl RecordedRobot {
@@ -35,6 +38,11 @@ impl RecordedRobot {
             submechanisms: submechanisms.map(text),
             gravity: options.gravity,
             lenient: options.lenient,
+            floating_base: match &options.base {
+                Base::Floating => Some(String::new()),
+                Base::FloatingAt(link) => Some(link.clone()),
+                _ => None,
+            },
         })
     }
 
@@ -53,6 +61,11 @@ impl RecordedRobot {
     /// # Errors
     /// As [`load`].
     pub fn load_as(&self, source: &Source) -> Result<Loaded, LoadError> {
-        load(source, &Options { gravity: self.gravity, lenient: self.lenient })
+        let base = match self.floating_base.as_deref() {
+            None => Base::Fixed,
+            Some("") => Base::Floating,
+            Some(link) => Base::FloatingAt(link.to_owned()),
+        };
+        load(source, &Options { gravity: self.gravity, lenient: self.lenient, base })
     }
 }

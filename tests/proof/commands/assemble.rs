@@ -203,6 +203,21 @@ fn files_that_are_open_at_zero_are_faulty_until_they_are_assembled() {
 }
 
 #[test]
+fn an_assembly_is_written_and_the_file_is_closed() {
+    let folder = Folder::new("write");
+    let (urdf, yaml) = open_files(&folder);
+    let out = folder.0.join("out.urdf").to_str().unwrap().to_owned();
+    let (code, report) = assemble(&[&urdf, &yaml, "--write", &out]);
+    assert_eq!((code, &report["assembled"]["written"]), (Some(0), &json!([out])));
+    let closed = run(&["check", &out, &yaml], b"");
+    assert_eq!((closed.code, closed.err.as_str()), (Some(0), ""), "{}", closed.out);
+    // it belongs to an assembly, and needs a place
+    assert_eq!(run(&["check", &urdf, &yaml, "--write", &out], b"").code, Some(2));
+    let nowhere = ["--assemble", "--write", "/no/such/folder/out.urdf"];
+    assert_eq!(run(&[&["check", &urdf, &yaml], &nowhere[..]].concat(), b"").code, Some(2));
+}
+
+#[test]
 fn faults_of_the_text_stay_faults_with_an_assembly() {
     let folder = Folder::new("faulty");
     let (urdf, _) = open_files(&folder);

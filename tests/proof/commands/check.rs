@@ -165,6 +165,29 @@ fn a_valid_robot_in_words_names_closures_and_sizes() {
 }
 
 #[test]
+fn files_are_taken_with_and_without_flags() {
+    let folder = Folder::new("positional");
+    let (urdf, yaml) = sarrus_models::bundled_text("lambda").unwrap();
+    let (urdf, yaml) = (folder.file("a.urdf", urdf), folder.file("a.yml", yaml));
+    let flags = report(&["--urdf", &urdf, "--submechanisms", &yaml]);
+    assert_eq!(flags.0, Some(0));
+    assert_eq!(report(&[&urdf, &yaml]), flags);
+    assert_eq!(report(&[&urdf, "--submechanisms", &yaml]), flags);
+    assert_eq!(report(&[&urdf]), report(&["--urdf", &urdf]));
+    for wrong in [
+        &[][..],
+        &[&urdf, "--robot", "lambda"],
+        &[&urdf, "--urdf", &urdf],
+        &[&urdf, &yaml, "--submechanisms", &yaml],
+        &[&urdf, &yaml, &yaml],
+        &["--submechanisms", &yaml],
+        &["--robot", "lambda", "--submechanisms", &yaml],
+    ] {
+        assert_eq!(run(&[&["check"], wrong].concat(), b"").code, Some(2), "{wrong:?}");
+    }
+}
+
+#[test]
 fn robots_lists_the_bundled_ones() {
     let text = run(&["robots"], b"");
     assert_eq!((text.code, text.err.as_str()), (Some(0), ""));
@@ -213,4 +236,27 @@ fn help_and_version_are_results() {
         );
     }
     assert_eq!(run(&["--version"], b"").out, format!("sarrus {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_floating_base_is_six_coordinates_more_wherever_a_robot_is_chosen() {
+    // bundled, its root has mass
+    let (code, fixed) = report(&["--robot", "stewart"]);
+    assert_eq!(code, Some(0));
+    let (code, floating) = report(&["--robot", "stewart", "--floating-base"]);
+    assert_eq!(code, Some(0), "{floating}");
+    let names = |report: &Value, key: &str| report[key].as_array().unwrap().clone();
+    let first = ["rx", "ry", "rz", "tx", "ty", "tz"].map(|x| json!(format!("floating_base/{x}")));
+    assert_eq!(names(&floating, "independent")[..6], first);
+    assert_eq!(names(&floating, "independent")[6..], names(&fixed, "independent"));
+    assert_eq!(floating["active"], fixed["active"]);
+    assert_eq!(report(&["--robot", "stewart", "--floating-base", "none"]).0, Some(1));
+    let y = [&[0.0; 6][..], &[1.0], &[0.0; 6]].concat();
+    let line = json!({"y": y, "want": ["q"]}).to_string();
+    let asked =
+        run(&["ask", "kinematics", "--robot", "stewart", "--floating-base"], line.as_bytes());
+    assert_eq!((asked.code, asked.statuses()), (Some(0), vec!["ok".to_owned()]), "{asked:?}");
+    // a running server has its robot
+    let connected = ["ask", "map", "--connect", "none", "--floating-base"];
+    assert_eq!(run(&connected, b"").code, Some(2));
 }

@@ -9,7 +9,9 @@ use crate::closure::{
 };
 use crate::compile::blocks::blocks;
 use crate::compile::idle::Drift;
-use crate::compile::rank::{RANK_GAP, independent_rows, locks, matrix, null_space, rank};
+use crate::compile::rank::{independent_rows, locks, matrix, null_space, rank};
+use crate::compile::redundant::zero;
+use crate::compile::{mobility, redundant};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Scalar, noise};
@@ -33,9 +35,41 @@ pub(super) struct Analysis {
 }
 
 /// A cluster at one closed pose: scaled K (rows × n_v, row-major) and the poses of its bodies.
-struct Sample {
-    K: Vec<f64>,
-    pose: Vec<Pose<f64>>,
+pub(super) struct Sample {
+    pub(super) K: Vec<f64>,
+    pub(super) pose: Vec<Pose<f64>>,
+}
+
+impl Sample {
+    /// The scaled K and the poses at q.
+    pub(super) fn at(cluster: &Cluster<f64>, bodies: &[Body<f64>], q: &[f64]) -> Sample {
+        let (n, rows) = (cluster.n_v, cluster.rows.len());
+        let mut cos_sin = vec![(1.0, 0.0); cluster.n];
+        let mut pose = vec![Pose::identity(); cluster.n + 1];
+        let (mut K, mut scaled_K) = (vec![0.0; rows * n], vec![0.0; rows * n]);
+        local_poses(cluster, bodies, q, &mut cos_sin, &mut pose);
+        constraint_jacobian(cluster, &pose, &mut K);
+        let all: Vec<usize> = (0..n).collect();
+        scaled(cluster, &K, 0..rows, &all, |r, v, x| scaled_K[r * n + v] = x);
+        Sample { K: scaled_K, pose }
+    }
+
+    /// Columns of the scaled K.
+    pub(super) fn columns(&self, of: &[usize], cluster: &Cluster<f64>) -> Mat<f64> {
+        matrix(&self.K, cluster.rows.len(), cluster.n_v, of)
+    }
+}
+
+/// The pose of highest rank, which is generic, and that rank.
+pub(super) fn generic_of<'a>(
+    cluster: &Cluster<f64>,
+    samples: &'a [Sample],
+) -> Option<(usize, &'a Sample)> {
+    let all: Vec<usize> = (0..cluster.n_v).collect();
+    samples
+        .iter()
+        .map(|sample| (rank(&sample.columns(&all, cluster)), sample))
+        .max_by_key(|(rank, _)| *rank)
 }
 
 /// A cluster with what a message about it needs.
@@ -57,24 +91,13 @@ pub(super) fn analyse(
     errors: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Diagnostic>,
 ) -> Option<Analysis> {
-    let &Subject { cluster, bodies, has_child_cluster, names, row_names, site } = subject;
-    let (n, rows) = (cluster.n_v, cluster.rows.len());
+    let &Subject { cluster, bodies, names, site, .. } = subject;
     let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
-
-    // the pose of highest rank is generic
-    let (rank, generic) = samples
-        .iter()
-        .map(|sample| (rank(&matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>())), sample))
-        .max_by_key(|x| x.0)?;
-    let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
-    let drift = null_space(&K_d);
-    let excess = (n - rank).checked_sub(cluster.n_vy);
-    if excess != Some(drift.len())
-        || drift.iter().any(|motion| !is_idle(cluster, bodies, has_child_cluster, generic, motion))
-    {
-        errors.push(wrong_mobility(cluster, &K_d, rank, names, row_names, site));
+    let (rank, generic) = generic_of(cluster, &samples)?;
+    let Some(drift) = idle_motions(subject, generic, rank) else {
+        errors.push(mobility::fault(subject, generic, rank));
         return None;
-    }
+    };
 
     // one joint of each idle motion stands still: the one that moves most
     let locked = locks(&drift).iter().map(|a| cluster.dependent[*a]).collect::<Vec<_>>();
@@ -97,44 +120,34 @@ pub(super) fn analyse(
     }
 
     let n_dependent = cluster.dependent.len();
-    let K_d = matrix(&generic.K, rows, n, &cluster.dependent);
-    let used = independent_rows(&K_d, n_dependent);
-    if used.len() < rows {
-        let dropped = (0..rows).filter(|r| !used.contains(r)).map(|r| {
-            format!(
-                "{} (off by {:.1e} along the motion)",
-                row_names[r],
-                off_by(&samples, &cluster, r, n)
-            )
-        });
-        warnings.push(Diagnostic {
-            site,
-            found: format!("redundant constraint axes: {}", dropped.collect::<Vec<_>>().join(", ")),
-            expected: format!("{n_dependent} independent axes for {n_dependent} dependent joints"),
-            help: "they are left out of the solution; what the loop-closure forces share is the \
-                least norm"
-                .into(),
-        });
+    let used = independent_rows(&generic.columns(&cluster.dependent, &cluster), n_dependent);
+    if used.len() < cluster.rows.len() {
+        redundant::warn(subject, &cluster, generic, &used, warnings);
     }
     let blocks = blocks(&cluster, &used, &generic.K);
     Some(Analysis { used, blocks, locked })
 }
 
-/// True where a direction of the dependents is idle at a sample.
-fn is_idle(
-    cluster: &Cluster<f64>,
-    bodies: &[Body<f64>],
-    has_child_cluster: &[bool],
+/// The motions of the dependents that the independents do not determine, where all of them are idle
+/// and there are no more; `None` where the mobility is another one than declared.
+pub(super) fn idle_motions(
+    subject: &Subject<'_>,
     at: &Sample,
-    direction: &[f64],
-) -> bool {
-    let mut rate = vec![0.0; cluster.n_v];
-    cluster
-        .dependent
-        .iter()
-        .zip(direction)
-        .for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
-    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
+    rank: usize,
+) -> Option<Vec<Vec<f64>>> {
+    let &Subject { cluster, bodies, has_child_cluster, .. } = subject;
+    let drift = null_space(&at.columns(&cluster.dependent, cluster));
+    let excess = (cluster.n_v - rank).checked_sub(cluster.n_vy);
+    let is_idle = |direction: &Vec<f64>| {
+        let mut rate = vec![0.0; cluster.n_v];
+        cluster
+            .dependent
+            .iter()
+            .zip(direction)
+            .for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
+        Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
+    };
+    (excess == Some(drift.len()) && drift.iter().all(is_idle)).then_some(drift)
 }
 
 fn list<'a>(of: &[usize], name: impl Fn(&usize) -> &'a str) -> String {
@@ -165,7 +178,8 @@ pub(super) fn close_zero(
             site,
             found: format!("a loop that is open by {open:.3e} m (or rad) at the zero pose"),
             expected: "placements that coincide at zero".into(),
-            help: "correct predecessor_placement, successor_placement or the joints' origins"
+            help: "correct predecessor_placement, successor_placement or the joints' origins; \
+                `sarrus check --assemble --write OUT.urdf` does it"
                 .into(),
         });
     }
@@ -243,14 +257,7 @@ impl<T: Scalar> State<T> {
 /// A closed pose at some distance from zero, found by damped steps of least norm, which need no
 /// rank; and the scaled K there.
 fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
-    let (n, rows) = (cluster.n_v, cluster.rows.len());
-    let mut cos_sin = vec![(1.0, 0.0); cluster.n];
-    let mut pose = vec![Pose::identity(); cluster.n + 1];
-    let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
-    let mut q = vec![0.0; cluster.n_q];
-    for at in cluster.dofs.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
-        q[at.q + at.motion.n_q() - 1] = 1.0;
-    }
+    let mut q = zero(cluster);
     let mut closed = q.clone();
     const SUBSTEPS: usize = 8;
     for _ in 0..SUBSTEPS {
@@ -259,97 +266,43 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
                 (&cluster.dofs[j], if cluster.dofs[j].slides() { cluster.length } else { 1.0 });
             at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
         }
-        let mut done = false;
-        for _ in 0..30 {
-            local_poses(cluster, bodies, &q, &mut cos_sin, &mut pose);
-            constraint_residual(cluster, &pose, &q, &mut phi);
-            constraint_jacobian(cluster, &pose, &mut K);
-            if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
-                done = true;
-                break;
-            }
-            let K_d = matrix(&K, rows, n, &cluster.dependent);
-            let Ok(svd) = K_d.thin_svd() else { break };
-            let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
-            for a in 0..S.nrows() {
-                if S[a] > 1e-6 * S[0] {
-                    let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
-                    for (i, &j) in cluster.dependent.iter().enumerate() {
-                        cluster.dofs[j].advance(&mut q, -V[(i, a)] * along);
-                    }
-                }
-            }
-        }
-        if !done {
+        if !closed_near(cluster, bodies, &mut q, &cluster.dependent) {
             break;
         }
         closed.copy_from_slice(&q);
     }
-    local_poses(cluster, bodies, &closed, &mut cos_sin, &mut pose);
-    constraint_jacobian(cluster, &pose, &mut K);
-    let mut scaled_K = vec![0.0; rows * n];
-    scaled(cluster, &K, 0..rows, &(0..n).collect::<Vec<_>>(), |r, v, x| scaled_K[r * n + v] = x);
-    Sample { K: scaled_K, pose }
+    Sample::at(cluster, bodies, &closed)
 }
 
-/// How much a dropped row would move along the true motion, relative to its size.
-fn off_by(samples: &[Sample], cluster: &Cluster<f64>, r: usize, n: usize) -> f64 {
-    let rows = cluster.rows.len();
-    let mut worst: f64 = 0.0;
-    for sample in samples {
-        let K = matrix(&sample.K, rows, n, &(0..n).collect::<Vec<_>>());
-        let Ok(svd) = K.svd() else { continue };
-        // null space of K up to the gap: what moves
-        let (S, V) = (svd.S().column_vector(), svd.V());
-        let size = (0..n).map(|j| K[(r, j)] * K[(r, j)]).sum::<f64>().sqrt();
-        for a in 0..n {
-            if a >= S.nrows() || S[a] <= RANK_GAP * S[0] {
-                let along: f64 = (0..n).map(|j| K[(r, j)] * V[(j, a)]).sum();
-                worst = worst.max(along.abs() / size);
+/// Closes all rows by steps of least norm of some velocities; tells whether they are closed.
+pub(super) fn closed_near(
+    cluster: &Cluster<f64>,
+    bodies: &[Body<f64>],
+    q: &mut [f64],
+    free: &[usize],
+) -> bool {
+    let (n, rows) = (cluster.n_v, cluster.rows.len());
+    let mut cos_sin = vec![(1.0, 0.0); cluster.n];
+    let mut pose = vec![Pose::identity(); cluster.n + 1];
+    let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
+    for _ in 0..30 {
+        local_poses(cluster, bodies, q, &mut cos_sin, &mut pose);
+        constraint_residual(cluster, &pose, q, &mut phi);
+        constraint_jacobian(cluster, &pose, &mut K);
+        if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
+            return true;
+        }
+        let K_free = matrix(&K, rows, n, free);
+        let Ok(svd) = K_free.thin_svd() else { return false };
+        let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
+        for a in 0..S.nrows() {
+            if S[a] > 1e-6 * S[0] {
+                let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
+                for (i, &j) in free.iter().enumerate() {
+                    cluster.dofs[j].advance(q, -V[(i, a)] * along);
+                }
             }
         }
     }
-    worst
-}
-
-/// The fault of a mobility that does not fit: redundant rows and idle joints by name.
-fn wrong_mobility(
-    cluster: &Cluster<f64>,
-    K_d: &Mat<f64>,
-    rank: usize,
-    names: &[String],
-    row_names: &[String],
-    site: Site,
-) -> Diagnostic {
-    let mobility = cluster.n_v - rank;
-    let mut found = format!(
-        "mobility {mobility} ({} joints less rank {rank} of {} rows)",
-        cluster.n_v,
-        cluster.rows.len()
-    );
-    if rank < cluster.rows.len() {
-        let kept = independent_rows(K_d, crate::compile::rank::rank(K_d).min(K_d.nrows()));
-        let redundant = (0..cluster.rows.len())
-            .filter(|r| !kept.contains(r))
-            .map(|r| row_names[r].as_str())
-            .collect::<Vec<_>>();
-        found += &format!("; redundant rows: {}", redundant.join(", "));
-    }
-    // joints that can still move when all independents stand still
-    let drift = null_space(K_d);
-    let moving = cluster
-        .dependent
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| drift.iter().any(|motion| motion[*i].abs() > 1e-3));
-    let moving = moving.map(|(_, v)| names[*v].as_str()).collect::<Vec<_>>();
-    if !moving.is_empty() {
-        found += &format!("; joints that the independents do not determine: {}", moving.join(", "));
-    }
-    Diagnostic {
-        site,
-        found,
-        expected: format!("mobility {} as declared by jointnames_independent", cluster.n_vy),
-        help: "change jointnames_independent or loop_constraints".into(),
-    }
+    false
 }

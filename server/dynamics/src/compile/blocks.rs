@@ -137,7 +137,7 @@ fn mark_way(cluster: &Cluster<f64>, cut: &Cut<f64>, on_way: &mut [bool]) {
 }
 
 /// True when the value of a row is a length; else it is an angle.
-fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
+pub(super) fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
     match row.terms.first() {
         Some((own, _)) => cluster.dofs[*own].slides(),
         None => row.against.is_none() && row.linear.norm() > 0.0,

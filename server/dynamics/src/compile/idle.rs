@@ -1,9 +1,12 @@
 //! Idle dofs: rods that may spin between their ball joints while everything else stands still.
 //!
-//! A motion of the dependents at y = const is idle where nothing of it passes a cut or leaves the
-//! cluster: both points of every cut stand still, each side of a cut satisfies its rows alone, no
+//! A motion of the dependents at y = const is idle where nothing of it leaves the cluster, no
 //! actuator and no coupled joint moves, and every body that moves turns about a line through a
 //! centre of its own that stands still: a cut point on it, or the point where two of its axes meet.
+//! Nothing of it passes a cut: both points of every cut stand still, and each side of a cut
+//! satisfies its rows alone. Or it passes cuts within a rod and its balls, which are chains of
+//! revolute joints that meet: then all these bodies turn about one of two centres, and one of them,
+//! the rod, about both.
 
 use nalgebra::Vector3;
 
@@ -39,39 +42,99 @@ impl Drift<'_> {
         {
             return false;
         }
-        self.passes_no_cut()
-            && (0..cluster.n)
-                .all(|b| !self.moves(b) || !has_child_cluster[b] && self.turns_about_a_centre(b))
+        let moving: Vec<usize> = (0..cluster.n).filter(|b| self.moves(*b)).collect();
+        if moving.iter().any(|b| has_child_cluster[*b]) {
+            return false;
+        }
+        let passed = self.passed_cuts();
+        self.groups(&moving, &passed).iter().all(|group| {
+            let is_in = |body: usize| body > 0 && group.contains(&(body - 1));
+            let ends = |c: &usize| [cluster.cuts[*c].predecessor, cluster.cuts[*c].successor];
+            let within: Vec<usize> =
+                passed.iter().copied().filter(|c| ends(c).into_iter().any(is_in)).collect();
+            match within.is_empty() {
+                true => group.iter().all(|b| self.turns_about_a_centre(*b)),
+                // what passes a cut moves both of its sides
+                false => {
+                    within.iter().all(|c| ends(c).into_iter().all(is_in))
+                        && self.spins_between_balls(group)
+                }
+            }
+        })
     }
 
-    /// Both points of every cut stand still, and each side satisfies the rows alone.
-    fn passes_no_cut(&self) -> bool {
+    /// The cuts of which a point moves, or whose sides do not satisfy the rows alone.
+    fn passed_cuts(&self) -> Vec<usize> {
         let (cluster, n_v) = (self.cluster, self.cluster.n_v);
-        let mut r = 0;
-        for cut in &cluster.cuts {
+        let mut first = 0;
+        let mut passed = Vec::new();
+        for (c, cut) in cluster.cuts.iter().enumerate() {
             let ends = [(cut.predecessor, &cut.x_p_cut), (cut.successor, &cut.x_s_cut)];
-            if ends.iter().any(|(body, x)| {
+            let moves = ends.iter().any(|(body, x)| {
                 self.velocity(*body, &self.pose[*body].point(&x.p)).norm() > STILL * cluster.length
-            }) {
-                return false;
+            });
+            let rows = first..first + cut.rows.len();
+            let alone = |r: usize, side: bool| {
+                let on_side = cut.path.iter().filter(|(_, end)| *end == side);
+                // rates are those of the scaling's columns
+                let sum: f64 = on_side
+                    .map(|(v, _)| self.K[r * n_v + v] * self.rate[*v] / column_unit(cluster, *v))
+                    .sum();
+                sum.abs() <= STILL
+            };
+            if moves || !rows.clone().all(|r| alone(r, false) && alone(r, true)) {
+                passed.push(c);
             }
-            for _ in &cut.rows {
-                for side in [false, true] {
-                    let on_side = cut.path.iter().filter(|(_, end)| *end == side);
-                    // rates are those of the scaling's columns
-                    let sum: f64 = on_side
-                        .map(|(v, _)| {
-                            self.K[r * n_v + v] * self.rate[*v] / column_unit(cluster, *v)
-                        })
-                        .sum();
-                    if sum.abs() > STILL {
-                        return false;
-                    }
-                }
-                r += 1;
+            first = rows.end;
+        }
+        passed
+    }
+
+    /// Moving bodies in groups that joints and passed cuts hold together.
+    fn groups(&self, moving: &[usize], passed: &[usize]) -> Vec<Vec<usize>> {
+        let mut group_of: Vec<usize> = (0..=self.cluster.n).collect();
+        let joints = moving.iter().map(|b| (b + 1, self.cluster.local_parent[*b]));
+        let cuts = passed.iter().map(|c| &self.cluster.cuts[*c]);
+        for (a, b) in joints.chain(cuts.map(|cut| (cut.predecessor, cut.successor))) {
+            let both_move = [a, b].iter().all(|body| *body > 0 && moving.contains(&(body - 1)));
+            let (old, new) = (group_of[a], group_of[b]);
+            if both_move {
+                group_of.iter_mut().filter(|group| **group == old).for_each(|group| *group = new);
             }
         }
-        true
+        let mut groups: Vec<Vec<usize>> = vec![Vec::new(); self.cluster.n + 1];
+        moving.iter().for_each(|b| groups[group_of[b + 1]].push(*b));
+        groups.retain(|group| !group.is_empty());
+        groups
+    }
+
+    /// True where all bodies of a group turn about one of two centres, and one of them about both.
+    fn spins_between_balls(&self, group: &[usize]) -> bool {
+        let length = self.cluster.length;
+        let still =
+            |b: usize, point: &Vector3<f64>| self.velocity(b + 1, point).norm() < STILL * length;
+        // where axes of joints meet, and where the lines meet about which two bodies turn
+        let mut centres: Vec<Vector3<f64>> = group.iter().flat_map(|b| self.balls(*b)).collect();
+        for (k, a) in group.iter().enumerate() {
+            for b in &group[k + 1..] {
+                let lines = self.line(*a).zip(self.line(*b));
+                centres.extend(lines.and_then(|(a, b)| meeting(a, b, length)));
+            }
+        }
+        let is_pair = |a: &Vector3<f64>, b: &Vector3<f64>| {
+            (a - b).norm() > APART * length
+                && group.iter().all(|body| still(*body, a) || still(*body, b))
+                && group.iter().any(|body| still(*body, a) && still(*body, b))
+        };
+        centres.iter().enumerate().any(|(k, a)| centres[k + 1..].iter().any(|b| is_pair(a, b)))
+    }
+
+    /// The line about which a body turns: a point of it and the angular velocity.
+    fn line(&self, b: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let p = self.pose[b + 1].p;
+        let (w, v) = (self.spin(b + 1), self.velocity(b + 1, &p));
+        let square = w.norm_squared();
+        (square > STILL * STILL).then(|| (p + w.cross(&v) / square, w.normalize()))
     }
 
     fn moves(&self, b: usize) -> bool {
@@ -88,42 +151,37 @@ impl Drift<'_> {
 
     /// Cut points on a body, and where its joint's axis meets that of its parent or of a child.
     fn centres(&self, b: usize) -> Vec<Vector3<f64>> {
-        let cluster = self.cluster;
-        let mut centres = Vec::new();
-        for cut in &cluster.cuts {
+        let mut centres = self.balls(b);
+        for cut in &self.cluster.cuts {
             for (body, x) in [(cut.predecessor, &cut.x_p_cut), (cut.successor, &cut.x_s_cut)] {
                 if body == b + 1 && cut.rows.iter().all(|row| row.terms.is_empty()) {
                     centres.push(self.pose[body].point(&x.p));
                 }
             }
         }
-        if self.bodies[b].motion == Motion::Spherical {
-            centres.push(self.pose[b + 1].p);
-        }
-        for child in 0..cluster.n {
-            let Some(parent) = cluster.local_parent[child].checked_sub(1) else { continue };
-            if child == b || parent == b {
-                centres.extend(self.meeting(parent, child));
-            }
-        }
         centres
     }
 
-    /// Where the axes of two turning joints meet.
-    fn meeting(&self, a: usize, b: usize) -> Option<Vector3<f64>> {
-        if self.bodies[a].motion != Motion::Revolute || self.bodies[b].motion != Motion::Revolute {
-            return None;
+    /// Where a body's joint is a ball, or its axis meets that of its parent or of a child.
+    fn balls(&self, b: usize) -> Vec<Vector3<f64>> {
+        let cluster = self.cluster;
+        let mut centres = Vec::new();
+        if self.bodies[b].motion == Motion::Spherical {
+            centres.push(self.pose[b + 1].p);
         }
-        let (x, y) = (&self.pose[a + 1], &self.pose[b + 1]);
-        let (u, v, d) = (x.R.column(2).into_owned(), y.R.column(2).into_owned(), y.p - x.p);
-        let normal = u.cross(&v);
-        let square = normal.norm_squared();
-        if square < APART * APART
-            || d.dot(&normal).abs() > STILL * self.cluster.length * square.sqrt()
-        {
-            return None;
+        let axis = |b: usize| {
+            let pose = &self.pose[b + 1];
+            (self.bodies[b].motion == Motion::Revolute)
+                .then(|| (pose.p, pose.R.column(2).into_owned()))
+        };
+        for child in 0..cluster.n {
+            let Some(parent) = cluster.local_parent[child].checked_sub(1) else { continue };
+            if child == b || parent == b {
+                let lines = axis(parent).zip(axis(child));
+                centres.extend(lines.and_then(|(a, b)| meeting(a, b, cluster.length)));
+            }
         }
-        Some(x.p + u * (d.cross(&v).dot(&normal) / square))
+        centres
     }
 
     /// Angular velocity of a local body.
@@ -162,4 +220,19 @@ impl Drift<'_> {
         }
         sum
     }
+}
+
+/// Where two lines, each a point and a direction of unit length, meet.
+fn meeting(
+    (p, u): (Vector3<f64>, Vector3<f64>),
+    (q, v): (Vector3<f64>, Vector3<f64>),
+    length: f64,
+) -> Option<Vector3<f64>> {
+    let d = q - p;
+    let normal = u.cross(&v);
+    let square = normal.norm_squared();
+    if square < APART * APART || d.dot(&normal).abs() > STILL * length * square.sqrt() {
+        return None;
+    }
+    Some(p + u * (d.cross(&v).dot(&normal) / square))
 }

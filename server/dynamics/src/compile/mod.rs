@@ -11,11 +11,14 @@ mod cuts;
 mod geometry;
 mod idle;
 mod masses;
+mod mobility;
 mod open;
 mod orders;
 mod owners;
 mod rank;
+mod redundant;
 mod spanning_tree;
+mod suggest;
 mod terms;
 mod turns;
 
@@ -30,6 +33,8 @@ use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::model::{Compiled, Model};
 use crate::scalar::{Dd, Scalar};
+pub use suggest::{SuggestedIndependents, suggest_independents};
+
 pub(crate) use geometry::{pose as pose_of, unit_of};
 
 /// Misfit up to which a closed form stands as it is: the rounding of numbers in a file.
@@ -221,13 +226,14 @@ fn build(
         warnings.push(Diagnostic {
             site: Site::Submechanism(s),
             found: format!(
-                "loops that are singular at the zero pose (sigma {:.1e})",
-                loops.sigma_min
+                "the zero pose is a dead point of {}: its loops are singular at the zero pose \
+                (sigma {:.1e})",
+                description.submechanisms[s].name, loops.sigma_min
             ),
             expected: "a zero pose from which requests without a guess can go on".into(),
-            help:
-                "move the joints' origins away from the toggle, or give q_guess with every request"
-                    .into(),
+            help: "use `sarrus check --assemble --near JOINT=0.1,… --write OUT.urdf` to write \
+                another one, or give q_guess with every request"
+                .into(),
         });
     }
     Some(Compiled { model, exact, warnings: Vec::new() })

@@ -1,9 +1,9 @@
 //! What to write into the files so that a closed pose becomes the zero pose.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
 use crate::compile::{pose_of, unit_of};
-use crate::description::{Cut, Description, Joint, JointKind, Limits, Placement};
+use crate::description::{Cut, Description, Joint, JointKind, Limits, Placement, Row};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{Pose, cross, from_quaternion, identity, zero};
 
@@ -44,26 +44,66 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
         }
     }
     // cuts in frames of the old zero pose stay where they were on both links
+    let joints = Description { submechanisms: Vec::new(), ..next.clone() };
     for submechanism in &mut next.submechanisms {
         let at_rest = submechanism
             .spanning_tree
             .iter()
-            .all(|j| next.joints[*j].origin == description.joints[*j].origin);
+            .all(|j| joints.joints[*j].origin == description.joints[*j].origin);
         for cycle in submechanism.loops.iter_mut().filter(|_| !at_rest) {
-            let frame = match cycle.cut {
-                Cut::AtJoint(j) => in_root(description, description.joints.get(j)?.child)?,
-                Cut::AtLink(link) => in_root(description, link)?,
+            let link = match cycle.cut {
+                Cut::AtJoint(j) => description.joints.get(j)?.child,
+                Cut::AtLink(link) => link,
                 Cut::Placed { .. } => continue,
             };
-            let on =
-                |link: usize| Some(placement(&in_root(description, link)?.inverse().then(&frame)));
+            let on = |robot: &Description, end: usize| {
+                Some(in_root(robot, end)?.inverse().then(&in_root(robot, link)?))
+            };
+            let ends = [cycle.predecessor, cycle.successor];
+            let [predecessor, successor] = [on(description, ends[0])?, on(description, ends[1])?];
+            let there = [on(&joints, ends[0])?, on(&joints, ends[1])?];
+            // or the frame of the new zero pose says the same
+            let moved =
+                [predecessor.inverse().then(&there[0]), successor.inverse().then(&there[1])];
+            if moved.iter().all(|by| is_same_cut(&cycle.rows, by)) {
+                continue;
+            }
             cycle.cut = Cut::Placed {
-                predecessor: on(cycle.predecessor)?,
-                successor: on(cycle.successor)?,
+                predecessor: placement(&predecessor),
+                successor: placement(&successor),
             };
         }
     }
     Some(next)
+}
+
+/// True where the rows keep what they hold when their cut frame is moved on its link: rows
+/// (w, v) at a frame moved by (R, p) are (R w + p × R v, R v), and span the same.
+fn is_same_cut(rows: &[Row], by: &Pose<Dd>) -> bool {
+    /// What rounding leaves of the difference of two frames, in metres and radians.
+    const SAME: f64 = 1e-9;
+    let (R, p) = (by.R.map(Dd::to_f64), by.p.map(Dd::to_f64));
+    let is_still = (R - nalgebra::Matrix3::identity()).norm() + p.norm() < SAME;
+    if is_still || rows.iter().any(|row| row.against.is_some()) {
+        return is_still;
+    }
+    let mut basis: Vec<Vector6<f64>> = Vec::new();
+    let rest = |basis: &[Vector6<f64>], row: Vector6<f64>| {
+        (0..2).fold(row, |rest, _| basis.iter().fold(rest, |rest, e| rest - e * e.dot(&rest)))
+    };
+    for row in rows.iter().map(|row| Vector6::from(row.axis)) {
+        let left = rest(&basis, row);
+        if left.norm() > SAME * row.norm() {
+            basis.push(left.normalize());
+        }
+    }
+    rows.iter().all(|row| {
+        let axis = Vector6::from(row.axis);
+        let v: Vector3<f64> = R * axis.fixed_rows::<3>(3);
+        let w: Vector3<f64> = R * axis.fixed_rows::<3>(0) + p.cross(&v);
+        let there = Vector6::new(w[0], w[1], w[2], v[0], v[1], v[2]);
+        rest(&basis, there).norm() <= SAME * axis.norm()
+    })
 }
 
 /// For each placed loop (submechanism, loop) the successor's placement that coincides with the

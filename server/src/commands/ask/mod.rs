@@ -41,7 +41,7 @@ pub(crate) struct Ask {
         long,
         value_name = "NAME",
         group = "SourceFlags",
-        conflicts_with_all = ["submechanisms", "gravity", "lenient"]
+        conflicts_with_all = ["submechanisms", "gravity", "lenient", "floating_base"]
     )]
     connect: Option<String>,
     #[command(flatten)]

@@ -23,13 +23,16 @@ pub(super) fn in_words(of: &AssemblyReport) -> String {
     if of.error.is_some() {
         return text;
     }
+    if !of.written.is_empty() {
+        return text + &format!("written with this pose as zero pose: {}\n", of.written.join(", "));
+    }
     if of.new_zero.is_empty() {
         return text + "use it as q_guess of a request, or as q\n";
     }
 
     // either way the files are closed at zero afterwards
     text += "\nto make it the zero pose, write these origins into the URDF and take off what each \
-        joint moved from its limits and its spring's rest\n";
+        joint moved from its limits and its spring's rest (--write OUT.urdf does it)\n";
     let list = |x: [f64; 3], between: &str| x.map(|x| x.to_string()).join(between);
     for (joint, origin) in &of.new_zero.origins {
         text += &format!(
@@ -52,6 +55,9 @@ pub(super) fn in_words(of: &AssemblyReport) -> String {
         text += "and these placements into the submechanism file\n";
         text += &yaml("predecessor_placement", &of.new_zero.predecessors);
         text += &yaml("successor_placement", &of.new_zero.successors);
+    }
+    if of.at_zero.is_empty() {
+        return text;
     }
     text += "or, where the joints are right and the placements are not, write placements that \
         coincide at the zero pose as it is\n";

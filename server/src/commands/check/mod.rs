@@ -4,10 +4,11 @@ mod assembled;
 mod closures;
 mod pose;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use sarrus_models::CheckReport;
+use sarrus_models::{CheckReport, Suggestion};
 
 use super::output::{Format, FormatFlag, finish, json_line};
 use super::robot::{RobotFlags, diagnostics, refuse};
@@ -16,6 +17,12 @@ use pose::Numbers;
 /// Flags of `check`.
 #[derive(Args)]
 pub(crate) struct Check {
+    /// A URDF file, as --urdf.
+    #[arg(value_name = "FILE.urdf", group = "SourceFlags")]
+    urdf_file: Option<PathBuf>,
+    /// Its submechanism file, as --submechanisms.
+    #[arg(value_name = "FILE.yml", requires = "urdf_file", conflicts_with = "submechanisms")]
+    submechanisms_file: Option<PathBuf>,
     #[command(flatten)]
     robot: RobotFlags,
     #[command(flatten)]
@@ -32,19 +39,35 @@ pub(crate) struct Check {
     /// file. 0: free, inf: kept fixed.
     #[arg(long, value_name = "FILE|NAME=W,…", requires = "assemble", allow_hyphen_values = true)]
     weights: Option<Numbers>,
+    /// Print a submechanism file instead: independents that determine every joint, and the types
+    /// whose closed forms fit; also for files whose independents or types are wrong or missing.
+    #[arg(long, conflicts_with = "assemble")]
+    suggest: bool,
+    /// Write the files with the found pose as their zero pose: the URDF here, and where cuts need
+    /// placements the submechanisms beside it with the ending yml. All else stays byte for byte.
+    #[arg(long, value_name = "OUT.urdf", requires = "assemble")]
+    write: Option<PathBuf>,
 }
 
 impl Check {
-    pub(crate) fn run(self) -> ExitCode {
+    pub(crate) fn run(mut self) -> ExitCode {
+        self.robot.add_files(self.urdf_file.take(), self.submechanisms_file.take());
+        if self.suggest {
+            return self.suggestion();
+        }
         let report = if self.assemble {
             self.assembled()
         } else {
             CheckReport::new(&self.robot.load()).map_err(|error| refuse("check", &error))
         };
-        let report = match report {
+        let mut report = match report {
             Ok(report) => report,
             Err(code) => return code,
         };
+        if let Err(error) = self.write_files(&mut report) {
+            eprintln!("sarrus check: {error}");
+            return ExitCode::from(2);
+        }
         let failure = report.assembled.as_ref().and_then(|of| of.error.as_ref());
         if let Some(failure) = failure {
             eprintln!("sarrus check: {failure}");
@@ -59,6 +82,42 @@ impl Check {
             }
         };
         finish("check", &results, code)
+    }
+
+    /// A submechanism file on stdout, and what is still wrong with it on stderr.
+    fn suggestion(&self) -> ExitCode {
+        let Suggestion { yaml, report, .. } = match self.robot.suggest() {
+            Ok(suggestion) => suggestion,
+            Err(error) => return refuse("check", &error),
+        };
+        eprint!("{}", diagnostics(&report.errors, &report.warnings));
+        let results = match self.format.format {
+            Format::Json => json_line(&serde_json::json!({ "suggestion": yaml })),
+            Format::Text => yaml,
+        };
+        finish("check", &results, u8::from(!report.errors.is_empty()))
+    }
+
+    /// Writes the files of a pose that was found; what cannot be written, in words.
+    fn write_files(&self, report: &mut CheckReport) -> Result<(), String> {
+        let Some(assembled) = report.assembled.as_mut().filter(|_| report.errors.is_empty()) else {
+            return Ok(());
+        };
+        let Some((out, zero)) = self.write.as_ref().zip(assembled.zero.as_ref()) else {
+            return Ok(());
+        };
+        let files = self
+            .robot
+            .rewritten(zero)
+            .map_err(|error| error.to_string())?
+            .map_err(|why| format!("{why}; write the origins and placements by hand"))?;
+        let beside = files.submechanisms.map(|text| (out.with_extension("yml"), text));
+        for (file, text) in [(out.clone(), files.urdf)].into_iter().chain(beside) {
+            std::fs::write(&file, text)
+                .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+            assembled.written.push(file.display().to_string());
+        }
+        Ok(())
     }
 
     /// The report with an assembly, or the code of what stands in its way.

@@ -1,0 +1,185 @@
+//! Files with another zero pose: the texts as they are but for the numbers that change.
+
+mod urdf;
+mod yaml;
+
+use std::ops::Range;
+
+use sarrus_dynamics::description::{Cut, Description, Placement};
+
+use crate::base::Base;
+use crate::error::LoadError;
+use crate::load::{Options, Source, texts};
+use crate::open::load_open;
+
+/// How far a number that was written and read again may be off `[m, rad]`.
+const ROUNDING: f64 = 1e-9;
+
+/// The same robot at two zero poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewZero {
+    /// As the files have it.
+    pub old: Description,
+    /// As they should have it.
+    pub new: Description,
+}
+
+/// The texts of a robot with another zero pose.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Rewritten {
+    /// URDF.
+    pub urdf: Vec<u8>,
+    /// Submechanisms; `None` where they stay as they are.
+    pub submechanisms: Option<Vec<u8>>,
+}
+
+/// A replacement of some bytes; of none where something comes in.
+type Edit = (Range<usize>, String);
+
+impl NewZero {
+    /// Writes the new zero pose into the texts of a source: origins, limits, calibration and soft
+    /// limits, rests of springs, offsets of couplings, and placements of cuts. Every other byte
+    /// stays. What was written is read again and compared.
+    ///
+    /// # Errors
+    /// Sources that cannot be read; and in words what cannot be written by position.
+    pub fn write(
+        &self,
+        source: &Source,
+        options: &Options,
+    ) -> Result<Result<Rewritten, String>, LoadError> {
+        let (urdf, submechanisms) = texts(source)?;
+        let Ok(text) = String::from_utf8(urdf) else { return Ok(Err(NOT_TEXT.to_owned())) };
+        let written = urdf::edits(&text, self).map(|edits| edited(&text, edits));
+        let urdf = match written {
+            Ok(written) => written.into_bytes(),
+            Err(why) => return Ok(Err(why)),
+        };
+        // a free base stands in no file
+        let first = usize::from(options.base != Base::Fixed);
+        let cuts = self.cuts(first);
+        if cuts.is_empty() {
+            return Ok(self.verified(Rewritten { urdf, submechanisms: None }, source, options));
+        }
+        let Some(Ok(text)) = submechanisms.map(String::from_utf8) else {
+            return Ok(Err("cuts that stand in no submechanism file".to_owned()));
+        };
+        // as a block, or within braces
+        let mut why = String::new();
+        for in_braces in [false, true] {
+            let Some(edits) = yaml::edits(&text, &cuts, in_braces) else { continue };
+            let submechanisms = Some(edited(&text, edits).into_bytes());
+            let written = Rewritten { urdf: urdf.clone(), submechanisms };
+            match self.verified(written, source, options) {
+                Ok(written) => return Ok(Ok(written)),
+                Err(error) => why = error,
+            }
+        }
+        Ok(Err(why))
+    }
+
+    /// The cuts that need placements: submechanism from the first of the file on, loop,
+    /// predecessor's and successor's.
+    fn cuts(&self, first: usize) -> Vec<(usize, usize, Placement, Placement)> {
+        let mut cuts = Vec::new();
+        let pairs = self.old.submechanisms.iter().zip(&self.new.submechanisms).skip(first);
+        for (s, (old, new)) in pairs.enumerate() {
+            for (l, (old, new)) in old.loops.iter().zip(&new.loops).enumerate() {
+                if let (true, Cut::Placed { predecessor, successor }) =
+                    (old.cut != new.cut, &new.cut)
+                {
+                    cuts.push((s, l, *predecessor, *successor));
+                }
+            }
+        }
+        cuts
+    }
+
+    /// What was written, if it says what it should.
+    fn verified(
+        &self,
+        written: Rewritten,
+        source: &Source,
+        options: &Options,
+    ) -> Result<Rewritten, String> {
+        let text = |urdf, submechanisms| Source::Text { urdf, submechanisms };
+        let Ok((urdf, submechanisms)) = texts(source) else { return Err(NOT_TEXT.to_owned()) };
+        // a robot whose files name others is not whole in its texts
+        if load_open(&text(urdf, submechanisms.clone()), options).is_err() {
+            return Ok(written);
+        }
+        let submechanisms = written.submechanisms.clone().or(submechanisms);
+        let again = load_open(&text(written.urdf.clone(), submechanisms), options)
+            .map_err(|error| format!("the written files cannot be read: {error}"))?;
+        match difference(&again.description, &self.new) {
+            Some(what) => Err(format!("{what} cannot be written by position")),
+            None => Ok(written),
+        }
+    }
+}
+
+const NOT_TEXT: &str = "files that are no UTF-8 text";
+
+/// What two descriptions of one robot do not share.
+fn difference(found: &Description, wanted: &Description) -> Option<String> {
+    let near = |a: f64, b: f64| a == b || (a - b).abs() <= ROUNDING;
+    let same = |a: &Placement, b: &Placement| {
+        a.xyz.iter().chain(&a.rpy).zip(b.xyz.iter().chain(&b.rpy)).all(|(a, b)| near(*a, *b))
+    };
+    for (a, b) in found.joints.iter().zip(&wanted.joints) {
+        let limits =
+            |of: &sarrus_dynamics::description::Joint| of.limits.map(|x| [x.lower, x.upper]);
+        let limits = limits(a).zip(limits(b));
+        let offset = |of: &sarrus_dynamics::description::Joint| {
+            of.coupling.as_ref().map_or(0.0, |coupling| coupling.offset)
+        };
+        let rests = a.terms.stiffness == 0.0 || near(a.terms.rest, b.terms.rest);
+        if !same(&a.origin, &b.origin)
+            || limits.is_some_and(|(a, b)| !near(a[0], b[0]) || !near(a[1], b[1]))
+            || !near(offset(a), offset(b))
+            || !rests
+        {
+            return Some(format!("the joint {}", b.name));
+        }
+    }
+    let loops = |of: &Description| -> Vec<_> {
+        of.submechanisms.iter().flat_map(|of| of.loops.clone()).collect()
+    };
+    for (a, b) in loops(found).iter().zip(&loops(wanted)) {
+        let equal = match (&a.cut, &b.cut) {
+            (
+                Cut::Placed { predecessor, successor },
+                Cut::Placed { predecessor: p, successor: s },
+            ) => same(predecessor, p) && same(successor, s),
+            (a, b) => a == b,
+        };
+        if !equal {
+            return Some(format!("the cut {}", b.name));
+        }
+    }
+    None
+}
+
+/// A text with its replacements, which do not overlap.
+fn edited(text: &str, mut edits: Vec<Edit>) -> String {
+    edits.sort_by_key(|(range, _)| range.start);
+    let mut written = String::with_capacity(text.len() + 64 * edits.len());
+    let mut at = 0;
+    for (range, new) in edits {
+        written += text.get(at..range.start).unwrap_or_default();
+        written += &new;
+        at = range.end;
+    }
+    written + text.get(at..).unwrap_or_default()
+}
+
+/// A number in as few digits as it needs.
+fn number(x: f64) -> String {
+    let plain = x.to_string();
+    if plain.len() > 24 { format!("{x:e}") } else { plain }
+}
+
+fn list(of: [f64; 3], between: &str) -> String {
+    of.map(number).join(between)
+}

@@ -1,0 +1,147 @@
+//! Attributes of joints, by position.
+
+use roxmltree::{Document, Node};
+use sarrus_dynamics::description::Joint;
+
+use super::{Edit, NewZero, list, number};
+
+/// The replacements that make the new zero pose that of the URDF.
+pub(super) fn edits(text: &str, zero: &NewZero) -> Result<Vec<Edit>, String> {
+    // a prefix that nobody declared stands in the way of the parser, not of positions
+    let readable = if text.contains("xmlns:drake") {
+        text.to_owned()
+    } else {
+        text.replace("<drake:", "<drake_").replace("</drake:", "</drake_")
+    };
+    // a byte order mark is no part of the document
+    let mark = text.len() - text.trim_start_matches('\u{feff}').len();
+    let readable = readable.get(mark..).unwrap_or_default();
+    let document = Document::parse(readable).map_err(|error| format!("a URDF file: {error}"))?;
+    let root = document.root_element();
+    let mut edits = Vec::new();
+    for (old, new) in zero.old.joints.iter().zip(&zero.new.joints) {
+        let is_it = |node: &Node<'_, '_>| {
+            node.has_tag_name("joint") && node.attribute("name") == Some(old.name.as_str())
+        };
+        let Some(node) = root.children().find(is_it) else {
+            if old == new {
+                continue;
+            }
+            return Err(format!("the joint {}, which is not in the URDF", old.name));
+        };
+        joint(readable, node, old, new, &mut edits);
+        coupling(readable, root, node, old, new, &mut edits)?;
+    }
+    edits.iter_mut().for_each(|(range, _)| *range = range.start + mark..range.end + mark);
+    Ok(edits)
+}
+
+/// Origin, and what is counted from the zero pose of the joint.
+fn joint(text: &str, node: Node<'_, '_>, old: &Joint, new: &Joint, edits: &mut Vec<Edit>) {
+    let child = |name: &str| node.children().find(|child| child.has_tag_name(name));
+    if old.origin != new.origin {
+        let (xyz, rpy) = (list(new.origin.xyz, " "), list(new.origin.rpy, " "));
+        match child("origin") {
+            Some(origin) => {
+                if old.origin.xyz != new.origin.xyz {
+                    set(text, origin, "xyz", xyz, edits);
+                }
+                // a quaternion makes way for angles
+                match origin.attribute_node("quat_xyzw") {
+                    _ if old.origin.rpy == new.origin.rpy => {}
+                    Some(quaternion) => edits.push((quaternion.range(), format!("rpy=\"{rpy}\""))),
+                    None => set(text, origin, "rpy", rpy, edits),
+                }
+            }
+            None => {
+                if let Some(first) = node.children().find(Node::is_element) {
+                    let at = first.range().start;
+                    let before = text.get(..at).unwrap_or_default();
+                    let indent = &before[before.trim_end_matches([' ', '\t']).len()..];
+                    let line = if before.trim_end_matches([' ', '\t']).ends_with('\n') {
+                        format!("\n{indent}")
+                    } else {
+                        String::new()
+                    };
+                    edits.push((at..at, format!("<origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{line}")));
+                }
+            }
+        }
+    }
+    let moved = old.terms.rest - new.terms.rest;
+    if moved == 0.0 {
+        return;
+    }
+    if let (Some(limit), Some(old), Some(new)) = (child("limit"), old.limits, new.limits) {
+        for (name, old, new) in [("lower", old.lower, new.lower), ("upper", old.upper, new.upper)] {
+            if new.is_finite() && old != new {
+                set(text, limit, name, number(new), edits);
+            }
+        }
+    }
+    for (element, names) in [
+        ("calibration", &["rising", "falling", "reference_position"][..]),
+        ("safety_controller", &["soft_lower_limit", "soft_upper_limit"]),
+    ] {
+        let Some(element) = child(element) else { continue };
+        for name in names {
+            let value = element.attribute(*name).and_then(|value| value.trim().parse::<f64>().ok());
+            if let Some(value) = value {
+                set(text, element, name, number(value - moved), edits);
+            }
+        }
+    }
+    if let Some(dynamics) = child("dynamics")
+        && old.terms.stiffness != 0.0
+    {
+        set(text, dynamics, "spring_reference", number(new.terms.rest), edits);
+    }
+}
+
+/// The offset of a coupling: of `<mimic>`, or of the first `<depends_on>`.
+fn coupling(
+    text: &str,
+    root: Node<'_, '_>,
+    node: Node<'_, '_>,
+    old: &Joint,
+    new: &Joint,
+    edits: &mut Vec<Edit>,
+) -> Result<(), String> {
+    let offset = |of: &Joint| of.coupling.as_ref().map_or(0.0, |coupling| coupling.offset);
+    let more = offset(new) - offset(old);
+    if more == 0.0 {
+        return Ok(());
+    }
+    let of_transmission = || {
+        let is_it = |node: &Node<'_, '_>| {
+            node.has_tag_name("joint") && node.attribute("name") == Some(old.name.as_str())
+        };
+        root.children()
+            .filter(|node| node.has_tag_name("transmission"))
+            .flat_map(|node| node.children())
+            .filter(is_it)
+            .flat_map(|node| node.children())
+            .find(|node| node.has_tag_name("depends_on"))
+    };
+    let Some(at) = node.children().find(|node| node.has_tag_name("mimic")).or_else(of_transmission)
+    else {
+        return Err(format!("the coupling of {}, which stands in another file", old.name));
+    };
+    let now = at.attribute("offset").and_then(|x| x.trim().parse::<f64>().ok()).unwrap_or(0.0);
+    set(text, at, "offset", number(now + more), edits);
+    Ok(())
+}
+
+/// Sets an attribute, or adds it behind the element's name.
+fn set(text: &str, node: Node<'_, '_>, name: &str, value: String, edits: &mut Vec<Edit>) {
+    match node.attribute_node(name) {
+        Some(attribute) => edits.push((attribute.range_value(), value)),
+        None => {
+            let start = node.range().start;
+            let tag = text.get(start..).unwrap_or_default();
+            let length = tag.find(|c: char| c.is_whitespace() || c == '/' || c == '>');
+            let at = start + length.unwrap_or(1);
+            edits.push((at..at, format!(" {name}=\"{value}\"")));
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Placements of cuts, put behind the `cut_joint` of their loops.
+
+use sarrus_dynamics::description::Placement;
+
+use super::{Edit, list};
+use crate::report::{Diagnostics, Span};
+use crate::text::Text;
+use crate::yaml::{self, Node, Value};
+
+/// The replacements that place cuts: lines of their own, or further keys within braces. `None`
+/// where there is no such loop.
+pub(super) fn edits(
+    text: &str,
+    cuts: &[(usize, usize, Placement, Placement)],
+    in_braces: bool,
+) -> Option<Vec<Edit>> {
+    let mut diagnostics = Diagnostics::new(false);
+    let content = text.trim_start_matches('\u{feff}');
+    let mark = text.len() - content.len();
+    let read = Text::new("", content.as_bytes().to_vec(), &mut diagnostics)?;
+    let root = yaml::parse(&read, yaml::SUBMECHANISMS, &mut diagnostics)?;
+    let mut edits = Vec::new();
+    for (s, l, predecessor, successor) in cuts {
+        let entry = root.get("submechanisms")?.items().get(*s)?;
+        let (key, value) = pair(entry.get("loop_constraints")?.items().get(*l)?, "cut_joint")?;
+        let placement = |key: &str, at: &Placement| {
+            format!("{key}: {{xyz: [{}], rpy: [{}]}}", list(at.xyz, ", "), list(at.rpy, ", "))
+        };
+        let placements = [
+            placement("predecessor_placement", predecessor),
+            placement("successor_placement", successor),
+        ];
+        let from = offset(content, value.span)?;
+        let rest = content.get(from..)?;
+        let (at, new) = if in_braces {
+            (from + scalar(rest), placements.map(|line| format!(", {line}")).concat())
+        } else {
+            let indent = " ".repeat(key.span.column as usize - 1);
+            let end = rest.find(['\r', '\n']).unwrap_or(rest.len());
+            (from + end, placements.map(|line| format!("\n{indent}{line}")).concat())
+        };
+        edits.push((at + mark..at + mark, new));
+    }
+    Some(edits)
+}
+
+/// A key of a mapping and its value.
+fn pair<'a>(node: &'a Node, name: &str) -> Option<(&'a Node, &'a Node)> {
+    let Value::Map(entries) = &node.value else { return None };
+    entries
+        .iter()
+        .find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == name))
+        .map(|(key, value)| (key, value))
+}
+
+/// The length of the word, in quotes or not, that a text begins with.
+fn scalar(text: &str) -> usize {
+    match text.chars().next() {
+        Some(quote @ ('"' | '\'')) => {
+            text.get(1..).and_then(|rest| rest.find(quote)).map_or(text.len(), |end| end + 2)
+        }
+        _ => text.find([',', '}', '\n', '\r', '#']).unwrap_or(text.len()),
+    }
+}
+
+/// The byte of a line and a column.
+fn offset(text: &str, span: Span) -> Option<usize> {
+    let mut from = 0;
+    for _ in 1..span.line {
+        from += text.get(from..)?.find('\n')? + 1;
+    }
+    let columns = span.column as usize - 1;
+    text.get(from..)?.char_indices().nth(columns).map(|(at, _)| from + at)
+}

@@ -1,0 +1,382 @@
+//! What `check --suggest` prints: a submechanism file that fits a URDF, from one that may not.
+//!
+//! Of the given file the names, the trees, the actuated joints and the loops are taken as they are;
+//! independents are found at generic closed poses, and each type with a closed form that fits the
+//! joints is tried on the geometry. Joints in no submechanism become serial ones.
+
+use std::collections::BTreeSet;
+
+use sarrus_dynamics::description::{Description, Joint, JointKind, SubmechanismKind};
+use sarrus_dynamics::{ClosureKind, Model, suggest_independents};
+
+use crate::error::LoadError;
+use crate::load::{Options, Source, load, texts};
+use crate::open::load_open;
+use crate::report::{Diagnostics, Report};
+use crate::submechanisms::kind::{KNOWN, Known};
+use crate::text::Text;
+use crate::yaml::{self, Node, Value};
+
+/// A submechanism file, and what is still wrong with the robot that has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Suggestion {
+    /// The file.
+    pub yaml: String,
+    /// What `check` says of the robot with this file; no error where it is ready to use.
+    pub report: Report,
+}
+
+/// One submechanism of the file to be.
+struct Draft {
+    name: String,
+    type_name: String,
+    tree: Vec<String>,
+    independent: Vec<String>,
+    active: Vec<String>,
+    file_path: Option<String>,
+    /// Written out, a line each.
+    loops: Vec<String>,
+}
+
+/// Proposes a submechanism file for a robot.
+///
+/// # Errors
+/// Sources that cannot be read; faults of the URDF, or of the loops, that leave nothing to propose.
+pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
+    let (urdf, submechanisms) = texts(source)?;
+    let text = |yaml: Option<&str>| Source::Text {
+        urdf: urdf.clone(),
+        submechanisms: yaml.map(|yaml| yaml.as_bytes().to_vec()),
+    };
+    let robot = load_open(&text(None), options)?.description;
+    let mut drafts = match &submechanisms {
+        Some(bytes) => drafts(bytes, &robot)?,
+        None => Vec::new(),
+    };
+    add_rest(&mut drafts, &robot);
+    drafts.iter_mut().for_each(|draft| draft.relax(&robot));
+
+    // types that define their own loops go by their order; independents of the others are found
+    for k in 0..drafts.len() {
+        if drafts[k].defines_loops() {
+            let loads = |drafts: &[Draft]| load_open(&text(Some(&written(drafts, &[]))), options);
+            let of_type = drafts[k].candidates(&robot);
+            let before = drafts[k].independent.clone();
+            let found = of_type.into_iter().find(|independent| {
+                drafts[k].independent.clone_from(independent);
+                loads(&drafts).is_ok_and(|open| compiles(&open.description))
+            });
+            drafts[k].independent = found.unwrap_or(before);
+        }
+    }
+    let description = load_open(&text(Some(&written(&drafts, &[]))), options)?.description;
+    let first = description.submechanisms.len() - drafts.len();
+    let Ok(found) = suggest_independents(&description) else {
+        let report = report(load(&text(Some(&written(&drafts, &[]))), options))?;
+        return Ok(Suggestion { yaml: written(&drafts, &[]), report });
+    };
+    let name = |j: &usize| description.joints[*j].name.clone();
+    for (draft, independent) in drafts.iter_mut().zip(found.independent.iter().skip(first)) {
+        if !draft.loops.is_empty() {
+            draft.independent = independent.iter().map(name).collect();
+        }
+    }
+    let idle: Vec<String> = found.idle.iter().map(name).collect();
+
+    // the closed forms that the geometry has
+    for k in 0..drafts.len() {
+        if let Some((type_name, tree)) = fitting(&drafts, k, &text, options) {
+            (drafts[k].type_name, drafts[k].tree) = (type_name, tree);
+        }
+    }
+    let yaml = written(&drafts, &idle);
+    let report = report(load(&text(Some(&yaml)), options))?;
+    Ok(Suggestion { yaml, report })
+}
+
+/// What is wrong with, or remarkable about, a robot.
+fn report(loaded: Result<crate::load::Loaded, LoadError>) -> Result<Report, LoadError> {
+    match loaded {
+        Ok(loaded) => Ok(loaded.report),
+        Err(LoadError::Faults(report)) => Ok(report),
+        Err(other) => Err(other),
+    }
+}
+
+fn compiles(description: &Description) -> bool {
+    Model::compile(description).is_ok()
+}
+
+/// The submechanisms of a file, as far as they can be read.
+fn drafts(bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
+    let mut diagnostics = Diagnostics::new(false);
+    let root = Text::new("submechanisms.yml", bytes.to_vec(), &mut diagnostics)
+        .and_then(|text| yaml::parse(&text, yaml::SUBMECHANISMS, &mut diagnostics));
+    let Some(root) = root.filter(|_| !diagnostics.has_errors()) else {
+        return Err(LoadError::Faults(diagnostics.into_report()));
+    };
+    let moves = |name: &String| {
+        robot.joints.iter().any(|joint| joint.name == *name && joint.kind != JointKind::Fixed)
+    };
+    let mut seen = BTreeSet::new();
+    let items = root.get("submechanisms").map_or(&[][..], Node::items);
+    let of = |(k, node): (usize, &Node)| {
+        let word = |key: &str| node.get(key).and_then(text_of);
+        let words = |key: &str| -> Vec<String> {
+            let items = node.get(key).map_or(&[][..], Node::items);
+            items.iter().filter_map(text_of).filter(moves).collect()
+        };
+        let listed = [words("jointnames_spanningtree"), words("jointnames")];
+        let tree = listed.into_iter().find(|list| !list.is_empty()).unwrap_or_default();
+        let tree: Vec<String> = tree.into_iter().filter(|name| seen.insert(name.clone())).collect();
+        let within = |key: &str| {
+            words(key).into_iter().filter(|name| tree.contains(name)).collect::<Vec<_>>()
+        };
+        let name = word("contextual_name").or(word("name"));
+        Draft {
+            name: name.unwrap_or_else(|| format!("submechanism_{}", k + 1)),
+            type_name: word("type").unwrap_or_default(),
+            independent: within("jointnames_independent"),
+            active: within("jointnames_active"),
+            file_path: word("file_path"),
+            loops: node
+                .get("loop_constraints")
+                .map_or(&[][..], Node::items)
+                .iter()
+                .map(loop_lines)
+                .collect(),
+            tree,
+        }
+    };
+    Ok(items.iter().enumerate().map(of).filter(|draft| !draft.tree.is_empty()).collect())
+}
+
+/// Joints in no submechanism: those that move bodies of a loop belong to it, the others are serial.
+fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
+    let is_listed = |drafts: &[Draft], joint: &Joint| {
+        drafts.iter().any(|draft| draft.tree.contains(&joint.name))
+    };
+    let rest: Vec<&Joint> = robot
+        .joints
+        .iter()
+        .filter(|joint| joint.kind != JointKind::Fixed && !is_listed(drafts, joint))
+        .collect();
+    if rest.is_empty() {
+        return;
+    }
+    let is_single =
+        |joint: &&Joint| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical);
+    let names = |of: &[&Joint]| of.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
+    let free: Vec<&Joint> = rest.iter().copied().filter(|joint| joint.coupling.is_none()).collect();
+    drafts.push(Draft {
+        name: if drafts.is_empty() { robot.name.clone() } else { "others".to_owned() },
+        type_name: "SERIAL".to_owned(),
+        tree: names(&rest),
+        independent: names(&free),
+        active: names(&free.into_iter().filter(is_single).collect::<Vec<_>>()),
+        file_path: None,
+        loops: Vec::new(),
+    });
+}
+
+impl Draft {
+    /// The type as which it can be read, whatever its independents.
+    fn relax(&mut self, robot: &Description) {
+        let joint = |name: &String| robot.joints.iter().find(|joint| joint.name == *name);
+        let coupled = |name: &&String| joint(name).is_some_and(|joint| joint.coupling.is_some());
+        if !self.loops.is_empty() {
+            self.type_name = "NUMERICAL".to_owned();
+        } else if self.tree.iter().any(|name| coupled(&name)) {
+            self.type_name = "TRANSMISSION".to_owned();
+            self.independent = self.tree.iter().filter(|name| !coupled(name)).cloned().collect();
+        } else if !self.defines_loops() && self.file_path.is_none() {
+            self.type_name = "SERIAL".to_owned();
+            self.independent.clone_from(&self.tree);
+        }
+    }
+
+    fn known(&self) -> Option<&'static Known> {
+        KNOWN.iter().find(|known| known.name == self.type_name)
+    }
+
+    /// True where the loops are those of the type.
+    fn defines_loops(&self) -> bool {
+        use SubmechanismKind::{Rrpr, SliderCrank, Sprr2U1, Spu2U1, Ups6};
+        self.loops.is_empty()
+            && self.known().is_some_and(|known| {
+                matches!(known.kind, Rrpr | SliderCrank | Spu2U1 | Sprr2U1 | Ups6)
+            })
+    }
+
+    /// Independents that a type which defines its loops can have, the declared ones first.
+    fn candidates(&self, robot: &Description) -> Vec<Vec<String>> {
+        let count = self.known().and_then(|known| known.independent).unwrap_or_default();
+        let mut found = vec![self.independent.clone()];
+        if count == 1 {
+            found.extend(self.tree.iter().map(|name| vec![name.clone()]));
+        }
+        // what is no leg: a slider and the two joints that carry it
+        let joint = |name: &String| robot.joints.iter().find(|joint| joint.name == *name);
+        let mut legs: BTreeSet<&str> = BTreeSet::new();
+        for name in &self.tree {
+            let Some(slider) = joint(name).filter(|joint| joint.kind == JointKind::Prismatic)
+            else {
+                continue;
+            };
+            let mut link = slider.parent;
+            let mut carriers = 0;
+            let carrier = |link: usize| robot.joints.iter().find(|joint| joint.child == link);
+            legs.insert(name);
+            while let Some(joint) = carrier(link).filter(|_| carriers < 2) {
+                if joint.kind != JointKind::Fixed {
+                    legs.insert(&joint.name);
+                    carriers += 1;
+                }
+                link = joint.parent;
+            }
+        }
+        let rest = self.tree.iter().filter(|name| !legs.contains(name.as_str()));
+        found.push(rest.take(count).cloned().collect());
+        found.push(self.tree.iter().take(count).cloned().collect());
+        found
+    }
+
+    /// The entry in the file.
+    fn lines(&self) -> String {
+        let names =
+            |of: &[String]| of.iter().map(|name| plain(name)).collect::<Vec<_>>().join(", ");
+        let mut text =
+            format!("- type: {}\n  contextual_name: {}\n", self.type_name, plain(&self.name));
+        if let Some(path) = &self.file_path {
+            text += &format!("  file_path: {}\n", plain(path));
+        }
+        text += &format!("  jointnames_spanningtree: [{}]\n", names(&self.tree));
+        text += &format!("  jointnames_independent: [{}]\n", names(&self.independent));
+        text += &format!("  jointnames_active: [{}]\n", names(&self.active));
+        if !self.loops.is_empty() {
+            text += "  loop_constraints:\n";
+            text += &self.loops.concat();
+        }
+        text
+    }
+}
+
+/// The first type whose closed form fits the k-th submechanism, with the order of its joints.
+fn fitting(
+    drafts: &[Draft],
+    k: usize,
+    text: &dyn Fn(Option<&str>) -> Source,
+    options: &Options,
+) -> Option<(String, Vec<String>)> {
+    let draft = &drafts[k];
+    if draft.loops.is_empty() {
+        return None;
+    }
+    let given = load_open(&text(Some(&written(drafts, &[]))), options).ok()?.description;
+    let s = given.submechanisms.len() - drafts.len() + k;
+    // without a robot that can be closed numerically there is nothing to compare
+    if !compiles(&given) {
+        return None;
+    }
+    let joints = &given.submechanisms[s].spanning_tree;
+    let dofs: usize = joints
+        .iter()
+        .map(|j| match given.joints[*j].kind {
+            JointKind::Spherical => 3,
+            JointKind::Floating => 6,
+            _ => 1,
+        })
+        .sum();
+    let orders: Vec<Vec<usize>> = match joints[..] {
+        [a, b, c] => [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
+            .map(|order| order.to_vec())
+            .to_vec(),
+        _ => vec![joints.clone()],
+    };
+    use SubmechanismKind::{FourBar, ParallelogramChain, Rrpr, SliderCrank, Sprr2U1, Spu2U1, Ups6};
+    let closed = [Rrpr, SliderCrank, FourBar, Spu2U1, Sprr2U1, Ups6, ParallelogramChain];
+    for kind in closed {
+        let known = KNOWN.iter().find(|known| known.kind == kind)?;
+        if !known.tree.is_empty() && !known.tree.contains(&dofs) {
+            continue;
+        }
+        for order in &orders {
+            let mut trial = given.clone();
+            let of = &mut trial.submechanisms[s];
+            (of.kind, of.type_name) = (kind, known.name.to_owned());
+            of.spanning_tree.clone_from(order);
+            let is_closed = Model::compile(&trial)
+                .is_ok_and(|compiled| compiled.model.closures()[s].kind == ClosureKind::Analytic);
+            if is_closed {
+                let tree = order.iter().map(|j| given.joints[*j].name.clone()).collect();
+                return Some((known.name.to_owned(), tree));
+            }
+        }
+    }
+    None
+}
+
+/// The file.
+fn written(drafts: &[Draft], idle: &[String]) -> String {
+    let mut text = String::new();
+    if !idle.is_empty() {
+        text += &format!(
+            "# rods that spin idly, by the joint that stands still: {}\n",
+            idle.join(", ")
+        );
+    }
+    text += "submechanisms:\n";
+    text + &drafts.iter().map(Draft::lines).collect::<String>()
+}
+
+/// A loop constraint, key by key.
+fn loop_lines(node: &Node) -> String {
+    let Value::Map(entries) = &node.value else { return format!("  - {}\n", flow(node)) };
+    let mut text = String::new();
+    for (k, (key, value)) in entries.iter().enumerate() {
+        text += if k == 0 { "  - " } else { "    " };
+        text += &format!("{}:", flow(key));
+        match &value.value {
+            Value::List(items) if items.iter().any(|item| matches!(item.value, Value::Map(_))) => {
+                text += "\n";
+                items.iter().for_each(|item| text += &format!("    - {}\n", flow(item)));
+            }
+            _ => text += &format!(" {}\n", flow(value)),
+        }
+    }
+    text
+}
+
+/// A value on one line.
+fn flow(node: &Node) -> String {
+    match &node.value {
+        Value::Null => "~".to_owned(),
+        Value::Scalar { text, plain: true } => plain(text),
+        Value::Scalar { text, .. } => in_quotes(text),
+        Value::List(items) => {
+            format!("[{}]", items.iter().map(flow).collect::<Vec<_>>().join(", "))
+        }
+        Value::Map(entries) => {
+            let pair = |(key, value): &(Node, Node)| format!("{}: {}", flow(key), flow(value));
+            format!("{{{}}}", entries.iter().map(pair).collect::<Vec<_>>().join(", "))
+        }
+    }
+}
+
+fn text_of(node: &Node) -> Option<String> {
+    match &node.value {
+        Value::Scalar { text, .. } => Some(text.clone()),
+        _ => None,
+    }
+}
+
+/// A word as it may stand in a list; in quotes where it could be read otherwise.
+fn plain(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-+./".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) { text.to_owned() } else { in_quotes(text) }
+}
+
+fn in_quotes(text: &str) -> String {
+    format!("'{}'", text.replace('\'', "''"))
+}

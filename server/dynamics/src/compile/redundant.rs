@@ -1,0 +1,219 @@
+//! Rows that say nothing new: by how much the loops open in them, and which cut would not have
+//! them.
+
+use faer::linalg::solvers::Solve;
+use nalgebra::Vector3;
+
+use crate::closure::{constraint_jacobian, constraint_residual, local_poses};
+use crate::compile::analysis::{Sample, Subject};
+use crate::compile::blocks::is_length;
+use crate::compile::rank::{matrix, rank};
+use crate::diagnostic::Diagnostic;
+use crate::mechanism::{Body, Cluster, Motion};
+use crate::scalar::noise;
+use crate::spatial::Pose;
+
+/// Gap in radians and in lengths of the cluster above which a redundant row does not hold: files
+/// are rounded.
+const OPEN: f64 = 1e-6;
+/// Directions of the independents, and steps along each, in radians or lengths of the cluster.
+const DIRECTIONS: usize = 6;
+const STEPS: usize = 8;
+const STEP: f64 = 0.1;
+/// Dependents of a cluster beyond which fewer poses are looked at.
+const LARGE: usize = 100;
+/// Sine of the angle between axes that count as parallel.
+const PARALLEL: f64 = 1e-4;
+
+/// Warns of redundant rows, and of those in which the loops open on the way.
+pub(super) fn warn(
+    subject: &Subject<'_>,
+    cluster: &Cluster<f64>,
+    generic: &Sample,
+    used: &[usize],
+    warnings: &mut Vec<Diagnostic>,
+) {
+    let dropped: Vec<usize> = (0..cluster.rows.len()).filter(|r| !used.contains(r)).collect();
+    let names =
+        dropped.iter().map(|r| subject.row_names[*r].as_str()).collect::<Vec<_>>().join(", ");
+    let n = cluster.dependent.len();
+    let help = "they are left out of the solution; what the loop-closure forces share is the least \
+        norm";
+    let fitting = fitting_cuts(subject, generic, &dropped);
+    warnings.push(Diagnostic {
+        site: subject.site,
+        found: format!("redundant constraint axes: {names}"),
+        expected: format!("{n} independent axes for {n} dependent joints"),
+        help: if fitting.is_empty() {
+            help.into()
+        } else {
+            format!("{fitting}; or leave it: {help}")
+        },
+    });
+    let gap = Gap::along(cluster, subject.bodies, used, &dropped);
+    if gap.length > OPEN * cluster.length || gap.angle > OPEN {
+        warnings.push(Diagnostic {
+            site: subject.site,
+            found: format!(
+                "redundant axes that do not hold: open by up to {:.1e} m and {:.1e} rad at sampled \
+                poses ({names})",
+                gap.length, gap.angle
+            ),
+            expected: format!(
+                "at most {:.1e} m and {OPEN:.0e} rad, the rounding of a file",
+                OPEN * cluster.length
+            ),
+            help: "correct axes and origins of the loop's joints, or take these axes out".into(),
+        });
+    }
+}
+
+/// The largest gaps of some rows `[m]`, `[rad]`.
+#[derive(Clone, Copy, Debug, Default)]
+struct Gap {
+    length: f64,
+    angle: f64,
+}
+
+impl Gap {
+    /// The gaps of the dropped rows where the used ones are closed, along some motions from zero.
+    fn along(
+        cluster: &Cluster<f64>,
+        bodies: &[Body<f64>],
+        used: &[usize],
+        dropped: &[usize],
+    ) -> Gap {
+        let rows: Vec<_> = cluster.cuts.iter().flat_map(|cut| &cut.rows).collect();
+        let (directions, steps) =
+            if cluster.dependent.len() > LARGE { (2, 2) } else { (DIRECTIONS, STEPS) };
+        let mut gap = Gap::default();
+        for k in 0..directions {
+            let mut q = zero(cluster);
+            let mut phi = vec![0.0; rows.len()];
+            for _ in 0..steps {
+                for (i, &v) in cluster.independent.iter().enumerate() {
+                    // there and back again, along one or along all
+                    let share =
+                        if cluster.independent.len() == 1 { 1.0 } else { noise(k / 2 + 7 * i) };
+                    let way = if k % 2 == 0 { share } else { -share };
+                    let at = &cluster.dofs[v];
+                    let unit = if at.slides() { cluster.length } else { 1.0 };
+                    at.advance(&mut q, STEP * unit * way);
+                }
+                if !close(cluster, bodies, used, &mut q, &mut phi) {
+                    break;
+                }
+                for &r in dropped {
+                    let of =
+                        if is_length(cluster, rows[r]) { &mut gap.length } else { &mut gap.angle };
+                    *of = of.max(phi[r].abs());
+                }
+            }
+        }
+        gap
+    }
+}
+
+/// The zero pose of a cluster.
+pub(super) fn zero(cluster: &Cluster<f64>) -> Vec<f64> {
+    let mut q = vec![0.0; cluster.n_q];
+    for at in cluster.dofs.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
+        q[at.q + at.motion.n_q() - 1] = 1.0;
+    }
+    q
+}
+
+/// Closes the used rows by Newton's method over the dependents; false where that leads away.
+fn close(
+    cluster: &Cluster<f64>,
+    bodies: &[Body<f64>],
+    used: &[usize],
+    q: &mut [f64],
+    phi: &mut [f64],
+) -> bool {
+    let (n, rows, m) = (cluster.n_v, cluster.rows.len(), cluster.dependent.len());
+    let mut cos_sin = vec![(1.0, 0.0); cluster.n];
+    let mut pose = vec![Pose::identity(); cluster.n + 1];
+    let mut K = vec![0.0; rows * n];
+    for _ in 0..10 {
+        local_poses(cluster, bodies, q, &mut cos_sin, &mut pose);
+        constraint_residual(cluster, &pose, q, phi);
+        constraint_jacobian(cluster, &pose, &mut K);
+        if used.iter().all(|r| phi[*r].abs() < 1e-12 * cluster.length.max(1.0)) {
+            return true;
+        }
+        let K_d = faer::Mat::from_fn(m, m, |r, a| K[used[r] * n + cluster.dependent[a]]);
+        let right = faer::Mat::from_fn(m, 1, |r, _| -phi[used[r]]);
+        let step = K_d.partial_piv_lu().solve(&right);
+        for (a, &v) in cluster.dependent.iter().enumerate() {
+            let at = &cluster.dofs[v];
+            let unit = if at.slides() { cluster.length } else { 1.0 };
+            // no step of another branch, nor of a singular pose
+            if !(step[(a, 0)].abs() < unit) {
+                return false;
+            }
+            at.advance(q, step[(a, 0)]);
+        }
+    }
+    false
+}
+
+/// Cut joints by name that fit where rows are redundant, as what to do; empty where none is known.
+pub(super) fn fitting_cuts(subject: &Subject<'_>, at: &Sample, dropped: &[usize]) -> String {
+    let cluster = subject.cluster;
+    let mut first = 0;
+    let mut found = Vec::new();
+    for cut in &cluster.cuts {
+        let rows: Vec<usize> = (first..first + cut.rows.len()).collect();
+        first += cut.rows.len();
+        let is_meant = rows.iter().any(|r| dropped.contains(r))
+            && cut.rows.iter().all(|row| row.terms.is_empty());
+        let Some(name) = rows.first().and_then(|r| subject.row_names[*r].rsplit_once('/')) else {
+            continue;
+        };
+        if !is_meant {
+            continue;
+        }
+        let path: Vec<usize> = cut.path.iter().map(|(v, _)| *v).collect();
+        let all = matrix(&at.K, cluster.rows.len(), cluster.n_v, &path);
+        let part =
+            |of: &[usize]| rank(&faer::Mat::from_fn(of.len(), path.len(), |i, a| all[(of[i], a)]));
+        let points: Vec<usize> = rows
+            .iter()
+            .zip(&cut.rows)
+            .filter(|(_, row)| row.angular.norm() == 0.0)
+            .map(|(r, _)| *r)
+            .collect();
+        match plane(subject, at, &path) {
+            Some(normal) if part(&rows) == 2 && part(&points) == 2 => {
+                let axis = at.pose[cut.predecessor].R * cut.x_p_cut.R;
+                let axis = axis.transpose() * normal;
+                let digits = axis.map(|x| (x * 1e6).round() / 1e6 + 0.0);
+                found.push(format!(
+                    "write cut_joint_type: planar_revolute with axis: [{}, {}, {}] for {}",
+                    digits[0], digits[1], digits[2], name.0
+                ));
+            }
+            None if part(&rows) == 3 && part(&points) == 3 && rows.len() > 3 => {
+                found.push(format!("write cut_joint_type: spherical for {}", name.0));
+            }
+            _ => {}
+        }
+    }
+    found.join("; ")
+}
+
+/// The normal of the plane in which these velocities move bodies {cluster's parent}, if there is
+/// one: all turns about it and all slides across it.
+fn plane(subject: &Subject<'_>, at: &Sample, path: &[usize]) -> Option<Vector3<f64>> {
+    let Subject { cluster, bodies, .. } = *subject;
+    let axis = |v: &usize| at.pose[cluster.dofs[*v].body + 1].R.column(2).into_owned();
+    let motion = |v: &usize| bodies[cluster.dofs[*v].body].motion;
+    let normal = path.iter().find(|v| motion(v) == Motion::Revolute).map(axis)?;
+    let fits = path.iter().all(|v| match motion(v) {
+        Motion::Revolute => axis(v).cross(&normal).norm() < PARALLEL,
+        Motion::Prismatic => axis(v).dot(&normal).abs() < PARALLEL,
+        _ => false,
+    });
+    fits.then_some(normal)
+}
