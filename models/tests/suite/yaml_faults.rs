@@ -9,16 +9,26 @@ faults! { yaml:
             jointnames_spanningtree",
         "submechanisms.yml:7:26: this is not YAML: illegal placement of ':' indicator, expected a \
          submechanism file, correct the file at this position";
-    an_anchor_and_its_alias_are_errors:
+    a_key_that_is_not_known_holds_an_alias:
         "[elbow]\n" => "&one [elbow]\n  jointnames_other: *one\n",
-        "submechanisms.yml:8:27: an anchor (`&…`), expected a file without anchors and aliases, \
-         write the value out where it is used",
         "submechanisms.yml:9:3: the key `jointnames_other` of a submechanism is not known, \
          expected type, contextual_name, name, file_path, jointnames, jointnames_spanningtree, \
          jointnames_independent, jointnames_active, loop_constraints, did you mean \
-         `jointnames_active`?",
-        "submechanisms.yml:9:21: an alias (`*…`), expected a file without anchors and aliases, \
-         write the value out";
+         `jointnames_active`?";
+    an_alias_of_nothing_is_an_error:
+        "[elbow]\n" => "*one\n",
+        "submechanisms.yml:8:27: this is not YAML: while parsing node, found unknown anchor, \
+         expected a submechanism file, correct the file at this position";
+    an_alias_within_its_own_value_is_an_error:
+        "[elbow]\n" => "&one [elbow, *one]\n",
+        "submechanisms.yml:8:40: an alias (`*…`) within the value that it stands for, expected a \
+         value that ends, write the value out";
+    a_merge_of_keys_is_an_error:
+        "file_path: lambda.urdf" => "<<: {file_path: lambda.urdf}",
+        "submechanisms.yml:5:3: the key `<<` of a submechanism is not known, expected type, \
+         contextual_name, name, file_path, jointnames, jointnames_spanningtree, \
+         jointnames_independent, jointnames_active, loop_constraints, write out the keys that it \
+         merges";
     a_tag_is_an_error:
         "file_path: lambda.urdf" => "file_path: !path lambda.urdf",
         "submechanisms.yml:5:14: a tag (`!…`), expected plain values, remove it";
@@ -138,10 +148,11 @@ faults! { yaml:
          expected a joint of the URDF, did you mean `swing`?";
     a_tree_joint_that_does_not_exist_is_an_error_with_the_nearest:
         "jointnames_spanningtree: [elbow, swing" => "jointnames_spanningtree: [elbow, sving",
-        "robot.urdf:29:3: the joint `swing` moves but is in no submechanism, expected every moving \
-         joint in one, add it to a jointnames_spanningtree or make it fixed",
         "submechanisms.yml:7:36: `jointnames_spanningtree` names the joint `sving`, which does not \
-         exist, expected a joint of the URDF, did you mean `swing`?";
+         exist, expected a joint of the URDF, did you mean `swing`?",
+        "robot.urdf:29:3: the joint `swing` moves but is in no submechanism, expected every moving \
+         joint in one, add it to a jointnames_spanningtree or make it fixed; it is read as serial, \
+         independent and active";
     a_name_that_is_there_twice_is_an_error:
         "jointnames_spanningtree: [elbow, swing" => "jointnames_spanningtree: [elbow, elbow, swing",
         "submechanisms.yml:7:36: `elbow` is in `jointnames_spanningtree` twice, expected once, \
