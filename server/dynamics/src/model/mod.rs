@@ -60,6 +60,9 @@ pub struct Model<C = f64> {
     /// Largest inertia of each independent at the poses that were tried at load, in internal order
     /// (n_vy).
     pub(crate) inertia: Vec<f64>,
+    /// M_y was positive definite at none of these poses: whatever a recursion divides by is
+    /// rounding, and forward dynamics has no answer.
+    pub(crate) is_massless: bool,
     /// What acts in joints besides their actuators.
     pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
@@ -183,6 +186,7 @@ impl<C: Copy> Model<C> {
             sparsity: self.sparsity.clone(),
             has_child_cluster: self.has_child_cluster.clone(),
             inertia: self.inertia.clone(),
+            is_massless: self.is_massless,
             terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),

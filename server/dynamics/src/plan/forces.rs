@@ -60,6 +60,9 @@ impl Plan {
         input: &[T],
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
+        if model.is_massless {
+            return Err(Status::MassNotPositive);
+        }
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
         let n = model.meta.sizes.n_vy;
