@@ -1,5 +1,7 @@
 //! From checked files to the [`Description`], and back from its parts to their positions.
 
+use std::collections::BTreeSet;
+
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
@@ -12,6 +14,9 @@ use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };
 use crate::urdf::{Urdf, Values};
+
+/// The submechanism of the joints that a submechanism file does not list.
+const UNLISTED: &str = "unlisted";
 
 /// Where the parts of a description stand in the files.
 #[derive(Debug)]
@@ -104,9 +109,13 @@ pub(crate) fn description(
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
     let submechanisms = match entries {
         Some(entries) => {
-            entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?
+            let listed: Vec<Submechanism> = entries
+                .into_iter()
+                .map(|entry| submechanism(urdf, entry))
+                .collect::<Option<_>>()?;
+            with_unlisted(listed, &joints)
         }
-        None => vec![whole(&urdf.name, &joints)],
+        None => vec![serial(urdf.name.clone(), &joints, |_| true)],
     };
     Some(Description {
         name: urdf.name.clone(),
@@ -117,22 +126,42 @@ pub(crate) fn description(
     })
 }
 
-/// The one submechanism of a robot that comes without any: every moving joint in the order of the
-/// file.
-fn whole(name: &str, joints: &[Joint]) -> Submechanism {
-    let moving = joints.iter().enumerate().filter(|(_, joint)| joint.kind != JointKind::Fixed);
+/// The submechanisms of a file, and behind them one of the moving joints that it does not list.
+fn with_unlisted(mut listed: Vec<Submechanism>, joints: &[Joint]) -> Vec<Submechanism> {
+    let known: BTreeSet<usize> =
+        listed.iter().flat_map(|part| &part.spanning_tree).copied().collect();
+    let mut name = UNLISTED.to_owned();
+    while listed.iter().any(|part| part.name == name) {
+        name.push('_');
+    }
+    let rest = serial(name, joints, |joint| !known.contains(&joint));
+    if !rest.spanning_tree.is_empty() {
+        listed.push(rest);
+    }
+    listed
+}
+
+/// A submechanism that nobody wrote: the moving joints that it `has`, in the order of the file,
+/// independent unless they follow others.
+fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submechanism {
+    let moving = joints
+        .iter()
+        .enumerate()
+        .filter(|(i, joint)| joint.kind != JointKind::Fixed && has(*i))
+        .collect::<Vec<_>>();
+    let moving = moving.iter().copied();
     let independent = moving.clone().filter(|(_, joint)| joint.coupling.is_none());
     let active = independent
         .clone()
         .filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
-    let coupled = joints.iter().any(|joint| joint.coupling.is_some());
+    let coupled = moving.clone().any(|(_, joint)| joint.coupling.is_some());
     let (kind, type_name) = if coupled {
         (SubmechanismKind::Transmission, "TRANSMISSION")
     } else {
         (SubmechanismKind::Serial, "SERIAL")
     };
     Submechanism {
-        name: name.to_owned(),
+        name,
         kind,
         type_name: type_name.to_owned(),
         spanning_tree: moving.map(|(i, _)| i).collect(),

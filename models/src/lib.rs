@@ -42,13 +42,15 @@
 //! - A SMURF file in place of the URDF.
 //!
 //! Without a submechanism file every moving joint is independent and active in the order of the
-//! URDF; floating joints are not active, joints with `<mimic>` follow.
+//! URDF; floating joints are not active, joints with `<mimic>` follow. So are those that no
+//! submechanism of a file lists, behind the others.
 //!
 //! # Limits
 //! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and
-//! 1024 on all loops. A file beyond them is faulty, and so is one with anchors, aliases, tags or a
-//! document type: reading costs time in proportion to the size of a file. A report lists the first
-//! thousand errors and the first thousand warnings that were found, and the number of the others.
+//! 1024 on all loops, aliases for 100000 values. A file beyond them is faulty, and so is one with
+//! tags or a document type: reading costs time in proportion to the size of a file. A report lists
+//! the first thousand errors and the first thousand warnings that were found, and the number of the
+//! others.
 #![forbid(unsafe_code)]
 
 mod assembly;

@@ -181,7 +181,7 @@ pub(crate) fn describe(
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
         transmissions(urdf, entries, folder, diagnostics);
     }
-    if let Some(urdf) = &urdf {
+    if let Some(urdf) = &mut urdf {
         urdf.check_couplings(diagnostics);
     }
     let submechanisms: Option<Submechanisms> = root.zip(entries).map(|(root, entries)| {

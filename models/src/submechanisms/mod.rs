@@ -56,11 +56,12 @@ pub(crate) fn check(
         if moves && !joint.name.is_empty() && !owner.contains_key(joint.name.as_str()) {
             let found =
                 format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
-            diagnostics.error(
+            diagnostics.warning(
                 joint.span,
                 found,
                 "every moving joint in one",
-                "add it to a jointnames_spanningtree or make it fixed",
+                "add it to a jointnames_spanningtree or make it fixed; it is read as serial, \
+                 independent and active",
             );
         }
     }

@@ -56,6 +56,8 @@ pub(crate) struct JointEntry {
     pub(crate) parent: Option<(String, Span)>,
     pub(crate) child: Option<(String, Span)>,
     pub(crate) has_limits: bool,
+    /// Whether the limits hold a range: without `lower` and `upper` there is none.
+    pub(crate) has_range: bool,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
 }
@@ -102,7 +104,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
     }
     let limit_node = find("limit");
     match limit_node {
-        Some(node) => limit(reader, node, kind),
+        Some(node) => limit(reader, node, kind, &name),
         None if matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic)) => {
             let what = if kind == Some(JointKind::Revolute) { "revolute" } else { "prismatic" };
             let found = format!("the {what} joint {} has no limits", quoted(&name));
@@ -123,7 +125,10 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
     let terms =
         find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
-    JointEntry { name, span, kind, parent, child, has_limits: limit_node.is_some(), masters, terms }
+    let has_range =
+        limit_node.is_some_and(|node| node.has_attribute("lower") || node.has_attribute("upper"));
+    let has_limits = limit_node.is_some();
+    JointEntry { name, span, kind, parent, child, has_limits, has_range, masters, terms }
 }
 
 fn kind_of(reader: &mut Reader<'_, '_>, written: &str, span: Span) -> Option<JointKind> {
@@ -211,7 +216,12 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
     }
 }
 
-fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>) {
+fn limit<'t>(
+    reader: &mut Reader<'t, '_>,
+    node: Node<'_, 't>,
+    kind: Option<JointKind>,
+    joint: &str,
+) {
     reader.children(node, &LIMIT);
     let span = reader.span(node);
     let [lower, upper] =
@@ -238,11 +248,11 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
         && !node.has_attribute("lower")
         && !node.has_attribute("upper")
     {
-        reader.diagnostics.error(
+        reader.diagnostics.warning(
             span,
-            "`limit` has neither `lower` nor `upper`",
+            format!("`limit` of the joint {} has neither `lower` nor `upper`", quoted(joint)),
             "the range of the joint",
-            "add them",
+            "add them; it is read as unbounded",
         );
     }
     let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));

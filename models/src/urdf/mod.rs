@@ -287,8 +287,16 @@ impl Urdf {
         }
     }
 
-    /// Checks every coupling.
-    pub(crate) fn check_couplings(&self, diagnostics: &mut Diagnostics) {
+    /// Checks every coupling; what is left of one on a joint that does not move is taken off.
+    pub(crate) fn check_couplings(&mut self, diagnostics: &mut Diagnostics) {
+        for joint in &mut self.joints {
+            if joint.kind == Some(JointKind::Fixed) && !joint.masters.is_empty() {
+                let found = format!("the fixed joint {} is coupled", quoted(&joint.name));
+                let help = "remove the mimic or change the type; the coupling is not read";
+                diagnostics.warning(joint.span, found, "a joint that moves", help);
+                joint.masters.clear();
+            }
+        }
         for joint in &self.joints {
             for master in &joint.masters {
                 let who =
@@ -314,10 +322,7 @@ impl Urdf {
                 diagnostics.error(master.span, found, "another moving joint of this robot", help);
             }
             if !joint.masters.is_empty()
-                && matches!(
-                    joint.kind,
-                    Some(JointKind::Fixed | JointKind::Floating | JointKind::Spherical)
-                )
+                && matches!(joint.kind, Some(JointKind::Floating | JointKind::Spherical))
             {
                 let found = format!("the joint {} is coupled", quoted(&joint.name));
                 diagnostics.error(

@@ -56,12 +56,13 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) ->
         .map(|(link, entry)| inertial(&link.inertial, entry.inertial))
         .collect();
     let joints = robot.joints.iter().zip(&urdf.joints).map(|(joint, entry)| {
-        let limits = Limits {
-            lower: joint.limit.lower,
-            upper: joint.limit.upper,
-            velocity: joint.limit.velocity,
-            effort: joint.limit.effort,
+        let [lower, upper] = if entry.has_range {
+            [joint.limit.lower, joint.limit.upper]
+        } else {
+            [f64::NEG_INFINITY, f64::INFINITY]
         };
+        let (velocity, effort) = (joint.limit.velocity, joint.limit.effort);
+        let limits = Limits { lower, upper, velocity, effort };
         JointValues {
             origin: placement(&joint.origin),
             axis: *joint.axis.xyz,

@@ -166,10 +166,10 @@ faults! { urdf:
     a_prismatic_joint_without_limits_is_an_error:
         "    <limit lower=\"-0.1\" upper=\"0.1\" effort=\"1000\" velocity=\"1\"/>\n" => "",
         r#"robot.urdf:35:3: the prismatic joint `slide` has no limits, expected <limit lower="…" upper="…" effort="…" velocity="…"/>, add them"#;
-    limits_without_a_range_are_an_error:
+    limits_without_a_range_are_a_warning:
         r#"lower="-1.5" upper="1.4" "# => "",
-        "robot.urdf:27:5: `limit` has neither `lower` nor `upper`, expected the range of the \
-         joint, add them";
+        "robot.urdf:27:5: `limit` of the joint `elbow` has neither `lower` nor `upper`, expected \
+         the range of the joint, add them; it is read as unbounded";
     limits_without_effort_are_an_error:
         r#" effort="100""# => "",
         r#"robot.urdf:27:5: `limit` has no `effort`, expected effort="a number", add it"#;
@@ -228,6 +228,13 @@ faults! { urdf:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><mimic joint="elbow" multiplier="two"/>"#,
         "robot.urdf:33:57: `multiplier` of `mimic`: `two` is not a number, expected one finite \
          number, correct the value";
+    a_mimic_that_is_left_on_a_fixed_joint_is_a_warning:
+        "</robot>" => "  <link name=\"tool\"/>\n  <joint name=\"hold\" type=\"fixed\"><parent \
+            link=\"rod\"/><child link=\"tool\"/><mimic joint=\"elbow\"/></joint>\n</robot>",
+        "robot.urdf:42:3: link `tool` has no inertial: a massless body, expected mass and inertia, \
+         add them if it has any",
+        "robot.urdf:43:3: the fixed joint `hold` is coupled, expected a joint that moves, remove \
+         the mimic or change the type; the coupling is not read";
     a_transmission_of_nothing_is_an_error:
         "</robot>" => "  <transmission name=\"t\"><joint name=\"swng\"><depends_on \
             joint=\"elbow\"/></joint></transmission>\n</robot>",
@@ -239,15 +246,19 @@ faults! { urdf:
             </joint></transmission>\n</robot>",
         "robot.urdf:43:30: the joint `swing` is coupled a second time, expected one mimic or one \
          transmission, remove one of them";
-    a_moving_joint_in_no_submechanism_is_an_error:
+    a_moving_joint_in_no_submechanism_is_a_warning:
         "</robot>" => r#"  <link name="tool"/>
   <joint name="spin" type="continuous">
     <parent link="rod"/>
     <child link="tool"/>
   </joint>
 </robot>"#,
-        "robot.urdf:43:3: the joint `spin` moves but is in no submechanism, expected every moving \
-         joint in one, add it to a jointnames_spanningtree or make it fixed",
         "robot.urdf:42:3: link `tool` has no inertial: a massless body, expected mass and inertia, \
-         add them if it has any";
+         add them if it has any",
+        "robot.urdf:43:3: the joint `spin` moves but is in no submechanism, expected every moving \
+         joint in one, add it to a jointnames_spanningtree or make it fixed; it is read as serial, \
+         independent and active",
+        "robot.urdf:43:3: no inertia that resists the motion of spin, expected a positive definite \
+         reduced mass matrix, give mass or inertia to a link that these joints move; until then \
+         forward dynamics answers mass_not_positive";
 }
