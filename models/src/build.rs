@@ -193,14 +193,24 @@ fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
 }
 
 fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
-    let predecessor = *urdf.link_index.get(&each.predecessor_body)?;
+    let is_framed = each.frames.is_some();
+    let [first, second] = match each.frames {
+        Some(frames) => frames,
+        None => [each.predecessor_body?, each.successor_body?],
+    };
+    let [predecessor, successor] = [&first, &second].map(|name| urdf.link_index.get(name).copied());
+    let (predecessor, successor) = (predecessor?, successor?);
+    let name = each.cut_joint.unwrap_or_else(|| format!("{first}_{second}"));
     let cut = match (each.predecessor_placement, each.successor_placement) {
         (Some(predecessor), Some(successor)) => {
             Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) }
         }
+        _ if is_framed => {
+            Cut::Placed { predecessor: Placement::default(), successor: Placement::default() }
+        }
         _ => urdf
             .joint_index
-            .get(&each.cut_joint)
+            .get(&name)
             .map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
     let rows = match each.cut_joint_type {
@@ -212,13 +222,7 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
             .map(|row| Row { name: row.name, axis: row.axis, against: None })
             .collect(),
     };
-    Some(Loop {
-        name: each.cut_joint,
-        predecessor,
-        successor: *urdf.link_index.get(&each.successor_body)?,
-        cut,
-        rows,
-    })
+    Some(Loop { name, predecessor, successor, cut, rows })
 }
 
 fn placement(values: PlacementValues) -> Placement {

@@ -70,6 +70,7 @@ mod report;
 mod smurf;
 mod submechanisms;
 mod text;
+mod units;
 mod urdf;
 pub mod yaml;
 
@@ -79,6 +80,6 @@ pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use error::LoadError;
 pub use load::{Loaded, Options, Source, load, texts};
-pub use nearest::nearest;
+pub use nearest::{nearest, nearest_first};
 pub use open::{Opened, load_open};
 pub use report::{Diagnostic, Diagnostics, Report};

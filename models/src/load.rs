@@ -14,7 +14,7 @@ use crate::report::{Diagnostics, Report};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
 use crate::urdf::{self, Urdf};
-use crate::{bundled, smurf, yaml};
+use crate::{bundled, smurf, units, yaml};
 
 /// Where a robot comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -209,6 +209,7 @@ pub(crate) fn describe(
     };
 
     let spans = Spans::new(&urdf, submechanisms.as_ref());
+    units::check(&description, &spans, diagnostics);
     Some((description, spans))
 }
 

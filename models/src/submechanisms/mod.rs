@@ -442,7 +442,9 @@ impl<'a> Check<'a, '_> {
                     self.diagnostics.did_you_mean(name, urdf.link_names(), "correct the name");
                 let found =
                     format!("`{key}` names the link {}, which does not exist", quoted(name));
-                self.diagnostics.error(*span, found, "a link of the URDF", help);
+                let expected =
+                    self.diagnostics.one_of("a link of the URDF", name, urdf.link_names());
+                self.diagnostics.error(*span, found, expected, help);
             }
         }
         let (Some((predecessor, _)), Some((successor, span))) =

@@ -15,11 +15,13 @@ macro_rules! faults {
 }
 
 mod cuts;
+mod dialects;
 mod fingerprints;
 mod hostile;
 mod other_faults;
 mod reading;
 mod terms;
+mod units;
 mod urdf_faults;
 mod yaml_faults;
 

@@ -76,7 +76,7 @@ faults! { urdf:
     a_negative_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="-1.5"/>"#,
         "robot.urdf:4:5: the mass of link `rocker` is -1.5, expected zero or more, correct the \
-         value";
+         value, or take it as it is with --lenient";
     an_infinite_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="inf"/>"#,
         "robot.urdf:6:20: `value` of `mass`: `inf` is not finite, expected one finite number, \
@@ -84,17 +84,17 @@ faults! { urdf:
     inertia_without_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="0"/>"#,
         "robot.urdf:4:5: link `rocker` has inertia but no mass, expected a mass, or zero inertia \
-         too, correct one of them";
+         too, correct one of them, or take it as it is with --lenient";
     a_negative_principal_moment_is_an_error:
         r#"ixx="0.02" ixy="0""# => r#"ixx="0.02" ixy="0.01""#,
         "robot.urdf:4:5: the inertia of link `rocker` has the negative principal moment \
          -3.293114e-3, expected moments of zero or more, correct the inertia about the centre of \
-         mass";
+         mass, or take it as it is with --lenient";
     a_broken_triangle_inequality_is_an_error:
         r#"izz="0.02""# => r#"izz="0.022""#,
         "robot.urdf:4:5: the principal moments of link `rocker`, 1.000000e-3, 2.000000e-2 and \
          2.200000e-2, break the triangle inequality, expected none above the sum of the others, \
-         correct the inertia about the centre of mass";
+         correct the inertia about the centre of mass, or take it as it is with --lenient";
     an_inertial_without_mass_is_an_error:
         "      <mass value=\"1.5\"/>\n" => "",
         "robot.urdf:4:5: `inertial` has no `mass`, expected <mass …/>, add it or remove the \
@@ -130,9 +130,9 @@ faults! { urdf:
         r#"<link name="base"/>"# => r#"<link name=""/>"#,
         "robot.urdf:2:15: `name` of `link` is empty, expected a name, fill it in",
         "robot.urdf:23:19: the parent link `base` of joint `elbow` does not exist, expected a link \
-         of this file, correct the name or add the link",
+         of this file: rod, rocker, stator, correct the name or add the link",
         "robot.urdf:30:19: the parent link `base` of joint `swing` does not exist, expected a link \
-         of this file, correct the name or add the link";
+         of this file: rod, rocker, stator, correct the name or add the link";
     a_joint_needs_a_type:
         r#" type="continuous""# => "",
         r#"robot.urdf:29:3: `joint` has no `type`, expected type="…", add it"#;
@@ -186,7 +186,7 @@ faults! { urdf:
     a_link_that_does_not_exist_is_an_error_with_the_nearest:
         r#"<child link="stator"/>"# => r#"<child link="startor"/>"#,
         "robot.urdf:31:18: the child link `startor` of joint `swing` does not exist, expected a \
-         link of this file, did you mean `stator`?";
+         link of this file: stator, rod, base, rocker, did you mean `stator`?";
     two_links_of_one_name_are_an_error:
         r#"<link name="base"/>"# => r#"<link name="base"/><link name="rod"/>"#,
         "robot.urdf:16:3: a second link is named `rod`, expected a name of its own, rename one of \

@@ -56,7 +56,7 @@ faults! { yaml:
         "submechanisms.yml:11:5: the loop constraint has no `predecessor_body`, expected \
          `predecessor_body: NAME`, add it",
         "submechanisms.yml:12:5: the key `body` of a loop constraint is not known, expected \
-         cut_joint, predecessor_body, successor_body, constraint_axes, cut_joint_type, axis, \
+         cut_joint, predecessor_body, successor_body, frames, constraint_axes, cut_joint_type, axis, \
          axis2, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, \
          remove it";
     an_unknown_key_of_an_axis_is_an_error:
@@ -133,6 +133,18 @@ faults! { yaml:
             {xyz: [0, 0, 0]}\n",
         "submechanisms.yml:14:26: the loop has `successor_placement` but no \
          `predecessor_placement`, expected both or neither, add `predecessor_placement`";
+    frames_beside_other_placements_are_an_error:
+        "    predecessor_body: rocker\n    successor_body: rod\n" => "    predecessor_body: \
+            rocker\n    frames: [rocker]\n",
+        "submechanisms.yml:12:23: the loop has `frames` and `predecessor_body`, expected one of \
+         them, remove the other",
+        "submechanisms.yml:13:13: `frames` holds 1 names, expected two links, write `frames: \
+         [LINK, LINK]`";
+    frames_that_are_apart_leave_the_loop_open:
+        "    predecessor_body: rocker\n    successor_body: rod\n" => "    frames: [rocker, rod]\n",
+        "submechanisms.yml:4:20: a loop that is open by 3.563e-1 m (or rad) at the zero pose, \
+         expected placements that coincide at zero, correct predecessor_placement, \
+         successor_placement or the joints' origins";
     a_malformed_placement_is_an_error:
         "    successor_body: rod\n" => "    successor_body: rod\n    predecessor_placement: \
             {xyz: [0, 0]}\n    successor_placement: {xyz: [0, 0, a], rot: 3}\n",
@@ -169,7 +181,7 @@ faults! { yaml:
     a_body_that_does_not_exist_is_an_error_with_the_nearest:
         "predecessor_body: rocker" => "predecessor_body: roker",
         "submechanisms.yml:12:23: `predecessor_body` names the link `roker`, which does not exist, \
-         expected a link of the URDF, did you mean `rocker`?";
+         expected a link of the URDF: rocker, rod, base, stator, did you mean `rocker`?";
     a_loop_of_one_body_is_an_error:
         "predecessor_body: rocker" => "predecessor_body: rod",
         "submechanisms.yml:13:21: `rod` is both predecessor and successor, expected two bodies, \
