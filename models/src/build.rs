@@ -173,7 +173,12 @@ fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submec
 
 fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
     let indices = |names: Option<Vec<String>>| -> Option<Vec<usize>> {
-        names.unwrap_or_default().iter().map(|name| urdf.joint_index.get(name).copied()).collect()
+        let names = names.unwrap_or_default();
+        let parts = names.iter().flat_map(|name| match urdf.parts.get(name) {
+            Some(parts) => parts.iter().collect(),
+            None => vec![name],
+        });
+        parts.map(|name| urdf.joint_index.get(name).copied()).collect()
     };
     let (kind, _) = kind_named(&entry.r#type)?;
     Some(Submechanism {

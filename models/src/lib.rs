@@ -29,6 +29,8 @@
 //!   an r before them for turns, and u for the two axes of a universal joint.
 //! - Joints of type `spherical`, or `ball`: q = x y z w, q̇ = ω in the child link. Like `floating`
 //!   ones they need no axis and no limits.
+//! - Joints of type `planar` (`NAME/x`, `NAME/y`, `NAME/rz`) and `universal` with `<axis>` and
+//!   `<axis2>` (`NAME/r1`, `NAME/r2`), as chains of joints of one axis.
 //! - On a joint `<dynamics damping spring_stiffness spring_reference/>`: the joint exerts −damping
 //!   q̇ − stiffness (q − reference), in N, m or N m, rad. `friction` is not modelled, and one that
 //!   is not zero is reported.

@@ -31,10 +31,13 @@ pub(crate) struct Submechanisms {
 /// Checks the entries of a file and, where there is a robot, their names.
 pub(crate) fn check(
     span: Span,
-    entries: Vec<Entry>,
+    mut entries: Vec<Entry>,
     urdf: Option<&Urdf>,
     diagnostics: &mut Diagnostics,
 ) -> Submechanisms {
+    if let Some(urdf) = urdf.filter(|urdf| !urdf.parts.is_empty()) {
+        entries.iter_mut().for_each(|entry| entry.expand(urdf));
+    }
     let mut names: BTreeSet<&str> = BTreeSet::new();
     for (name, span) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
         if !names.insert(name) {

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::cut;
 use crate::report::{Diagnostics, Span, quoted};
+use crate::urdf::Urdf;
 use crate::yaml::{Named, Node, Value, keys, list, number, numbers, word, words};
 
 /// A submechanism as it stands in the file; `None` for what is absent or malformed, which has been
@@ -18,6 +19,20 @@ pub(crate) struct Entry {
     pub(crate) independent: Option<Vec<Named>>,
     pub(crate) active: Option<Vec<Named>>,
     pub(crate) loops: Vec<LoopEntry>,
+}
+
+impl Entry {
+    /// Puts the parts of joints of several axes in the place of their names.
+    pub(super) fn expand(&mut self, urdf: &Urdf) {
+        for list in [&mut self.all, &mut self.tree, &mut self.independent, &mut self.active] {
+            let Some(names) = list else { continue };
+            let parts = |(name, span): Named| match urdf.parts.get(&name) {
+                Some(parts) => parts.iter().map(|part| (part.clone(), span)).collect(),
+                None => vec![(name, span)],
+            };
+            *names = std::mem::take(names).into_iter().flat_map(parts).collect();
+        }
+    }
 }
 
 /// A loop constraint as it stands in the file.

@@ -1,5 +1,6 @@
 //! URDF: a strict walk over the text with positions, and the numbers by urdf-rs.
 
+mod compound;
 mod dynamics;
 mod guard;
 mod joint;
@@ -50,6 +51,10 @@ pub(crate) struct Urdf {
     pub(crate) joints: Vec<JointEntry>,
     pub(crate) link_index: BTreeMap<String, usize>,
     pub(crate) joint_index: BTreeMap<String, usize>,
+    /// The joints that a joint of several axes consists of, by its name.
+    pub(crate) parts: BTreeMap<String, Vec<String>>,
+    /// Names of joints as they stand in the file.
+    written_joints: Vec<String>,
     /// Byte ranges that no part of sarrus reads.
     unread: Vec<core::ops::Range<usize>>,
     /// Byte ranges of values that urdf-rs knows by another name.
@@ -112,6 +117,8 @@ impl Urdf {
             joints: Vec::new(),
             link_index: BTreeMap::new(),
             joint_index: BTreeMap::new(),
+            parts: BTreeMap::new(),
+            written_joints: Vec::new(),
             unread: Vec::new(),
             replaced: Vec::new(),
         };
@@ -120,7 +127,10 @@ impl Urdf {
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
                 "link" => urdf.links.push(link::read(&mut reader, node)),
-                "joint" => urdf.joints.push(joint::read(&mut reader, node)),
+                "joint" => {
+                    let source = urdf.joints.len();
+                    urdf.joints.push(joint::read(&mut reader, node, source));
+                }
                 _ => {
                     dependences.extend(transmission::read(&mut reader, node));
                     rotors.extend(dynamics::rotors(&mut reader, node));
@@ -128,6 +138,9 @@ impl Urdf {
                 }
             }
         }
+        urdf.written_joints = urdf.joint_names().map(str::to_owned).collect();
+        (urdf.joints, urdf.parts) =
+            compound::expand(std::mem::take(&mut urdf.joints), &mut urdf.links, reader.diagnostics);
         urdf.index_names(reader.diagnostics);
         urdf.couple(dependences, reader.diagnostics);
         urdf.add_rotors(&rotors, &mut reader);
@@ -221,11 +234,33 @@ impl Urdf {
                 self.joint_index.insert(joint.name.clone(), i);
             }
         }
+        // the frame of the whole is that of its last part
+        for (name, parts) in &self.parts {
+            let last = parts.last().and_then(|last| self.joint_index.get(last)).copied();
+            if self.joint_index.contains_key(name) {
+                let found = format!("a second joint is named {}", quoted(name));
+                diagnostics.error(self.span, found, "a name of its own", "rename one of them");
+            } else if let Some(last) = last {
+                self.joint_index.insert(name.clone(), last);
+            }
+        }
+    }
+
+    /// Whether a name is that of a joint of several axes, which couples nothing; reports it.
+    fn is_compound(&self, name: &str, span: Span, diagnostics: &mut Diagnostics) -> bool {
+        let Some(parts) = self.parts.get(name) else { return false };
+        let found = format!("the joint {}, which has several axes", quoted(name));
+        let help = "name one of them";
+        diagnostics.error(span, found, format!("one of {}", parts.join(", ")), help);
+        true
     }
 
     /// Hands the dependences of transmissions to their joints.
     fn couple(&mut self, dependences: Vec<Dependence>, diagnostics: &mut Diagnostics) {
         for dependence in dependences {
+            if self.is_compound(&dependence.joint, dependence.span, diagnostics) {
+                continue;
+            }
             let joint = self.joint_index.get(&dependence.joint).copied();
             match joint.and_then(|joint| self.joints.get_mut(joint)) {
                 None => {
@@ -258,6 +293,9 @@ impl Urdf {
     /// Hands the rotors of transmissions to their joints.
     fn add_rotors(&mut self, rotors: &[Rotor], reader: &mut Reader<'_, '_>) {
         for rotor in rotors {
+            if self.is_compound(&rotor.joint, rotor.span, reader.diagnostics) {
+                continue;
+            }
             let joint = self.joint_index.get(&rotor.joint).copied();
             let Some(joint) = joint.and_then(|joint| self.joints.get_mut(joint)) else {
                 let found = format!(
@@ -299,6 +337,9 @@ impl Urdf {
         }
         for joint in &self.joints {
             for master in &joint.masters {
+                if self.is_compound(&master.joint, master.span, diagnostics) {
+                    continue;
+                }
                 let who =
                     format!("the joint {} follows {}", quoted(&joint.name), quoted(&master.joint));
                 let known = self.joint_index.get(&master.joint);

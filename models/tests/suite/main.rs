@@ -14,6 +14,7 @@ macro_rules! faults {
     };
 }
 
+mod compounds;
 mod cuts;
 mod dialects;
 mod fingerprints;

@@ -139,12 +139,16 @@ faults! { urdf:
     an_unknown_joint_type_is_an_error_with_the_nearest:
         r#"type="continuous""# => r#"type="continous""#,
         "robot.urdf:29:29: the joint type `continous` is not known, expected revolute, continuous, \
-         prismatic, fixed, floating, spherical, ball, did you mean `continuous`?";
-    a_planar_joint_is_not_supported:
-        r#"type="continuous""# => r#"type="planar""#,
-        "robot.urdf:29:29: the joint type `planar` is not supported, expected revolute, \
-         continuous, prismatic, fixed, floating, spherical, ball, use two prismatic and one \
-         revolute joint";
+         prismatic, fixed, floating, spherical, ball, planar, universal, did you mean \
+         `continuous`?";
+    a_universal_joint_needs_two_axes:
+        r#"type="continuous""# => r#"type="universal""#,
+        "robot.urdf:29:3: the universal joint `swing` has no `axis2`, expected <axis2 xyz=\"…\"/>, \
+         add it";
+    a_joint_of_one_axis_has_no_second:
+        r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><axis2 xyz="0 1 0"/>"#,
+        "robot.urdf:33:24: `axis2` of the joint `swing`, which has one axis, expected the type \
+         `universal`, remove it";
     a_zero_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="0 0 0"/>"#,
         "robot.urdf:33:5: the axis of joint `swing` is zero, expected a direction as 0 0 1, \
