@@ -1,11 +1,8 @@
 //! From checked files to the [`Description`], and back from its parts to their positions.
 
-use std::collections::BTreeSet;
-
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
-    SubmechanismKind,
+    Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
 };
 
 use crate::report::Span;
@@ -14,9 +11,6 @@ use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };
 use crate::urdf::{Urdf, Values};
-
-/// The submechanism of the joints that a submechanism file does not list.
-const UNLISTED: &str = "unlisted";
 
 /// Where the parts of a description stand in the files.
 #[derive(Debug)]
@@ -52,6 +46,18 @@ impl Spans {
         }
     }
 
+    /// Adds a submechanism that no file lists.
+    pub(crate) fn add(&mut self, span: Span) {
+        self.submechanisms.push(SubmechanismSpan { span, loops: Vec::new() });
+    }
+
+    /// Adds a loop of the URDF to a submechanism, with so many rows.
+    pub(crate) fn add_loop(&mut self, s: usize, span: Span, n_rows: usize) {
+        if let Some(part) = self.submechanisms.get_mut(s) {
+            part.loops.push((span, vec![span; n_rows]));
+        }
+    }
+
     /// Where a part stands; the nearest known part around it when it has no position of its own.
     pub(crate) fn of(&self, site: Site) -> Span {
         let submechanism = |s: usize| self.submechanisms.get(s);
@@ -71,8 +77,8 @@ impl Spans {
     }
 }
 
-/// The description of checked files; `None` when the two readings of a file differ, which no
-/// checked file should.
+/// The description of checked files, with the submechanisms that a file lists; `None` when the two
+/// readings of a file differ, which no checked file should.
 pub(crate) fn description(
     urdf: &Urdf,
     values: Values,
@@ -107,16 +113,9 @@ pub(crate) fn description(
         })
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
-    let submechanisms = match entries {
-        Some(entries) => {
-            let listed: Vec<Submechanism> = entries
-                .into_iter()
-                .map(|entry| submechanism(urdf, entry))
-                .collect::<Option<_>>()?;
-            with_unlisted(listed, &joints)
-        }
-        None => vec![serial(urdf.name.clone(), &joints, |_| true)],
-    };
+    let entries = entries.unwrap_or_default();
+    let submechanisms =
+        entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?;
     Some(Description {
         name: urdf.name.clone(),
         links: links.collect(),
@@ -124,51 +123,6 @@ pub(crate) fn description(
         submechanisms,
         gravity,
     })
-}
-
-/// The submechanisms of a file, and behind them one of the moving joints that it does not list.
-fn with_unlisted(mut listed: Vec<Submechanism>, joints: &[Joint]) -> Vec<Submechanism> {
-    let known: BTreeSet<usize> =
-        listed.iter().flat_map(|part| &part.spanning_tree).copied().collect();
-    let mut name = UNLISTED.to_owned();
-    while listed.iter().any(|part| part.name == name) {
-        name.push('_');
-    }
-    let rest = serial(name, joints, |joint| !known.contains(&joint));
-    if !rest.spanning_tree.is_empty() {
-        listed.push(rest);
-    }
-    listed
-}
-
-/// A submechanism that nobody wrote: the moving joints that it `has`, in the order of the file,
-/// independent unless they follow others.
-fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submechanism {
-    let moving = joints
-        .iter()
-        .enumerate()
-        .filter(|(i, joint)| joint.kind != JointKind::Fixed && has(*i))
-        .collect::<Vec<_>>();
-    let moving = moving.iter().copied();
-    let independent = moving.clone().filter(|(_, joint)| joint.coupling.is_none());
-    let active = independent
-        .clone()
-        .filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
-    let coupled = moving.clone().any(|(_, joint)| joint.coupling.is_some());
-    let (kind, type_name) = if coupled {
-        (SubmechanismKind::Transmission, "TRANSMISSION")
-    } else {
-        (SubmechanismKind::Serial, "SERIAL")
-    };
-    Submechanism {
-        name,
-        kind,
-        type_name: type_name.to_owned(),
-        spanning_tree: moving.map(|(i, _)| i).collect(),
-        independent: independent.map(|(i, _)| i).collect(),
-        active: active.map(|(i, _)| i).collect(),
-        loops: Vec::new(),
-    }
 }
 
 fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {

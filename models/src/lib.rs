@@ -21,6 +21,8 @@
 //!   submechanism alone.
 //! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead
 //!   of the frame of `cut_joint`.
+//! - On a loop, `frames: [LINK, LINK]` instead of bodies and placements: the cut lies between the
+//!   frames of these links.
 //! - On a loop, `cut_joint_type` instead of `constraint_axes`: `spherical`, `weld`; `revolute`,
 //!   `planar_revolute`, `prismatic` or `cylindrical` with `axis: [x, y, z]`; `universal` with
 //!   `axis` on the predecessor and `axis2` on the successor, perpendicular to it. Axes stand in the
@@ -39,6 +41,8 @@
 //!   without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds
 //!   ratio² × inertia to the joint. Transmissions without a rotor and without `<depends_on>` are
 //!   not looked at.
+//! - Loops in the words of other programs (`<gazebo><joint>`, `<loop>`, `<loop_joint>`,
+//!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
 //!   offset/></joint>`, as couplings.
 //! - A SMURF file in place of the URDF.
@@ -73,6 +77,7 @@ mod smurf;
 mod submechanisms;
 mod text;
 mod units;
+mod unlisted;
 mod urdf;
 pub mod yaml;
 

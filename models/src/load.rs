@@ -14,7 +14,7 @@ use crate::report::{Diagnostics, Report};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
 use crate::urdf::{self, Urdf};
-use crate::{bundled, smurf, units, yaml};
+use crate::{bundled, smurf, units, unlisted, yaml};
 
 /// Where a robot comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -198,7 +198,8 @@ pub(crate) fn describe(
         Some(text) => Some(submechanisms::values(text, diagnostics)?),
         None => None,
     };
-    let Some(description) = build::description(&urdf, values, entries, options.gravity) else {
+    let has_file = entries.is_some();
+    let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
         diagnostics.error(
             urdf.span,
             "two readers of these files see different names",
@@ -208,7 +209,11 @@ pub(crate) fn describe(
         return None;
     };
 
-    let spans = Spans::new(&urdf, submechanisms.as_ref());
+    let mut spans = Spans::new(&urdf, submechanisms.as_ref());
+    unlisted::complete(&urdf, has_file, &mut description, &mut spans, diagnostics);
+    if diagnostics.has_errors() {
+        return None;
+    }
     units::check(&description, &spans, diagnostics);
     Some((description, spans))
 }

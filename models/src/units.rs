@@ -14,7 +14,7 @@ const HEAVY: f64 = 50.0;
 const IMPOSSIBLE: f64 = 1e6;
 /// Mass of heavy links alone in the cube of the robot's reach that is dense `[kg/m³]`.
 const DENSE: f64 = 5e3;
-/// The same of a robot that is rather too large `[kg/m³]`, and the joint offset that it needs `[m]`.
+/// The same of a robot that is rather too large `[kg/m³]`, and the offset that it needs `[m]`.
 const THIN: f64 = 1e-5;
 const LONG: f64 = 10.0;
 /// A joint offset that is longer than any robot `[m]`.

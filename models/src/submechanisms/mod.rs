@@ -20,7 +20,7 @@ use crate::yaml::Named;
 use kind::{KNOWN, Letters, letters};
 
 /// Most rows of all loops together: their matrices are dense.
-const MOST_ROWS: usize = 1024;
+pub(crate) const MOST_ROWS: usize = 1024;
 
 /// A submechanism file as it stands, checked against the robot.
 pub(crate) struct Submechanisms {

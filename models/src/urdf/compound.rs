@@ -42,8 +42,8 @@ impl Part {
     }
 
     /// The axis of this part, where `axis` is that of the whole joint. The directions in the plane
-    /// are x and y of the joint frame where the axis is z; else the frame's axis that is least along
-    /// it, made perpendicular, and the cross product of the axis with this one.
+    /// are x and y of the joint frame where the axis is z; else the frame's axis that is least
+    /// along it, made perpendicular, and the cross product of the axis with this one.
     pub(super) fn axis(self, axis: [f64; 3]) -> [f64; 3] {
         match (self.compound, self.index) {
             (Compound::Planar, 0) => across(axis),
@@ -106,6 +106,7 @@ pub(super) fn expand(
                 has_limits: joint.has_limits && compound != Compound::Planar,
                 has_range: joint.has_range,
                 masters: Vec::new(),
+                independent: joint.independent,
                 terms: if compound == Compound::Planar { Terms::default() } else { joint.terms },
             });
             parent = child;

@@ -9,7 +9,7 @@ use super::xml::{Reader, Shape};
 use crate::report::{Span, quoted};
 
 const JOINT: Shape = Shape {
-    attributes: &["name", "type"],
+    attributes: &["name", "type", "independent"],
     once: &["origin", "parent", "child", "axis", "axis2", "limit", "mimic", "dynamics"],
     many: &[],
     ignored: &[
@@ -73,6 +73,8 @@ pub(crate) struct JointEntry {
     pub(crate) has_range: bool,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
+    /// What URDF+ says about the coordinate of a joint in a loop.
+    pub(crate) independent: Option<bool>,
 }
 
 /// One term of a coupling.
@@ -166,10 +168,23 @@ pub(super) fn read<'t>(
     let has_range =
         limit_node.is_some_and(|node| node.has_attribute("lower") || node.has_attribute("upper"));
     let has_limits = limit_node.is_some();
+    let independent = node.attribute_node("independent").and_then(|written| {
+        match written.value().to_ascii_lowercase().as_str() {
+            "true" | "1" => Some(true),
+            "false" | "0" => Some(false),
+            _ => {
+                let found = format!("`independent` is {}", quoted(written.value()));
+                let at = reader.span_of_value(&written);
+                reader.diagnostics.error(at, found, "true or false", "correct it");
+                None
+            }
+        }
+    });
     JointEntry {
         name,
         span,
         kind,
+        independent,
         compound,
         part: None,
         source,

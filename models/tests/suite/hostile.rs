@@ -73,8 +73,8 @@ fn aliases_are_expanded_up_to_a_bound() {
         first + &(1..=levels).map(level).collect::<String>()
     };
     let reported = |yaml: &str| reported_of(URDF.as_bytes(), Some(yaml.as_bytes()), false);
-    let expected = "submechanisms.yml:6:45: the aliases stand for more than 100000 values, expected \
-        a file of ordinary size, write fewer of them, or the values out\n";
+    let expected = "submechanisms.yml:6:45: the aliases stand for more than 100000 values, \
+        expected a file of ordinary size, write fewer of them, or the values out\n";
     assert_eq!(reported(&bomb(9)), expected);
     // 12340 values are read, whatever they say
     let reported = reported(&bomb(4));

@@ -155,8 +155,8 @@ fn a_smurf_file_takes_the_first_yaml_with_submechanisms() {
 fn a_xacro_file_is_to_be_expanded() {
     let expected = |line: u32, column: u32| {
         format!(
-            "robot.urdf:{line}:{column}: an element of xacro, which is not expanded, expected a URDF \
-             file, expand it: xacro robot.xacro > robot.urdf\n"
+            "robot.urdf:{line}:{column}: an element of xacro, which is not expanded, expected a \
+             URDF file, expand it: xacro robot.xacro > robot.urdf\n"
         )
     };
     let macros = "<xacro:include filename=\"arm.xacro\"/>\n</robot>";

@@ -135,8 +135,8 @@ fn anchors_and_aliases_are_read_as_pyyaml_writes_them() {
 /// A gripper as its maker publishes it: no masses at all.
 #[test]
 fn a_robot_without_masses_has_kinematics_and_no_forward_dynamics() {
-    let gripper = r#"<robot name="gripper"><link name="palm"/><link name="left"/><link name="right"/>
-        <joint name="grip" type="prismatic"><parent link="palm"/><child link="left"/>
+    let gripper = r#"<robot name="gripper"><link name="palm"/><link name="left"/>
+        <link name="right"/><joint name="grip" type="prismatic"><parent link="palm"/><child link="left"/>
           <origin xyz="0 0.1 0" rpy="0.3 0.2 0.1"/><axis xyz="1 2 3"/>
           <limit lower="0" upper="0.04" effort="40" velocity="0.1"/></joint>
         <joint name="follow" type="prismatic"><parent link="palm"/><child link="right"/>

@@ -45,7 +45,7 @@ faults! { urdf:
     an_element_of_another_namespace_is_a_warning:
         r#"<link name="base"/>"# => r#"<link name="base"/><x:macro xmlns:x="http://x.org/"/>"#,
         "robot.urdf:2:22: the element `macro` in `robot` is not known and not read, expected link, \
-         joint, transmission, remove it if it is a slip";
+         joint, transmission, coupling, remove it if it is a slip";
     a_second_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><axis xyz="0 1 0"/>"#,
         "robot.urdf:33:24: `joint` has a second `axis`, expected one, remove one of them";

@@ -56,8 +56,8 @@ faults! { yaml:
         "submechanisms.yml:11:5: the loop constraint has no `predecessor_body`, expected \
          `predecessor_body: NAME`, add it",
         "submechanisms.yml:12:5: the key `body` of a loop constraint is not known, expected \
-         cut_joint, predecessor_body, successor_body, frames, constraint_axes, cut_joint_type, axis, \
-         axis2, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, \
+         cut_joint, predecessor_body, successor_body, frames, constraint_axes, cut_joint_type, \
+         axis, axis2, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, \
          remove it";
     an_unknown_key_of_an_axis_is_an_error:
         "{name: y," => "{name: y, unit: m,",
