@@ -299,9 +299,11 @@ impl<'a> Check<'a, '_> {
                 );
             }
         }
+        // its loops may stand in the URDF
         if kind == SubmechanismKind::Numerical
             && self.entry.loops.is_empty()
             && self.coupled(tree) == 0
+            && self.urdf.is_none_or(|urdf| urdf.closings.is_empty())
         {
             self.diagnostics.error(
                 self.entry.span,

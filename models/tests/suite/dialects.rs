@@ -161,6 +161,13 @@ fn the_independents_of_a_loop_come_from_its_actuators_or_from_urdf_plus() {
         "submechanisms: [{type: NUMERICAL, contextual_name: pin, jointnames_independent: […]";
     assert!(reported.contains(line), "{reported}");
     assert!(reported.lines().all(|line| line.chars().count() <= 400), "{reported}");
+    // what it says is what it takes
+    let written = "submechanisms: [{type: NUMERICAL, contextual_name: pin, jointnames_independent: \
+        [rocker_joint], jointnames_active: [crank_joint], jointnames_spanningtree: [crank_joint, \
+        coupler_joint, rocker_joint]}]";
+    let loaded = good(&plain, Some(written));
+    assert_eq!(loaded.compiled.model.independent_names(), ["rocker_joint"]);
+    assert_eq!(loaded.compiled.model.active_names(), ["crank_joint"]);
     let marked = plain.replace(
         "<joint name=\"rocker_joint\"",
         "<joint independent=\"True\" name=\"rocker_joint\"",
