@@ -2,8 +2,7 @@
 
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, JointKind, Link, Loop, Placement, Row, Submechanism,
-    SubmechanismKind,
+    Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
 };
 
 use crate::report::Span;
@@ -52,6 +51,18 @@ impl Spans {
         self.submechanisms.insert(0, SubmechanismSpan { span: self.robot, loops: Vec::new() });
     }
 
+    /// Adds a submechanism that no file lists.
+    pub(crate) fn add(&mut self, span: Span) {
+        self.submechanisms.push(SubmechanismSpan { span, loops: Vec::new() });
+    }
+
+    /// Adds a loop of the URDF to a submechanism, with so many rows.
+    pub(crate) fn add_loop(&mut self, s: usize, span: Span, n_rows: usize) {
+        if let Some(part) = self.submechanisms.get_mut(s) {
+            part.loops.push((span, vec![span; n_rows]));
+        }
+    }
+
     /// Where a part stands; the nearest known part around it when it has no position of its own.
     pub(crate) fn of(&self, site: Site) -> Span {
         let submechanism = |s: usize| self.submechanisms.get(s);
@@ -71,8 +82,8 @@ impl Spans {
     }
 }
 
-/// The description of checked files; `None` when the two readings of a file differ, which no
-/// checked file should.
+/// The description of checked files, with the submechanisms that a file lists; `None` when the two
+/// readings of a file differ, which no checked file should.
 pub(crate) fn description(
     urdf: &Urdf,
     values: Values,
@@ -107,12 +118,9 @@ pub(crate) fn description(
         })
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
-    let submechanisms = match entries {
-        Some(entries) => {
-            entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?
-        }
-        None => vec![whole(&urdf.name, &joints)],
-    };
+    let entries = entries.unwrap_or_default();
+    let submechanisms =
+        entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?;
     Some(Description {
         name: urdf.name.clone(),
         links: links.collect(),
@@ -122,34 +130,14 @@ pub(crate) fn description(
     })
 }
 
-/// The one submechanism of a robot that comes without any: every moving joint in the order of the
-/// file.
-fn whole(name: &str, joints: &[Joint]) -> Submechanism {
-    let moving = joints.iter().enumerate().filter(|(_, joint)| joint.kind != JointKind::Fixed);
-    let independent = moving.clone().filter(|(_, joint)| joint.coupling.is_none());
-    let active = independent
-        .clone()
-        .filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
-    let coupled = joints.iter().any(|joint| joint.coupling.is_some());
-    let (kind, type_name) = if coupled {
-        (SubmechanismKind::Transmission, "TRANSMISSION")
-    } else {
-        (SubmechanismKind::Serial, "SERIAL")
-    };
-    Submechanism {
-        name: name.to_owned(),
-        kind,
-        type_name: type_name.to_owned(),
-        spanning_tree: moving.map(|(i, _)| i).collect(),
-        independent: independent.map(|(i, _)| i).collect(),
-        active: active.map(|(i, _)| i).collect(),
-        loops: Vec::new(),
-    }
-}
-
 fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
     let indices = |names: Option<Vec<String>>| -> Option<Vec<usize>> {
-        names.unwrap_or_default().iter().map(|name| urdf.joint_index.get(name).copied()).collect()
+        let names = names.unwrap_or_default();
+        let parts = names.iter().flat_map(|name| match urdf.parts.get(name) {
+            Some(parts) => parts.iter().collect(),
+            None => vec![name],
+        });
+        parts.map(|name| urdf.joint_index.get(name).copied()).collect()
     };
     let (kind, _) = kind_named(&entry.r#type)?;
     Some(Submechanism {
@@ -169,14 +157,24 @@ fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
 }
 
 fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
-    let predecessor = *urdf.link_index.get(&each.predecessor_body)?;
+    let is_framed = each.frames.is_some();
+    let [first, second] = match each.frames {
+        Some(frames) => frames,
+        None => [each.predecessor_body?, each.successor_body?],
+    };
+    let [predecessor, successor] = [&first, &second].map(|name| urdf.link_index.get(name).copied());
+    let (predecessor, successor) = (predecessor?, successor?);
+    let name = each.cut_joint.unwrap_or_else(|| format!("{first}_{second}"));
     let cut = match (each.predecessor_placement, each.successor_placement) {
         (Some(predecessor), Some(successor)) => {
             Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) }
         }
+        _ if is_framed => {
+            Cut::Placed { predecessor: Placement::default(), successor: Placement::default() }
+        }
         _ => urdf
             .joint_index
-            .get(&each.cut_joint)
+            .get(&name)
             .map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
     let rows = match each.cut_joint_type {
@@ -188,13 +186,7 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
             .map(|row| Row { name: row.name, axis: row.axis, against: None })
             .collect(),
     };
-    Some(Loop {
-        name: each.cut_joint,
-        predecessor,
-        successor: *urdf.link_index.get(&each.successor_body)?,
-        cut,
-        rows,
-    })
+    Some(Loop { name, predecessor, successor, cut, rows })
 }
 
 fn placement(values: PlacementValues) -> Placement {

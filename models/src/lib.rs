@@ -21,6 +21,8 @@
 //!   submechanism alone.
 //! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead
 //!   of the frame of `cut_joint`.
+//! - On a loop, `frames: [LINK, LINK]` instead of bodies and placements: the cut lies between the
+//!   frames of these links.
 //! - On a loop, `cut_joint_type` instead of `constraint_axes`: `spherical`, `weld`; `revolute`,
 //!   `planar_revolute`, `prismatic` or `cylindrical` with `axis: [x, y, z]`; `universal` with
 //!   `axis` on the predecessor and `axis2` on the successor, perpendicular to it. Axes stand in the
@@ -29,6 +31,8 @@
 //!   an r before them for turns, and u for the two axes of a universal joint.
 //! - Joints of type `spherical`, or `ball`: q = x y z w, q̇ = ω in the child link. Like `floating`
 //!   ones they need no axis and no limits.
+//! - Joints of type `planar` (`NAME/x`, `NAME/y`, `NAME/rz`) and `universal` with `<axis>` and
+//!   `<axis2>` (`NAME/r1`, `NAME/r2`), as chains of joints of one axis.
 //! - On a joint `<dynamics damping spring_stiffness spring_reference/>`: the joint exerts −damping
 //!   q̇ − stiffness (q − reference), in N, m or N m, rad. `friction` is not modelled, and one that
 //!   is not zero is reported.
@@ -37,18 +41,22 @@
 //!   without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds
 //!   ratio² × inertia to the joint. Transmissions without a rotor and without `<depends_on>` are
 //!   not looked at.
+//! - Loops in the words of other programs (`<gazebo><joint>`, `<loop>`, `<loop_joint>`,
+//!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
 //!   offset/></joint>`, as couplings.
 //! - A SMURF file in place of the URDF.
 //!
 //! Without a submechanism file every moving joint is independent and active in the order of the
-//! URDF; floating joints are not active, joints with `<mimic>` follow.
+//! URDF; floating joints are not active, joints with `<mimic>` follow. So are those that no
+//! submechanism of a file lists, behind the others.
 //!
 //! # Limits
 //! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and
-//! 1024 on all loops. A file beyond them is faulty, and so is one with anchors, aliases, tags or a
-//! document type: reading costs time in proportion to the size of a file. A report lists the first
-//! thousand errors and the first thousand warnings that were found, and the number of the others.
+//! 1024 on all loops, aliases for 100000 values. A file beyond them is faulty, and so is one with
+//! tags or a document type: reading costs time in proportion to the size of a file. A report lists
+//! the first thousand errors and the first thousand warnings that were found, and the number of the
+//! others.
 #![forbid(unsafe_code)]
 
 mod assembly;
@@ -71,6 +79,8 @@ mod smurf;
 mod submechanisms;
 mod suggest;
 mod text;
+mod units;
+mod unlisted;
 mod urdf;
 pub mod yaml;
 
@@ -81,7 +91,7 @@ pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use error::LoadError;
 pub use load::{Loaded, Options, Source, load, texts};
-pub use nearest::nearest;
+pub use nearest::{nearest, nearest_first};
 pub use open::{Opened, load_open};
 pub use report::{Diagnostic, Diagnostics, Report};
 pub use rewrite::{NewZero, Rewritten};

@@ -15,7 +15,7 @@ use crate::report::{Diagnostics, Report};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
 use crate::urdf::{self, Urdf};
-use crate::{bundled, smurf, yaml};
+use crate::{bundled, smurf, units, unlisted, yaml};
 
 /// Where a robot comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -184,7 +184,7 @@ pub(crate) fn describe(
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
         transmissions(urdf, entries, folder, diagnostics);
     }
-    if let Some(urdf) = &urdf {
+    if let Some(urdf) = &mut urdf {
         urdf.check_couplings(diagnostics);
     }
     let submechanisms: Option<Submechanisms> = root.zip(entries).map(|(root, entries)| {
@@ -201,6 +201,7 @@ pub(crate) fn describe(
         Some(text) => Some(submechanisms::values(text, diagnostics)?),
         None => None,
     };
+    let has_file = entries.is_some();
     let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
         diagnostics.error(
             urdf.span,
@@ -212,8 +213,13 @@ pub(crate) fn describe(
     };
 
     let mut spans = Spans::new(&urdf, submechanisms.as_ref());
+    unlisted::complete(&urdf, has_file, &mut description, &mut spans, diagnostics);
     base::put(&options.base, &mut description, &mut spans, diagnostics);
-    (!diagnostics.has_errors()).then_some((description, spans))
+    if diagnostics.has_errors() {
+        return None;
+    }
+    units::check(&description, &spans, diagnostics);
+    Some((description, spans))
 }
 
 /// The model; its faults go back to their positions.

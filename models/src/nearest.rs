@@ -26,6 +26,44 @@ pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     best.map(|(_, candidate)| candidate)
 }
 
+/// The known names for a message, the nearest first, as many as fit into so many characters.
+pub fn nearest_first<'a>(
+    name: &str,
+    known: impl IntoIterator<Item = &'a str>,
+    most: usize,
+) -> String {
+    let letters = folded(name).unwrap_or_default();
+    let far =
+        |other: &str| folded(other).map_or(usize::MAX, |other| edit_distance(&letters, &other));
+    let mut names: Vec<&str> = known.into_iter().collect();
+    if names.len() <= MOST {
+        names.sort_by_cached_key(|other| far(other));
+    }
+    listed(names, most)
+}
+
+/// Names for a message in their order, as many as fit into so many characters.
+pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>, most: usize) -> String {
+    let (mut list, mut length, mut left) = (String::new(), 0, 0_usize);
+    for name in names {
+        let with = length + name.chars().count() + 2;
+        if left > 0 || with > most {
+            left += 1;
+            continue;
+        }
+        if length > 0 {
+            list.push_str(", ");
+        }
+        list.push_str(name);
+        length = with;
+    }
+    match (list.is_empty(), left) {
+        (_, 0) => list,
+        (true, _) => format!("{left} names"),
+        _ => format!("{list} and {left} more"),
+    }
+}
+
 /// Lower-case letters of a name that is short enough to compare.
 fn folded(name: &str) -> Option<Vec<char>> {
     (name.len() <= LONGEST).then(|| name.chars().flat_map(char::to_lowercase).collect())
@@ -53,7 +91,7 @@ fn edit_distance(a: &[char], b: &[char]) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::nearest;
+    use super::{nearest, nearest_first};
 
     #[test]
     fn a_slip_finds_its_name_and_a_stranger_finds_none() {
@@ -63,5 +101,14 @@ mod tests {
         assert_eq!(nearest("tpye", known), Some("type"));
         assert_eq!(nearest("damping", known), None);
         assert_eq!(nearest(&"x".repeat(1 << 20), known), None);
+    }
+
+    #[test]
+    fn a_list_of_names_begins_with_the_nearest_and_is_bounded() {
+        let known = ["base", "left_arm", "right_arm", "head"];
+        assert_eq!(nearest_first("haed", known, 300), "head, base, left_arm, right_arm");
+        assert_eq!(nearest_first("left_am", known, 20), "left_arm and 3 more");
+        assert_eq!(nearest_first("x", ["a_long_name"], 5), "1 names");
+        assert_eq!(nearest_first("x", [], 5), "");
     }
 }

@@ -5,7 +5,7 @@ use core::fmt;
 
 use serde::Serialize;
 
-use crate::nearest::nearest;
+use crate::nearest::{nearest, nearest_first};
 
 /// Faults of one severity that a report holds; a hostile file could have millions.
 const MOST: usize = 1000;
@@ -30,10 +30,37 @@ pub struct Diagnostic {
     pub help: String,
 }
 
+/// Most characters of a line, of the name of a file in it, and of what stands between its parts.
+const LONGEST_LINE: usize = 400;
+const LONGEST_FILE: usize = 120;
+const BETWEEN: usize = 42;
+
+impl Diagnostic {
+    /// The line of a warning: as [`fmt::Display`], with the word behind the position.
+    pub fn as_warning(&self) -> String {
+        format!("{}warning: {}", self.position(), self.message())
+    }
+
+    /// The position; of a long name of a file its end.
+    fn position(&self) -> String {
+        let Diagnostic { file, line, column, .. } = self;
+        let excess = file.chars().count().saturating_sub(LONGEST_FILE);
+        if excess == 0 {
+            return format!("{file}:{line}:{column}: ");
+        }
+        let end: String = file.chars().skip(excess + 1).collect();
+        format!("…{end}:{line}:{column}: ")
+    }
+
+    fn message(&self) -> String {
+        let Diagnostic { found, expected, help, .. } = self;
+        format!("{found}, expected {expected}, {help}")
+    }
+}
+
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Diagnostic { file, line, column, found, expected, help } = self;
-        write!(f, "{file}:{line}:{column}: {found}, expected {expected}, {help}")
+        write!(f, "{}{}", self.position(), self.message())
     }
 }
 
@@ -138,6 +165,7 @@ impl Diagnostics {
         if self.lenient {
             self.warning(span, found, expected, help);
         } else {
+            let help = format!("{}, or take it as it is with --lenient", help.into());
             self.error(span, found, expected, help);
         }
     }
@@ -163,6 +191,23 @@ impl Diagnostics {
         near.map_or_else(|| otherwise.into(), |near| format!("did you mean `{near}`?"))
     }
 
+    /// What a name should have been: one of these, the nearest first.
+    pub(crate) fn one_of<'a>(
+        &self,
+        what: &str,
+        name: &str,
+        known: impl IntoIterator<Item = &'a str>,
+    ) -> String {
+        // a file with many unknown names has no use for many lists
+        const MOST_LISTS: usize = 8;
+        if self.errors.diagnostics.len() < MOST_LISTS {
+            let known = known.into_iter().filter(|known| !known.is_empty());
+            format!("{what}: {}", nearest_first(name, known, 150))
+        } else {
+            what.to_owned()
+        }
+    }
+
     /// The report, sorted by position.
     pub fn into_report(self) -> Report {
         Report {
@@ -174,8 +219,8 @@ impl Diagnostics {
 
     fn diagnostic(&self, span: Span, found: String, expected: String, help: String) -> Diagnostic {
         let file = self.files.get(span.file as usize).cloned().unwrap_or_default();
-        // what stands around the three parts takes less than forty characters
-        let most = LONGEST.saturating_sub(file.chars().count() + 40).max(LONGEST / 2);
+        let of_file = file.chars().count().min(LONGEST_FILE);
+        let most = LONGEST_LINE - BETWEEN - of_file;
         let [found, expected, help] = bounded([found, expected, help], most);
         Diagnostic {
             file,
@@ -231,8 +276,8 @@ pub fn quoted(name: &str) -> String {
     shown
 }
 
-/// The parts of a message on one line, `most` characters together: control characters are made
-/// visible, and the longest part is cut where all are too long.
+/// The parts of a message on one line of at most so many characters: control characters are made
+/// visible, and the longest part is cut where all are too long together.
 fn bounded(parts: [String; 3], most: usize) -> [String; 3] {
     let mut parts = parts.map(|part| visible(&part));
     let length = |part: &String| part.chars().count();
@@ -263,12 +308,12 @@ fn visible(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Diagnostics, Span, bounded};
+    use super::{Diagnostics, LONGEST_LINE, Span, bounded};
 
     #[test]
     fn a_line_with_its_position_is_at_most_400_characters_whatever_the_file_is_called() {
         let mut diagnostics = Diagnostics::new(false);
-        let file = diagnostics.add_file(&"folder/".repeat(20));
+        let file = diagnostics.add_file(&"folder/".repeat(10));
         let span = Span { file, line: 123_456, column: 12_345 };
         diagnostics.warning(span, "a".repeat(300), "b".repeat(300), "c".repeat(300));
         for warning in diagnostics.into_report().warnings {
@@ -285,6 +330,23 @@ mod tests {
             let kept = cut.each_ref().map(|part| part.chars().count());
             assert!(kept.iter().sum::<usize>() <= 360, "{lengths:?}: {kept:?}");
             assert!(kept.iter().zip(lengths).all(|(kept, n)| *kept >= n.min(119)), "{kept:?}");
+        }
+    }
+
+    #[test]
+    fn a_line_is_bounded_with_the_name_of_its_file() {
+        for file in ["é".repeat(500), "f".repeat(119), String::new()] {
+            let mut diagnostics = Diagnostics::new(false);
+            let file = diagnostics.add_file(&file);
+            let span = Span { file, line: 99_999_999, column: 99_999_999 };
+            for n in [1, 130, 1000] {
+                diagnostics.warning(span, "a".repeat(n), "b".repeat(n), "c".repeat(n));
+            }
+            for warning in diagnostics.into_report().warnings {
+                let line = warning.as_warning();
+                assert!(line.chars().count() <= LONGEST_LINE, "{line}");
+                assert!(line.contains(":99999999:99999999: warning: a"), "{line}");
+            }
         }
     }
 }

@@ -20,7 +20,7 @@ use crate::yaml::Named;
 use kind::{KNOWN, Letters, letters};
 
 /// Most rows of all loops together: their matrices are dense.
-const MOST_ROWS: usize = 1024;
+pub(crate) const MOST_ROWS: usize = 1024;
 
 /// A submechanism file as it stands, checked against the robot.
 pub(crate) struct Submechanisms {
@@ -31,10 +31,13 @@ pub(crate) struct Submechanisms {
 /// Checks the entries of a file and, where there is a robot, their names.
 pub(crate) fn check(
     span: Span,
-    entries: Vec<Entry>,
+    mut entries: Vec<Entry>,
     urdf: Option<&Urdf>,
     diagnostics: &mut Diagnostics,
 ) -> Submechanisms {
+    if let Some(urdf) = urdf.filter(|urdf| !urdf.parts.is_empty()) {
+        entries.iter_mut().for_each(|entry| entry.expand(urdf));
+    }
     let mut names: BTreeSet<&str> = BTreeSet::new();
     for (name, span) in entries.iter().filter_map(|entry| entry.name.as_ref()) {
         if !names.insert(name) {
@@ -56,11 +59,12 @@ pub(crate) fn check(
         if moves && !joint.name.is_empty() && !owner.contains_key(joint.name.as_str()) {
             let found =
                 format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
-            diagnostics.error(
+            diagnostics.warning(
                 joint.span,
                 found,
                 "every moving joint in one",
-                "add it to a jointnames_spanningtree or make it fixed",
+                "add it to a jointnames_spanningtree or make it fixed; it is read as serial, \
+                 independent and active",
             );
         }
     }
@@ -295,9 +299,11 @@ impl<'a> Check<'a, '_> {
                 );
             }
         }
+        // its loops may stand in the URDF
         if kind == SubmechanismKind::Numerical
             && self.entry.loops.is_empty()
             && self.coupled(tree) == 0
+            && self.urdf.is_none_or(|urdf| urdf.closings.is_empty())
         {
             self.diagnostics.error(
                 self.entry.span,
@@ -441,7 +447,9 @@ impl<'a> Check<'a, '_> {
                     self.diagnostics.did_you_mean(name, urdf.link_names(), "correct the name");
                 let found =
                     format!("`{key}` names the link {}, which does not exist", quoted(name));
-                self.diagnostics.error(*span, found, "a link of the URDF", help);
+                let expected =
+                    self.diagnostics.one_of("a link of the URDF", name, urdf.link_names());
+                self.diagnostics.error(*span, found, expected, help);
             }
         }
         let (Some((predecessor, _)), Some((successor, span))) =

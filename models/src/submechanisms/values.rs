@@ -23,9 +23,10 @@ pub(crate) struct EntryValues {
 /// A loop constraint. Stabilisation parameters are of no use to exact closures.
 #[derive(Debug, Deserialize)]
 pub(crate) struct LoopValues {
-    pub(crate) cut_joint: String,
-    pub(crate) predecessor_body: String,
-    pub(crate) successor_body: String,
+    pub(crate) cut_joint: Option<String>,
+    pub(crate) predecessor_body: Option<String>,
+    pub(crate) successor_body: Option<String>,
+    pub(crate) frames: Option<[String; 2]>,
     pub(crate) constraint_axes: Option<Vec<RowValues>>,
     pub(crate) cut_joint_type: Option<String>,
     pub(crate) axis: Option<[f64; 3]>,

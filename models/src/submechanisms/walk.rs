@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::cut;
 use crate::report::{Diagnostics, Span, quoted};
+use crate::urdf::Urdf;
 use crate::yaml::{Named, Node, Value, keys, list, number, numbers, word, words};
 
 /// A submechanism as it stands in the file; `None` for what is absent or malformed, which has been
@@ -18,6 +19,20 @@ pub(crate) struct Entry {
     pub(crate) independent: Option<Vec<Named>>,
     pub(crate) active: Option<Vec<Named>>,
     pub(crate) loops: Vec<LoopEntry>,
+}
+
+impl Entry {
+    /// Puts the parts of joints of several axes in the place of their names.
+    pub(super) fn expand(&mut self, urdf: &Urdf) {
+        for list in [&mut self.all, &mut self.tree, &mut self.independent, &mut self.active] {
+            let Some(names) = list else { continue };
+            let parts = |(name, span): Named| match urdf.parts.get(&name) {
+                Some(parts) => parts.iter().map(|part| (part.clone(), span)).collect(),
+                None => vec![(name, span)],
+            };
+            *names = std::mem::take(names).into_iter().flat_map(parts).collect();
+        }
+    }
 }
 
 /// A loop constraint as it stands in the file.
@@ -46,6 +61,7 @@ const LOOP: &[&str] = &[
     "cut_joint",
     "predecessor_body",
     "successor_body",
+    "frames",
     "constraint_axes",
     "cut_joint_type",
     "axis",
@@ -154,9 +170,10 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     if !keys(node, "a loop constraint", LOOP, diagnostics) {
         return None;
     }
+    let frames = frames(node, diagnostics);
     let [cut_joint, predecessor, successor] = ["cut_joint", "predecessor_body", "successor_body"]
         .map(|key| {
-            if node.get(key).is_none() {
+            if node.get(key).is_none() && frames.is_none() {
                 diagnostics.error(
                     node.span,
                     format!("the loop constraint has no `{key}`"),
@@ -166,6 +183,10 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
             }
             word(node, key, diagnostics)
         });
+    let (predecessor, successor) = match frames.clone().flatten() {
+        Some([first, second]) => (Some(first), Some(second)),
+        None => (predecessor, successor),
+    };
     baumgarte(node, diagnostics);
     let placements =
         ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
@@ -214,9 +235,29 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     for axis in axes {
         row(axis, &mut names, diagnostics);
     }
-    let is_placed = placements.iter().all(|(_, placement)| placement.is_some());
+    let is_placed = frames.is_some() || placements.iter().all(|(_, placement)| placement.is_some());
     let rows = axes.iter().map(|axis| axis.span).chain(of_type).collect();
     Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, is_placed, rows })
+}
+
+/// The two links of `frames`, whose frames are the cut frames; nothing else may place the cut then.
+/// The inner `None` stands for what is malformed.
+fn frames(node: &Node, diagnostics: &mut Diagnostics) -> Option<Option<[Named; 2]>> {
+    let value = node.get("frames")?;
+    let others =
+        ["predecessor_body", "successor_body", "predecessor_placement", "successor_placement"];
+    for (key, other) in others.iter().filter_map(|key| Some((key, node.get(key)?))) {
+        let found = format!("the loop has `frames` and `{key}`");
+        diagnostics.error(other.span, found, "one of them", "remove the other");
+    }
+    let Some(names) = words(node, "frames", diagnostics) else { return Some(None) };
+    let count = names.len();
+    let names = <[Named; 2]>::try_from(names).ok();
+    if names.is_none() {
+        let found = format!("`frames` holds {count} names");
+        diagnostics.error(value.span, found, "two links", "write `frames: [LINK, LINK]`");
+    }
+    Some(names)
 }
 
 fn row(node: &Node, names: &mut BTreeSet<String>, diagnostics: &mut Diagnostics) {

@@ -153,7 +153,14 @@ pub(super) fn accepts(
             reader.diagnostics.warning(span, found, "a joint that moves", help);
             false
         }
-        Some(JointKind::Floating | JointKind::Spherical) => {
+        // damping is the same in all directions; a spring has no angle to measure
+        Some(JointKind::Spherical) if terms.stiffness == 0.0 && terms.rotor_inertia == 0.0 => true,
+        Some(JointKind::Spherical) => {
+            let found = format!("the ball joint {} has a spring or a rotor", quoted(joint));
+            reader.diagnostics.error(span, found, "damping, or a joint of one freedom", help);
+            false
+        }
+        Some(JointKind::Floating) => {
             let found = format!(
                 "the joint {} of several freedoms has damping, a spring or a rotor",
                 quoted(joint)

@@ -3,13 +3,14 @@
 use roxmltree::Node;
 use sarrus_dynamics::description::{JointKind, Terms};
 
+use super::compound::{Compound, Part};
 use super::dynamics;
 use super::xml::{Reader, Shape};
 use crate::report::{Span, quoted};
 
 const JOINT: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &["origin", "parent", "child", "axis", "limit", "mimic", "dynamics"],
+    attributes: &["name", "type", "independent"],
+    once: &["origin", "parent", "child", "axis", "axis2", "limit", "mimic", "dynamics"],
     many: &[],
     ignored: &[
         "calibration",
@@ -33,7 +34,8 @@ const LIMIT: Shape = Shape {
 const MIMIC: Shape =
     Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
 
-const TYPES: [(&str, JointKind); 7] = [
+/// Joint types; those of several axes count as the motion of their parts.
+const TYPES: [(&str, JointKind); 9] = [
     ("revolute", JointKind::Revolute),
     ("continuous", JointKind::Continuous),
     ("prismatic", JointKind::Prismatic),
@@ -41,10 +43,15 @@ const TYPES: [(&str, JointKind); 7] = [
     ("floating", JointKind::Floating),
     ("spherical", JointKind::Spherical),
     (BALL, JointKind::Spherical),
+    (PLANAR, JointKind::Floating),
+    (UNIVERSAL, JointKind::Continuous),
 ];
 
 /// Another name of `spherical`, which urdf-rs does not know.
 const BALL: &str = "ball";
+/// Joints of several axes; urdf-rs does not know the second.
+const PLANAR: &str = "planar";
+const UNIVERSAL: &str = "universal";
 
 /// A joint as it stands in the file.
 pub(crate) struct JointEntry {
@@ -53,11 +60,21 @@ pub(crate) struct JointEntry {
     pub(crate) span: Span,
     /// `None` when the type is not known, which has been reported.
     pub(crate) kind: Option<JointKind>,
+    /// What a joint of several axes is, until it is a chain of parts.
+    pub(super) compound: Option<Compound>,
+    /// Which part of a chain the joint is.
+    pub(crate) part: Option<Part>,
+    /// Index of the joint in the file.
+    pub(crate) source: usize,
     pub(crate) parent: Option<(String, Span)>,
     pub(crate) child: Option<(String, Span)>,
     pub(crate) has_limits: bool,
+    /// Whether the limits hold a range: without `lower` and `upper` there is none.
+    pub(crate) has_range: bool,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
+    /// What URDF+ says about the coordinate of a joint in a loop.
+    pub(crate) independent: Option<bool>,
 }
 
 /// One term of a coupling.
@@ -69,13 +86,20 @@ pub(crate) struct Master {
     pub(crate) offset: f64,
 }
 
-pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
+pub(super) fn read<'t>(
+    reader: &mut Reader<'t, '_>,
+    node: Node<'_, 't>,
+    source: usize,
+) -> JointEntry {
     let span = reader.span(node);
     let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
     let kind =
         reader.required(node, "type").and_then(|(written, span)| kind_of(reader, &written, span));
-    if let Some(written) = node.attribute_node("type").filter(|written| written.value() == BALL) {
-        reader.replaced.push((written.range_value(), "spherical"));
+    let is = |written: &str| node.attribute("type") == Some(written);
+    for (written, known) in [(BALL, "spherical"), (UNIVERSAL, "floating")] {
+        if let Some(attribute) = node.attribute_node("type").filter(|_| is(written)) {
+            reader.replaced.push((attribute.range_value(), known));
+        }
     }
     let children = reader.children(node, &JOINT);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
@@ -97,12 +121,30 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
             None
         }
     });
-    if let Some(node) = find("axis") {
-        axis(reader, node, kind, &name);
+    let first = find("axis").and_then(|axis_node| {
+        let kind = if is(PLANAR) { Some(JointKind::Continuous) } else { kind };
+        axis(reader, axis_node, kind, &name)
+    });
+    let second = find("axis2");
+    let axis2 = second.and_then(|node| {
+        reader.unread.push(node.range());
+        axis(reader, node, Some(JointKind::Continuous), &name)
+    });
+    let compound = if is(PLANAR) {
+        Some(Compound::Planar)
+    } else if is(UNIVERSAL) {
+        universal(reader, span, &name, first.unwrap_or([1.0, 0.0, 0.0]), axis2, second.is_some())
+    } else {
+        None
+    };
+    if let Some(node) = second.filter(|_| !is(UNIVERSAL)) {
+        let found = format!("`axis2` of the joint {}, which has one axis", quoted(&name));
+        let span = reader.span(node);
+        reader.diagnostics.error(span, found, "the type `universal`", "remove it");
     }
     let limit_node = find("limit");
     match limit_node {
-        Some(node) => limit(reader, node, kind),
+        Some(node) => limit(reader, node, kind.filter(|_| !is(PLANAR)), &name),
         None if matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic)) => {
             let what = if kind == Some(JointKind::Revolute) { "revolute" } else { "prismatic" };
             let found = format!("the {what} joint {} has no limits", quoted(&name));
@@ -123,23 +165,44 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
     let terms =
         find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
-    JointEntry { name, span, kind, parent, child, has_limits: limit_node.is_some(), masters, terms }
+    let has_range =
+        limit_node.is_some_and(|node| node.has_attribute("lower") || node.has_attribute("upper"));
+    let has_limits = limit_node.is_some();
+    let independent = node.attribute_node("independent").and_then(|written| {
+        match written.value().to_ascii_lowercase().as_str() {
+            "true" | "1" => Some(true),
+            "false" | "0" => Some(false),
+            _ => {
+                let found = format!("`independent` is {}", quoted(written.value()));
+                let at = reader.span_of_value(&written);
+                reader.diagnostics.error(at, found, "true or false", "correct it");
+                None
+            }
+        }
+    });
+    JointEntry {
+        name,
+        span,
+        kind,
+        independent,
+        compound,
+        part: None,
+        source,
+        parent,
+        child,
+        has_limits,
+        has_range,
+        masters,
+        terms,
+    }
 }
 
 fn kind_of(reader: &mut Reader<'_, '_>, written: &str, span: Span) -> Option<JointKind> {
     let names = TYPES.map(|(name, _)| name);
     let kind = TYPES.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind);
     if kind.is_none() {
-        let (found, help) = match written {
-            "planar" => (
-                "the joint type `planar` is not supported".to_owned(),
-                "use two prismatic and one revolute joint".to_owned(),
-            ),
-            _ => {
-                let help = reader.diagnostics.did_you_mean(written, names, "choose one of them");
-                (format!("the joint type {} is not known", quoted(written)), help)
-            }
-        };
+        let help = reader.diagnostics.did_you_mean(written, names, "choose one of them");
+        let found = format!("the joint type {} is not known", quoted(written));
         reader.diagnostics.error(span, found, names.join(", "), help);
     }
     kind
@@ -180,7 +243,38 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     }
 }
 
-fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>, joint: &str) {
+/// A universal joint of these axes; `None` after an error.
+fn universal(
+    reader: &mut Reader<'_, '_>,
+    span: Span,
+    joint: &str,
+    axis: [f64; 3],
+    axis2: Option<[f64; 3]>,
+    is_given: bool,
+) -> Option<Compound> {
+    let Some(axis2) = axis2 else {
+        if !is_given {
+            let found = format!("the universal joint {} has no `axis2`", quoted(joint));
+            reader.diagnostics.error(span, found, "<axis2 xyz=\"…\"/>", "add it");
+        }
+        return None;
+    };
+    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let cosine = dot(axis, axis2) / (dot(axis, axis) * dot(axis2, axis2)).sqrt();
+    if cosine.abs() > 1.0 - 1e-6 {
+        let found = format!("the axes of the universal joint {} are parallel", quoted(joint));
+        reader.diagnostics.error(span, found, "two directions", "correct one of them");
+    }
+    Some(Compound::Universal { axis2 })
+}
+
+/// Checks an axis; its direction where the joint moves along or about it.
+fn axis<'t>(
+    reader: &mut Reader<'t, '_>,
+    node: Node<'_, 't>,
+    kind: Option<JointKind>,
+    joint: &str,
+) -> Option<[f64; 3]> {
     reader.children(node, &AXIS);
     if node.attribute_node("xyz").is_none() {
         reader.diagnostics.error(
@@ -192,7 +286,8 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
     }
     let moves =
         matches!(kind, Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic));
-    if let Some(axis) = reader.numbers::<3>(node, "xyz").filter(|_| moves) {
+    let axis = reader.numbers::<3>(node, "xyz").filter(|_| moves);
+    if let Some(axis) = axis {
         let length = axis.iter().fold(0.0_f64, |length, x| length.max(x.abs()));
         // far from unit length its square would leave the range of numbers
         if !(1e-6..=1e6).contains(&length) {
@@ -209,9 +304,15 @@ fn axis<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointK
             );
         }
     }
+    axis
 }
 
-fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<JointKind>) {
+fn limit<'t>(
+    reader: &mut Reader<'t, '_>,
+    node: Node<'_, 't>,
+    kind: Option<JointKind>,
+    joint: &str,
+) {
     reader.children(node, &LIMIT);
     let span = reader.span(node);
     let [lower, upper] =
@@ -238,11 +339,11 @@ fn limit<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, kind: Option<Joint
         && !node.has_attribute("lower")
         && !node.has_attribute("upper")
     {
-        reader.diagnostics.error(
+        reader.diagnostics.warning(
             span,
-            "`limit` has neither `lower` nor `upper`",
+            format!("`limit` of the joint {} has neither `lower` nor `upper`", quoted(joint)),
             "the range of the joint",
-            "add them",
+            "add them; it is read as unbounded",
         );
     }
     let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));

@@ -38,6 +38,8 @@ pub(crate) struct LinkEntry {
     pub(crate) name: String,
     pub(crate) span: Span,
     pub(crate) inertial: Weight,
+    /// False of a link between the parts of a joint.
+    pub(crate) is_written: bool,
 }
 
 /// What a link says about its mass.
@@ -61,6 +63,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkE
         name: name.map(|(name, _)| name).unwrap_or_default(),
         span: reader.span(node),
         inertial,
+        is_written: true,
     }
 }
 
@@ -103,7 +106,7 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
     let diagnostics = &mut *reader.diagnostics;
     match link.inertial {
         Weight::Malformed => {}
-        Weight::Absent if is_root => {}
+        Weight::Absent if is_root || !link.is_written => {}
         Weight::Absent => {
             diagnostics.warning(
                 link.span,

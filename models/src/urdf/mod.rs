@@ -1,9 +1,13 @@
 //! URDF: a strict walk over the text with positions, and the numbers by urdf-rs.
 
+mod closing;
+mod compound;
+mod couplings;
 mod dynamics;
 mod guard;
 mod joint;
 mod link;
+mod sdf;
 mod topology;
 mod transmission;
 mod values;
@@ -13,6 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use sarrus_dynamics::description::JointKind;
 
+pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
 pub(crate) use values::{Values, values};
@@ -20,19 +25,21 @@ pub(crate) use values::{Values, values};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 use dynamics::Rotor;
-use transmission::Dependence;
+use transmission::{Dependence, Gear};
 use xml::{Reader, Shape};
 
 const ROBOT: Shape = Shape {
     attributes: &["name", "version"],
     once: &[],
-    many: &["link", "joint", "transmission"],
+    many: &["link", "joint", "transmission", "coupling"],
     ignored: &[
         "material",
         "gazebo",
         "ros2_control",
         "sensor",
+        "loop",
         "loop_joint",
+        "constraint",
         "group",
         "self_collision_checking",
     ],
@@ -50,6 +57,16 @@ pub(crate) struct Urdf {
     pub(crate) joints: Vec<JointEntry>,
     pub(crate) link_index: BTreeMap<String, usize>,
     pub(crate) joint_index: BTreeMap<String, usize>,
+    /// The joints that a joint of several axes consists of, by its name.
+    pub(crate) parts: BTreeMap<String, Vec<String>>,
+    /// Loops that stand in the file.
+    pub(crate) closings: Vec<Closing>,
+    /// Joints that an actuator moves, as far as the file says so.
+    pub(crate) actuated: BTreeSet<String>,
+    /// The link that is no joint's child.
+    pub(crate) root: Option<usize>,
+    /// Names of joints as they stand in the file.
+    written_joints: Vec<String>,
     /// Byte ranges that no part of sarrus reads.
     unread: Vec<core::ops::Range<usize>>,
     /// Byte ranges of values that urdf-rs knows by another name.
@@ -112,15 +129,32 @@ impl Urdf {
             joints: Vec::new(),
             link_index: BTreeMap::new(),
             joint_index: BTreeMap::new(),
+            parts: BTreeMap::new(),
+            closings: Vec::new(),
+            actuated: closing::actuated(root),
+            root: None,
+            written_joints: Vec::new(),
             unread: Vec::new(),
             replaced: Vec::new(),
         };
         let mut rotors: Vec<Rotor> = Vec::new();
         let mut dependences: Vec<Dependence> = Vec::new();
+        for node in root.children().filter(|node| node.is_element() && closing::is_closing(*node)) {
+            urdf.closings.extend(closing::read(&mut reader, node));
+        }
+        urdf.name_closings(reader.diagnostics);
+        let mut couplings: Vec<Gear> = Vec::new();
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
                 "link" => urdf.links.push(link::read(&mut reader, node)),
-                "joint" => urdf.joints.push(joint::read(&mut reader, node)),
+                "joint" => {
+                    let source = urdf.joints.len();
+                    urdf.joints.push(joint::read(&mut reader, node, source));
+                }
+                "coupling" => {
+                    couplings.extend(transmission::gear(&mut reader, node));
+                    reader.unread.push(node.range());
+                }
                 _ => {
                     dependences.extend(transmission::read(&mut reader, node));
                     rotors.extend(dynamics::rotors(&mut reader, node));
@@ -128,8 +162,12 @@ impl Urdf {
                 }
             }
         }
+        urdf.written_joints = urdf.joint_names().map(str::to_owned).collect();
+        (urdf.joints, urdf.parts) =
+            compound::expand(std::mem::take(&mut urdf.joints), &mut urdf.links, reader.diagnostics);
         urdf.index_names(reader.diagnostics);
         urdf.couple(dependences, reader.diagnostics);
+        urdf.mesh(&couplings, reader.diagnostics);
         urdf.add_rotors(&rotors, &mut reader);
         let moving = (0..urdf.joints.len()).filter(|joint| urdf.moves(*joint)).count();
         for (count, most, what) in
@@ -146,37 +184,12 @@ impl Urdf {
             }
         }
         let is_root = topology::check(&urdf, reader.diagnostics);
+        urdf.root = is_root.iter().position(|is_root| *is_root);
         for (link, is_root) in urdf.links.iter().zip(is_root) {
             link::check(&mut reader, link, is_root);
         }
         (urdf.unread, urdf.replaced) = (reader.unread, reader.replaced);
         Some(urdf)
-    }
-
-    /// Takes over the couplings of another URDF, that of a submechanism alone, for those of
-    /// `joints` that have none yet.
-    pub(crate) fn couple_from(
-        &mut self,
-        text: &Text,
-        joints: &BTreeSet<&str>,
-        diagnostics: &mut Diagnostics,
-    ) {
-        let Some(document) = xml::parse(text, diagnostics) else { return };
-        let mut reader = Reader::new(text, diagnostics, Version(1, 2));
-        let mut dependences: Vec<Dependence> = Vec::new();
-        for node in document.root_element().children() {
-            if node.has_tag_name("transmission") {
-                dependences.extend(transmission::read(&mut reader, node));
-            } else if node.has_tag_name("joint") {
-                dependences.extend(transmission::of_mimic(&mut reader, node));
-            }
-        }
-        let missing = |dependence: &Dependence| {
-            joints.contains(dependence.joint.as_str())
-                && self.joint(&dependence.joint).is_some_and(|joint| joint.masters.is_empty())
-        };
-        dependences.retain(missing);
-        self.couple(dependences, diagnostics);
     }
 
     /// Whether this joint moves; a joint of unknown type may.
@@ -221,112 +234,39 @@ impl Urdf {
                 self.joint_index.insert(joint.name.clone(), i);
             }
         }
-    }
-
-    /// Hands the dependences of transmissions to their joints.
-    fn couple(&mut self, dependences: Vec<Dependence>, diagnostics: &mut Diagnostics) {
-        for dependence in dependences {
-            let joint = self.joint_index.get(&dependence.joint).copied();
-            match joint.and_then(|joint| self.joints.get_mut(joint)) {
-                None => {
-                    let found = format!(
-                        "the transmission names the joint {}, which does not exist",
-                        quoted(&dependence.joint)
-                    );
-                    let help = diagnostics.did_you_mean(
-                        &dependence.joint,
-                        self.joint_names(),
-                        "correct the name",
-                    );
-                    diagnostics.error(dependence.span, found, "a joint of this file", help);
-                }
-                Some(joint) if !joint.masters.is_empty() => {
-                    let found =
-                        format!("the joint {} is coupled a second time", quoted(&joint.name));
-                    diagnostics.error(
-                        dependence.span,
-                        found,
-                        "one mimic or one transmission",
-                        "remove one of them",
-                    );
-                }
-                Some(joint) => joint.masters = dependence.masters,
+        // the frame of the whole is that of its last part
+        for (name, parts) in &self.parts {
+            let last = parts.last().and_then(|last| self.joint_index.get(last)).copied();
+            if self.joint_index.contains_key(name) {
+                let found = format!("a second joint is named {}", quoted(name));
+                diagnostics.error(self.span, found, "a name of its own", "rename one of them");
+            } else if let Some(last) = last {
+                self.joint_index.insert(name.clone(), last);
             }
         }
     }
 
-    /// Hands the rotors of transmissions to their joints.
-    fn add_rotors(&mut self, rotors: &[Rotor], reader: &mut Reader<'_, '_>) {
-        for rotor in rotors {
-            let joint = self.joint_index.get(&rotor.joint).copied();
-            let Some(joint) = joint.and_then(|joint| self.joints.get_mut(joint)) else {
-                let found = format!(
-                    "the rotor belongs to the joint {}, which does not exist",
-                    quoted(&rotor.joint)
-                );
-                let help = reader.diagnostics.did_you_mean(
-                    &rotor.joint,
-                    self.joint_names(),
-                    "correct the name",
-                );
-                reader.diagnostics.error(rotor.span, found, "a joint of this file", help);
-                continue;
-            };
-            let mut terms = joint.terms;
-            if !rotor.join(&mut terms) {
-                let found = format!("the joint {} has a second rotor", quoted(&joint.name));
-                reader.diagnostics.error(
-                    rotor.span,
-                    found,
-                    "one",
-                    "add both inertias up, each times its ratio squared",
-                );
-            } else if dynamics::accepts(reader, rotor.span, joint.kind, &joint.name, &terms) {
-                joint.terms = terms;
+    /// Each loop has a name of its own; Drake's need none, and are numbered.
+    fn name_closings(&mut self, diagnostics: &mut Diagnostics) {
+        let mut names: BTreeSet<String> = BTreeSet::new();
+        for closing in &mut self.closings {
+            let mut name = closing.name.clone();
+            let mut n = 2;
+            while closing.is_unnamed && names.contains(&name) {
+                name = format!("{}_{n}", closing.name);
+                n += 1;
+            }
+            closing.name.clone_from(&name);
+            if !names.insert(name) {
+                let found = format!("a second loop is named {}", quoted(&closing.name));
+                diagnostics.error(closing.span, found, "a name of its own", "rename one of them");
             }
         }
-    }
-
-    /// Checks every coupling.
-    pub(crate) fn check_couplings(&self, diagnostics: &mut Diagnostics) {
-        for joint in &self.joints {
-            for master in &joint.masters {
-                let who =
-                    format!("the joint {} follows {}", quoted(&joint.name), quoted(&master.joint));
-                let known = self.joint_index.get(&master.joint);
-                let (found, help) = match known {
-                    None => {
-                        let help = diagnostics.did_you_mean(
-                            &master.joint,
-                            self.joint_names(),
-                            "correct the name",
-                        );
-                        (format!("{who}, which does not exist"), help)
-                    }
-                    Some(_) if master.joint == joint.name => {
-                        (format!("{who}, which is itself"), "name another joint".to_owned())
-                    }
-                    Some(i) if !self.moves(*i) => {
-                        (format!("{who}, which is fixed"), "name a joint that moves".to_owned())
-                    }
-                    Some(_) => continue,
-                };
-                diagnostics.error(master.span, found, "another moving joint of this robot", help);
-            }
-            if !joint.masters.is_empty()
-                && matches!(
-                    joint.kind,
-                    Some(JointKind::Fixed | JointKind::Floating | JointKind::Spherical)
-                )
-            {
-                let found = format!("the joint {} is coupled", quoted(&joint.name));
-                diagnostics.error(
-                    joint.span,
-                    found,
-                    "a coupling of joints with one axis",
-                    "remove the mimic or change the type",
-                );
-            }
+        if let Some(closing) = self.closings.get(MOST_JOINTS) {
+            let found = format!("the robot has {} loops", self.closings.len());
+            let help = "split it into robots of their own";
+            diagnostics.error(closing.span, found, format!("at most {MOST_JOINTS}"), help);
+            self.closings.truncate(MOST_JOINTS);
         }
     }
 }

@@ -27,7 +27,9 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
                         urdf.link_names(),
                         "correct the name or add the link",
                     );
-                    diagnostics.error(*span, found, "a link of this file", help);
+                    let expected =
+                        diagnostics.one_of("a link of this file", name, urdf.link_names());
+                    diagnostics.error(*span, found, expected, help);
                 }
                 index
             });

@@ -1,11 +1,16 @@
 //! Linear couplings of several joints: `<transmission>` with `<depends_on>` children, HyRoDyn's
-//! extension of URDF.
+//! extension of URDF, and `<coupling>`, that of URDF+.
+
+use std::collections::BTreeMap;
 
 use roxmltree::Node;
 
+use sarrus_dynamics::description::JointKind;
+
+use super::Urdf;
 use super::joint::{Master, master};
 use super::xml::{Reader, Shape};
-use crate::report::Span;
+use crate::report::{Diagnostics, Span, quoted};
 
 const TRANSMISSION: Shape =
     Shape { attributes: &["name", "type"], once: &[], many: &["joint"], ignored: &["*"] };
@@ -13,6 +18,12 @@ const JOINT: Shape =
     Shape { attributes: &["name"], once: &[], many: &["depends_on"], ignored: &["*"] };
 const DEPENDS_ON: Shape =
     Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
+const COUPLING: Shape = Shape {
+    attributes: &["name", "type"],
+    once: &["predecessor", "successor", "ratio"],
+    many: &[],
+    ignored: &[],
+};
 
 /// What one joint of a transmission depends on.
 pub(crate) struct Dependence {
@@ -46,4 +57,109 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<D
         }
     }
     dependences
+}
+
+/// `<coupling>` of URDF+: the turns between the common ancestor of two links and the successor are
+/// those to the predecessor times the ratio.
+pub(super) struct Gear {
+    pub(super) span: Span,
+    links: [(String, Span); 2],
+    ratio: f64,
+}
+
+/// Reads a `<coupling>`; `None` after an error.
+pub(super) fn gear<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Gear> {
+    let children = reader.children(node, &COUPLING);
+    let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
+    let links = ["predecessor", "successor"].map(|end| reader.required(find(end)?, "link"));
+    let ratio = find("ratio").and_then(|ratio| reader.required_number(ratio, "value"));
+    let span = reader.span(node);
+    let ([Some(predecessor), Some(successor)], Some(ratio)) = (links, ratio) else {
+        let found = "`coupling` does not say which links turn at which ratio";
+        let expected = "<predecessor link/>, <successor link/>, <ratio value/>";
+        let help = "add them, or write <mimic joint multiplier/> into the joint that follows";
+        reader.diagnostics.error(span, found, expected, help);
+        return None;
+    };
+    Some(Gear { span, links: [predecessor, successor], ratio })
+}
+
+impl Gear {
+    /// Joints between the links with their factors: ratio · Σ q of the one path − Σ q of the other
+    /// is zero. `None` after an error.
+    pub(super) fn terms(
+        &self,
+        urdf: &Urdf,
+        above: &BTreeMap<&str, usize>,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Vec<(usize, f64)>> {
+        let ends = self.links.each_ref().map(|(name, span)| {
+            let known = urdf.link_index.contains_key(name);
+            if !known {
+                let found = format!("the coupling names the link {}", quoted(name));
+                let expected = diagnostics.one_of("a link of this file", name, urdf.link_names());
+                diagnostics.error(*span, found, expected, "correct the name");
+            }
+            known.then(|| chain(urdf, above, name))
+        });
+        let [Some(mut predecessor), Some(mut successor)] = ends else { return None };
+        while predecessor.last().is_some() && predecessor.last() == successor.last() {
+            predecessor.pop();
+            successor.pop();
+        }
+        let terms = predecessor.iter().map(|j| (*j, self.ratio));
+        Some(terms.chain(successor.iter().map(|j| (*j, -1.0))).collect())
+    }
+
+    /// The same as what one of the joints depends on: the last that nothing else determines.
+    /// `None` after an error.
+    pub(super) fn dependence(
+        &self,
+        terms: &[(usize, f64)],
+        urdf: &Urdf,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Dependence> {
+        let span = self.span;
+        let joint = |j: usize| urdf.joints.get(j);
+        let follower = terms.iter().rev().find(|(j, factor)| {
+            *factor != 0.0
+                && joint(*j).is_some_and(|joint| {
+                    joint.masters.is_empty() && joint.independent != Some(true)
+                })
+        });
+        let one_axis = |j: usize| {
+            matches!(
+                joint(j).and_then(|joint| joint.kind),
+                Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic)
+            )
+        };
+        let Some((follower, own)) = follower.filter(|_| terms.iter().all(|(j, _)| one_axis(*j)))
+        else {
+            let found = "a coupling without a joint of one axis that can follow";
+            let help = "write <mimic joint multiplier/> into the joint that follows";
+            diagnostics.error(span, found, "joints of one axis between the links", help);
+            return None;
+        };
+        let name = |j: usize| joint(j).map(|joint| joint.name.clone());
+        let masters = terms.iter().filter(|(j, _)| j != follower).filter_map(|(j, factor)| {
+            Some(Master { joint: name(*j)?, span, multiplier: -factor / own, offset: 0.0 })
+        });
+        Some(Dependence { joint: name(*follower)?, span, masters: masters.collect() })
+    }
+}
+
+/// The moving joints between a link and the root, the nearest first.
+fn chain(urdf: &Urdf, above: &BTreeMap<&str, usize>, link: &str) -> Vec<usize> {
+    let (mut chain, mut link, mut steps) = (Vec::new(), link, 0);
+    while let Some(j) = above.get(link).copied().filter(|_| steps <= urdf.joints.len()) {
+        if urdf.moves(j) {
+            chain.push(j);
+        }
+        steps += 1;
+        match urdf.joints.get(j).and_then(|joint| joint.parent.as_ref()) {
+            Some((parent, _)) => link = parent,
+            None => break,
+        }
+    }
+    chain
 }

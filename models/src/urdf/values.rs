@@ -33,13 +33,12 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) ->
             return None;
         }
     };
-    let same_names =
-        robot.links.iter().map(|link| &link.name).eq(urdf.links.iter().map(|link| &link.name))
-            && robot
-                .joints
-                .iter()
-                .map(|joint| &joint.name)
-                .eq(urdf.joints.iter().map(|joint| &joint.name));
+    let same_names = robot.links.iter().map(|link| &link.name).eq(urdf
+        .links
+        .iter()
+        .filter(|link| link.is_written)
+        .map(|link| &link.name))
+        && robot.joints.iter().map(|joint| &joint.name).eq(&urdf.written_joints);
     if !same_names {
         diagnostics.error(
             urdf.span,
@@ -54,17 +53,23 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) ->
         .iter()
         .zip(&urdf.links)
         .map(|(link, entry)| inertial(&link.inertial, entry.inertial))
+        .chain(std::iter::repeat(None))
+        .take(urdf.links.len())
         .collect();
-    let joints = robot.joints.iter().zip(&urdf.joints).map(|(joint, entry)| {
-        let limits = Limits {
-            lower: joint.limit.lower,
-            upper: joint.limit.upper,
-            velocity: joint.limit.velocity,
-            effort: joint.limit.effort,
+    let joints = urdf.joints.iter().map(|entry| {
+        let joint = robot.joints.get(entry.source)?;
+        let [lower, upper] = if entry.has_range {
+            [joint.limit.lower, joint.limit.upper]
+        } else {
+            [f64::NEG_INFINITY, f64::INFINITY]
         };
-        JointValues {
-            origin: placement(&joint.origin),
-            axis: *joint.axis.xyz,
+        let (velocity, effort) = (joint.limit.velocity, joint.limit.effort);
+        let limits = Limits { lower, upper, velocity, effort };
+        let is_first = entry.part.is_none_or(|part| part.is_first());
+        let axis = *joint.axis.xyz;
+        Some(JointValues {
+            origin: if is_first { placement(&joint.origin) } else { Placement::default() },
+            axis: entry.part.map_or(axis, |part| part.axis(axis)),
             limits: match entry.kind {
                 Some(JointKind::Revolute | JointKind::Prismatic) => Some(limits),
                 Some(JointKind::Continuous) => {
@@ -73,9 +78,9 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) ->
                 _ => None,
             }
             .filter(|_| entry.has_limits),
-        }
+        })
     });
-    Some(Values { inertials, joints: joints.collect() })
+    Some(Values { inertials, joints: joints.collect::<Option<_>>()? })
 }
 
 fn inertial(value: &urdf_rs::Inertial, entry: Weight) -> Option<Inertial> {

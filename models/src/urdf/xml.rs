@@ -30,9 +30,24 @@ pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
     let options =
         ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     match Document::parse_with_options(&text.content, options) {
-        Ok(document) => Some(document),
+        Ok(document) => {
+            let macros = document.descendants().find(|node| {
+                node.is_element()
+                    && node.tag_name().namespace().is_some_and(|name| name.ends_with("/xacro"))
+            });
+            if let Some(node) = macros {
+                expand(text.span(node.range().start), diagnostics);
+                return None;
+            }
+            Some(document)
+        }
         Err(error) => {
             let span = span_of(&error, text);
+            if matches!(&error, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro")
+            {
+                expand(span, diagnostics);
+                return None;
+            }
             let full = error.to_string();
             // the parser repeats the position at the end of its message
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
@@ -45,6 +60,12 @@ pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
             None
         }
     }
+}
+
+/// What is written for the macro processor is not yet a robot.
+fn expand(span: Span, diagnostics: &mut Diagnostics) {
+    let found = "an element of xacro, which is not expanded";
+    diagnostics.error(span, found, "a URDF file", "expand it: xacro robot.xacro > robot.urdf");
 }
 
 fn span_of(error: &roxmltree::Error, text: &Text) -> Span {
@@ -132,6 +153,10 @@ impl<'t, 'f> Reader<'t, 'f> {
                 continue;
             }
             self.unread.push(child.range());
+            // what closes a loop is read elsewhere
+            if super::closing::is_closing(child) && shape.many.contains(&"link") {
+                continue;
+            }
             if !is_ours || !(shape.ignored.contains(&name) || shape.ignored == ["*"]) {
                 let known = shape.once.iter().chain(shape.many).copied();
                 let expected = known.clone().collect::<Vec<_>>().join(", ");

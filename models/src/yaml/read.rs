@@ -32,7 +32,9 @@ pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics
             continue;
         };
         if !known.contains(&text.as_str()) {
-            let help = diagnostics.did_you_mean(text, known.iter().copied(), "remove it");
+            let otherwise =
+                if text == "<<" { "write out the keys that it merges" } else { "remove it" };
+            let help = diagnostics.did_you_mean(text, known.iter().copied(), otherwise);
             diagnostics.error(
                 key.span,
                 format!("the key {} of {of} is not known", quoted(text)),

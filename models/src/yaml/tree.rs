@@ -1,6 +1,8 @@
 //! YAML as a tree with positions, built from the parser's events: no recursion, and repeated keys
 //! stay visible.
 
+use std::collections::BTreeMap;
+
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle};
 
 use crate::report::{Diagnostics, Span, quoted};
@@ -8,9 +10,11 @@ use crate::text::{DEEPEST, Text};
 
 /// Most nodes of a file.
 const MOST_NODES: usize = 1_000_000;
+/// Most nodes that the aliases of a file may stand for, all together.
+const MOST_EXPANDED: usize = 100_000;
 
 /// A node and where it stands.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Node {
     /// Its first character.
     pub span: Span,
@@ -19,7 +23,7 @@ pub struct Node {
 }
 
 /// What a node is.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub enum Value {
     /// Nothing, `~` or `null`.
     Null,
@@ -65,8 +69,21 @@ impl Node {
 /// A list or mapping that is not yet closed.
 struct Open {
     node: Node,
+    /// Its anchor, 0 without one.
+    anchor: usize,
+    /// Nodes of the file before it.
+    before: usize,
+    /// Levels below it.
+    depth: usize,
     /// The key that waits for its value.
     key: Option<Node>,
+}
+
+/// What an anchor stands for.
+struct Anchored {
+    node: Node,
+    size: usize,
+    depth: usize,
 }
 
 /// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error
@@ -76,6 +93,9 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
     let mut open: Vec<Open> = Vec::new();
     let mut root: Option<Node> = None;
     let mut n_nodes = 0;
+    // the parser numbers anchors as it meets them; a name that is taken again gets a new number
+    let mut anchors: BTreeMap<usize, Anchored> = BTreeMap::new();
+    let (mut n_anchored, mut n_expanded) = (0, 0);
     for event in Parser::new_from_str(&text.content) {
         let (event, marks) = match event {
             Ok(event) => event,
@@ -102,27 +122,35 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
             | Event::MappingStart(anchor, tag) => (*anchor, tag.is_some()),
             _ => (0, false),
         };
-        if anchor != 0 {
-            diagnostics.error(
-                here,
-                "an anchor (`&…`)",
-                "a file without anchors and aliases",
-                "write the value out where it is used",
-            );
-        }
         if tag {
             diagnostics.error(here, "a tag (`!…`)", "plain values", "remove it");
         }
-        let node = match event {
-            Event::Scalar(value, style, ..) => Node { span: here, value: scalar(&value, style) },
-            Event::Alias(_) => {
-                diagnostics.error(
-                    here,
-                    "an alias (`*…`)",
-                    "a file without anchors and aliases",
-                    "write the value out",
-                );
-                Node { span: here, value: Value::Null }
+        let (node, anchor, depth, before) = match event {
+            Event::Scalar(value, style, ..) => {
+                (Node { span: here, value: scalar(&value, style) }, anchor, 0, n_nodes)
+            }
+            Event::Alias(anchor) => {
+                let Some(Anchored { node, size, depth }) = anchors.get(&anchor) else {
+                    let found = "an alias (`*…`) within the value that it stands for";
+                    diagnostics.error(here, found, "a value that ends", "write the value out");
+                    return None;
+                };
+                n_expanded += size;
+                if n_expanded > MOST_EXPANDED {
+                    diagnostics.error(
+                        here,
+                        format!("the aliases stand for more than {MOST_EXPANDED} values"),
+                        "a file of ordinary size",
+                        "write fewer of them, or the values out",
+                    );
+                    return None;
+                }
+                if open.len() + depth > DEEPEST {
+                    too_deep(here, diagnostics);
+                    return None;
+                }
+                n_nodes += size - 1;
+                (Node { span: here, value: node.value.clone() }, 0, *depth, n_nodes)
             }
             Event::SequenceStart(..) | Event::MappingStart(..) => {
                 if open.len() >= DEEPEST {
@@ -134,11 +162,12 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
                 } else {
                     Value::Map(Vec::new())
                 };
-                open.push(Open { node: Node { span: here, value }, key: None });
+                let node = Node { span: here, value };
+                open.push(Open { node, anchor, before: n_nodes, depth: 0, key: None });
                 continue;
             }
             Event::SequenceEnd | Event::MappingEnd => match open.pop() {
-                Some(closed) => closed.node,
+                Some(closed) => (closed.node, closed.anchor, closed.depth + 1, closed.before),
                 None => continue,
             },
             Event::DocumentStart(_) if root.is_some() => {
@@ -148,7 +177,12 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
             _ => continue,
         };
         n_nodes += 1;
-        if n_nodes > MOST_NODES {
+        if anchor != 0 {
+            let size = n_nodes - before;
+            n_anchored += size;
+            anchors.insert(anchor, Anchored { node: node.clone(), size, depth });
+        }
+        if n_nodes.max(n_anchored) > MOST_NODES {
             diagnostics.error(
                 here,
                 format!("the file has more than {MOST_NODES} values"),
@@ -158,7 +192,10 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
             return None;
         }
         match open.last_mut() {
-            Some(parent) => parent.add(node),
+            Some(parent) => {
+                parent.depth = parent.depth.max(depth);
+                parent.add(node);
+            }
             None => root = Some(node),
         }
     }

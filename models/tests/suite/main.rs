@@ -14,7 +14,9 @@ macro_rules! faults {
     };
 }
 
+mod compounds;
 mod cuts;
+mod dialects;
 mod fingerprints;
 mod hostile;
 mod loops;
@@ -23,6 +25,7 @@ mod reading;
 mod rewrite;
 mod suggest;
 mod terms;
+mod units;
 mod urdf_faults;
 mod yaml_faults;
 

@@ -150,3 +150,22 @@ fn a_smurf_file_takes_the_first_yaml_with_submechanisms() {
     assert_eq!(loaded.unwrap().description.submechanisms[0].name, "elbow_joint");
     remove(&smurf);
 }
+
+#[test]
+fn a_xacro_file_is_to_be_expanded() {
+    let expected = |line: u32, column: u32| {
+        format!(
+            "robot.urdf:{line}:{column}: an element of xacro, which is not expanded, expected a \
+             URDF file, expand it: xacro robot.xacro > robot.urdf\n"
+        )
+    };
+    let macros = "<xacro:include filename=\"arm.xacro\"/>\n</robot>";
+    let undeclared = with(URDF, "</robot>", macros);
+    assert_eq!(reported_of(undeclared.as_bytes(), None, false), expected(42, 2));
+    let name = "<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\" ";
+    let declared = with(&undeclared, "<robot ", name);
+    assert_eq!(reported_of(declared.as_bytes(), None, false), expected(42, 1));
+    // what is left of a prefix in an expanded file, or in a comment, is no macro
+    let expanded = with(&with(URDF, "<robot ", name), "</robot>", "<!-- <xacro:arm/> --></robot>");
+    assert_eq!(reported_of(expanded.as_bytes(), None, false), "");
+}

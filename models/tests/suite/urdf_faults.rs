@@ -45,7 +45,7 @@ faults! { urdf:
     an_element_of_another_namespace_is_a_warning:
         r#"<link name="base"/>"# => r#"<link name="base"/><x:macro xmlns:x="http://x.org/"/>"#,
         "robot.urdf:2:22: the element `macro` in `robot` is not known and not read, expected link, \
-         joint, transmission, remove it if it is a slip";
+         joint, transmission, coupling, remove it if it is a slip";
     a_second_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><axis xyz="0 1 0"/>"#,
         "robot.urdf:33:24: `joint` has a second `axis`, expected one, remove one of them";
@@ -76,7 +76,7 @@ faults! { urdf:
     a_negative_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="-1.5"/>"#,
         "robot.urdf:4:5: the mass of link `rocker` is -1.5, expected zero or more, correct the \
-         value";
+         value, or take it as it is with --lenient";
     an_infinite_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="inf"/>"#,
         "robot.urdf:6:20: `value` of `mass`: `inf` is not finite, expected one finite number, \
@@ -84,17 +84,17 @@ faults! { urdf:
     inertia_without_mass_is_an_error:
         r#"<mass value="1.5"/>"# => r#"<mass value="0"/>"#,
         "robot.urdf:4:5: link `rocker` has inertia but no mass, expected a mass, or zero inertia \
-         too, correct one of them";
+         too, correct one of them, or take it as it is with --lenient";
     a_negative_principal_moment_is_an_error:
         r#"ixx="0.02" ixy="0""# => r#"ixx="0.02" ixy="0.01""#,
         "robot.urdf:4:5: the inertia of link `rocker` has the negative principal moment \
          -3.293114e-3, expected moments of zero or more, correct the inertia about the centre of \
-         mass";
+         mass, or take it as it is with --lenient";
     a_broken_triangle_inequality_is_an_error:
         r#"izz="0.02""# => r#"izz="0.022""#,
         "robot.urdf:4:5: the principal moments of link `rocker`, 1.000000e-3, 2.000000e-2 and \
          2.200000e-2, break the triangle inequality, expected none above the sum of the others, \
-         correct the inertia about the centre of mass";
+         correct the inertia about the centre of mass, or take it as it is with --lenient";
     an_inertial_without_mass_is_an_error:
         "      <mass value=\"1.5\"/>\n" => "",
         "robot.urdf:4:5: `inertial` has no `mass`, expected <mass …/>, add it or remove the \
@@ -130,21 +130,25 @@ faults! { urdf:
         r#"<link name="base"/>"# => r#"<link name=""/>"#,
         "robot.urdf:2:15: `name` of `link` is empty, expected a name, fill it in",
         "robot.urdf:23:19: the parent link `base` of joint `elbow` does not exist, expected a link \
-         of this file, correct the name or add the link",
+         of this file: rod, rocker, stator, correct the name or add the link",
         "robot.urdf:30:19: the parent link `base` of joint `swing` does not exist, expected a link \
-         of this file, correct the name or add the link";
+         of this file: rod, rocker, stator, correct the name or add the link";
     a_joint_needs_a_type:
         r#" type="continuous""# => "",
         r#"robot.urdf:29:3: `joint` has no `type`, expected type="…", add it"#;
     an_unknown_joint_type_is_an_error_with_the_nearest:
         r#"type="continuous""# => r#"type="continous""#,
         "robot.urdf:29:29: the joint type `continous` is not known, expected revolute, continuous, \
-         prismatic, fixed, floating, spherical, ball, did you mean `continuous`?";
-    a_planar_joint_is_not_supported:
-        r#"type="continuous""# => r#"type="planar""#,
-        "robot.urdf:29:29: the joint type `planar` is not supported, expected revolute, \
-         continuous, prismatic, fixed, floating, spherical, ball, use two prismatic and one \
-         revolute joint";
+         prismatic, fixed, floating, spherical, ball, planar, universal, did you mean \
+         `continuous`?";
+    a_universal_joint_needs_two_axes:
+        r#"type="continuous""# => r#"type="universal""#,
+        "robot.urdf:29:3: the universal joint `swing` has no `axis2`, expected <axis2 xyz=\"…\"/>, \
+         add it";
+    a_joint_of_one_axis_has_no_second:
+        r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><axis2 xyz="0 1 0"/>"#,
+        "robot.urdf:33:24: `axis2` of the joint `swing`, which has one axis, expected the type \
+         `universal`, remove it";
     a_zero_axis_is_an_error:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="0 0 0"/>"#,
         "robot.urdf:33:5: the axis of joint `swing` is zero, expected a direction as 0 0 1, \
@@ -166,10 +170,10 @@ faults! { urdf:
     a_prismatic_joint_without_limits_is_an_error:
         "    <limit lower=\"-0.1\" upper=\"0.1\" effort=\"1000\" velocity=\"1\"/>\n" => "",
         r#"robot.urdf:35:3: the prismatic joint `slide` has no limits, expected <limit lower="…" upper="…" effort="…" velocity="…"/>, add them"#;
-    limits_without_a_range_are_an_error:
+    limits_without_a_range_are_a_warning:
         r#"lower="-1.5" upper="1.4" "# => "",
-        "robot.urdf:27:5: `limit` has neither `lower` nor `upper`, expected the range of the \
-         joint, add them";
+        "robot.urdf:27:5: `limit` of the joint `elbow` has neither `lower` nor `upper`, expected \
+         the range of the joint, add them; it is read as unbounded";
     limits_without_effort_are_an_error:
         r#" effort="100""# => "",
         r#"robot.urdf:27:5: `limit` has no `effort`, expected effort="a number", add it"#;
@@ -186,7 +190,7 @@ faults! { urdf:
     a_link_that_does_not_exist_is_an_error_with_the_nearest:
         r#"<child link="stator"/>"# => r#"<child link="startor"/>"#,
         "robot.urdf:31:18: the child link `startor` of joint `swing` does not exist, expected a \
-         link of this file, did you mean `stator`?";
+         link of this file: stator, rod, base, rocker, did you mean `stator`?";
     two_links_of_one_name_are_an_error:
         r#"<link name="base"/>"# => r#"<link name="base"/><link name="rod"/>"#,
         "robot.urdf:16:3: a second link is named `rod`, expected a name of its own, rename one of \
@@ -228,6 +232,13 @@ faults! { urdf:
         r#"<axis xyz="2 0 0"/>"# => r#"<axis xyz="2 0 0"/><mimic joint="elbow" multiplier="two"/>"#,
         "robot.urdf:33:57: `multiplier` of `mimic`: `two` is not a number, expected one finite \
          number, correct the value";
+    a_mimic_that_is_left_on_a_fixed_joint_is_a_warning:
+        "</robot>" => "  <link name=\"tool\"/>\n  <joint name=\"hold\" type=\"fixed\"><parent \
+            link=\"rod\"/><child link=\"tool\"/><mimic joint=\"elbow\"/></joint>\n</robot>",
+        "robot.urdf:42:3: link `tool` has no inertial: a massless body, expected mass and inertia, \
+         add them if it has any",
+        "robot.urdf:43:3: the fixed joint `hold` is coupled, expected a joint that moves, remove \
+         the mimic or change the type; the coupling is not read";
     a_transmission_of_nothing_is_an_error:
         "</robot>" => "  <transmission name=\"t\"><joint name=\"swng\"><depends_on \
             joint=\"elbow\"/></joint></transmission>\n</robot>",
@@ -239,15 +250,19 @@ faults! { urdf:
             </joint></transmission>\n</robot>",
         "robot.urdf:43:30: the joint `swing` is coupled a second time, expected one mimic or one \
          transmission, remove one of them";
-    a_moving_joint_in_no_submechanism_is_an_error:
+    a_moving_joint_in_no_submechanism_is_a_warning:
         "</robot>" => r#"  <link name="tool"/>
   <joint name="spin" type="continuous">
     <parent link="rod"/>
     <child link="tool"/>
   </joint>
 </robot>"#,
-        "robot.urdf:43:3: the joint `spin` moves but is in no submechanism, expected every moving \
-         joint in one, add it to a jointnames_spanningtree or make it fixed",
         "robot.urdf:42:3: link `tool` has no inertial: a massless body, expected mass and inertia, \
-         add them if it has any";
+         add them if it has any",
+        "robot.urdf:43:3: the joint `spin` moves but is in no submechanism, expected every moving \
+         joint in one, add it to a jointnames_spanningtree or make it fixed; it is read as serial, \
+         independent and active",
+        "robot.urdf:43:3: no inertia that resists the motion of spin, expected a positive definite \
+         reduced mass matrix, give mass or inertia to a link that these joints move; until then \
+         forward dynamics answers mass_not_positive";
 }

@@ -9,16 +9,26 @@ faults! { yaml:
             jointnames_spanningtree",
         "submechanisms.yml:7:26: this is not YAML: illegal placement of ':' indicator, expected a \
          submechanism file, correct the file at this position";
-    an_anchor_and_its_alias_are_errors:
+    a_key_that_is_not_known_holds_an_alias:
         "[elbow]\n" => "&one [elbow]\n  jointnames_other: *one\n",
-        "submechanisms.yml:8:27: an anchor (`&…`), expected a file without anchors and aliases, \
-         write the value out where it is used",
         "submechanisms.yml:9:3: the key `jointnames_other` of a submechanism is not known, \
          expected type, contextual_name, name, file_path, jointnames, jointnames_spanningtree, \
          jointnames_independent, jointnames_active, loop_constraints, did you mean \
-         `jointnames_active`?",
-        "submechanisms.yml:9:21: an alias (`*…`), expected a file without anchors and aliases, \
-         write the value out";
+         `jointnames_active`?";
+    an_alias_of_nothing_is_an_error:
+        "[elbow]\n" => "*one\n",
+        "submechanisms.yml:8:27: this is not YAML: while parsing node, found unknown anchor, \
+         expected a submechanism file, correct the file at this position";
+    an_alias_within_its_own_value_is_an_error:
+        "[elbow]\n" => "&one [elbow, *one]\n",
+        "submechanisms.yml:8:40: an alias (`*…`) within the value that it stands for, expected a \
+         value that ends, write the value out";
+    a_merge_of_keys_is_an_error:
+        "file_path: lambda.urdf" => "<<: {file_path: lambda.urdf}",
+        "submechanisms.yml:5:3: the key `<<` of a submechanism is not known, expected type, \
+         contextual_name, name, file_path, jointnames, jointnames_spanningtree, \
+         jointnames_independent, jointnames_active, loop_constraints, write out the keys that it \
+         merges";
     a_tag_is_an_error:
         "file_path: lambda.urdf" => "file_path: !path lambda.urdf",
         "submechanisms.yml:5:14: a tag (`!…`), expected plain values, remove it";
@@ -46,8 +56,8 @@ faults! { yaml:
         "submechanisms.yml:11:5: the loop constraint has no `predecessor_body`, expected \
          `predecessor_body: NAME`, add it",
         "submechanisms.yml:12:5: the key `body` of a loop constraint is not known, expected \
-         cut_joint, predecessor_body, successor_body, constraint_axes, cut_joint_type, axis, \
-         axis2, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, \
+         cut_joint, predecessor_body, successor_body, frames, constraint_axes, cut_joint_type, \
+         axis, axis2, baumgarte_stabilization_parameter, predecessor_placement, successor_placement, \
          remove it";
     an_unknown_key_of_an_axis_is_an_error:
         "{name: y," => "{name: y, unit: m,",
@@ -123,6 +133,18 @@ faults! { yaml:
             {xyz: [0, 0, 0]}\n",
         "submechanisms.yml:14:26: the loop has `successor_placement` but no \
          `predecessor_placement`, expected both or neither, add `predecessor_placement`";
+    frames_beside_other_placements_are_an_error:
+        "    predecessor_body: rocker\n    successor_body: rod\n" => "    predecessor_body: \
+            rocker\n    frames: [rocker]\n",
+        "submechanisms.yml:12:23: the loop has `frames` and `predecessor_body`, expected one of \
+         them, remove the other",
+        "submechanisms.yml:13:13: `frames` holds 1 names, expected two links, write `frames: \
+         [LINK, LINK]`";
+    frames_that_are_apart_leave_the_loop_open:
+        "    predecessor_body: rocker\n    successor_body: rod\n" => "    frames: [rocker, rod]\n",
+        "submechanisms.yml:4:20: a loop that is open by 3.563e-1 m (or rad) at the zero pose, \
+         expected placements that coincide at zero, correct predecessor_placement, \
+         successor_placement or the joints' origins";
     a_malformed_placement_is_an_error:
         "    successor_body: rod\n" => "    successor_body: rod\n    predecessor_placement: \
             {xyz: [0, 0]}\n    successor_placement: {xyz: [0, 0, a], rot: 3}\n",
@@ -138,10 +160,11 @@ faults! { yaml:
          expected a joint of the URDF, did you mean `swing`?";
     a_tree_joint_that_does_not_exist_is_an_error_with_the_nearest:
         "jointnames_spanningtree: [elbow, swing" => "jointnames_spanningtree: [elbow, sving",
-        "robot.urdf:29:3: the joint `swing` moves but is in no submechanism, expected every moving \
-         joint in one, add it to a jointnames_spanningtree or make it fixed",
         "submechanisms.yml:7:36: `jointnames_spanningtree` names the joint `sving`, which does not \
-         exist, expected a joint of the URDF, did you mean `swing`?";
+         exist, expected a joint of the URDF, did you mean `swing`?",
+        "robot.urdf:29:3: the joint `swing` moves but is in no submechanism, expected every moving \
+         joint in one, add it to a jointnames_spanningtree or make it fixed; it is read as serial, \
+         independent and active";
     a_name_that_is_there_twice_is_an_error:
         "jointnames_spanningtree: [elbow, swing" => "jointnames_spanningtree: [elbow, elbow, swing",
         "submechanisms.yml:7:36: `elbow` is in `jointnames_spanningtree` twice, expected once, \
@@ -158,7 +181,7 @@ faults! { yaml:
     a_body_that_does_not_exist_is_an_error_with_the_nearest:
         "predecessor_body: rocker" => "predecessor_body: roker",
         "submechanisms.yml:12:23: `predecessor_body` names the link `roker`, which does not exist, \
-         expected a link of the URDF, did you mean `rocker`?";
+         expected a link of the URDF: rocker, rod, base, stator, did you mean `rocker`?";
     a_loop_of_one_body_is_an_error:
         "predecessor_body: rocker" => "predecessor_body: rod",
         "submechanisms.yml:13:21: `rod` is both predecessor and successor, expected two bodies, \

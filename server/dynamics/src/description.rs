@@ -73,10 +73,11 @@ pub struct Joint {
     pub terms: Terms,
 }
 
-/// What acts in a joint of one degree of freedom besides its actuator; the default is nothing.
+/// What acts in a joint of one degree of freedom besides its actuator, damping in a ball joint too;
+/// the default is nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terms {
-    /// Viscous damping d: the joint exerts −d q̇ `[N s/m, N m s/rad]`.
+    /// Viscous damping d: the joint exerts −d q̇, a ball joint −d ω `[N s/m, N m s/rad]`.
     pub damping: f64,
     /// Spring: the joint exerts −k (q − rest) `[N/m, N m/rad]`, `[m, rad]`.
     pub stiffness: f64,

@@ -5,10 +5,12 @@ use std::process::ExitCode;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
+use sarrus_models::{Source, bundled, load};
 use sarrus_report::measure::Effort;
 use sarrus_report::{Options, names, run, synonyms};
 
 use super::output::finish;
+use super::robot::warn;
 
 /// Flags of `report`.
 #[derive(Args)]
@@ -36,6 +38,12 @@ impl Report {
             sections: self.sections,
             out: self.out,
         };
+        // what is said of the files of the robots that are measured
+        for (name, _) in bundled() {
+            if let Ok(loaded) = load(&Source::Bundled(name.to_owned()), &Default::default()) {
+                warn(&loaded.report.warnings);
+            }
+        }
         match run(&query) {
             Ok(report) => {
                 let page = query.out.join("report.html").display().to_string();

@@ -71,6 +71,11 @@ impl RobotFlags {
         load(&self.source(), &self.options())
     }
 
+    /// As [`RobotFlags::load`]; warnings of the files go to stderr.
+    pub(crate) fn load_and_warn(&self) -> Result<Loaded, LoadError> {
+        self.load().inspect(|loaded| warn(&loaded.report.warnings))
+    }
+
     /// Reads the robot and closes it near a pose; see [`sarrus_models::assemble`].
     pub(crate) fn assemble<E>(
         &self,
@@ -130,11 +135,13 @@ pub(crate) fn refuse(command: &str, error: &LoadError) -> ExitCode {
     }
 }
 
+/// Prints the warnings of a robot that loaded to stderr.
+pub(crate) fn warn(warnings: &[Diagnostic]) {
+    eprint!("{}", diagnostics(&[], warnings));
+}
+
 /// One diagnostic a line, its position first.
 pub(crate) fn diagnostics(errors: &[Diagnostic], warnings: &[Diagnostic]) -> String {
-    let warning = |diagnostic: &Diagnostic| {
-        let Diagnostic { file, line, column, found, expected, help, .. } = diagnostic;
-        format!("{file}:{line}:{column}: warning: {found}, expected {expected}, {help}\n")
-    };
+    let warning = |diagnostic: &Diagnostic| diagnostic.as_warning() + "\n";
     errors.iter().map(|error| format!("{error}\n")).chain(warnings.iter().map(warning)).collect()
 }

@@ -5,6 +5,7 @@ mod assemble;
 mod check;
 mod closures_page;
 mod lines;
+mod load_warnings;
 mod report;
 mod served;
 mod simulate;

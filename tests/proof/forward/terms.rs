@@ -114,11 +114,35 @@ fn terms_of_dependent_joints_act_through_the_loop() {
 
 #[test]
 fn terms_of_a_joint_of_several_freedoms_are_a_fault() {
-    let mut robot = rods(&[0.0], &[Terms { damping: 1.0, ..Terms::default() }]);
-    robot.joints[0].kind = JointKind::Spherical;
-    robot.submechanisms[0].active.clear();
-    let error = Model::compile(&robot).unwrap_err().to_string();
-    assert!(error.contains("pivot0") && error.contains("several freedoms"), "{error}");
+    let damped = Terms { damping: 1.0, ..Terms::default() };
+    let sprung = Terms { stiffness: 1.0, ..damped };
+    for (kind, terms) in [(JointKind::Floating, damped), (JointKind::Spherical, sprung)] {
+        let mut robot = rods(&[0.0], &[terms]);
+        robot.joints[0].kind = kind;
+        robot.submechanisms[0].active.clear();
+        let error = Model::compile(&robot).unwrap_err().to_string();
+        assert!(error.contains("pivot0") && error.contains("several freedoms"), "{error}");
+    }
+}
+
+/// At rest but for its rotation a damped ball needs the moment d ω more than one without damping.
+#[test]
+fn a_ball_joint_is_damped_in_each_direction() {
+    let ball = |damping| {
+        let mut robot = rods(&[0.0], &[Terms { damping, ..Terms::default() }]);
+        robot.joints[0].kind = JointKind::Spherical;
+        robot.submechanisms[0].active.clear();
+        Model::compile(&robot).unwrap().model
+    };
+    let (q, omega) = ([0.1, -0.2, 0.3, 0.92736184954957], [1.0, -2.0, 0.5]);
+    let force = |model: Model<f64>| {
+        let given = [(Y, &q[..]), (Yd, &omega[..]), (Ydd, &[0.0; 3][..])];
+        Robot::new(model).ask(Request::InverseDynamics, &given, &[TauY]).ok().get(TauY).to_vec()
+    };
+    let (damped, free) = (force(ball(0.75)), force(ball(0.0)));
+    for k in 0..3 {
+        assert!((damped[k] - free[k] - 0.75 * omega[k]).abs() < 1e-14);
+    }
 }
 
 /// A rotor of negative inertia stands for whatever takes inertia away: beside the second joint the

@@ -212,6 +212,7 @@ impl<'a> Builder<'a> {
             sparsity: TreeSparsity::default(),
             has_child_cluster: Vec::new(),
             inertia: Vec::new(),
+            is_massless: false,
             terms: JointTerms::none(),
             order: Order::default(),
             zero: Vec::new(),

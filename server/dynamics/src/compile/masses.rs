@@ -25,18 +25,18 @@ const LEAST: f64 = 1e-18;
 /// Independents up to which projection is tried at load, whose cost grows with their cube.
 const PROJECTED: usize = 64;
 
-/// Faults where M_y is not positive definite, at the zero pose or beside it, and warnings where it
-/// nearly is not. Returns the largest inertia of each independent among these poses, in internal
-/// order; zero where no pose could be closed.
+/// Warnings where M_y is not positive definite, or nearly is not, at the zero pose or beside it.
+/// Returns the largest inertia of each independent among these poses, in internal order, zero where
+/// no pose could be closed; and whether M_y was positive definite at none of them.
 pub(super) fn check(
     model: &Model<f64>,
     description: &Description,
-    errors: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Diagnostic>,
-) -> Vec<f64> {
+) -> (Vec<f64>, bool) {
     let mut ws = Workspace::sized(model, Needs::default());
     let n = model.meta.sizes.n_vy;
     let (mut typical, mut worst) = (vec![0.0; n], vec![0.0; n]);
+    let (mut massless, mut n_good) = (Vec::new(), 0);
     for k in 0..POSES {
         if !set_pose(model, &mut ws, k) {
             break;
@@ -48,19 +48,27 @@ pub(super) fn check(
         let enough = |i: &usize| pivots[*i] > least(*i);
         let bad: Vec<usize> = (0..n).filter(|i| !enough(i)).collect();
         if !bad.is_empty() {
-            let (site, names) = joints(model, description, &bad);
-            errors.push(Diagnostic {
-                site,
-                found: format!("no inertia that resists the motion of {names}"),
-                expected: "a positive definite reduced mass matrix".into(),
-                help: "give mass or inertia to a link that these joints move".into(),
-            });
-            return typical;
+            // a pivot of zero leaves no number behind in those that carry it
+            let zero = bad.iter().copied().filter(|i| !pivots[*i].is_nan()).collect::<Vec<_>>();
+            massless = if zero.is_empty() { bad } else { zero };
+            continue;
         }
+        n_good += 1;
         for i in 0..n {
             typical[i] = f64::max(typical[i], inertia[i]);
             worst[i] = f64::max(worst[i], inertia[i] / pivots[i]);
         }
+    }
+    if !massless.is_empty() {
+        let (site, names) = joints(model, description, &massless);
+        warnings.push(Diagnostic {
+            site,
+            found: format!("no inertia that resists the motion of {names}"),
+            expected: "a positive definite reduced mass matrix".into(),
+            help: "give mass or inertia to a link that these joints move; until then forward \
+                dynamics answers mass_not_positive"
+                .into(),
+        });
     }
     let unequal: Vec<usize> = (0..n).filter(|i| worst[*i] > UNEQUAL).collect();
     if !unequal.is_empty() {
@@ -81,7 +89,7 @@ pub(super) fn check(
                 .into(),
         });
     }
-    typical
+    (typical, !massless.is_empty() && n_good == 0)
 }
 
 /// Names of independents and where the first of them stands.

@@ -208,8 +208,9 @@ fn build(
     }
     exact.meta = Arc::new(ModelInfo { closures: info, ..assembly.meta.clone() });
     let mut model = exact.map(Dd::to_f64);
-    model.inertia = masses::check(&model, description, errors, warnings);
+    (model.inertia, model.is_massless) = masses::check(&model, description, warnings);
     exact.inertia.clone_from(&model.inertia);
+    exact.is_massless = model.is_massless;
     for (c, turns) in turns::find(&model) {
         if let Some(numerical) = exact.closures[c].numerical() {
             numerical.turns.clone_from(&turns);

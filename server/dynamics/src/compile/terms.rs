@@ -3,11 +3,12 @@
 use crate::compile::assemble::Builder;
 use crate::description::Terms;
 use crate::diagnostic::{Diagnostic, Site};
-use crate::mechanism::{Damper, Rotor, Spring};
+use crate::mechanism::{Damper, Motion, Rotor, Spring};
 use crate::scalar::{Dd, Real};
 
 impl Builder<'_> {
-    /// Reads the terms off the joints; those of a joint of several degrees of freedom are a fault.
+    /// Reads the terms off the joints; a ball joint can have damping d, the moment −d ω, and those of
+    /// another joint of several degrees of freedom are a fault.
     pub(super) fn terms(&mut self, moving_of: &[usize], errors: &mut Vec<Diagnostic>) {
         let joints = self
             .description
@@ -18,14 +19,17 @@ impl Builder<'_> {
         for (j, joint) in joints.filter(|(j, _)| moving_of[*j] != usize::MAX) {
             let body = &self.model.bodies[self.body_of[moving_of[j]]];
             let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = joint.terms;
-            if body.motion.n_v() > 1 {
+            let n_v = body.motion.n_v();
+            let is_damped_ball =
+                body.motion == Motion::Spherical && stiffness == 0.0 && rotor_inertia == 0.0;
+            if n_v > 1 && !is_damped_ball {
                 errors.push(Diagnostic {
                     site: Site::Joint(j),
                     found: format!(
                         "damping, a spring or a rotor in the joint {} of several freedoms",
                         joint.name
                     ),
-                    expected: "these in joints of one freedom".into(),
+                    expected: "these in joints of one freedom, or damping in a ball joint".into(),
                     help: "take them out, or write the freedoms as joints of their own".into(),
                 });
                 continue;
@@ -42,7 +46,8 @@ impl Builder<'_> {
                 });
             }
             if damping != 0.0 {
-                terms.dampers.push(Damper { v, damping: number(damping) });
+                let damping = number(damping);
+                terms.dampers.extend((v..v + n_v).map(|v| Damper { v, damping }));
             }
             if inertia != Dd::ZERO {
                 terms.rotors.push(Rotor { v, inertia });

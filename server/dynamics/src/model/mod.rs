@@ -65,6 +65,9 @@ pub struct Model<C = f64> {
     /// By how many unit roundoffs accelerations were off at these poses, by recursion and by
     /// projection; zero where that was not tried.
     pub(crate) growth: [f64; 2],
+    /// M_y was positive definite at none of these poses: whatever a recursion divides by is
+    /// rounding, and forward dynamics has no answer.
+    pub(crate) is_massless: bool,
     /// What acts in joints besides their actuators.
     pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
@@ -189,6 +192,7 @@ impl<C: Copy> Model<C> {
             has_child_cluster: self.has_child_cluster.clone(),
             inertia: self.inertia.clone(),
             growth: self.growth,
+            is_massless: self.is_massless,
             terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),

@@ -69,6 +69,9 @@ impl Plan {
         input: &[T],
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
+        if model.is_massless {
+            return Err(Status::MassNotPositive);
+        }
         ws.tau_terms.fill(T::ZERO);
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);

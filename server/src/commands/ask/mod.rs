@@ -104,7 +104,7 @@ impl Ask {
                     return ExitCode::from(2);
                 }
             },
-            None => match self.robot.load() {
+            None => match self.robot.load_and_warn() {
                 Ok(loaded) => {
                     let model = describe(&loaded);
                     Session {

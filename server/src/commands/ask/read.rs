@@ -1,6 +1,7 @@
 //! One line in: what it gives and what it wants, or why it is no request.
 
 use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, Request, Status};
+use sarrus_models::nearest_first;
 
 use sarrus_proto::Tolerance;
 
@@ -166,7 +167,12 @@ impl Reader<'_> {
     fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
         let n = self.model.links.len();
         self.model.link(name).ok_or_else(|| {
-            at.fault(format!("{} is none of the {n} links of {}", shown(name), self.model.robot))
+            let links = nearest_first(name, self.model.links.iter().map(String::as_str), 250);
+            at.fault(format!(
+                "{} is none of the {n} links of {}, expected one of {links}",
+                shown(name),
+                self.model.robot
+            ))
         })
     }
 

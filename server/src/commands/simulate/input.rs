@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use sarrus_dynamics::Model;
+use sarrus_models::nearest_first;
 use sarrus_report::csv_rows::{self, Row};
 use sarrus_simulation::{Input, Point, Source, Space, Spring};
 
@@ -154,7 +155,7 @@ fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
     let Some(link) = index(name) else {
         return Err(format!(
             "--spring {text}: there is no link `{name}`, expected one of {}",
-            model.link_names().join(", ")
+            nearest_first(name, model.link_names().iter().map(String::as_str), 250)
         ));
     };
     let at = numbers(at).map_err(|words| format!("--spring {text}: {words}"))?.0;

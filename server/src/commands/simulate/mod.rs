@@ -140,7 +140,7 @@ impl MethodFlag {
 
 impl Simulate {
     pub(crate) fn run(self) -> ExitCode {
-        let loaded = match self.robot.load() {
+        let loaded = match self.robot.load_and_warn() {
             Ok(loaded) => loaded,
             Err(error) => return refuse("simulate", &error),
         };

@@ -1,0 +1,111 @@
+//! Whether masses look like grams and lengths like millimetres. A robot may have any size, so this
+//! is a warning, and the rules are such that machines from micrometres to kilometres pass: bodies
+//! that no metal is dense enough for, and robots lighter than the air around them.
+
+use sarrus_dynamics::Site;
+use sarrus_dynamics::description::{Description, Inertial};
+
+use crate::build::Spans;
+use crate::report::{Diagnostics, quoted};
+
+/// A mass that is heavy for a link `[kg]`.
+const HEAVY: f64 = 50.0;
+/// m / r³ of radius of gyration r that no body reaches: a ball of tungsten has 3e5 `[kg/m³]`.
+const IMPOSSIBLE: f64 = 1e6;
+/// Mass of heavy links alone in the cube of the robot's reach that is dense `[kg/m³]`.
+const DENSE: f64 = 5e3;
+/// The same of a robot that is rather too large `[kg/m³]`, and the offset that it needs `[m]`.
+const THIN: f64 = 1e-5;
+const LONG: f64 = 10.0;
+/// A joint offset that is longer than any robot `[m]`.
+const LONGEST: f64 = 100.0;
+
+/// Warns of masses that may be in grams and lengths that may be in millimetres.
+pub(crate) fn check(description: &Description, spans: &Spans, diagnostics: &mut Diagnostics) {
+    let distance = distances(description);
+    let bodies: Vec<(usize, &Inertial)> = description
+        .links
+        .iter()
+        .enumerate()
+        .filter_map(|(i, link)| Some((i, link.inertial.as_ref().filter(|of| of.mass > 0.0)?)))
+        .collect();
+    let reach = bodies
+        .iter()
+        .map(|(i, of)| distance.get(*i).unwrap_or(&0.0) + length(of.origin.xyz) + gyration(of))
+        .chain(distance.iter().copied())
+        .fold(0.0, f64::max);
+    let total: f64 = bodies.iter().map(|(_, of)| of.mass).sum();
+    let density = total / reach.powi(3);
+
+    // grams
+    let heaviest = bodies.iter().max_by(|a, b| a.1.mass.total_cmp(&b.1.mass));
+    let mut densities: Vec<f64> =
+        bodies.iter().map(|(_, of)| of.mass / gyration(of).powi(3)).collect();
+    densities.sort_by(f64::total_cmp);
+    let median = densities.get(densities.len() / 2).copied().filter(|x| x.is_finite());
+    let all_heavy = bodies.iter().all(|(_, of)| of.mass >= HEAVY);
+    if let Some((i, of)) = heaviest.filter(|(_, of)| of.mass >= HEAVY)
+        && (median.is_some_and(|median| median > IMPOSSIBLE) || (all_heavy && density > DENSE))
+    {
+        let name = description.links.get(*i).map(|link| quoted(&link.name)).unwrap_or_default();
+        let found = format!("{} kg of link {name} in a robot of {reach:.2} m", of.mass);
+        let help = "divide the masses and inertias by 1000 if they are in grams";
+        diagnostics.warning(spans.of(Site::Link(*i)), found, "masses in kilograms", help);
+    }
+
+    // millimetres
+    let longest = description
+        .joints
+        .iter()
+        .enumerate()
+        .map(|(j, joint)| (j, length(joint.origin.xyz)))
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((j, offset)) = longest
+        && (offset > LONGEST || (offset > LONG && total > 0.0 && density < THIN))
+    {
+        let name = description.joints.get(j).map(|joint| quoted(&joint.name)).unwrap_or_default();
+        let found = format!("an offset of {offset} m at the joint {name}");
+        let help = "divide the lengths by 1000 if they are in millimetres";
+        diagnostics.warning(spans.of(Site::Joint(j)), found, "lengths in metres", help);
+    }
+}
+
+/// Length of the joint offsets between the root and each link.
+fn distances(description: &Description) -> Vec<f64> {
+    let n = description.links.len();
+    let mut above = vec![None; n];
+    for joint in &description.joints {
+        if let Some(slot) = above.get_mut(joint.child) {
+            *slot = Some((joint.parent, length(joint.origin.xyz)));
+        }
+    }
+    let mut distance: Vec<Option<f64>> =
+        above.iter().map(|of| of.is_none().then_some(0.0)).collect();
+    for start in 0..n {
+        // up to a link whose distance is known, then down again
+        let (mut path, mut link) = (Vec::new(), start);
+        while distance.get(link) == Some(&None)
+            && path.len() <= n
+            && let Some((parent, offset)) = above.get(link).copied().flatten()
+        {
+            path.push((link, offset));
+            link = parent;
+        }
+        let mut sum = distance.get(link).copied().flatten().unwrap_or(0.0);
+        for (link, offset) in path.into_iter().rev() {
+            sum += offset;
+            distance[link] = Some(sum);
+        }
+    }
+    distance.into_iter().map(|of| of.unwrap_or(0.0)).collect()
+}
+
+/// Radius of gyration about the axis of the largest moment, as far as the diagonal says.
+fn gyration(of: &Inertial) -> f64 {
+    let [xx, _, _, yy, _, zz] = of.inertia;
+    (xx.max(yy).max(zz).max(0.0) / of.mass).sqrt()
+}
+
+fn length(xyz: [f64; 3]) -> f64 {
+    xyz.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

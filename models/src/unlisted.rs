@@ -1,0 +1,318 @@
+//! What no submechanism file says: loops that stand in the URDF, and joints in no submechanism.
+
+use std::collections::BTreeSet;
+
+use sarrus_dynamics::closing_placements;
+use sarrus_dynamics::description::{
+    Cut, Description, Joint, JointKind, Loop, Placement, Submechanism, SubmechanismKind,
+};
+
+use crate::build::Spans;
+use crate::report::{Diagnostics, quoted};
+use crate::submechanisms::MOST_ROWS;
+use crate::urdf::{Closing, Place, Urdf};
+
+/// The submechanism of the joints that a submechanism file does not list.
+const UNLISTED: &str = "unlisted";
+
+/// Joints that loops of the URDF tie together.
+struct Group {
+    joints: BTreeSet<usize>,
+    closings: Vec<usize>,
+}
+
+/// Puts the loops of the URDF into the submechanisms that own their joints, or into one of their
+/// own, and the moving joints that are left into a last one.
+pub(crate) fn complete(
+    urdf: &Urdf,
+    has_file: bool,
+    description: &mut Description,
+    spans: &mut Spans,
+    diagnostics: &mut Diagnostics,
+) {
+    let mut owner: Vec<Option<usize>> = vec![None; description.joints.len()];
+    for (s, part) in description.submechanisms.iter().enumerate() {
+        part.spanning_tree.iter().for_each(|j| owner[*j] = Some(s));
+    }
+    let mut groups: Vec<Group> = Vec::new();
+    let above = above(description);
+    // the submechanism and loop of each closing that lies on its predecessor alone
+    let mut open: Vec<(usize, usize, Place)> = Vec::new();
+    for (c, closing) in urdf.closings.iter().enumerate() {
+        let Some([a, b]) = ends(urdf, closing, diagnostics) else { continue };
+        let path = path(description, &above, a, b);
+        if path.is_empty() {
+            let found = format!(
+                "the loop {} lies between links that do not move against each other",
+                quoted(&closing.name)
+            );
+            let help = "remove it; it is not read";
+            diagnostics.warning(closing.span, found, "links with a joint between them", help);
+        } else if let Some(s) = path.iter().find_map(|j| owner[*j]) {
+            let part = &mut description.submechanisms[s];
+            if let Some(l) = attach(closing, [a, b], part, diagnostics) {
+                spans.add_loop(s, closing.span, part.loops[l].rows.len());
+                open.push((s, l, closing.place));
+            }
+        } else {
+            let mut group = Group { joints: path.into_iter().collect(), closings: Vec::new() };
+            let (joined, others): (Vec<Group>, Vec<Group>) =
+                groups.into_iter().partition(|other| !other.joints.is_disjoint(&group.joints));
+            for other in joined {
+                group.joints.extend(other.joints);
+                group.closings.extend(other.closings);
+            }
+            group.closings.push(c);
+            groups = others;
+            groups.push(group);
+        }
+    }
+    for group in groups {
+        let s = description.submechanisms.len();
+        let Some(part) = tied(urdf, &group, description, diagnostics) else { continue };
+        let first = group.closings.first().and_then(|c| urdf.closings.get(*c));
+        spans.add(first.map_or(urdf.span, |closing| closing.span));
+        for (l, c) in group.closings.iter().enumerate() {
+            let closing = &urdf.closings[*c];
+            spans.add_loop(s, closing.span, part.loops[l].rows.len());
+            open.push((s, l, closing.place));
+        }
+        description.submechanisms.push(part);
+    }
+    place(description, &open);
+    let n_rows: usize = description
+        .submechanisms
+        .iter()
+        .flat_map(|part| &part.loops)
+        .map(|cut| cut.rows.len())
+        .sum();
+    if n_rows > MOST_ROWS {
+        let found = format!("the loops have {n_rows} rows");
+        let help = "split the robot into robots of their own";
+        diagnostics.error(urdf.span, found, format!("at most {MOST_ROWS}"), help);
+    }
+
+    // the rest
+    let known: BTreeSet<usize> =
+        description.submechanisms.iter().flat_map(|part| &part.spanning_tree).copied().collect();
+    let name = unique(if has_file { UNLISTED } else { &urdf.name }, &description.submechanisms);
+    let rest = serial(name, &description.joints, |joint| !known.contains(&joint));
+    if !rest.spanning_tree.is_empty() || description.submechanisms.is_empty() {
+        description.submechanisms.push(rest);
+    }
+}
+
+/// The links of a loop; `None` after an error, and where it holds the root to the world.
+fn ends(urdf: &Urdf, closing: &Closing, diagnostics: &mut Diagnostics) -> Option<[usize; 2]> {
+    let ends = closing.links.each_ref().map(|(name, span)| {
+        let known = urdf.link_index.get(name).copied();
+        // where no link is the world, the root is fixed in it
+        let known = known.or_else(|| urdf.root.filter(|_| name == "world"));
+        if known.is_none() {
+            let found =
+                format!("the loop {} names the link {}", quoted(&closing.name), quoted(name));
+            let expected = diagnostics.one_of("a link of this file", name, urdf.link_names());
+            diagnostics.error(*span, found, expected, "correct the name");
+        }
+        known
+    });
+    let [a, b] = [ends[0]?, ends[1]?];
+    let is_world = closing.links.iter().any(|(name, _)| name == "world");
+    if a == b && !is_world {
+        let found = format!("both ends of the loop {} are one link", quoted(&closing.name));
+        diagnostics.error(closing.span, found, "two links", "correct one of them");
+    }
+    (a != b).then_some([a, b])
+}
+
+/// The joint above each link.
+fn above(description: &Description) -> Vec<Option<usize>> {
+    let mut above = vec![None; description.links.len()];
+    for (j, joint) in description.joints.iter().enumerate() {
+        if let Some(slot) = above.get_mut(joint.child) {
+            *slot = Some(j);
+        }
+    }
+    above
+}
+
+/// The moving joints between two links.
+fn path(description: &Description, above: &[Option<usize>], a: usize, b: usize) -> Vec<usize> {
+    let joints = &description.joints;
+    let chain = |mut link: usize| {
+        let mut chain = Vec::new();
+        while let Some(j) =
+            above.get(link).copied().flatten().filter(|_| chain.len() < joints.len())
+        {
+            chain.push(j);
+            link = joints[j].parent;
+        }
+        chain
+    };
+    let (mut a, mut b) = (chain(a), chain(b));
+    while a.last().is_some() && a.last() == b.last() {
+        a.pop();
+        b.pop();
+    }
+    a.extend(b);
+    a.retain(|j| joints[*j].kind != JointKind::Fixed);
+    a
+}
+
+/// Puts a loop into a submechanism that a file lists; its index there.
+fn attach(
+    closing: &Closing,
+    [a, b]: [usize; 2],
+    part: &mut Submechanism,
+    diagnostics: &mut Diagnostics,
+) -> Option<usize> {
+    let name = quoted(&closing.name);
+    let same = |cut: &&Loop| [[a, b], [b, a]].contains(&[cut.predecessor, cut.successor]);
+    if let Some(known) = part.loops.iter().find(same) {
+        let found = format!("the loop {name} of the URDF is that of {}", quoted(&known.name));
+        let help = "remove one of them; that of the submechanism file is read";
+        diagnostics.warning(closing.span, found, "each loop once", help);
+        return None;
+    }
+    if part.kind == SubmechanismKind::Serial {
+        let found = format!(
+            "the loop {name} closes joints of the serial submechanism {}",
+            quoted(&part.name)
+        );
+        let help = "write `type: NUMERICAL`, and in jointnames_independent as many joints as move \
+            freely";
+        diagnostics.error(closing.span, found, "a type with loops", help);
+        return None;
+    }
+    part.loops.push(cut(closing, [a, b]));
+    Some(part.loops.len() - 1)
+}
+
+/// A submechanism of joints that only loops of the URDF tie; `None` when nothing says which of them
+/// are independent, which is reported with the lines to write.
+fn tied(
+    urdf: &Urdf,
+    group: &Group,
+    description: &Description,
+    diagnostics: &mut Diagnostics,
+) -> Option<Submechanism> {
+    let closings: Vec<&Closing> =
+        group.closings.iter().filter_map(|c| urdf.closings.get(*c)).collect();
+    let first = closings.first()?;
+    let tree: Vec<usize> = group.joints.iter().copied().collect();
+    let joint = |j: &usize| urdf.joints.get(*j);
+    let free = |j: &&usize| joint(j).is_some_and(|joint| joint.masters.is_empty());
+    let is = |is_true: bool| {
+        move |j: &&usize| joint(j).is_some_and(|of| of.independent == Some(is_true))
+    };
+    let declared: Vec<usize> = tree.iter().filter(is(true)).copied().collect();
+    let is_actuated = |j: &&usize| joint(j).is_some_and(|of| urdf.actuated.contains(&of.name));
+    let actuated: Vec<usize> = tree.iter().filter(free).filter(is_actuated).copied().collect();
+    let (independent, active) = match (declared.is_empty(), actuated.is_empty()) {
+        (false, true) => (declared.clone(), declared),
+        (false, false) => (declared, actuated),
+        (true, false) => (actuated.clone(), actuated),
+        (true, true) => {
+            let names: Vec<&str> =
+                tree.iter().filter_map(joint).map(|of| of.name.as_str()).collect();
+            let found = format!(
+                "the loop {}, and neither an actuated joint among its {} joints nor an independent \
+                 one",
+                quoted(&first.name),
+                names.len()
+            );
+            let help = format!(
+                "write a submechanism file: submechanisms: [{{type: NUMERICAL, contextual_name: \
+                 {}, jointnames_independent: […], jointnames_active: […], \
+                 jointnames_spanningtree: [{}]}}]",
+                first.name,
+                names.join(", ")
+            );
+            let expected = "a transmission with an actuator, or independent=\"true\"";
+            diagnostics.error(first.span, found, expected, help);
+            return None;
+        }
+    };
+    let loops = closings.iter().filter_map(|closing| {
+        let [a, b] = closing.links.each_ref().map(|(name, _)| {
+            urdf.link_index.get(name).copied().or(urdf.root.filter(|_| name == "world"))
+        });
+        Some(cut(closing, [a?, b?]))
+    });
+    Some(Submechanism {
+        name: unique(&first.name, &description.submechanisms),
+        kind: SubmechanismKind::Numerical,
+        type_name: "NUMERICAL".to_owned(),
+        loops: loops.collect(),
+        spanning_tree: tree,
+        independent,
+        active,
+    })
+}
+
+/// A loop as a cut; the successor's placement is still to come where the URDF has none.
+fn cut(closing: &Closing, [predecessor, successor]: [usize; 2]) -> Loop {
+    let cut = match closing.place {
+        Place::Both([predecessor, successor]) => Cut::Placed { predecessor, successor },
+        Place::Predecessor(at) if at == Placement::default() => Cut::AtLink(predecessor),
+        Place::Predecessor(at) | Place::Point(at, _) => {
+            Cut::Placed { predecessor: at, successor: Placement::default() }
+        }
+    };
+    let rows = closing.kind.rows(closing.axis, closing.axis2);
+    Loop { name: closing.name.clone(), predecessor, successor, cut, rows }
+}
+
+/// Places the cuts of these loops on their successors, where the predecessor's frame is at zero.
+fn place(description: &mut Description, open: &[(usize, usize, Place)]) {
+    for (s, l, closed) in closing_placements(description) {
+        let Some((_, _, place)) = open.iter().find(|of| (of.0, of.1) == (s, l)) else { continue };
+        let Cut::Placed { successor, .. } = &mut description.submechanisms[s].loops[l].cut else {
+            continue;
+        };
+        match place {
+            Place::Both(_) => {}
+            Place::Predecessor(_) => *successor = closed,
+            Place::Point(_, xyz) => *successor = Placement { xyz: *xyz, ..closed },
+        }
+    }
+}
+
+/// A submechanism that nobody wrote: the moving joints that it `has`, in the order of the file,
+/// independent unless they follow others.
+fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submechanism {
+    let moving = joints
+        .iter()
+        .enumerate()
+        .filter(|(i, joint)| joint.kind != JointKind::Fixed && has(*i))
+        .collect::<Vec<_>>();
+    let moving = moving.iter().copied();
+    let independent = moving.clone().filter(|(_, joint)| joint.coupling.is_none());
+    let active = independent
+        .clone()
+        .filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
+    let coupled = moving.clone().any(|(_, joint)| joint.coupling.is_some());
+    let (kind, type_name) = if coupled {
+        (SubmechanismKind::Transmission, "TRANSMISSION")
+    } else {
+        (SubmechanismKind::Serial, "SERIAL")
+    };
+    Submechanism {
+        name,
+        kind,
+        type_name: type_name.to_owned(),
+        spanning_tree: moving.map(|(i, _)| i).collect(),
+        independent: independent.map(|(i, _)| i).collect(),
+        active: active.map(|(i, _)| i).collect(),
+        loops: Vec::new(),
+    }
+}
+
+/// A name that no submechanism has yet.
+fn unique(name: &str, others: &[Submechanism]) -> String {
+    let mut name = name.to_owned();
+    while others.iter().any(|part| part.name == name) {
+        name.push('_');
+    }
+    name
+}

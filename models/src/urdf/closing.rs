@@ -1,0 +1,277 @@
+//! Loops that stand in the URDF, in the words of other programs, as cuts:
+//!
+//! | element | of | cut frames |
+//! |---|---|---|
+//! | `<gazebo><joint>` | SDF inside Gazebo's extension | that of the joint, given in the child |
+//! | `<loop>` | URDF+ | `origin` of `predecessor` and of `successor` |
+//! | `<loop_joint>` | Isaac Sim: `link1`, `link2`; exporters: `parent`, `child` | both are given |
+//! | `<constraint>` | proposed for urdfdom | `parent_origin` and `child_origin` |
+//! | `<drake:ball_constraint>` | Drake | the points of both bodies |
+//!
+//! What says too little is an error with the lines of the submechanism file that say it.
+
+use std::collections::BTreeSet;
+
+use roxmltree::Node;
+use sarrus_dynamics::description::Placement;
+
+use super::sdf;
+use super::xml::Reader;
+use crate::report::{Span, quoted};
+use crate::submechanisms::cut::CutKind;
+
+/// A name and where it stands.
+pub(super) type Named = (String, Span);
+
+/// A loop as a cut between two links.
+pub(crate) struct Closing {
+    pub(crate) name: String,
+    /// The name is made of those of the links.
+    pub(crate) is_unnamed: bool,
+    pub(crate) span: Span,
+    /// Predecessor and successor.
+    pub(crate) links: [Named; 2],
+    pub(crate) place: Place,
+    pub(crate) kind: CutKind,
+    /// In the predecessor's cut frame.
+    pub(crate) axis: [f64; 3],
+    /// In the successor's.
+    pub(crate) axis2: [f64; 3],
+}
+
+/// Where the two cut frames lie.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Place {
+    /// On both links.
+    Both([Placement; 2]),
+    /// On the predecessor; on the successor it is the same frame at zero.
+    Predecessor(Placement),
+    /// As before; on the successor at this point, whatever its orientation.
+    Point(Placement, [f64; 3]),
+}
+
+/// The cut joint of a joint type.
+pub(super) fn kind(written: &str) -> Option<CutKind> {
+    Some(match written {
+        "revolute" | "continuous" | "hinge" => CutKind::Revolute,
+        "spherical" | "ball" => CutKind::Spherical,
+        "fixed" | "weld" => CutKind::Weld,
+        "prismatic" => CutKind::Prismatic,
+        "cylindrical" => CutKind::Cylindrical,
+        "universal" => CutKind::Universal,
+        _ => return None,
+    })
+}
+
+/// Whether an element of the robot stands for a loop that is read here.
+pub(super) fn is_closing(node: Node<'_, '_>) -> bool {
+    let name = node.tag_name().name();
+    match drake(node) {
+        Some(name) => name.ends_with("_constraint") || name == "linear_bushing_rpy",
+        None => {
+            node.tag_name().namespace().is_none()
+                && matches!(name, "gazebo" | "loop" | "loop_joint" | "constraint")
+        }
+    }
+}
+
+/// The name of an element of Drake, whether its prefix is declared or not.
+fn drake<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+    let name = node.tag_name().name();
+    let is_declared = node.tag_name().namespace().is_some_and(|space| space.contains("drake"));
+    if is_declared { Some(name) } else { name.strip_prefix("drake_") }
+}
+
+/// The loops of one element of the robot.
+pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Closing> {
+    reader.unread.push(node.range());
+    let closing = match (drake(node), node.tag_name().name()) {
+        (Some(name), _) => drake_constraint(reader, node, name),
+        (_, "gazebo") => {
+            let joints = node.children().filter(|child| child.has_tag_name("joint"));
+            let joints: Vec<Node<'_, 't>> = joints.collect();
+            return joints.into_iter().filter_map(|joint| sdf::joint(reader, joint)).collect();
+        }
+        _ => element(reader, node),
+    };
+    Vec::from_iter(closing)
+}
+
+/// The joints that an actuator moves, as far as the file says so: those of transmissions with an
+/// actuator, and those that ros2_control commands.
+pub(super) fn actuated(root: Node<'_, '_>) -> BTreeSet<String> {
+    let has = |node: Node<'_, '_>, name: &str| node.children().any(|of| of.has_tag_name(name));
+    let groups = root.children().filter(|node| {
+        node.has_tag_name("ros2_control")
+            || (node.has_tag_name("transmission") && has(*node, "actuator"))
+    });
+    let joints = groups.flat_map(|group| {
+        let is_commanded = group.has_tag_name("ros2_control");
+        group
+            .children()
+            .filter(move |node| node.has_tag_name("joint"))
+            .filter(move |node| !is_commanded || has(*node, "command_interface"))
+    });
+    joints.filter_map(|joint| joint.attribute("name").map(str::to_owned)).collect()
+}
+
+/// `<loop>`, `<loop_joint>`, `<constraint>`: two links with origins, a type, an axis or two.
+fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closing> {
+    let span = reader.span(node);
+    let name = reader.required(node, "name");
+    let written = reader.required(node, "type");
+    let child = |names: &[&str]| {
+        node.children().find(|child| names.contains(&child.tag_name().name()) && child.is_element())
+    };
+    // one exporter writes `link1` twice, another `sucessor`
+    let mut ends = node.children().filter(|child| {
+        let names = ["predecessor", "successor", "sucessor", "parent", "child", "link1", "link2"];
+        names.contains(&child.tag_name().name()) && child.is_element()
+    });
+    let (first, second) = (ends.next(), ends.next());
+    let (Some(first), Some(second), None) = (first, second, ends.next()) else {
+        let found = format!("`{}` does not name two links", node.tag_name().name());
+        let help = to_write(&name.map(|(name, _)| name).unwrap_or_default(), ["A", "B"], None);
+        reader.diagnostics.error(span, found, "a link at each end", help);
+        return None;
+    };
+    let links = [first, second].map(|end| link(reader, end));
+    let origins = [(first, "parent_origin"), (second, "child_origin")].map(|(end, beside)| {
+        let beside = child(&[beside]);
+        let inside = end.children().find(|inner| inner.has_tag_name("origin"));
+        placement(reader, beside.or(inside).unwrap_or(end))
+    });
+    let axes = [["axis", "parent_axis"], ["axis2", "child_axis"]].map(|names| child(&names));
+    let [axis, axis2] = axes.map(|axis| axis.map(|node| reader.numbers::<3>(node, "xyz")));
+    let (name, (written, at)) = (name?.0, written?);
+    let [(Some(first), Some(second)), _] = [(links[0].clone(), links[1].clone()), (None, None)]
+    else {
+        return None;
+    };
+    let links = [first, second];
+    let names = [links[0].0.as_str(), links[1].0.as_str()];
+    let Some(kind) = kind(&written) else {
+        unknown(reader, at, &name, &written, names);
+        return None;
+    };
+    let [first, second] = [origins[0]?, origins[1]?];
+    let in_parent = axes[0].is_some_and(|axis| axis.attribute("frame") == Some("parent"));
+    let place = match in_parent {
+        // an axis in the parent is one in the cut frame where that is not turned
+        true if first.rpy == [0.0; 3] => Place::Point(first, second.xyz),
+        true => {
+            let found = format!("the axis of the loop {} in a turned frame", quoted(&name));
+            let help = to_write(&name, names, Some(&written));
+            reader.diagnostics.error(span, found, "an axis in the cut frame", help);
+            return None;
+        }
+        false => Place::Both([first, second]),
+    };
+    let axis = match axis {
+        Some(axis) => axis?,
+        None => [1.0, 0.0, 0.0],
+    };
+    let axis2 = match axis2 {
+        Some(axis2) => axis2?,
+        None if kind == CutKind::Universal => {
+            let found = format!("the universal loop {} has one axis", quoted(&name));
+            let help = to_write(&name, names, Some("universal, axis: […], axis2: […]"));
+            reader.diagnostics.error(span, found, "two axes", help);
+            return None;
+        }
+        None => [0.0, 1.0, 0.0],
+    };
+    let is_unnamed = false;
+    closing(reader, Closing { name, is_unnamed, span, links, place, kind, axis, axis2 })
+}
+
+/// `<drake:ball_constraint>`; the other constraints of Drake are told how to be written.
+fn drake_constraint<'t>(
+    reader: &mut Reader<'t, '_>,
+    node: Node<'_, 't>,
+    element: &str,
+) -> Option<Closing> {
+    let span = reader.span(node);
+    let child =
+        |name: &str| node.children().find(|child| drake(*child).is_some_and(|of| of == name));
+    if element != "ball_constraint" {
+        let found = format!("{} is not read", quoted(&format!("drake:{element}")));
+        let help = to_write(element, ["A", "B"], None);
+        reader.diagnostics.error(span, found, "drake:ball_constraint, or a cut", help);
+        return None;
+    }
+    let ends = [["body_A", "p_AP"], ["body_B", "p_BQ"]].map(|names| {
+        let [body, point] = names.map(|name| child(&format!("ball_constraint_{name}")));
+        let body = body.and_then(|body| reader.required(body, "name"));
+        let point = point.map_or(Some([0.0; 3]), |point| reader.numbers::<3>(point, "value"));
+        Some((body?, Placement { xyz: point?, rpy: [0.0; 3] }))
+    });
+    let [Some((first, at_first)), Some((second, at_second))] = ends else {
+        let found = "`drake:ball_constraint` does not name two bodies and points";
+        let help = to_write(element, ["A", "B"], Some("spherical"));
+        reader.diagnostics.error(span, found, "a body and a point at each end", help);
+        return None;
+    };
+    let name =
+        node.attribute("name").map_or_else(|| format!("{}_{}", first.0, second.0), Into::into);
+    let (links, place) = ([first, second], Place::Both([at_first, at_second]));
+    let (axis, axis2) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let (kind, is_unnamed) = (CutKind::Spherical, !node.has_attribute("name"));
+    closing(reader, Closing { name, is_unnamed, span, links, place, kind, axis, axis2 })
+}
+
+/// A loop whose axes are directions; `None` after an error.
+pub(super) fn closing(reader: &mut Reader<'_, '_>, closing: Closing) -> Option<Closing> {
+    let bad = [closing.axis, closing.axis2].into_iter().find(|axis| {
+        let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+        !(1e-6..=1e6).contains(&size)
+    });
+    if bad.is_some() {
+        let found = format!("an axis of the loop {} has no direction", quoted(&closing.name));
+        reader.diagnostics.error(closing.span, found, "a direction as 0 0 1", "correct it");
+        return None;
+    }
+    Some(closing)
+}
+
+/// A type that no cut joint has.
+pub(super) fn unknown(
+    reader: &mut Reader<'_, '_>,
+    at: Span,
+    name: &str,
+    written: &str,
+    links: [&str; 2],
+) {
+    let found = format!("the loop {} of type {}", quoted(name), quoted(written));
+    let expected =
+        "revolute, continuous, spherical, ball, fixed, prismatic, cylindrical, universal";
+    reader.diagnostics.error(at, found, expected, to_write(name, links, None));
+}
+
+/// What to write into the submechanism file in place of a loop that is not read.
+pub(super) fn to_write(name: &str, links: [&str; 2], kind: Option<&str>) -> String {
+    let [a, b] = links;
+    let kind = kind.unwrap_or("…");
+    format!(
+        "write it as a loop of the submechanism file: loop_constraints: [{{cut_joint: {name}, \
+         predecessor_body: {a}, successor_body: {b}, cut_joint_type: {kind}}}]"
+    )
+}
+
+/// The link that an end names.
+fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Named> {
+    let attribute = if node.has_attribute("link") { "link" } else { "name" };
+    if node.has_attribute(attribute) {
+        return reader.required(node, attribute);
+    }
+    reader.required(node, "link")
+}
+
+/// `xyz` and `rpy` of an element, zero without; `None` after an error.
+fn placement<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Placement> {
+    let [xyz, rpy] = ["xyz", "rpy"].map(|name| match node.has_attribute(name) {
+        true => reader.numbers::<3>(node, name),
+        false => Some([0.0; 3]),
+    });
+    Some(Placement { xyz: xyz?, rpy: rpy? })
+}

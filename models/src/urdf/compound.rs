@@ -1,0 +1,137 @@
+//! Joints that are chains of joints with one axis each: `planar` and `universal`. The links between
+//! them are massless, bear the name of the joint before them, and are no one's but ours.
+
+use std::collections::BTreeMap;
+
+use sarrus_dynamics::description::{JointKind, Terms};
+
+use super::joint::JointEntry;
+use super::link::{LinkEntry, Weight};
+use crate::report::{Diagnostics, quoted};
+
+/// A joint of several axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Compound {
+    /// Two translations in the plane across the axis, then the turn about it.
+    Planar,
+    /// A turn about the axis, then one about the second axis.
+    Universal { axis2: [f64; 3] },
+}
+
+/// One joint of a chain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Part {
+    compound: Compound,
+    index: usize,
+}
+
+impl Compound {
+    /// What stands behind the name of the joint and a slash.
+    const fn suffixes(self) -> &'static [&'static str] {
+        match self {
+            Compound::Planar => &["x", "y", "rz"],
+            Compound::Universal { .. } => &["r1", "r2"],
+        }
+    }
+}
+
+impl Part {
+    /// Whether the origin of the whole joint is that of this part.
+    pub(super) fn is_first(self) -> bool {
+        self.index == 0
+    }
+
+    /// The axis of this part, where `axis` is that of the whole joint. The directions in the plane
+    /// are x and y of the joint frame where the axis is z; else the frame's axis that is least
+    /// along it, made perpendicular, and the cross product of the axis with this one.
+    pub(super) fn axis(self, axis: [f64; 3]) -> [f64; 3] {
+        match (self.compound, self.index) {
+            (Compound::Planar, 0) => across(axis),
+            (Compound::Planar, 1) => cross(axis, across(axis)),
+            (Compound::Universal { axis2 }, 1) => axis2,
+            _ => axis,
+        }
+    }
+
+    fn kind(self, has_limits: bool) -> JointKind {
+        match (self.compound, self.index) {
+            (Compound::Planar, 0 | 1) => JointKind::Prismatic,
+            (Compound::Universal { .. }, _) if has_limits => JointKind::Revolute,
+            _ => JointKind::Continuous,
+        }
+    }
+}
+
+/// Replaces each joint of several axes by its chain; the names of the parts by that of the whole.
+pub(super) fn expand(
+    joints: Vec<JointEntry>,
+    links: &mut Vec<LinkEntry>,
+    diagnostics: &mut Diagnostics,
+) -> (Vec<JointEntry>, BTreeMap<String, Vec<String>>) {
+    let (mut chains, mut parts) = (Vec::with_capacity(joints.len()), BTreeMap::new());
+    for joint in joints {
+        let Some(compound) = joint.compound else {
+            chains.push(joint);
+            continue;
+        };
+        if !joint.masters.is_empty() {
+            let found = format!("the joint {} is coupled", quoted(&joint.name));
+            let help = "couple joints of one axis instead";
+            diagnostics.error(joint.span, found, "a coupling of joints with one axis", help);
+        }
+        let suffixes = compound.suffixes();
+        let names: Vec<String> =
+            suffixes.iter().map(|suffix| format!("{}/{suffix}", joint.name)).collect();
+        let mut parent = joint.parent.clone();
+        for (index, name) in names.iter().enumerate() {
+            let part = Part { compound, index };
+            let is_last = index + 1 == names.len();
+            let child = if is_last {
+                joint.child.clone()
+            } else {
+                let (inertial, is_written) = (Weight::Absent, false);
+                let (name, span) = (name.clone(), joint.span);
+                links.push(LinkEntry { name: name.clone(), span, inertial, is_written });
+                Some((name, span))
+            };
+            chains.push(JointEntry {
+                name: if joint.name.is_empty() { String::new() } else { name.clone() },
+                span: joint.span,
+                kind: Some(part.kind(joint.has_limits)),
+                compound: None,
+                part: Some(part),
+                source: joint.source,
+                parent,
+                child: child.clone(),
+                has_limits: joint.has_limits && compound != Compound::Planar,
+                has_range: joint.has_range,
+                masters: Vec::new(),
+                independent: joint.independent,
+                terms: if compound == Compound::Planar { Terms::default() } else { joint.terms },
+            });
+            parent = child;
+        }
+        if !joint.name.is_empty() {
+            parts.insert(joint.name, names);
+        }
+    }
+    (chains, parts)
+}
+
+/// The axis of the frame that is least along a direction, made perpendicular to it.
+fn across(axis: [f64; 3]) -> [f64; 3] {
+    let least =
+        (0..3).fold(0, |least, k| if axis[k].abs() < axis[least].abs() { k } else { least });
+    let square: f64 = axis.iter().map(|x| x * x).sum();
+    std::array::from_fn(|k| {
+        let unit = if k == least { 1.0 } else { 0.0 };
+        unit - axis[k] * axis[least] / square
+    })
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        a[i] * b[j] - a[j] * b[i]
+    })
+}

@@ -1,0 +1,200 @@
+//! Couplings and rotors, handed to the joints that they belong to, and checked.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use sarrus_dynamics::description::JointKind;
+
+use super::dynamics::{self, Rotor};
+use super::joint::JointEntry;
+use super::transmission::{self, Dependence, Gear};
+use super::xml::{self, Reader};
+use super::{MOST_JOINTS, Urdf, Version};
+use crate::report::{Diagnostics, Span, quoted};
+use crate::text::Text;
+
+impl Urdf {
+    /// Takes over the couplings of another URDF, that of a submechanism alone, for those of
+    /// `joints` that have none yet.
+    pub(crate) fn couple_from(
+        &mut self,
+        text: &Text,
+        joints: &BTreeSet<&str>,
+        diagnostics: &mut Diagnostics,
+    ) {
+        let Some(document) = xml::parse(text, diagnostics) else { return };
+        let mut reader = Reader::new(text, diagnostics, Version(1, 2));
+        let mut dependences: Vec<Dependence> = Vec::new();
+        for node in document.root_element().children() {
+            if node.has_tag_name("transmission") {
+                dependences.extend(transmission::read(&mut reader, node));
+            } else if node.has_tag_name("joint") {
+                dependences.extend(transmission::of_mimic(&mut reader, node));
+            }
+        }
+        let missing = |dependence: &Dependence| {
+            joints.contains(dependence.joint.as_str())
+                && self.joint(&dependence.joint).is_some_and(|joint| joint.masters.is_empty())
+        };
+        dependences.retain(missing);
+        self.couple(dependences, diagnostics);
+    }
+
+    /// The joint above each link.
+    fn above(&self) -> BTreeMap<&str, usize> {
+        let child = |(j, joint): (usize, &'_ JointEntry)| {
+            joint
+                .child
+                .as_ref()
+                .and_then(|(child, _)| self.link_index.get_key_value(child))
+                .map(|(child, _)| (child.as_str(), j))
+        };
+        self.joints.iter().enumerate().filter_map(child).collect()
+    }
+
+    /// Whether a name is that of a joint of several axes, which couples nothing; reports it.
+    fn is_compound(&self, name: &str, span: Span, diagnostics: &mut Diagnostics) -> bool {
+        let Some(parts) = self.parts.get(name) else { return false };
+        let found = format!("the joint {}, which has several axes", quoted(name));
+        let help = "name one of them";
+        diagnostics.error(span, found, format!("one of {}", parts.join(", ")), help);
+        true
+    }
+
+    /// Hands the dependences of transmissions to their joints.
+    pub(super) fn couple(&mut self, dependences: Vec<Dependence>, diagnostics: &mut Diagnostics) {
+        for dependence in dependences {
+            if self.is_compound(&dependence.joint, dependence.span, diagnostics) {
+                continue;
+            }
+            let joint = self.joint_index.get(&dependence.joint).copied();
+            match joint.and_then(|joint| self.joints.get_mut(joint)) {
+                None => {
+                    let found = format!(
+                        "the transmission names the joint {}, which does not exist",
+                        quoted(&dependence.joint)
+                    );
+                    let help = diagnostics.did_you_mean(
+                        &dependence.joint,
+                        self.joint_names(),
+                        "correct the name",
+                    );
+                    diagnostics.error(dependence.span, found, "a joint of this file", help);
+                }
+                Some(joint) if !joint.masters.is_empty() => {
+                    let found =
+                        format!("the joint {} is coupled a second time", quoted(&joint.name));
+                    diagnostics.error(
+                        dependence.span,
+                        found,
+                        "one mimic or one transmission",
+                        "remove one of them",
+                    );
+                }
+                Some(joint) => joint.masters = dependence.masters,
+            }
+        }
+    }
+
+    /// Hands the couplings of URDF+ to the joints that follow, one after the other: each looks for
+    /// a joint that follows nothing yet.
+    pub(super) fn mesh(&mut self, gears: &[Gear], diagnostics: &mut Diagnostics) {
+        let chains = gears.iter().take(MOST_JOINTS);
+        let above = self.above();
+        let chains: Vec<_> = chains.map(|gear| gear.terms(self, &above, diagnostics)).collect();
+        for (gear, terms) in gears.iter().zip(chains) {
+            let dependence = terms.and_then(|terms| gear.dependence(&terms, self, diagnostics));
+            self.couple(Vec::from_iter(dependence), diagnostics);
+        }
+        if let Some(gear) = gears.get(MOST_JOINTS) {
+            let found = format!("the robot has {} couplings", gears.len());
+            let help = "remove those that repeat others";
+            diagnostics.error(gear.span, found, format!("at most {MOST_JOINTS}"), help);
+        }
+    }
+
+    /// Hands the rotors of transmissions to their joints.
+    pub(super) fn add_rotors(&mut self, rotors: &[Rotor], reader: &mut Reader<'_, '_>) {
+        for rotor in rotors {
+            if self.is_compound(&rotor.joint, rotor.span, reader.diagnostics) {
+                continue;
+            }
+            let joint = self.joint_index.get(&rotor.joint).copied();
+            let Some(joint) = joint.and_then(|joint| self.joints.get_mut(joint)) else {
+                let found = format!(
+                    "the rotor belongs to the joint {}, which does not exist",
+                    quoted(&rotor.joint)
+                );
+                let help = reader.diagnostics.did_you_mean(
+                    &rotor.joint,
+                    self.joint_names(),
+                    "correct the name",
+                );
+                reader.diagnostics.error(rotor.span, found, "a joint of this file", help);
+                continue;
+            };
+            let mut terms = joint.terms;
+            if !rotor.join(&mut terms) {
+                let found = format!("the joint {} has a second rotor", quoted(&joint.name));
+                reader.diagnostics.error(
+                    rotor.span,
+                    found,
+                    "one",
+                    "add both inertias up, each times its ratio squared",
+                );
+            } else if dynamics::accepts(reader, rotor.span, joint.kind, &joint.name, &terms) {
+                joint.terms = terms;
+            }
+        }
+    }
+
+    /// Checks every coupling; what is left of one on a joint that does not move is taken off.
+    pub(crate) fn check_couplings(&mut self, diagnostics: &mut Diagnostics) {
+        for joint in &mut self.joints {
+            if joint.kind == Some(JointKind::Fixed) && !joint.masters.is_empty() {
+                let found = format!("the fixed joint {} is coupled", quoted(&joint.name));
+                let help = "remove the mimic or change the type; the coupling is not read";
+                diagnostics.warning(joint.span, found, "a joint that moves", help);
+                joint.masters.clear();
+            }
+        }
+        for joint in &self.joints {
+            for master in &joint.masters {
+                if self.is_compound(&master.joint, master.span, diagnostics) {
+                    continue;
+                }
+                let who =
+                    format!("the joint {} follows {}", quoted(&joint.name), quoted(&master.joint));
+                let known = self.joint_index.get(&master.joint);
+                let (found, help) = match known {
+                    None => {
+                        let help = diagnostics.did_you_mean(
+                            &master.joint,
+                            self.joint_names(),
+                            "correct the name",
+                        );
+                        (format!("{who}, which does not exist"), help)
+                    }
+                    Some(_) if master.joint == joint.name => {
+                        (format!("{who}, which is itself"), "name another joint".to_owned())
+                    }
+                    Some(i) if !self.moves(*i) => {
+                        (format!("{who}, which is fixed"), "name a joint that moves".to_owned())
+                    }
+                    Some(_) => continue,
+                };
+                diagnostics.error(master.span, found, "another moving joint of this robot", help);
+            }
+            if !joint.masters.is_empty()
+                && matches!(joint.kind, Some(JointKind::Floating | JointKind::Spherical))
+            {
+                let found = format!("the joint {} is coupled", quoted(&joint.name));
+                diagnostics.error(
+                    joint.span,
+                    found,
+                    "a coupling of joints with one axis",
+                    "remove the mimic or change the type",
+                );
+            }
+        }
+    }
+}
