@@ -89,9 +89,6 @@ pub(crate) fn count_fields(states: u64) -> Outcome<Count> {
         if let Some(error) = case.error {
             count.answer(error, case.warnings.iter().any(|name| name == "ill_conditioned"));
         }
-        if case.error.is_some_and(|error| error > HELD) {
-            println!("{case:?}");
-        }
     }
     Ok(count)
 }

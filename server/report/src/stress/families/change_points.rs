@@ -14,6 +14,7 @@ use crate::stress::harness::assess::warned;
 use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::question::Question;
 use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
+use crate::stress::harness::seeds;
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::trains::begun;
 
@@ -31,7 +32,7 @@ const SLOW: f64 = 20.0;
 /// Parallelograms, kites and other four-bars that fold flat, through and near their flat poses.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("change points", "rad of a step");
-    for seed in 0..if effort.quick { 40 } else { 1000 } {
+    for seed in seeds(effort, [40, 1000], &[]) {
         one(cases, seed)?;
     }
     Ok(())

@@ -11,6 +11,7 @@ use crate::stress::harness::assess::warned;
 use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::question::{Question, State};
 use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::harness::seeds;
 use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard, door, four_bar};
 
 use Field::*;
@@ -24,7 +25,7 @@ const NEAR: f64 = 4.0;
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("inconsistent input", "q or qd off its loops, rad or parts of the length");
     for (k, robot) in robots()?.iter().enumerate() {
-        for seed in 0..if effort.quick { 12 } else { 200 } {
+        for seed in seeds(effort, [12, 200], &[]) {
             one(cases, robot, (k as u64) << 16 | seed)?;
         }
     }
