@@ -143,3 +143,30 @@ pub(crate) fn table(counts: &[(&'static str, Count)]) -> Table {
         rows: counts.iter().map(row).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a thousand answers that keep eleven digits one may warn.
+    fn check(count: Count, what: &str) {
+        println!("{}", count.sentence(what));
+        assert!(count.good > 0 && 1000 * count.alarms <= count.good, "{what}: {count:?}");
+        assert_eq!(count.silent, 0, "{what}: {count:?}");
+    }
+
+    #[test]
+    fn good_answers_hardly_ever_warn() {
+        check(sum(&count(20).expect("answers")), "usual fields");
+        check(count_fields(2).expect("answers"), "every field");
+    }
+
+    #[test]
+    #[ignore = "takes a minute"]
+    fn of_a_hundred_thousand_good_answers_hardly_any_warns() {
+        let count = sum(&count(1400).expect("answers"));
+        assert!(count.answers > 100_000, "{count:?}");
+        check(count, "usual fields");
+        check(count_fields(30).expect("answers"), "every field");
+    }
+}

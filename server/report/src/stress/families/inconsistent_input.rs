@@ -32,6 +32,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
+
 fn robots() -> Outcome<Vec<Robot>> {
     let mut robots = Vec::new();
     for name in ["lambda", "wrist", "torso", "five_bar", "delta", "stewart", "rh5v2_upper_body"] {
@@ -52,7 +53,7 @@ fn robots() -> Outcome<Vec<Robot>> {
 }
 
 /// A closed state, moved off its loops, given whole.
-pub(crate) fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
+fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let mut random = Random(3 << 32 | seed);
     let model = &robot.compiled.model;
     let mut state = State::of(robot, 0.1)?;

@@ -173,3 +173,26 @@ fn natural(ask: &Question, field: Field) -> f64 {
         _ => 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use sarrus_dynamics::description::SubmechanismKind as Kind;
+
+    use super::*;
+    use crate::stress::harness::question::State;
+    use crate::stress::mechanisms::{LOOSE, four_bar};
+
+    #[test]
+    fn two_references_agree_and_one_of_another_input_does_not() {
+        let of = four_bar(LOOSE, Kind::Numerical, "xyz").expect("bars");
+        let robot = Robot::new("four-bar", of).expect("a model");
+        let state = State::of(&robot, 0.2).expect("a state");
+        let ask = Question::forward(&state, None);
+        let exact = ask.run(&robot.compiled.exact).expect("a plan");
+        let second = second_reference(&robot, &ask).expect("a plan");
+        let apart = largest(&robot, &ask, &second, &exact).1;
+        assert!(apart > 0.0 && apart < 1e-20, "{apart}");
+        let other = ask.run_with(&robot.compiled.exact, |_, x| Dd::from(x) + Dd::from(1e-9 * x));
+        assert!(largest(&robot, &ask, &other.expect("a plan"), &exact).1 > CERTAIN);
+    }
+}
