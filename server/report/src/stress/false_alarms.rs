@@ -81,7 +81,7 @@ pub(crate) fn count_fields(states: u64) -> Outcome<Count> {
                 }
                 state.yd.iter_mut().chain(&mut state.ydd).for_each(|x| *x *= random.next());
                 state.forces(&robot)?;
-                everything(&mut cases, &robot, 0.0, &state, None)?;
+                everything(&mut cases, &robot, 0.0, &state)?;
             }
         }
     }

@@ -32,7 +32,6 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-
 fn robots() -> Outcome<Vec<Robot>> {
     let mut robots = Vec::new();
     for name in ["lambda", "wrist", "torso", "five_bar", "delta", "stewart", "rh5v2_upper_body"] {

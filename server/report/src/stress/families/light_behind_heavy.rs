@@ -55,5 +55,5 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     }
     (state.yd, state.ydd) = (draw(sizes.n_vy, speed), draw(sizes.n_vy, 2.0));
     state.forces(&robot)?;
-    everything(cases, &robot, ratio, &state, None)
+    everything(cases, &robot, ratio, &state)
 }

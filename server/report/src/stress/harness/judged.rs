@@ -167,9 +167,11 @@ fn natural(ask: &Question, field: Field) -> f64 {
     };
     let speed = given(&[Yd, Qd, Ud]);
     match field {
-        Q | U | Y | G | GU | K => 1.0,
-        Qd | Ud => speed,
-        Qdd | Udd | GBias | GUBias | KBias => (speed * speed).max(given(&[Ydd, Qdd, Udd])),
+        Q | U | Y | G | GU | K | JacobianTree | JacobianIndependent => 1.0,
+        Qd | Ud | FrameTwist => speed,
+        Qdd | Udd | GBias | GUBias | KBias | FrameAcc => {
+            (speed * speed).max(given(&[Ydd, Qdd, Udd]))
+        }
         _ => 0.0,
     }
 }
