@@ -32,7 +32,7 @@ const SLOW: f64 = 20.0;
 /// Parallelograms, kites and other four-bars that fold flat, through and near their flat poses.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("change points", "rad of a step");
-    for seed in seeds(effort, [40, 1000], &[]) {
+    for seed in seeds(effort, [40, 400], &[]) {
         one(cases, seed)?;
     }
     Ok(())

@@ -1,4 +1,5 @@
-//! Poses and velocities that do not fit their loops: an answer that replaces what was given says so.
+//! Poses and velocities that do not fit their loops: an answer that replaces what was given says
+//! so.
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::{Field, Request, Status};

@@ -11,12 +11,12 @@ use crate::stress::harness::seeds;
 use crate::stress::mechanisms::weights::{planar_loops, planar_platform, row, tree};
 
 /// Seeds beyond the first ones that once were wrong without a word.
-const WORST: [u64; 8] = [1860, 1350, 1990, 565, 1400, 1630, 270, 1919];
+const WORST: [u64; 9] = [1860, 1350, 1990, 565, 1400, 1630, 270, 1919, 1512];
 
 /// Platforms of welded legs, links in a row and trees.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("light behind heavy", "heavy mass over light mass");
-    for seed in seeds(effort, [60, 2000], &WORST) {
+    for seed in seeds(effort, [60, 1000], &WORST) {
         one(cases, seed)?;
     }
     Ok(())

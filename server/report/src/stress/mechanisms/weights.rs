@@ -17,8 +17,8 @@ fn weighing(random: &mut Random, mass: f64) -> Inertial {
     Inertial::new(mass, centre, [moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]])
 }
 
-/// A platform in the plane on two to four legs of three or four hinges, each but the first closed by
-/// a weld of six rows; masses over some decades.
+/// A platform in the plane on two to four legs of three or four hinges, each but the first closed
+/// by a weld of six rows; masses over some decades.
 pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<Description> {
     let mut of = begun(random, Kind::Numerical);
     let n_legs = 2 + random.below(3);
