@@ -9,8 +9,6 @@ use crate::nearest::{nearest, nearest_first};
 
 /// Faults of one severity that a report holds; a hostile file could have millions.
 const MOST: usize = 1000;
-/// Characters of a line with its position.
-const LONGEST: usize = 400;
 
 /// One fault or warning with its position in a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

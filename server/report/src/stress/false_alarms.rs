@@ -52,9 +52,9 @@ impl Count {
     /// In a sentence.
     pub(crate) fn sentence(self, what: &str) -> String {
         format!(
-            "False alarms, {what}: of {} answers of the bundled robots at generic states, {} keep eleven \
-            digits and {} of these warn of ill_conditioned; {} keep fewer than nine, {} of these \
-            without a word.",
+            "False alarms, {what}: of {} answers of the bundled robots at generic states, {} keep \
+            eleven digits and {} of these warn of ill_conditioned; {} keep fewer than nine, {} of \
+            these without a word.",
             self.answers, self.good, self.alarms, self.bad, self.silent
         )
     }
@@ -67,8 +67,8 @@ pub(crate) fn count(states: usize) -> Outcome<Vec<(&'static str, Count)>> {
 }
 
 /// The same by every question of the families, each field judged by itself, at this many states.
-pub(crate) fn count_fields(states: u64) -> Outcome<Count> {
-    let (mut count, mut cases) = (Count::default(), Cases::default());
+pub(crate) fn fields(states: u64) -> Outcome<Cases> {
+    let mut cases = Cases::default();
     for name in BUNDLED {
         for of in [bundled(name)?, numerical(bundled(name)?)] {
             let robot = harness::robot::Robot::new(name, of)?;
@@ -81,19 +81,22 @@ pub(crate) fn count_fields(states: u64) -> Outcome<Count> {
                 }
                 state.yd.iter_mut().chain(&mut state.ydd).for_each(|x| *x *= random.next());
                 state.forces(&robot)?;
-                everything(&mut cases, &robot, 0.0, &state, None)?;
+                everything(&mut cases, &robot, 0.0, &state)?;
             }
         }
     }
+    Ok(cases)
+}
+
+/// The counts of these cases.
+pub(crate) fn of_cases(cases: &Cases) -> Count {
+    let mut count = Count::default();
     for case in &cases.all {
         if let Some(error) = case.error {
             count.answer(error, case.warnings.iter().any(|name| name == "ill_conditioned"));
         }
-        if case.error.is_some_and(|error| error > HELD) {
-            println!("{case:?}");
-        }
     }
-    Ok(count)
+    count
 }
 
 /// All of them.
@@ -144,5 +147,43 @@ pub(crate) fn table(counts: &[(&'static str, Count)]) -> Table {
             .into(),
         columns: columns.map(str::to_owned).into(),
         rows: counts.iter().map(row).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::page::Assessment;
+
+    /// Of a thousand answers that keep eleven digits one may warn.
+    fn check(count: Count, what: &str) {
+        println!("{}", count.sentence(what));
+        assert!(count.good > 0 && 1000 * count.alarms <= count.good, "{what}: {count:?}");
+        assert_eq!(count.silent, 0, "{what}: {count:?}");
+    }
+
+    fn check_fields(states: u64) {
+        let cases = fields(states).expect("answers");
+        for case in &cases.all {
+            if case.assessment == Assessment::FailedSilently {
+                println!("{case:?}");
+            }
+        }
+        check(of_cases(&cases), "every field");
+    }
+
+    #[test]
+    fn good_answers_hardly_ever_warn() {
+        check(sum(&count(20).expect("answers")), "usual fields");
+        check_fields(2);
+    }
+
+    #[test]
+    #[ignore = "takes a minute"]
+    fn of_a_hundred_thousand_good_answers_hardly_any_warns() {
+        let count = sum(&count(1400).expect("answers"));
+        assert!(count.answers > 100_000, "{count:?}");
+        check(count, "usual fields");
+        check_fields(30);
     }
 }

@@ -11,8 +11,8 @@ const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
 const BY_ROBOT: [&str; 4] =
     ["distance to a singularity", "unreachable y", "many turns", "big jump"];
 /// Families whose parameter is no quantity.
-const NO_PICTURE: [&str; 4] =
-    ["not a number", "faulty file", "unreachable y", "simulation of nothing"];
+const NO_PICTURE: [&str; 5] =
+    ["not a number", "faulty file", "unreachable y", "simulation of nothing", "change points"];
 
 /// Fills the section.
 pub(crate) fn section(cases: &[Case]) -> Section {
@@ -64,8 +64,10 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
         format!(
             "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a \
             larger error, and the answer warns of ill_conditioned, or the simulation's own \
-            estimate or energy reports the size of its error. Failed and said so: any other status \
-            with no number beside it, or a refusal at load. Anything else has failed silently."
+            estimate or energy reports the size of its error. A loop that is open by more than \
+            1e-6 has to be told by loop_open, an input that is replaced by more than 1e-6 by \
+            input_projected. Failed and said so: any other status with no number beside it, or a \
+            refusal at load. Anything else has failed silently."
         ),
     ];
     let worst = cases

@@ -16,8 +16,11 @@ use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::{Assessment, Section};
 
+/// What fills a family's cases.
+type Family = fn(&mut Cases, &Effort) -> Outcome;
+
 /// Families in the order of the page, by what they sweep.
-const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 25] = [
+const FAMILIES: [(&str, Family); 31] = [
     ("mass ratios", families::mass_ratios::run),
     ("massless links", families::massless_links::run),
     ("lengths and masses", families::sizes::run),
@@ -43,10 +46,6 @@ const FAMILIES: [(&str, fn(&mut Cases, &Effort) -> Outcome); 25] = [
     ("starts of simulations", families::simulation_starts::run),
     ("projection", families::projection::run),
     ("stabilisation", families::stabilisation::run),
-];
-
-/// Families whose silent failures are counted.
-const COUNTED: [(&str, fn(&mut Cases, &Effort) -> Outcome); 6] = [
     ("dead points in series", families::dead_points_in_series::run),
     ("light behind heavy", families::light_behind_heavy::run),
     ("change points", families::change_points::run),
@@ -54,6 +53,10 @@ const COUNTED: [(&str, fn(&mut Cases, &Effort) -> Outcome); 6] = [
     ("inconsistent input", families::inconsistent_input::run),
     ("cranks that turn", families::cranks_that_turn::run),
 ];
+
+/// How many of them, from the first on, may not fail silently; what becomes of the others' cases is
+/// counted in a line each.
+const BARRED: usize = 25;
 
 /// States of each bundled robot at which warnings of good answers are counted.
 fn generic_states(effort: &Effort) -> usize {
@@ -67,45 +70,38 @@ fn states_of_fields(effort: &Effort) -> u64 {
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
-    let mut cases = Cases::default();
+    let (mut cases, mut counted) = (Cases::default(), Vec::new());
     for (k, (name, family)) in FAMILIES.iter().enumerate() {
         progress.show(name, k as f64 / FAMILIES.len() as f64);
-        family(&mut cases, effort)?;
+        if k < BARRED {
+            family(&mut cases, effort)?;
+        } else {
+            let mut apart = Cases::default();
+            family(&mut apart, effort)?;
+            counted.push(format!("Counted, {name}: {}", line(&apart)));
+        }
     }
     progress.show("warnings of good answers", 1.0);
     let alarms = false_alarms::count(generic_states(effort))?;
-    let mut counted = Vec::new();
-    for (name, family) in COUNTED {
-        progress.show(name, 1.0);
-        counted.push(counts(name, family, effort)?.1);
-    }
+    let fields = false_alarms::fields(states_of_fields(effort))?;
+
     let mut section = figures::section(&cases.all);
     section.summary.extend(counted);
+    section.summary.extend((!cases.not_judged.is_empty()).then(|| {
+        format!("Not judged, as their reference moves: {} cases more.", cases.not_judged.len())
+    }));
     section.summary.push(false_alarms::sum(&alarms).sentence("usual fields"));
-    let fields = false_alarms::count_fields(states_of_fields(effort))?;
-    section.summary.push(fields.sentence("every field"));
+    section.summary.push(false_alarms::of_cases(&fields).sentence("every field"));
     section.tables.insert(1, false_alarms::table(&alarms));
     Ok(section)
 }
 
-/// The cases of a family, and in a line what became of them.
-fn counts(
-    name: &str,
-    family: fn(&mut Cases, &Effort) -> Outcome,
-    effort: &Effort,
-) -> Outcome<(Cases, String)> {
-    let mut cases = Cases::default();
-    family(&mut cases, effort)?;
+/// What became of cases, in a line.
+fn line(cases: &Cases) -> String {
     let of = |assessment| cases.all.iter().filter(|case| case.assessment == assessment).count();
-    let counts =
-        Assessment::ALL.map(|assessment| format!("{} {}", of(assessment), assessment.name()));
-    let line = format!(
-        "Counted, {name}: {} cases, {}; {} not judged, as their reference is none.",
-        cases.all.len(),
-        counts.join(", "),
-        cases.not_judged.len()
-    );
-    Ok((cases, line))
+    let counts = Assessment::ALL.map(|of_all| format!("{} {}", of(of_all), of_all.name()));
+    let (n, not_judged) = (cases.all.len(), cases.not_judged.len());
+    format!("{n} cases, {}, {not_judged} more not judged.", counts.join(", "))
 }
 
 #[cfg(test)]
@@ -113,10 +109,34 @@ mod tests {
     use super::harness::case::Case;
     use super::*;
 
+    fn silent(cases: &Cases) -> Vec<&Case> {
+        cases.all.iter().filter(|case| case.assessment == Assessment::FailedSilently).collect()
+    }
+
+    fn error(case: &Case) -> f64 {
+        case.error.unwrap_or(f64::NAN)
+    }
+
+    /// A case in a line, with the seed by which it can be asked again.
+    fn told(case: &Case) -> String {
+        let Case { family, mechanism, asked, value, method, status, reported, .. } = case;
+        let error = error(case);
+        format!(
+            "{error:.1e} {family}, {mechanism}, {asked}, {value:e}, {method}, {status}; {reported}"
+        )
+    }
+
+    fn nothing_is_silent(cases: &Cases) {
+        let silent = silent(cases);
+        let told: Vec<String> = silent.iter().map(|case| told(case)).collect();
+        let (n, all, told) = (told.len(), cases.all.len(), told.join("\n"));
+        assert!(silent.is_empty(), "{n} of {all} failed silently:\n{told}");
+    }
+
     /// The rule for every family. What fails silently is printed as it can be asked again.
     fn check(effort: &Effort) {
         let mut cases = Cases::default();
-        for (name, family) in FAMILIES {
+        for (name, family) in &FAMILIES[..BARRED] {
             let (start, before) = (std::time::Instant::now(), cases.all.len());
             family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             println!(
@@ -125,14 +145,7 @@ mod tests {
                 start.elapsed().as_millis()
             );
         }
-        let silent: Vec<&Case> =
-            cases.all.iter().filter(|case| case.assessment == Assessment::FailedSilently).collect();
-        assert!(
-            silent.is_empty(),
-            "{} of {} failed silently: {silent:#?}",
-            silent.len(),
-            cases.all.len()
-        );
+        nothing_is_silent(&cases);
         // every assessment but the last is met, so that the rule can tell them apart
         for assessment in [Assessment::Held, Assessment::Degraded, Assessment::Failed] {
             assert!(
@@ -149,104 +162,35 @@ mod tests {
         check(&Effort { quick: true });
     }
 
-    /// Counts what the families do and prints the worst that fail silently.
-    fn count(effort: &Effort) {
-        let only = std::env::var("SARRUS_ONLY").unwrap_or_default();
-        for (name, family) in COUNTED.into_iter().filter(|(name, _)| name.contains(&only)) {
-            let start = std::time::Instant::now();
-            let (cases, line) =
-                counts(name, family, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
-            let of = |assessment| {
-                cases.all.iter().filter(|case| case.assessment == assessment).collect::<Vec<_>>()
-            };
-            println!(
-                "{line} {} ms, held up to {:.1e}",
-                start.elapsed().as_millis(),
-                of(Assessment::Held).iter().filter_map(|case| case.error).fold(0.0, f64::max)
-            );
-            let mut words: Vec<(String, usize)> = Vec::new();
-            for case in &cases.all {
-                let word = format!(
-                    "{} {}",
-                    case.status,
-                    case.reported.split(':').next_back().unwrap_or("")
-                );
-                match words.iter_mut().find(|(of, _)| *of == word) {
-                    Some((_, n)) => *n += 1,
-                    None => words.push((word, 1)),
-                }
-            }
-            words.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-            if std::env::var_os("SARRUS_ALL").is_some() {
-                for case in &cases.all {
-                    println!(
-                        "ALL {name}|{}|{}|{}|{:e}|{}|{}|{:?}|{:?}|{}",
-                        case.family,
-                        case.mechanism,
-                        case.asked,
-                        case.value,
-                        case.method,
-                        case.status,
-                        case.assessment,
-                        case.error,
-                        case.reported
-                    );
-                }
-            }
-            words.iter().take(12).for_each(|(word, n)| println!("  {n} × {word}"));
-            let mut silent = of(Assessment::FailedSilently);
-            silent.sort_by(|a, b| {
-                f64::total_cmp(&b.error.unwrap_or(f64::NAN), &a.error.unwrap_or(f64::NAN))
-            });
-            for case in silent.iter().take(if std::env::var_os("SARRUS_ALL").is_some() {
-                100_000
-            } else {
-                20
-            }) {
-                println!(
-                    "  {:.1e} {}, {}, {:.1e}, {}, {}; {}",
-                    case.error.unwrap_or(f64::NAN),
-                    case.mechanism,
-                    case.asked,
-                    case.value,
-                    case.method,
-                    case.status,
-                    case.reported
-                );
-            }
+    /// What every family does, and the cases that fail silently, the worst first, as they can be
+    /// asked again.
+    fn print(effort: &Effort) {
+        for (name, family) in FAMILIES {
+            let (start, mut cases) = (std::time::Instant::now(), Cases::default());
+            family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert!(cases.all.len() > cases.not_judged.len(), "{name}: hardly a case is judged");
+            println!("{name}: {} {} ms", line(&cases), start.elapsed().as_millis());
+            let good = cases.all.iter().filter(|case| case.error.is_some_and(|x| x <= 1e-11));
+            let warns = good
+                .clone()
+                .filter(|case| case.warnings.iter().any(|name| name == "ill_conditioned"));
+            println!("  {} keep eleven digits, {} of these warn", good.count(), warns.count());
+            let mut silent = silent(&cases);
+            silent.sort_by(|a, b| f64::total_cmp(&error(b), &error(a)));
+            silent.iter().take(40).for_each(|case| println!("  {}", told(case)));
         }
     }
 
-    /// On the bundled robots at generic states, of answers that keep eleven digits.
-    fn count_alarms(effort: &Effort) {
-        let start = std::time::Instant::now();
-        let counts = false_alarms::count(generic_states(effort)).expect("counts");
-        for (name, count) in &counts {
-            println!("{name}: {count:?}");
-        }
-        let sum = false_alarms::sum(&counts);
-        println!("{} ({} ms)", sum.sentence("usual fields"), start.elapsed().as_millis());
-        assert!(sum.good > 0 && 1000 * sum.alarms <= sum.good, "{sum:?}");
-        let sum = false_alarms::count_fields(states_of_fields(effort)).expect("counts");
-        println!("{} ({} ms)", sum.sentence("every field"), start.elapsed().as_millis());
-        assert!(sum.good > 0 && 1000 * sum.alarms <= sum.good, "{sum:?}");
+    #[test]
+    #[ignore = "prints"]
+    fn what_fails_silently_is_printed() {
+        print(&Effort { quick: true });
     }
 
     #[test]
-    fn good_answers_hardly_ever_warn() {
-        count_alarms(&Effort { quick: true });
-    }
-
-    #[test]
-    #[ignore = "takes minutes"]
-    fn a_hundred_thousand_good_answers_hardly_ever_warn() {
-        count_alarms(&Effort { quick: false });
-    }
-
-    #[test]
-    #[ignore = "counts"]
-    fn silent_failures_are_counted() {
-        count(&Effort { quick: std::env::var_os("SARRUS_FULL").is_none() });
+    #[ignore = "prints, for minutes"]
+    fn what_fails_silently_with_all_effort_is_printed() {
+        print(&Effort { quick: false });
     }
 
     /// For a minute.

@@ -14,6 +14,7 @@ use crate::stress::harness::assess::warned;
 use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::question::Question;
 use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
+use crate::stress::harness::seeds;
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::trains::begun;
 
@@ -31,7 +32,7 @@ const SLOW: f64 = 20.0;
 /// Parallelograms, kites and other four-bars that fold flat, through and near their flat poses.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("change points", "rad of a step");
-    for seed in 0..if effort.quick { 40 } else { 1000 } {
+    for seed in seeds(effort, [40, 400], &[]) {
         one(cases, seed)?;
     }
     Ok(())
@@ -278,4 +279,37 @@ impl Path {
 
 fn distance(a: Point, b: Point) -> f64 {
     f64::hypot(b[0] - a[0], b[1] - a[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_path_goes_straight_on_where_a_parallelogram_is_flat() {
+        for direction in [1.0, -1.0] {
+            let (crank, ground) = (1.0, 2.0);
+            let (coupler, rocker, pin) = (ground, crank, [2.0, 1.0]);
+            let name = "parallelogram";
+            let bars = Bars { name, crank, coupler, rocker, ground, zero: PI / 2.0, pin };
+            let mut path = Path::of(&bars);
+            for k in 1..20 {
+                let y = 0.3 * direction * f64::from(k);
+                path.go(&bars, y).expect("it closes all round");
+                assert!(distance(path.pin, bars.pin(y)) < 1e-6, "{y}");
+                assert!((path.rate(&bars) - 1.0).abs() < 1e-3, "{y}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_declared_parallelogram_goes_through_its_flat_poses() {
+        let mut cases = Cases::default();
+        (0..20).for_each(|seed| one(&mut cases, seed).expect("answers"));
+        let chains = cases.all.iter().filter(|case| case.method == "PARALLELOGRAMCHAIN");
+        assert!(chains.clone().count() >= 6);
+        for case in chains {
+            assert_eq!(case.assessment, Assessment::Held, "{case:?}");
+        }
+    }
 }

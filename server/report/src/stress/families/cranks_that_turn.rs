@@ -13,6 +13,7 @@ use crate::robots::random::Random;
 use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::question::{Question, State};
 use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
+use crate::stress::harness::seeds;
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::approach::followed;
 use crate::stress::mechanisms::trains::{Draw, begun, leg, train};
@@ -24,11 +25,11 @@ const TAU_LOW: f64 = 2.449_293_598_294_706_4e-16;
 
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("cranks that turn", "y, rad");
-    for seed in 0..if effort.quick { 12 } else { 300 } {
+    for seed in seeds(effort, [12, 300], &[]) {
         crank(cases, seed)?;
     }
     cases.family("poses that a path reaches", "rad from zero");
-    for seed in 0..if effort.quick { 12 } else { 300 } {
+    for seed in seeds(effort, [12, 300], &[]) {
         reached(cases, seed)?;
     }
     Ok(())

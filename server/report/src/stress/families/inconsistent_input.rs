@@ -1,4 +1,5 @@
-//! Poses and velocities that do not fit their loops: an answer that replaces what was given says so.
+//! Poses and velocities that do not fit their loops: an answer that replaces what was given says
+//! so.
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::{Field, Request, Status};
@@ -11,6 +12,7 @@ use crate::stress::harness::assess::warned;
 use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::question::{Question, State};
 use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::harness::seeds;
 use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard, door, four_bar};
 
 use Field::*;
@@ -24,7 +26,7 @@ const NEAR: f64 = 4.0;
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("inconsistent input", "q or qd off its loops, rad or parts of the length");
     for (k, robot) in robots()?.iter().enumerate() {
-        for seed in 0..if effort.quick { 12 } else { 200 } {
+        for seed in seeds(effort, [12, 200], &[]) {
             one(cases, robot, (k as u64) << 16 | seed)?;
         }
     }
@@ -51,7 +53,7 @@ fn robots() -> Outcome<Vec<Robot>> {
 }
 
 /// A closed state, moved off its loops, given whole.
-pub(crate) fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
+fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let mut random = Random(3 << 32 | seed);
     let model = &robot.compiled.model;
     let mut state = State::of(robot, 0.1)?;

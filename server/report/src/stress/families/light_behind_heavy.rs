@@ -7,12 +7,16 @@ use crate::stress::families::dead_points_in_series::everything;
 use crate::stress::harness::case::{At, Cases};
 use crate::stress::harness::question::State;
 use crate::stress::harness::robot::Robot;
+use crate::stress::harness::seeds;
 use crate::stress::mechanisms::weights::{planar_loops, planar_platform, row, tree};
+
+/// Seeds beyond the first ones that once were wrong without a word.
+const WORST: [u64; 9] = [1860, 1350, 1990, 565, 1400, 1630, 270, 1919, 1512];
 
 /// Platforms of welded legs, links in a row and trees.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("light behind heavy", "heavy mass over light mass");
-    for seed in 0..if effort.quick { 60 } else { 2000 } {
+    for seed in seeds(effort, [60, 1000], &WORST) {
         one(cases, seed)?;
     }
     Ok(())
@@ -51,5 +55,5 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     }
     (state.yd, state.ydd) = (draw(sizes.n_vy, speed), draw(sizes.n_vy, 2.0));
     state.forces(&robot)?;
-    everything(cases, &robot, ratio, &state, None)
+    everything(cases, &robot, ratio, &state)
 }

@@ -14,6 +14,8 @@ use Field::*;
 /// By how much the numbers given are changed for a second reference, relative to each: far more
 /// than double-double rounds, far less than a double does.
 const CHANGE: f64 = 1.0 / (1_u128 << 80) as f64;
+/// Half an ulp of a number just below a power of two.
+const ULP: f64 = 0.5 * f64::EPSILON;
 /// Largest difference by size of two references that are taken for the truth.
 const CERTAIN: f64 = 1e-11;
 /// Part of its natural size below which a field counts as zero.
@@ -47,7 +49,8 @@ impl Cases {
                 let (field, error) = largest(robot, ask, &answer, &exact);
                 worst = Some(error);
                 if error > HELD {
-                    reported = format!("{} off", field.map_or("nothing", Field::name));
+                    let (ulp, name) = (moved(robot, ask, &exact)?, field.map_or("", Field::name));
+                    reported = format!("{name} off; one ulp of the input moves it by {ulp:.1e}");
                 }
             } else {
                 reported = format!("double-double: {}", exact.status().name());
@@ -85,6 +88,17 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
         let sign = if k % 2 == 0 { CHANGE } else { -CHANGE };
         Dd::from(x) + Dd::from(x * sign)
     })
+}
+
+/// How far the exact answer moves where each number given is off by half an ulp or less: what no
+/// computation in doubles can avoid.
+fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
+    let near = ask.run_with(&robot.compiled.exact, |k, x| {
+        let sign = if k % 2 == 0 { ULP } else { -ULP };
+        Dd::from(x) + Dd::from(x * sign)
+    })?;
+    let ok = near.status() == Status::Ok;
+    Ok(if ok { largest(robot, ask, &near, exact).1 } else { f64::INFINITY })
 }
 
 /// The field of the largest error by its size, and that error.
@@ -155,9 +169,34 @@ fn natural(ask: &Question, field: Field) -> f64 {
     match field {
         // a position of a tenth of a milliradian has the size of its joint's error
         Q | U | Y => 1e-4 / NOTHING,
-        G | GU | K => 1.0,
-        Qd | Ud => speed,
-        Qdd | Udd | GBias | GUBias | KBias => (speed * speed).max(given(&[Ydd, Qdd, Udd])),
+        G | GU | K | JacobianTree | JacobianIndependent => 1.0,
+        Qd | Ud | FrameTwist => speed,
+        Qdd | Udd | GBias | GUBias | KBias | FrameAcc => {
+            (speed * speed).max(given(&[Ydd, Qdd, Udd]))
+        }
         _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use sarrus_dynamics::description::SubmechanismKind as Kind;
+
+    use super::*;
+    use crate::stress::harness::question::State;
+    use crate::stress::mechanisms::{LOOSE, four_bar};
+
+    #[test]
+    fn two_references_agree_and_one_of_another_input_does_not() {
+        let of = four_bar(LOOSE, Kind::Numerical, "xyz").expect("bars");
+        let robot = Robot::new("four-bar", of).expect("a model");
+        let state = State::of(&robot, 0.2).expect("a state");
+        let ask = Question::forward(&state, None);
+        let exact = ask.run(&robot.compiled.exact).expect("a plan");
+        let second = second_reference(&robot, &ask).expect("a plan");
+        let apart = largest(&robot, &ask, &second, &exact).1;
+        assert!(apart > 0.0 && apart < 1e-20, "{apart}");
+        let other = ask.run_with(&robot.compiled.exact, |_, x| Dd::from(x) + Dd::from(1e-9 * x));
+        assert!(largest(&robot, &ask, &other.expect("a plan"), &exact).1 > CERTAIN);
     }
 }

@@ -18,3 +18,9 @@ pub(super) fn sweep(effort: &Effort, from: i32, to: i32, steps: i32) -> Vec<f64>
     let steps = if effort.quick { steps } else { to - from };
     (0..=steps).map(|k| 10f64.powi(from + (to - from) * k / steps)).collect()
 }
+
+/// Seeds from 0 on, few with little effort and more else, and then these that stand beyond the few.
+pub(super) fn seeds(effort: &Effort, [few, more]: [u64; 2], also: &[u64]) -> Vec<u64> {
+    let first = if effort.quick { few } else { more };
+    (0..first).chain(also.iter().copied().filter(|seed| *seed >= first)).collect()
+}

@@ -22,6 +22,8 @@ pub(crate) struct Question {
     pub(crate) want: Vec<Field>,
     /// Links that wrenches act on.
     pub(crate) wrenches: Vec<u16>,
+    /// Links whose frames are asked.
+    pub(crate) frames: Vec<u16>,
 }
 
 /// Where a robot is, how it moves, what pushes it.
@@ -93,7 +95,8 @@ impl State {
 
 impl Question {
     pub(crate) fn new(request: Request, given: Vec<(Field, Vec<f64>)>, want: &[Field]) -> Question {
-        Question { request, method: None, given, want: want.to_vec(), wrenches: vec![] }
+        let (wrenches, frames) = (vec![], vec![]);
+        Question { request, method: None, given, want: want.to_vec(), wrenches, frames }
     }
 
     /// q, q̇, q̈, u, u̇, ü.
@@ -148,6 +151,7 @@ impl Question {
     ) -> Outcome<Answered<T>> {
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, (field, _)| set.with(*field));
         let query = Query::new(self.request, given, FieldSet::of(&self.want));
+        let query = query.with_frames(&self.frames);
         let query =
             if self.wrenches.is_empty() { query } else { query.with_wrenches(&self.wrenches) };
         let plan = match self.method {

@@ -119,3 +119,36 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use sarrus_dynamics::description::SubmechanismKind as Kind;
+    use sarrus_dynamics::{Field, Status};
+
+    use super::*;
+    use crate::stress::harness::question::{Question, State};
+    use crate::stress::harness::robot::{Robot, bundled, numerical};
+    use crate::stress::mechanisms::{LOOSE, bricard, four_bar};
+
+    #[test]
+    fn a_pose_that_the_library_closes_is_closed_and_one_off_it_is_open() {
+        for of in [
+            four_bar(LOOSE, Kind::Numerical, "xyzabc").expect("bars"),
+            four_bar(LOOSE, Kind::FourBar, "xy").expect("bars"),
+            bricard(true).expect("a cube"),
+            numerical(bundled("five_bar").expect("a robot")),
+        ] {
+            let robot = Robot::new("robot", of).expect("a model");
+            let state = State::of(&robot, 0.2).expect("a state");
+            let answer = Question::pose(&state).run(&robot.compiled.model).expect("a plan");
+            assert_eq!(answer.status(), Status::Ok);
+            let names = robot.compiled.model.tree_q_names().iter().cloned();
+            let mut q: Vec<_> = names.zip(answer.get(Field::Q).iter().copied()).collect();
+            let Some(open) = open_by(&robot.description, &q, robot.length()) else { continue };
+            assert!(open < 1e-14, "{open}");
+            q[1].1 += 1e-3;
+            let open = open_by(&robot.description, &q, robot.length()).expect("revolute joints");
+            assert!(open > 1e-4, "{open}");
+        }
+    }
+}

@@ -161,8 +161,8 @@ fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<
     Ok(of.build()?)
 }
 
-/// Four-bars and lambdas, each closed by itself, most by their closed forms and on the rocker of the
-/// one before; all reach their dead points by turning their cranks.
+/// Four-bars and lambdas, each closed by itself, most by their closed forms and on the rocker of
+/// the one before; all reach their dead points by turning their cranks.
 pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train> {
     let mut of = begun(random, Kind::Serial);
     let (mut on, mut at, mut y) = (BASE, [0.0; 2], Vec::new());

@@ -17,8 +17,8 @@ fn weighing(random: &mut Random, mass: f64) -> Inertial {
     Inertial::new(mass, centre, [moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]])
 }
 
-/// A platform in the plane on two to four legs of three or four hinges, each but the first closed by
-/// a weld of six rows; masses over some decades.
+/// A platform in the plane on two to four legs of three or four hinges, each but the first closed
+/// by a weld of six rows; masses over some decades.
 pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<Description> {
     let mut of = begun(random, Kind::Numerical);
     let n_legs = 2 + random.below(3);
@@ -111,14 +111,18 @@ pub(crate) fn planar_loops(random: &mut Random, masses: [f64; 2]) -> Outcome<Des
     Ok(of.build()?)
 }
 
-/// Links in a row, heavy ones and light ones by turns or one half after the other.
+/// Links in a row, heavy ones and light ones by turns, one half after the other, or as it comes.
 pub(crate) fn row(random: &mut Random, n: usize, heavy: f64, light: f64) -> Outcome<Description> {
     let mut of = begun(random, Kind::Serial);
-    let by_turns = random.coin();
+    let by_turns = random.below(3);
     let spatial = random.coin();
     let mut on = BASE;
     for k in 0..n {
-        let is_light = if by_turns { k % 2 == 1 } else { 2 * k >= n };
+        let is_light = match by_turns {
+            0 => k % 2 == 1,
+            1 => 2 * k >= n,
+            _ => random.coin(),
+        };
         let mass = if is_light { light } else { heavy };
         of.default_inertial(weighing(random, mass));
         let axis = if spatial { rotation(random)[0] } else { Z };
@@ -141,9 +145,11 @@ pub(crate) fn tree(random: &mut Random, n: usize, decades: f64) -> Outcome<Descr
         // on one of the last links, so that arms grow long
         let (on, depth, at) = links[links.len() - 1 - random.below(links.len().min(4))];
         let (on, depth, at) = if depth < deepest { (on, depth, at) } else { links[0] };
-        let mass = 10.0 * 10f64.powf(-decades * f64::from(depth) / f64::from(deepest));
-        of.default_inertial(weighing(random, mass));
-        let point = at.map(|x| x + random.between(-0.3, 0.3));
+        // some joints stand in one point with the next, and their links are nothing
+        let together = random.below(3) == 0;
+        let part = if together { 1.0 } else { f64::from(depth) / f64::from(deepest) };
+        of.default_inertial(weighing(random, 10.0 * 10f64.powf(-decades * part)));
+        let point = if together { at } else { at.map(|x| x + random.between(-0.3, 0.3)) };
         let link = joint(&mut of, on, Turn, point, rotation(random)[0]);
         links.push((link, depth + 1, point));
     }
