@@ -7,6 +7,7 @@ use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_mo
 use crate::compile::rank::{independent_rows, null_space, rank};
 use crate::compile::redundant::{fitting_cuts, zero};
 use crate::diagnostic::Diagnostic;
+use crate::mechanism::Cluster;
 use crate::scalar::noise;
 
 /// Poses off the zero pose that are tried, and how far they lie, in radians or cluster lengths.
@@ -70,7 +71,7 @@ pub(super) fn fault(subject: &Subject<'_>, generic: &Sample, rank_of_K: usize) -
             expected: "independents that determine every joint".into(),
             help: format!(
                 "write jointnames_independent: [{}], or correct loop_constraints",
-                list(&good_independents(subject, generic, mobility))
+                list(&good_independents(subject, generic, mobility, &preferred(cluster).concat()))
             ),
         };
     }
@@ -86,7 +87,8 @@ pub(super) fn fault(subject: &Subject<'_>, generic: &Sample, rank_of_K: usize) -
         found += &format!("; joints that the independents do not determine: {}", list(&moving));
     }
     if mobility > 0 {
-        let good = list(&good_independents(subject, generic, mobility));
+        let good =
+            list(&good_independents(subject, generic, mobility, &preferred(cluster).concat()));
         help = format!(" (such as [{good}])");
     }
     if !fitting.is_empty() {
@@ -123,9 +125,25 @@ pub(super) fn off_zero(subject: &Subject<'_>, k: usize) -> Option<Sample> {
         .then(|| Sample::at(cluster, subject.bodies, &q))
 }
 
-/// As many velocities as a loop has degrees of freedom that determine all others: first those that
-/// are declared, as far as they do, then actuated ones and those on the base.
-pub(super) fn good_independents(subject: &Subject<'_>, at: &Sample, mobility: usize) -> Vec<usize> {
+/// Velocities that people would take as independents: those that are declared, those that have an
+/// actuator, those on the base.
+pub(super) fn preferred(cluster: &Cluster<f64>) -> [Vec<usize>; 3] {
+    let on_base = |v: &usize| cluster.local_parent[cluster.dofs[*v].body] == 0;
+    [
+        cluster.independent.clone(),
+        cluster.active.iter().map(|(_, v)| *v).collect(),
+        (0..cluster.n_v).filter(on_base).collect(),
+    ]
+}
+
+/// As many velocities as a loop has degrees of freedom that determine all others: the preferred
+/// ones as far as they do.
+pub(super) fn good_independents(
+    subject: &Subject<'_>,
+    at: &Sample,
+    mobility: usize,
+    preferred: &[usize],
+) -> Vec<usize> {
     let cluster = subject.cluster;
     let all: Vec<usize> = (0..cluster.n_v).collect();
     let free = null_space(&at.columns(&all, cluster));
@@ -134,10 +152,6 @@ pub(super) fn good_independents(subject: &Subject<'_>, at: &Sample, mobility: us
     let size = |left: &Mat<f64>, v: usize| {
         (0..left.ncols()).map(|a| left[(v, a)] * left[(v, a)]).sum::<f64>().sqrt()
     };
-    let active = cluster.active.iter().map(|(_, v)| *v);
-    let on_base = all.iter().copied().filter(|v| cluster.local_parent[cluster.dofs[*v].body] == 0);
-    let preferred: Vec<usize> =
-        cluster.independent.iter().copied().chain(active).chain(on_base).collect();
     let mut chosen: Vec<usize> = Vec::new();
     while chosen.len() < mobility.min(free.len()) {
         let rest: Vec<usize> = all.iter().copied().filter(|v| !chosen.contains(v)).collect();

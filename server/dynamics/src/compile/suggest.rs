@@ -1,10 +1,12 @@
 //! Independents that would do, whatever a description declares.
 
+use core::slice;
+
 use crate::closure::column_unit;
-use crate::compile::analysis::{Sample, Subject, generic_of};
+use crate::compile::analysis::{Sample, Subject, generic_of, idle_motions};
 use crate::compile::assemble::Assembly;
 use crate::compile::idle::Drift;
-use crate::compile::mobility::{good_independents, off_zero};
+use crate::compile::mobility::{good_independents, off_zero, preferred};
 use crate::compile::rank::null_space;
 use crate::compile::redundant::zero;
 use crate::description::Description;
@@ -62,17 +64,35 @@ pub fn suggest_independents(
             site: Site::Submechanism(assembly.owner[c]),
         };
         let mut samples: Vec<Sample> = (0..TRIALS).filter_map(|k| off_zero(&subject, k)).collect();
-        samples.push(Sample::at(cluster, subject.bodies, &zero(cluster)));
+        if samples.is_empty() {
+            samples.push(Sample::at(cluster, subject.bodies, &zero(cluster)));
+        }
         let Some((rank, generic)) = generic_of(cluster, &samples) else { continue };
-        let chosen = good_independents(&subject, generic, cluster.n_v - rank);
-        let idle_ones: Vec<usize> =
-            chosen.iter().copied().filter(|v| spins(&subject, generic, &chosen, *v)).collect();
+        // what is declared may be a joint of a ball: then nothing of it counts
+        let [declared, active, on_base] = preferred(cluster);
+        let others = [active, on_base].concat();
+        let sets = [[declared, others.clone()].concat(), others].map(|preferred| {
+            let chosen = good_independents(&subject, generic, cluster.n_v - rank, &preferred);
+            let is_idle = |v: &usize| spins(&subject, generic, &chosen, *v);
+            chosen.iter().copied().partition::<Vec<_>, _>(is_idle)
+        });
+        let fits = |(_, chosen): &&(Vec<usize>, Vec<usize>)| {
+            let mut cluster = cluster.clone();
+            cluster.n_vy = chosen.len();
+            cluster.dependent = (0..cluster.n_v).filter(|v| !chosen.contains(v)).collect();
+            let trial = Subject { cluster: &cluster, ..subject };
+            let at_rank = |at: &&Sample| {
+                generic_of(&cluster, slice::from_ref(*at)).is_some_and(|of| of.0 == rank)
+            };
+            samples.iter().filter(at_rank).all(|at| idle_motions(&trial, at, rank).is_some())
+        };
+        let Some((idle_ones, chosen)) = sets.iter().find(fits).or(sets.first()) else { continue };
         for (v, name) in names.iter().enumerate() {
             let Some(joint) = joint_of(name) else { continue };
             if idle_ones.contains(&v) {
                 idle.push(joint);
             }
-            dependent[joint] |= !chosen.contains(&v) || idle_ones.contains(&v);
+            dependent[joint] |= !chosen.contains(&v);
         }
     }
     let independent = description
