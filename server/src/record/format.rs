@@ -38,6 +38,8 @@ pub(super) const SEGMENT_HEAD: usize = 4;
 pub(super) const FRAME_HEAD: usize = 4;
 /// Words of a body that has neither links nor numbers.
 pub(super) const BODY_HEAD: usize = 11;
+/// Words of a query that has no links.
+pub(super) const QUERY_HEAD: usize = 5;
 /// The most words of a body before its numbers.
 pub(super) const MAX_BODY_HEAD: usize = BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES) / LINKS;
 /// The most words of a body.
@@ -139,13 +141,13 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     let &[first, given, want, open, projection, ..] = words else { return None };
     let (request, counts) = halves(first);
     if request == 0 {
-        return Some((None, 5));
+        return Some((None, QUERY_HEAD));
     }
     let (n_frames, n_wrenches) = ((counts & 0xffff) as usize, (counts >> 16) as usize);
     if n_frames > MAX_FRAMES || n_wrenches > MAX_WRENCHES {
         return None;
     }
-    let mut at = 5;
+    let mut at = QUERY_HEAD;
     let mut links = |n: usize| {
         let packed = words.get(at..at + n.div_ceil(LINKS))?;
         at += packed.len();

@@ -192,7 +192,7 @@ impl Frame<'_> {
         if !self.is_whole {
             return None;
         }
-        let head: [u64; BODY_HEAD - 3] = std::array::from_fn(|k| word(self.body, k));
+        let head: [u64; BODY_HEAD - QUERY_HEAD] = std::array::from_fn(|k| word(self.body, k));
         let [time_ns, lost, plan, sequence, answer, counts] = head;
         let rest: Vec<u64> = words(self.body.get(WORD * head.len()..)?).collect();
         let (query, n_words) = read_query(&rest)?;

@@ -71,7 +71,7 @@ impl Recorder {
         answer: Answer,
     ) {
         let mut words = [0; MAX_BODY_HEAD];
-        let (fixed, plan) = words.split_at_mut(BODY_HEAD - 3);
+        let (fixed, plan) = words.split_at_mut(BODY_HEAD - QUERY_HEAD);
         fixed.copy_from_slice(&self.fixed(head, input.len(), output.len(), answer));
         let n_head = fixed.len() + write_query(query, plan);
         self.stage(words.get(..n_head).unwrap_or_default(), input, output);
@@ -81,7 +81,7 @@ impl Recorder {
     #[cold]
     pub(crate) fn record_refusal(&mut self, head: &RequestHead, status: Status) {
         let mut words = [0; BODY_HEAD];
-        let (fixed, _) = words.split_at_mut(BODY_HEAD - 3);
+        let (fixed, _) = words.split_at_mut(BODY_HEAD - QUERY_HEAD);
         fixed.copy_from_slice(&self.fixed(head, 0, 0, Answer { status, warnings: Warnings::NONE }));
         self.stage(&words, &[], &[]);
     }
@@ -105,7 +105,7 @@ impl Recorder {
         n_in: usize,
         n_out: usize,
         answer: Answer,
-    ) -> [u64; BODY_HEAD - 3] {
+    ) -> [u64; BODY_HEAD - QUERY_HEAD] {
         [
             self.taken,
             self.lost,

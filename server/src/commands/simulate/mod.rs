@@ -1,6 +1,7 @@
 //! `sarrus simulate`: a robot in time.
 
 mod input;
+mod limits;
 mod output;
 
 use std::path::PathBuf;

@@ -10,6 +10,8 @@ use sarrus_report::page::{Axis, Figure, Pictures, Point, Series};
 use sarrus_simulation::{EventKind, Method, Run, Sample};
 use serde_json::{Value, json};
 
+use super::limits;
+
 /// Curves in one picture.
 const CURVES: usize = 8;
 
@@ -180,6 +182,9 @@ pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[Strin
             run.correction[0], run.correction[1]
         ));
     }
+    for limit in limits::exceeded(loaded, run) {
+        line(limit.words());
+    }
     for event in &run.events {
         line(format!("at {} s: {}", event.time, words(&event.kind)));
     }
@@ -248,6 +253,7 @@ pub(super) fn value(loaded: &Loaded, run: &Run, method: Method, files: &[String]
         "error_estimate": run.error_estimate,
         "independents": run.independents,
         "events": events,
+        "limits": limits::exceeded(loaded, run),
         "y": named(model.independent_q_names(), |sample| &sample.y),
         "yd": named(model.independent_names(), |sample| &sample.yd),
         "files": files,

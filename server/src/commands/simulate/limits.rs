@@ -1,0 +1,60 @@
+//! Limits that a motion does not keep: a simulation knows no stops.
+
+use sarrus_models::Loaded;
+use sarrus_proto::JointLimits;
+use sarrus_simulation::Run;
+use serde::Serialize;
+
+/// A limit that samples exceed, at the one that does so the most.
+#[derive(Debug, Serialize)]
+pub(super) struct Exceeded {
+    pub(super) name: String,
+    /// `position` or `velocity`.
+    pub(super) what: &'static str,
+    pub(super) value: f64,
+    pub(super) lower: Option<f64>,
+    pub(super) upper: Option<f64>,
+    /// When `[s]`.
+    pub(super) time: f64,
+}
+
+impl Exceeded {
+    /// By how much.
+    fn by(&self) -> f64 {
+        let below = self.lower.map_or(0.0, |lower| lower - self.value);
+        let above = self.upper.map_or(0.0, |upper| self.value - upper);
+        below.max(above)
+    }
+
+    /// For people.
+    pub(super) fn words(&self) -> String {
+        let Exceeded { name, what, value, time, .. } = self;
+        let by = self.by();
+        format!("{what} of {name} is {by:.3} beyond its limit at {time} s ({value:.3})")
+    }
+}
+
+/// Every joint whose position or velocity leaves its limits, in the order of q̇.
+pub(super) fn exceeded(loaded: &Loaded, run: &Run) -> Vec<Exceeded> {
+    let info = loaded.compiled.model.info();
+    let mut found = Vec::new();
+    for (v, (name, limits)) in info.tree.iter().zip(&info.limits).enumerate() {
+        let Some(JointLimits { lower, upper, velocity, .. }) = *limits else { continue };
+        let q = info.tree_q.iter().position(|of_q| of_q == name);
+        let values = [
+            ("position", q, lower, upper),
+            ("velocity", Some(v), velocity.map(|x| -x), velocity),
+        ];
+        for (what, index, lower, upper) in values {
+            let Some(index) = index else { continue };
+            let of = |sample: &sarrus_simulation::Sample| {
+                let list = if what == "position" { &sample.q } else { &sample.qd };
+                let value = list.get(index).copied().unwrap_or(f64::NAN);
+                Exceeded { name: name.clone(), what, value, lower, upper, time: sample.time }
+            };
+            let worst = run.samples.iter().map(of).max_by(|a, b| a.by().total_cmp(&b.by()));
+            found.extend(worst.filter(|worst| worst.by() > 0.0));
+        }
+    }
+    found
+}
