@@ -18,8 +18,10 @@ const CHANGE: f64 = 1.0 / (1_u128 << 80) as f64;
 const ULP: f64 = 0.5 * f64::EPSILON;
 /// Largest difference by size of two references that are taken for the truth.
 const CERTAIN: f64 = 1e-11;
-/// Part of its natural size below which a field counts as zero.
+/// Part of its natural size below which a field counts as zero, and that of what comes of the
+/// velocity alone, which many mechanisms cancel.
 const NOTHING: f64 = 1e-6;
+const CANCELLED: f64 = 1e-4;
 /// Independents up to which the second reference goes by projection.
 const PROJECTED: usize = 40;
 
@@ -125,7 +127,7 @@ fn error<T: Scalar>(
 ) -> f64 {
     let exact = exact.get(field);
     let units = units(robot, field, exact.len());
-    let (mut worst, mut size): (f64, f64) = (0.0, NOTHING * natural(ask, field));
+    let (mut worst, mut size): (f64, f64) = (0.0, natural(ask, field));
     for ((x, exact), unit) in answer.get(field).iter().zip(exact).zip(&units) {
         let off = unit * (double_double(*x) - *exact).to_f64().abs();
         worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
@@ -156,7 +158,8 @@ fn units(robot: &Robot, field: Field, n: usize) -> Vec<f64> {
     if units.len() == n { units } else { vec![1.0; n] }
 }
 
-/// The size that a field has of itself: a radian, the speed given, its square and the acceleration.
+/// The size below which a field is nothing, from a radian, the speed given, its square and the
+/// acceleration.
 fn natural(ask: &Question, field: Field) -> f64 {
     let given = |of: &[Field]| {
         ask.given
@@ -167,11 +170,10 @@ fn natural(ask: &Question, field: Field) -> f64 {
     };
     let speed = given(&[Yd, Qd, Ud]);
     match field {
-        Q | U | Y | G | GU | K | JacobianTree | JacobianIndependent => 1.0,
-        Qd | Ud | FrameTwist => speed,
-        Qdd | Udd | GBias | GUBias | KBias | FrameAcc => {
-            (speed * speed).max(given(&[Ydd, Qdd, Udd]))
-        }
+        Q | U | Y | G | GU | K | JacobianTree | JacobianIndependent => NOTHING,
+        Qd | Ud | FrameTwist => NOTHING * speed,
+        Qdd | Udd | FrameAcc => NOTHING * (speed * speed).max(given(&[Ydd, Qdd, Udd])),
+        GBias | GUBias | KBias => CANCELLED * speed * speed,
         _ => 0.0,
     }
 }
