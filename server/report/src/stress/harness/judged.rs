@@ -18,10 +18,11 @@ const CHANGE: f64 = 1.0 / (1_u128 << 80) as f64;
 const ULP: f64 = 0.5 * f64::EPSILON;
 /// Largest difference by size of two references that are taken for the truth.
 const CERTAIN: f64 = 1e-11;
-/// Part of its natural size below which a field counts as zero, and that of what comes of the
-/// velocity alone, which many mechanisms cancel.
+/// Part of its natural size below which a field counts as zero; that of what comes of the velocity
+/// alone, which many mechanisms cancel; that of a link's own motion, which loops may hold still.
 const NOTHING: f64 = 1e-6;
 const CANCELLED: f64 = 1e-4;
+const STILL: f64 = 1e-2;
 /// Independents up to which the second reference goes by projection.
 const PROJECTED: usize = 40;
 
@@ -169,11 +170,15 @@ fn natural(ask: &Question, field: Field) -> f64 {
             .fold(0.0, |size: f64, x| size.max(x.abs()))
     };
     let speed = given(&[Yd, Qd, Ud]);
+    let acceleration = (speed * speed).max(given(&[Ydd, Qdd, Udd]));
     match field {
-        Q | U | Y | G | GU | K | JacobianTree | JacobianIndependent => NOTHING,
-        Qd | Ud | FrameTwist => NOTHING * speed,
-        Qdd | Udd | FrameAcc => NOTHING * (speed * speed).max(given(&[Ydd, Qdd, Udd])),
+        Q | U | Y | G | GU | K | JacobianTree => NOTHING,
+        Qd | Ud => NOTHING * speed,
+        Qdd | Udd => NOTHING * acceleration,
         GBias | GUBias | KBias => CANCELLED * speed * speed,
+        JacobianIndependent => STILL,
+        FrameTwist => STILL * speed,
+        FrameAcc => STILL * acceleration,
         _ => 0.0,
     }
 }
