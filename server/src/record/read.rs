@@ -6,7 +6,7 @@ use sarrus_proto::{Answer, Query, Status, Warnings};
 
 use super::file::segment_head;
 use super::format::{
-    BODY_HEAD, Client, FRAME, FRAME_HEAD, MAX_BODY, PAGE, SEGMENT_HEAD, WORD, checksum, halves,
+    BODY_HEAD, Client, FRAME, FRAME_HEAD, MAX_BODY, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum, halves,
     read_query, word, words,
 };
 use super::header::Header;

@@ -8,7 +8,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use sarrus_proto::message::RequestHead;
 use sarrus_proto::{Answer, Query, Status, Warnings};
 
-use super::format::{BODY_HEAD, Client, MAX_BODY, MAX_BODY_HEAD, join, write_query};
+use super::format::{BODY_HEAD, Client, MAX_BODY, MAX_BODY_HEAD, QUERY_HEAD, join, write_query};
 
 /// Words that wait at most `[8 byte]`: 16 MiB, at 16 MB/s the work of a second.
 pub(super) const CAPACITY: usize = 1 << 21;

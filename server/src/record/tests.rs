@@ -8,7 +8,7 @@ use sarrus_models::{Options, Source, load};
 use sarrus_proto::{Answer, Field, FieldSet, Query, Request, Status, Warnings};
 
 use super::file::RecordFile;
-use super::format::{BODY_HEAD, PAGE, SEGMENT_HEAD, WORD, checksum, join, words, write_query};
+use super::format::{BODY_HEAD, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum, join, words, write_query};
 use super::header::Header;
 use super::*;
 
@@ -31,7 +31,7 @@ fn number(k: u64) -> f64 {
 /// A body of the lambda elbow: one number in, three out.
 fn body(sequence: u64, number: f64) -> Vec<u64> {
     let mut body = vec![1_000_000 * sequence, 0, join(5, 2), sequence, 0, join(1, 3), 0, 0, 0];
-    assert_eq!(write_query(&QUERY, &mut body[BODY_HEAD - QUERY_HEAD..]), 3);
+    assert_eq!(write_query(&QUERY, &mut body[BODY_HEAD - QUERY_HEAD..]), QUERY_HEAD);
     body.extend([number; 4].map(f64::to_bits));
     body
 }

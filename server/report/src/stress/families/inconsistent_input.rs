@@ -33,6 +33,12 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
+/// The case of a seed as it is printed, which tells the robot too.
+#[cfg(test)]
+pub(crate) fn by_seed(cases: &mut Cases, seed: u64) -> Outcome {
+    one(cases, &robots()?[(seed >> 16) as usize], seed)
+}
+
 fn robots() -> Outcome<Vec<Robot>> {
     let mut robots = Vec::new();
     for name in ["lambda", "wrist", "torso", "five_bar", "delta", "stewart", "rh5v2_upper_body"] {

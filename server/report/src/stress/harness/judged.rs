@@ -18,8 +18,11 @@ const CHANGE: f64 = 1.0 / (1_u128 << 80) as f64;
 const ULP: f64 = 0.5 * f64::EPSILON;
 /// Largest difference by size of two references that are taken for the truth.
 const CERTAIN: f64 = 1e-11;
-/// Part of its natural size below which a field counts as zero.
+/// Part of its natural size below which a field counts as zero; that of what comes of the velocity
+/// alone, which many mechanisms cancel; that of a link's own motion, which loops may hold still.
 const NOTHING: f64 = 1e-6;
+const CANCELLED: f64 = 1e-4;
+const STILL: f64 = 1e-2;
 /// Independents up to which the second reference goes by projection.
 const PROJECTED: usize = 40;
 
@@ -125,7 +128,7 @@ fn error<T: Scalar>(
 ) -> f64 {
     let exact = exact.get(field);
     let units = units(robot, field, exact.len());
-    let (mut worst, mut size): (f64, f64) = (0.0, NOTHING * natural(ask, field));
+    let (mut worst, mut size): (f64, f64) = (0.0, natural(ask, field));
     for ((x, exact), unit) in answer.get(field).iter().zip(exact).zip(&units) {
         let off = unit * (double_double(*x) - *exact).to_f64().abs();
         worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
@@ -156,7 +159,8 @@ fn units(robot: &Robot, field: Field, n: usize) -> Vec<f64> {
     if units.len() == n { units } else { vec![1.0; n] }
 }
 
-/// The size that a field has of itself: a radian, the speed given, its square and the acceleration.
+/// The size below which a field is nothing, from a radian, the speed given, its square and the
+/// acceleration.
 fn natural(ask: &Question, field: Field) -> f64 {
     let given = |of: &[Field]| {
         ask.given
@@ -166,14 +170,17 @@ fn natural(ask: &Question, field: Field) -> f64 {
             .fold(0.0, |size: f64, x| size.max(x.abs()))
     };
     let speed = given(&[Yd, Qd, Ud]);
+    let acceleration = (speed * speed).max(given(&[Ydd, Qdd, Udd]));
     match field {
         // a position of a tenth of a milliradian has the size of its joint's error
-        Q | U | Y => 1e-4 / NOTHING,
-        G | GU | K | JacobianTree | JacobianIndependent => 1.0,
-        Qd | Ud | FrameTwist => speed,
-        Qdd | Udd | GBias | GUBias | KBias | FrameAcc => {
-            (speed * speed).max(given(&[Ydd, Qdd, Udd]))
-        }
+        Q | U | Y => 1e-4,
+        G | GU | K | JacobianTree => NOTHING,
+        Qd | Ud => NOTHING * speed,
+        Qdd | Udd => NOTHING * acceleration,
+        GBias | GUBias | KBias => CANCELLED * speed * speed,
+        JacobianIndependent => STILL,
+        FrameTwist => STILL * speed,
+        FrameAcc => STILL * acceleration,
         _ => 0.0,
     }
 }
