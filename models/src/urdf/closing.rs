@@ -245,7 +245,13 @@ pub(super) fn unknown(
     let found = format!("the loop {} of type {}", quoted(name), quoted(written));
     let expected =
         "revolute, continuous, spherical, ball, fixed, prismatic, cylindrical, universal";
-    reader.diagnostics.error(at, found, expected, to_write(name, links, None));
+    let help = match written {
+        "screw" | "gearbox" => "write what ties its joints as <mimic joint multiplier/> into the \
+            one that follows"
+            .to_owned(),
+        _ => to_write(name, links, None),
+    };
+    reader.diagnostics.error(at, found, expected, help);
 }
 
 /// What to write into the submechanism file in place of a loop that is not read.

@@ -188,7 +188,7 @@ fn the_independents_of_a_loop_come_from_its_actuators_or_from_urdf_plus() {
 fn a_loop_that_says_too_little_is_an_error_with_the_lines_to_write() {
     let gazebo = DIALECTS[0].1;
     for (inside, expected) in [
-        (gazebo.replace("\"revolute\"", "\"screw\""), "the loop `pin` of type `screw`"),
+        (gazebo.replace("\"revolute\"", "\"revolute2\""), "the loop `pin` of type `revolute2`"),
         (gazebo.replace("<pose>", "<pose relative_to=\"crank\">"), "in another frame"),
         (gazebo.replace("<xyz>", "<xyz expressed_in=\"__model__\">"), "in another frame"),
         (
@@ -209,6 +209,13 @@ fn a_loop_that_says_too_little_is_an_error_with_the_lines_to_write() {
         assert!(reported.contains(expected), "{expected}: {reported}");
         assert!(reported.contains("loop_constraints: [{cut_joint: "), "{expected}: {reported}");
     }
+    // a screw ties coordinates: no cut does
+    let screw = four_bar(&gazebo.replace("\"revolute\"", "\"screw\""));
+    let reported = reported_of(screw.as_bytes(), None, false);
+    assert!(
+        reported.contains("of type `screw`") && reported.contains("<mimic joint"),
+        "{reported}"
+    );
     let unknown = DIALECTS[0].1.replace("<parent>coupler", "<parent>model::copler");
     let reported = reported_of(four_bar(&unknown).as_bytes(), None, false);
     let expected = "names the link `copler`, expected a link of this file: coupler, rocker";
