@@ -12,7 +12,8 @@ fn body(joint: &str, parent: &str, child: &str, at: [f64; 3], axis: [f64; 3]) ->
         "<link name=\"{child}\"><inertial><mass value=\"1\"/><inertia ixx=\"0.1\" ixy=\"0\" \
          ixz=\"0\" iyy=\"0.1\" iyz=\"0\" izz=\"0.1\"/></inertial></link>\n\
          <joint name=\"{joint}\" type=\"continuous\"><parent link=\"{parent}\"/>\
-         <child link=\"{child}\"/><origin xyz=\"{x} {y} {z}\"/><axis xyz=\"{a:e} {b} {c}\"/></joint>\n"
+         <child link=\"{child}\"/><origin xyz=\"{x} {y} {z}\"/>\
+         <axis xyz=\"{a:e} {b} {c}\"/></joint>\n"
     )
 }
 

@@ -149,7 +149,7 @@ fn close(
             let at = &cluster.dofs[v];
             let unit = if at.slides() { cluster.length } else { 1.0 };
             // no step of another branch, nor of a singular pose
-            if !(step[(a, 0)].abs() < unit) {
+            if step[(a, 0)].is_nan() || step[(a, 0)].abs() >= unit {
                 return false;
             }
             at.advance(q, step[(a, 0)]);
