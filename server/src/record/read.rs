@@ -6,8 +6,8 @@ use sarrus_proto::{Answer, Query, Status, Warnings};
 
 use super::file::segment_head;
 use super::format::{
-    BODY_HEAD, Client, FRAME, FRAME_HEAD, MAX_BODY, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum, halves,
-    read_query, word, words,
+    BODY_HEAD, Client, FRAME, FRAME_HEAD, MAX_BODY, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum,
+    halves, read_query, word, words,
 };
 use super::header::Header;
 use super::{RecordedRobot, RecordingError};

@@ -8,7 +8,9 @@ use sarrus_models::{Options, Source, load};
 use sarrus_proto::{Answer, Field, FieldSet, Query, Request, Status, Warnings};
 
 use super::file::RecordFile;
-use super::format::{BODY_HEAD, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum, join, words, write_query};
+use super::format::{
+    BODY_HEAD, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum, join, words, write_query,
+};
 use super::header::Header;
 use super::*;
 

@@ -41,10 +41,8 @@ pub(super) fn exceeded(loaded: &Loaded, run: &Run) -> Vec<Exceeded> {
     for (v, (name, limits)) in info.tree.iter().zip(&info.limits).enumerate() {
         let Some(JointLimits { lower, upper, velocity, .. }) = *limits else { continue };
         let q = info.tree_q.iter().position(|of_q| of_q == name);
-        let values = [
-            ("position", q, lower, upper),
-            ("velocity", Some(v), velocity.map(|x| -x), velocity),
-        ];
+        let values =
+            [("position", q, lower, upper), ("velocity", Some(v), velocity.map(|x| -x), velocity)];
         for (what, index, lower, upper) in values {
             let Some(index) = index else { continue };
             let of = |sample: &sarrus_simulation::Sample| {
