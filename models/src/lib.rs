@@ -66,6 +66,7 @@ mod bundled;
 mod check;
 pub mod closures;
 mod contents;
+mod cut;
 mod error;
 mod inertia;
 mod load;
