@@ -5,8 +5,8 @@ use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
 };
 
+use crate::cut::CutKind;
 use crate::report::Span;
-use crate::submechanisms::cut::CutKind;
 use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };

@@ -67,6 +67,7 @@ mod bundled;
 mod check;
 pub mod closures;
 mod contents;
+mod cut;
 mod error;
 mod inertia;
 mod load;

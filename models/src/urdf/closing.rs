@@ -17,8 +17,8 @@ use sarrus_dynamics::description::Placement;
 
 use super::sdf;
 use super::xml::Reader;
+use crate::cut::CutKind;
 use crate::report::{Span, quoted};
-use crate::submechanisms::cut::CutKind;
 
 /// A name and where it stands.
 pub(super) type Named = (String, Span);

@@ -5,9 +5,9 @@ use sarrus_dynamics::description::Placement;
 
 use super::closing::{Closing, Named, Place, closing, kind, to_write, unknown};
 use super::xml::Reader;
+use crate::cut::CutKind;
 use crate::number;
 use crate::report::quoted;
-use crate::submechanisms::cut::CutKind;
 
 /// A joint between two links of the tree. Its frame lies in the child, its axes in this frame; at
 /// zero it is the same frame on the parent. So the child is the predecessor of the cut.

@@ -14,6 +14,7 @@ macro_rules! faults {
     };
 }
 
+mod as_published;
 mod compounds;
 mod cuts;
 mod dialects;

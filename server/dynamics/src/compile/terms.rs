@@ -7,8 +7,8 @@ use crate::mechanism::{Damper, Motion, Rotor, Spring};
 use crate::scalar::{Dd, Real};
 
 impl Builder<'_> {
-    /// Reads the terms off the joints; a ball joint can have damping d, the moment −d ω, and those of
-    /// another joint of several degrees of freedom are a fault.
+    /// Reads the terms off the joints; a ball joint can have damping d, the moment −d ω, and those
+    /// of another joint of several degrees of freedom are a fault.
     pub(super) fn terms(&mut self, moving_of: &[usize], errors: &mut Vec<Diagnostic>) {
         let joints = self
             .description

@@ -11,7 +11,13 @@ const LARGE: usize = 9000;
 pub(super) const URDF: Target = Target {
     name: "urdf",
     seeds: || {
-        let mut seeds = corpus!("urdf/terms.urdf", "urdf/couplings.urdf", "urdf/balls.urdf")();
+        let mut seeds = corpus!(
+            "urdf/terms.urdf",
+            "urdf/couplings.urdf",
+            "urdf/balls.urdf",
+            "urdf/loops.urdf",
+            "urdf/compounds.urdf"
+        )();
         seeds.extend(robots().map(|(urdf, _)| urdf.as_bytes().to_vec()));
         seeds
     },
