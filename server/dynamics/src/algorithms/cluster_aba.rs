@@ -29,7 +29,7 @@ use crate::workspace::{Articulated, BodyState, Composite, Embedding, Force, Work
 /// Solves M_y ÿ = b; `ws.ydd` holds b and becomes ÿ. Needs the joint poses and G. The mask tells
 /// where every D was positive.
 pub(crate) fn embedded_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) -> T::Mask {
-    let Workspace { motion, G, composite, inside, embedding, ydd: b, .. } = ws;
+    let Workspace { motion, G, composite, inside, embedding, ydd: b, alone, .. } = ws;
     let Embedding { bodies, Y, factor } = embedding;
     let mut positive = T::Mask::splat(true);
 
@@ -46,11 +46,12 @@ pub(crate) fn embedded_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspac
     let mut pass = Pass { model, motion, G, composite, bodies, inside, rotors };
     for cluster in model.clusters.iter().rev() {
         let (D, independents) = (cluster.g_offset, cluster.independents());
+        let alone = &mut alone[independents.clone()];
         let (Y, b) = (&mut Y[independents.clone()], &mut b[independents]);
         let sound = if cluster.n_v == 1 && cluster.n_vy == 1 {
             pass.single_joint(cluster, &mut Y[0], &mut factor[D], &mut b[0])
         } else {
-            pass.several_joints(cluster, Y, &mut factor[D..], b)
+            pass.several_joints(cluster, Y, &mut factor[D..], b, alone)
         };
         positive = positive & sound;
     }
@@ -150,6 +151,7 @@ impl<T: Real> Pass<'_, T> {
         Y: &mut [Force<T>],
         D: &mut [T],
         b: &mut [T],
+        alone: &mut [T],
     ) -> T::Mask {
         let (model, motion, m, G) = (self.model, self.motion, cluster.n_vy, cluster.G(self.G));
         let (composite, bodies) = (&mut *self.composite, &mut *self.bodies);
@@ -186,7 +188,7 @@ impl<T: Real> Pass<'_, T> {
                 rigid[i].column(joint, k)
             }
         };
-        ClusterJoint { model, cluster, G, motion }.columns(column, self.inside, Y, D);
+        ClusterJoint { model, cluster, G, motion }.columns(column, self.inside, Y, D, alone);
         add_rotors::<T>(&mut self.rotors, cluster.v, G, D, m);
 
         // L and Δ, L⁻¹ r, Y = L⁻¹ Uᵀ, and what the parent feels of them

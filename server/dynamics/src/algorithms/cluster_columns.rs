@@ -32,6 +32,8 @@ pub(super) struct ClusterJoint<'a, T: Real> {
 impl<T: Real> ClusterJoint<'_, T> {
     /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
     /// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
+    /// `alone` (m) is the diagonal of D if each joint moved alone, Σ_i G_i² s·I_i s: what D is of
+    /// it says how much cancels.
     #[inline(always)]
     pub(super) fn columns(
         &self,
@@ -39,12 +41,14 @@ impl<T: Real> ClusterJoint<'_, T> {
         F: &mut [Force<T>],
         U: &mut [Force<T>],
         D: &mut [T],
+        alone: &mut [T],
     ) {
         let ClusterJoint { model, cluster, G, motion } = *self;
         let (n, m) = (cluster.n, cluster.n_vy);
         D[..m * m].fill(T::ZERO);
         F[..n * m].fill((zero(), zero()));
         U[..m].fill((zero(), zero()));
+        alone[..m].fill(T::ZERO);
         for i in (0..n).rev() {
             let body = &model.bodies[cluster.body + i];
             let (before, F_i) = F.split_at_mut(i * m);
@@ -56,6 +60,7 @@ impl<T: Real> ClusterJoint<'_, T> {
                 let half = component(body.motion, k, &own) * T::from_f64(0.5);
                 for l in 0..m {
                     let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
+                    alone[l] = (half + half).mul_add(G_i[l] * G_i[l], alone[l]);
                     for j in 0..m {
                         D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
                     }

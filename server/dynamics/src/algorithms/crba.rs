@@ -11,7 +11,7 @@ use crate::workspace::{BodyState, Composite, Force, Workspace};
 
 /// M_y into the workspace, packed by `model.sparsity`. Needs the joint poses and G.
 pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) {
-    let Workspace { motion, G, composite, columns, inside, block, M_y, .. } = ws;
+    let Workspace { motion, G, composite, columns, inside, block, M_y, alone, .. } = ws;
     M_y[..model.sparsity.len].fill(T::ZERO);
 
     // composite inertias, towards the root
@@ -21,7 +21,7 @@ pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T::Const>, ws: &mut Wor
     let mut pass = Pass { model, motion, G, composite, columns, inside, rotors };
     for cluster in model.clusters.iter().rev() {
         let m = cluster.n_vy;
-        pass.own_block(cluster, block);
+        pass.own_block(cluster, block, &mut alone[cluster.independents()]);
         for k in 0..m {
             let last = model.sparsity.start[cluster.vy + k] + model.sparsity.depth[cluster.vy + k];
             M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
@@ -34,7 +34,7 @@ pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T::Const>, ws: &mut Wor
 /// The diagonal of M_y, in internal order, at a cost linear in the number of bodies. Needs the
 /// joint poses and G. Allocates.
 pub(crate) fn own_inertias<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) -> Vec<T> {
-    let Workspace { motion, G, composite, columns, inside, .. } = ws;
+    let Workspace { motion, G, composite, columns, inside, alone, .. } = ws;
     composite_inertias(model, motion, composite);
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, columns, inside, rotors };
@@ -43,7 +43,7 @@ pub(crate) fn own_inertias<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<
     for cluster in model.clusters.iter().rev() {
         let m = cluster.n_vy;
         block.resize(m * m, T::ZERO);
-        pass.own_block(cluster, &mut block);
+        pass.own_block(cluster, &mut block, &mut alone[cluster.independents()]);
         (0..m).for_each(|k| diagonal[cluster.vy + k] = block[k * m + k]);
     }
     diagonal
@@ -84,7 +84,7 @@ struct Pass<'a, T: Real> {
 impl<T: Real> Pass<'_, T> {
     /// Block of a cluster with itself; its columns leave at the parent body.
     #[inline]
-    fn own_block(&mut self, cluster: &Cluster<T::Const>, block: &mut [T]) {
+    fn own_block(&mut self, cluster: &Cluster<T::Const>, block: &mut [T], alone: &mut [T]) {
         let (m, G) = (cluster.n_vy, cluster.G(self.G));
         if cluster.n == 1 && m == cluster.n_v {
             self.single_body(cluster, block);
@@ -92,7 +92,7 @@ impl<T: Real> Pass<'_, T> {
             let composite = &self.composite[cluster.body..];
             let joint = ClusterJoint { model: self.model, cluster, G, motion: self.motion };
             let column = |i: usize, motion, k| composite[i].column(motion, k);
-            joint.columns(column, self.inside, self.columns, block);
+            joint.columns(column, self.inside, self.columns, block, alone);
         }
         add_rotors::<T>(&mut self.rotors, cluster.v, G, block, m);
     }

@@ -9,8 +9,10 @@ use crate::mechanism::Motion;
 use crate::model::Model;
 use crate::workspace::{Needs, Workspace};
 
-/// Steps of one turn.
-const STEPS: usize = 64;
+/// Steps of one turn, and how many of them the sine that vanishes at a singular pose must be worth:
+/// no change point lies between two of them.
+const STEPS: usize = 512;
+const CLEAR: f64 = 4.0;
 /// Deviation from a whole turn, in radians or cluster lengths.
 const WHOLE: f64 = 1e-6;
 
@@ -43,7 +45,9 @@ fn turn(model: &Model<f64>, c: usize, i: usize, ws: &mut Workspace<f64>) -> Opti
     for k in 1..=STEPS {
         ws.start[at.clone()].copy_from_slice(&ws.q[at.clone()]);
         ws.q[cluster.q + i] = zero[i] + TAU * k as f64 / STEPS as f64;
-        if ws.close(model, c, Level::Position).status != Status::Ok {
+        let outcome = ws.close(model, c, Level::Position);
+        let clear = CLEAR * TAU / STEPS as f64;
+        if outcome.status != Status::Ok || clear * clear * outcome.gain > 1.0 {
             return None;
         }
     }

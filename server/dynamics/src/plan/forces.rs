@@ -97,8 +97,9 @@ impl Plan {
         } else {
             algorithms::embedded_solve(model, ws)
         };
+        let (inertia, terms) = self.divided(model, ws);
+        report.doubt.times(inertia.to_f64());
         if self.method == Method::Kkt {
-            report.doubt.times(self.lost_inertia(model, ws, |_| T::ONE).to_f64());
             self.tree_forward_dynamics(model, ws, input)?;
             if !self.balanced(model, ws, input) {
                 report.doubt.times(f64::INFINITY);
@@ -108,9 +109,6 @@ impl Plan {
         if !positive.all() {
             return Err(Status::MassNotPositive);
         }
-        // what each pivot makes of the terms that met in its row, against ÿ
-        let ydd = &ws.ydd;
-        let terms = self.lost_inertia(model, ws, |k| ydd[k].abs());
         let (growth, zero) = cancellation(terms.to_f64(), largest(&ws.ydd).to_f64());
         report.doubt.times(growth);
         report.doubt.times(model.growth_of(self.method) / ROUNDINGS);
@@ -133,28 +131,20 @@ impl Plan {
         Ok(())
     }
 
-    /// Largest of (Σ |terms| + inertia · ÿ) / pivot over the independents, in internal order: the
-    /// inertia is that of the joint alone, the pivot what is left of it where all behind it is free.
-    fn lost_inertia<T: Scalar>(
-        &self,
-        model: &Model<T>,
-        ws: &Workspace<T>,
-        ydd: impl Fn(usize) -> T,
-    ) -> T {
-        let of = |largest: T, (k, inverse): (usize, T)| {
-            let inertia = T::from_f64(model.inertia[k]);
-            let terms = match self.method {
-                Method::Kkt => inertia * ydd(k),
-                _ => inertia.mul_add(ydd(k), ws.tau_terms[k]),
-            };
-            let x = inverse * terms;
-            T::select(x.lt(largest), largest, x)
+    /// What the pivots divide, the largest of each over the independents: inertia / pivot and Σ
+    /// |terms| / pivot, where a pivot is what is left of an inertia where all behind it is free.
+    fn divided<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> (T, T) {
+        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let of = |(inertia, terms): (T, T), (k, inverse): (usize, T)| {
+            let own = larger(T::from_f64(model.inertia[k]), ws.alone[k]);
+            (larger(inertia, inverse * own), larger(terms, inverse * ws.tau_terms[k]))
         };
+        let none = (T::ONE, T::ZERO);
         if self.method == Method::Projection {
             let inverses = model.sparsity.diagonal().map(|at| ws.factor[at]);
-            inverses.enumerate().fold(T::ZERO, of)
+            inverses.enumerate().fold(none, of)
         } else {
-            ws.embedding.inverses(model).enumerate().fold(T::ZERO, of)
+            ws.embedding.inverses(model).enumerate().fold(none, of)
         }
     }
 

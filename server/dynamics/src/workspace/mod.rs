@@ -65,6 +65,9 @@ pub struct Workspace<T> {
     /// mass matrix (n_vy × n_vy).
     pub(crate) inside: Vec<Force<T>>,
     pub(crate) block: Vec<T>,
+    /// What the diagonal of a cluster's block would be if each of its joints moved alone (n_vy); zero
+    /// for free joints.
+    pub(crate) alone: Vec<T>,
     /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force (n_vy).
     pub(crate) M_y: Vec<T>,
     pub(crate) C_y: Vec<T>,
@@ -234,6 +237,7 @@ impl<T: Scalar> Workspace<T> {
             columns: vec![(zero(), zero()); widest],
             inside: vec![(zero(), zero()); clusters().map(|c| c.n * c.n_vy).max().unwrap_or(0)],
             block: of(widest * widest),
+            alone: of(sizes.n_vy),
             kkt: of(kkt * kkt),
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),

@@ -16,7 +16,7 @@ use crate::workspace::Workspace;
 
 /// The doubt from which on digits are counted: with the roundings of a few hundred operations ten
 /// digits are left below it.
-pub(in crate::plan) const DOUBTFUL: f64 = 2e4;
+pub(in crate::plan) const DOUBTFUL: f64 = 5e3;
 /// Difference of the runs, against the largest number of a field, at which it keeps nine digits for
 /// sure: roundings are moved by about four times their own size.
 const KEPT: f64 = 5e-11;
