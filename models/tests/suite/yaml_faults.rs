@@ -144,7 +144,8 @@ faults! { yaml:
         "    predecessor_body: rocker\n    successor_body: rod\n" => "    frames: [rocker, rod]\n",
         "submechanisms.yml:4:20: a loop that is open by 3.563e-1 m (or rad) at the zero pose, \
          expected placements that coincide at zero, correct predecessor_placement, \
-         successor_placement or the joints' origins";
+         successor_placement or the joints' origins; `sarrus check --assemble --write OUT.urdf` \
+         does it";
     a_malformed_placement_is_an_error:
         "    successor_body: rod\n" => "    successor_body: rod\n    predecessor_placement: \
             {xyz: [0, 0]}\n    successor_placement: {xyz: [0, 0, a], rot: 3}\n",

@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_left_out_and_counted() {
-        let (mut recorder, mut records) = ring(40);
+        let (mut recorder, mut records) = ring(44);
         let mut body = Vec::new();
         for _ in 0..10 {
             recorder.record(&RequestHead::default(), &QUERY, &[1.0; 5], &[2.0; 5], OK);

@@ -32,7 +32,8 @@ fn number(k: u64) -> f64 {
 
 /// A body of the lambda elbow: one number in, three out.
 fn body(sequence: u64, number: f64) -> Vec<u64> {
-    let mut body = vec![1_000_000 * sequence, 0, join(5, 2), sequence, 0, join(1, 3), 0, 0, 0];
+    let mut body = vec![1_000_000 * sequence, 0, join(5, 2), sequence, 0, join(1, 3)];
+    body.resize(BODY_HEAD, 0);
     assert_eq!(write_query(&QUERY, &mut body[BODY_HEAD - QUERY_HEAD..]), QUERY_HEAD);
     body.extend([number; 4].map(f64::to_bits));
     body

@@ -170,19 +170,22 @@ fn every_method_agrees_with_an_independent_engine() {
 
 #[test]
 fn the_model_chooses_one_of_the_fast_methods() {
-    let mut seen = Vec::new();
+    let (mut seen, mut dearer) = (Vec::new(), 0);
     for case in robots() {
         let model = &case.compiled.model;
         let chosen = model.forward_method();
         let costs = [Method::Recursion, Method::Projection]
             .map(|method| model.predicted_cost(method).unwrap());
-        assert_eq!(
-            chosen,
-            if costs[0] < costs[1] { Method::Recursion } else { Method::Projection }
-        );
+        let cheaper = if costs[0] < costs[1] { Method::Recursion } else { Method::Projection };
+        // the cheaper one, unless it loses digits: on random robots of unlike masses
+        let is_bundled = ROBOTS.contains(&model.name());
+        assert!(chosen == cheaper || !is_bundled, "{}", model.name());
+        dearer += usize::from(chosen != cheaper);
         assert_eq!(model.predicted_cost(Method::Kkt), None);
         seen.push(chosen);
     }
+    println!("the dearer method on {dearer} of {} robots", seen.len());
+    assert!(10 * dearer < seen.len(), "{dearer} of {}", seen.len());
     assert!(seen.contains(&Method::Recursion) && seen.contains(&Method::Projection), "{seen:?}");
     assert_eq!(Model::compile(&lambdas(50)).unwrap().model.forward_method(), Method::Recursion);
 }

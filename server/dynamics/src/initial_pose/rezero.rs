@@ -65,7 +65,8 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
             // or the frame of the new zero pose says the same
             let moved =
                 [predecessor.inverse().then(&there[0]), successor.inverse().then(&there[1])];
-            if moved.iter().all(|by| is_same_cut(&cycle.rows, by)) {
+            let gap = moved[0].inverse().then(&moved[1]);
+            if is_closed(&cycle.rows, &gap) && moved.iter().all(|by| is_same_cut(&cycle.rows, by)) {
                 continue;
             }
             cycle.cut = Cut::Placed {
@@ -77,11 +78,21 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
     Some(next)
 }
 
+/// What rounding leaves of the difference of two frames, in metres and radians.
+const SAME: f64 = 1e-9;
+
+/// True where the rows hold at this pose of the successor's cut frame in the predecessor's: a cut
+/// that is taken at the new zero pose is closed there by construction.
+fn is_closed(rows: &[Row], gap: &Pose<Dd>) -> bool {
+    let (R, p) = (gap.R.map(Dd::to_f64), gap.p.map(Dd::to_f64));
+    let turn = [R[(2, 1)] - R[(1, 2)], R[(0, 2)] - R[(2, 0)], R[(1, 0)] - R[(0, 1)]];
+    let gap = Vector6::new(0.5 * turn[0], 0.5 * turn[1], 0.5 * turn[2], p[0], p[1], p[2]);
+    rows.iter().all(|row| Vector6::from(row.axis).dot(&gap).abs() < SAME)
+}
+
 /// True where the rows keep what they hold when their cut frame is moved on its link: rows
 /// (w, v) at a frame moved by (R, p) are (R w + p × R v, R v), and span the same.
 fn is_same_cut(rows: &[Row], by: &Pose<Dd>) -> bool {
-    /// What rounding leaves of the difference of two frames, in metres and radians.
-    const SAME: f64 = 1e-9;
     let (R, p) = (by.R.map(Dd::to_f64), by.p.map(Dd::to_f64));
     let is_still = (R - nalgebra::Matrix3::identity()).norm() + p.norm() < SAME;
     if is_still || rows.iter().any(|row| row.against.is_some()) {

@@ -7,7 +7,7 @@ use crate::linalg::{factorise_tree, solve_tree};
 use crate::model::{Method, Model};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
-use crate::plan::diagnostics::digits::cancellation;
+use crate::plan::diagnostics::digits::{ZERO, cancellation};
 use crate::plan::run::RunReport;
 use crate::plan::state::tree_accelerations;
 use crate::scalar::{Mask, Scalar};
@@ -19,6 +19,17 @@ const BALANCE: f64 = 1e-14;
 /// Part of the largest ÿ that what is left over may be worth, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
 
+/// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, Σ |terms| /
+/// inertia.
+struct Divided<T> {
+    inertia: T,
+    terms: T,
+    alone: T,
+}
+
+/// Part of the acceleration that the forces of a joint would give it alone, below which it stands
+/// still.
+const STILL: f64 = 1e-3;
 /// Unit roundoffs by which accelerations of a robot with nothing special are off.
 const ROUNDINGS: f64 = 50.0;
 
@@ -40,8 +51,8 @@ impl Plan {
             algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
             ws.tau_terms.fill(T::ZERO);
             to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
-            let (growth, zero) =
-                cancellation(largest(&ws.tau_terms).to_f64(), largest(&ws.tau_y).to_f64());
+            let terms = largest(&ws.tau_terms).to_f64();
+            let (growth, zero) = cancellation(terms, largest(&ws.tau_y).to_f64(), ZERO * terms);
             report.doubt.times(growth);
             report.doubt.force = zero;
         }
@@ -97,7 +108,7 @@ impl Plan {
         } else {
             algorithms::embedded_solve(model, ws)
         };
-        let (inertia, terms) = self.divided(model, ws);
+        let Divided { inertia, terms, alone } = self.divided(model, ws);
         report.doubt.times(inertia.to_f64());
         if self.method == Method::Kkt {
             self.tree_forward_dynamics(model, ws, input)?;
@@ -109,7 +120,8 @@ impl Plan {
         if !positive.all() {
             return Err(Status::MassNotPositive);
         }
-        let (growth, zero) = cancellation(terms.to_f64(), largest(&ws.ydd).to_f64());
+        let left = largest(&ws.ydd).to_f64();
+        let (growth, zero) = cancellation(terms.to_f64(), left, STILL * alone.to_f64());
         report.doubt.times(growth);
         report.doubt.times(model.growth_of(self.method) / ROUNDINGS);
         report.doubt.acceleration = zero;
@@ -131,15 +143,20 @@ impl Plan {
         Ok(())
     }
 
-    /// What the pivots divide, the largest of each over the independents: inertia / pivot and Σ
-    /// |terms| / pivot, where a pivot is what is left of an inertia where all behind it is free.
-    fn divided<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> (T, T) {
+    /// What the pivots divide, where a pivot is what is left of an inertia where all behind it is
+    /// free.
+    fn divided<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
         let larger = |a: T, b: T| T::select(a.lt(b), b, a);
-        let of = |(inertia, terms): (T, T), (k, inverse): (usize, T)| {
+        let of = |largest: Divided<T>, (k, inverse): (usize, T)| {
             let own = larger(T::from_f64(model.inertia[k]), ws.alone[k]);
-            (larger(inertia, inverse * own), larger(terms, inverse * ws.tau_terms[k]))
+            let alone = if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO };
+            Divided {
+                inertia: larger(largest.inertia, inverse * own),
+                terms: larger(largest.terms, inverse * ws.tau_terms[k]),
+                alone: larger(largest.alone, alone),
+            }
         };
-        let none = (T::ONE, T::ZERO);
+        let none = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
         if self.method == Method::Projection {
             let inverses = model.sparsity.diagonal().map(|at| ws.factor[at]);
             inverses.enumerate().fold(none, of)

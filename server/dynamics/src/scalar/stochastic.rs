@@ -22,6 +22,11 @@ impl Stochastic {
         Stochastic { x, key }
     }
 
+    /// A constant of the model, which was rounded when it was made; whole numbers were not.
+    pub(crate) fn constant(x: f64) -> Stochastic {
+        if x.fract() == 0.0 { Stochastic { x, key: 0 } } else { Stochastic::rounded(x, 0) }
+    }
+
     /// A rounded result of numbers with these keys; zero stays, as it does where terms are absent.
     #[inline]
     fn rounded(x: f64, key: u64) -> Stochastic {
@@ -115,7 +120,9 @@ impl Real for Stochastic {
 
     const ZERO: Stochastic = Stochastic { x: 0.0, key: 0 };
     const ONE: Stochastic = Stochastic { x: 1.0, key: 0 };
-    const EPSILON: f64 = <f64 as Real>::EPSILON;
+    /// Smaller than that of doubles: Newton's method goes on where it would end, so that what it
+    /// leaves is seen too.
+    const EPSILON: f64 = 1e-4 * <f64 as Real>::EPSILON;
 
     #[inline]
     fn lift(constant: Stochastic) -> Stochastic {

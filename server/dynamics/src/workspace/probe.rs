@@ -26,7 +26,7 @@ impl Probe {
         if !T::PROBED {
             return None;
         }
-        let (sizes, model) = (model.sizes(), model.map(|c| Stochastic::from_f64(c.to_f64())));
+        let (sizes, model) = (model.sizes(), model.map(|c| Stochastic::constant(c.to_f64())));
         let numbers = |field: &Field, frames| {
             let (rows, columns) = field.shape(&sizes, frames, MAX_WRENCHES);
             rows.saturating_mul(columns)

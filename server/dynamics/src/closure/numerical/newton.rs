@@ -15,7 +15,6 @@
 //!
 //! ```text
 //!   s_0 < ½   and   max(s_0, m)² / sin²α < 0.7²        trust region
-//!   max(Σ s_k, m)² / sin²α_end < 0.5²                  trust region at the end
 //!   s_k < 0.3 s_{k−1}                                  contraction
 //!   det A_k · det A_{k−1} > 0                          assembly branch
 //! ```
@@ -38,10 +37,6 @@ const TRUST: f64 = 0.5;
 /// Part of a block's distance to singularity that independents and first step may go: a longer path
 /// could lead through a place where the loops do not close, and out of it on the other side.
 const CAUTION: f64 = 0.7;
-/// The same for the whole way at its end. A way across a place where two assemblies meet would have
-/// to be within both at its two ends: with links that turn by up to three joints' steps against each
-/// other, it cannot.
-const CAUTION_AT_END: f64 = 0.5;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
 
@@ -120,15 +115,6 @@ impl<T: Real> Attempt<T> {
             & (distance * distance * inverse_square_sine).lt(T::from_f64(CAUTION * CAUTION));
     }
 
-    /// Trust region at the end: all steps, and the independents.
-    #[inline(always)]
-    fn arrives(&mut self, way: T, moved: T) {
-        let distance = T::select(way.lt(moved), moved, way);
-        let within =
-            (distance * distance * self.gain).lt(T::from_f64(CAUTION_AT_END * CAUTION_AT_END));
-        self.good = self.good & (within | !T::ZERO.lt(moved));
-    }
-
     /// Contraction, and whether the attempt has come to its end.
     #[inline(always)]
     fn contracts(&mut self, size: T, residual: T, thresholds: &Thresholds<T>, tolerant: bool) {
@@ -170,7 +156,7 @@ impl Block {
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
         let mut inverse_square_sine = T::ZERO;
-        let (mut taken, mut way) = (0, T::ZERO);
+        let mut taken = 0;
         // poses at the start; where the parent stands still, what a step does not change
         for &(j, held) in &self.bodies {
             let scratch = &mut *local.scratch;
@@ -194,7 +180,6 @@ impl Block {
             }
             let size = self.step::<T, M>(local, cluster.length, attempt.done);
             taken += 1;
-            way += size;
             if k == 0 {
                 attempt.trusts(size, start.moved, inverse_square_sine);
             }
@@ -208,9 +193,6 @@ impl Block {
             if attempt.done.all() {
                 break;
             }
-        }
-        if self.width::<M>() > 1 {
-            attempt.arrives(way, start.moved);
         }
         let good = attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some()));
         (good, taken, attempt.gain)

@@ -20,7 +20,7 @@ pub(in crate::plan) const DOUBTFUL: f64 = 5e3;
 /// Difference of the runs, against the largest number of a field, at which it keeps nine digits for
 /// sure: roundings are moved by about four times their own size.
 const KEPT: f64 = 5e-11;
-/// Part of the largest term of a sum below which what is left of it counts as zero.
+/// Part of the largest term of a force below which what is left of it counts as zero.
 pub(in crate::plan) const ZERO: f64 = 1e-4;
 /// Part of one radian or metre below which a position counts as zero.
 const AT_ZERO: f64 = 1e-4;
@@ -64,11 +64,10 @@ fn larger(a: f64, b: f64) -> f64 {
     if b <= a { a } else { b }
 }
 
-/// Terms of this size leave numbers of that one: how much their roundings grow, and the size that
-/// counts as zero against what is left.
-pub(in crate::plan) fn cancellation(terms: f64, left: f64) -> (f64, f64) {
-    let zero = ZERO * terms;
-    if terms > 0.0 {
+/// Terms of this size leave numbers of that one, of which `zero` counts as zero: how much their
+/// roundings grow, and what counts as zero against what is left.
+pub(in crate::plan) fn cancellation(terms: f64, left: f64, zero: f64) -> (f64, f64) {
+    if terms > 0.0 && zero > 0.0 {
         (terms / f64::max(left, zero), f64::max(1.0, zero / left))
     } else {
         (1.0, 1.0)
