@@ -234,7 +234,8 @@ impl Query {
         self
     }
 
-    /// The same query with this gap of redundant rows allowed, in radians or lengths of the cluster.
+    /// The same query with this gap of redundant rows allowed, in radians or lengths of the
+    /// cluster.
     #[must_use]
     pub const fn with_loop_tolerance(mut self, tolerance: f64) -> Query {
         self.loop_tolerance = Tolerance::new(tolerance);

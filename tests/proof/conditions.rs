@@ -120,7 +120,8 @@ fn chain(n: usize, weight: f64) -> Description {
 }
 
 #[test]
-fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
+fn unequal_masses_are_told_at_load_and_where_accelerations_lose_digits() {
+    let mut reported = 0;
     for (weight, unequal) in [(1.0, false), (1e3, false), (1e9, true), (1e12, true)] {
         let Compiled { model, exact, warnings } = compiled(&chain(4, weight));
         assert_eq!(
@@ -156,14 +157,13 @@ fn unequal_masses_are_told_at_load_and_with_every_acceleration() {
                 "weight {weight:e}, {method:?}: {} {:?}, error {error:.1e}",
                 answer.status, answer.warnings
             );
-            assert_eq!(
-                answer.warnings.contains(Warnings::ILL_CONDITIONED),
-                unequal,
-                "{weight:e}, {method:?}"
-            );
-            assert!(unequal || error < FEW, "{weight:e}, {method:?}: {error:.1e}");
+            let warned = answer.warnings.contains(Warnings::ILL_CONDITIONED);
+            assert!(unequal || !warned && error < FEW, "{weight:e}, {method:?}: {error:.1e}");
+            assert!(warned || error < 1e-9, "{weight:e}, {method:?}: {error:.1e}");
+            reported += i32::from(warned);
         }
     }
+    assert!(reported > 0);
 }
 
 #[test]

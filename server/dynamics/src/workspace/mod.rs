@@ -65,8 +65,8 @@ pub struct Workspace<T> {
     /// mass matrix (n_vy × n_vy).
     pub(crate) inside: Vec<Force<T>>,
     pub(crate) block: Vec<T>,
-    /// What the diagonal of a cluster's block would be if each of its joints moved alone (n_vy); zero
-    /// for free joints.
+    /// What the diagonal of a cluster's block would be if each of its joints moved alone (n_vy);
+    /// zero for free joints.
     pub(crate) alone: Vec<T>,
     /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force (n_vy).
     pub(crate) M_y: Vec<T>,

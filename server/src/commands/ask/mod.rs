@@ -48,13 +48,16 @@ pub(crate) struct Ask {
     robot: RobotFlags,
     /// Gap of redundant rows, in radians or lengths of the cluster, from which on an answer carries
     /// `loop_open`; a line's own `loop_tolerance` comes first.
-    #[arg(long, value_name = "X", default_value_t = Tolerance::USUAL.bound(), value_parser = tolerance)]
+    #[arg(long, value_name = "X", default_value_t = USUAL, value_parser = tolerance)]
     loop_tolerance: f64,
     /// Distance of the given q or q̇ from the answer's, in radians or lengths of the cluster, from
     /// which on it carries `input_projected`; a line's own `projection_tolerance` comes first.
-    #[arg(long, value_name = "X", default_value_t = Tolerance::USUAL.bound(), value_parser = tolerance)]
+    #[arg(long, value_name = "X", default_value_t = USUAL, value_parser = tolerance)]
     projection_tolerance: f64,
 }
+
+/// The tolerance of a query that names none.
+const USUAL: f64 = Tolerance::USUAL.bound();
 
 /// A number from 0 on.
 fn tolerance(text: &str) -> Result<f64, String> {

@@ -1,9 +1,9 @@
 //! How many digits of a doubtful answer rounding has left.
 //!
 //! While a request is computed its doubt is kept: a bound, up to a constant, of the factor by which
-//! its roundings grow. It is the gain of the closures ([`crate::closure::Outcome::gain`]), times the
-//! cancellation of forces, times what is divided by where actuators or inertias nearly vanish. A
-//! bound is always too large; so an answer with a large one is computed twice again with every
+//! its roundings grow. It is the gain of the closures ([`crate::closure::Outcome::gain`]), times
+//! the cancellation of forces, times what is divided by where actuators or inertias nearly vanish.
+//! A bound is always too large; so an answer with a large one is computed twice again with every
 //! rounding moved ([`crate::scalar::Stochastic`]), and it is the difference that is reported.
 
 use sarrus_proto::Field;
