@@ -27,6 +27,9 @@ struct Divided<T> {
     alone: T,
 }
 
+/// Inertia against what is left of it in a robot with nothing special; a chain of a hundred links
+/// has a thousand times as much.
+const PIVOTS: f64 = 200.0;
 /// Part of the acceleration that the forces of a joint would give it alone, below which it stands
 /// still.
 const STILL: f64 = 1e-3;
@@ -109,7 +112,7 @@ impl Plan {
             algorithms::embedded_solve(model, ws)
         };
         let Divided { inertia, terms, alone } = self.divided(model, ws);
-        report.doubt.times(inertia.to_f64());
+        report.doubt.times(inertia.to_f64() / PIVOTS);
         if self.method == Method::Kkt {
             self.tree_forward_dynamics(model, ws, input)?;
             if !self.balanced(model, ws, input) {
