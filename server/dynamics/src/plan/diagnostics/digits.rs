@@ -55,7 +55,7 @@ impl Doubt {
 
     /// True where digits have to be counted, or are no numbers.
     pub(in crate::plan) fn is_large(&self) -> bool {
-        !(self.factor < DOUBTFUL)
+        self.factor.is_nan() || self.factor >= DOUBTFUL
     }
 }
 
