@@ -28,6 +28,18 @@ pub enum Base {
     FloatingAt(String),
 }
 
+impl Base {
+    /// From the name of the link that floats, as flags and recordings write it: empty for the root
+    /// whatever it is called, none for a fixed base.
+    pub fn of_flag(link: Option<&str>) -> Base {
+        match link {
+            None => Base::Fixed,
+            Some("") => Base::Floating,
+            Some(link) => Base::FloatingAt(link.to_owned()),
+        }
+    }
+}
+
 /// Puts the free joint below the root link.
 pub(crate) fn put(
     base: &Base,

@@ -54,6 +54,19 @@ pub struct JointLimits {
     pub effort: Option<f64>,
 }
 
+impl JointLimits {
+    /// What is limited, with the least and the greatest value of it: the columns of
+    /// [`crate::Field::Limits`].
+    pub fn ranges(&self) -> [(&'static str, Option<f64>, Option<f64>); 3] {
+        let both = |what, most: Option<f64>| (what, most.map(|x| -x), most);
+        [
+            ("position", self.lower, self.upper),
+            both("velocity", self.velocity),
+            both("effort", self.effort),
+        ]
+    }
+}
+
 /// How the loops of one submechanism are closed.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]

@@ -185,7 +185,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     closing(reader, Closing { name, is_unnamed, span, links, place, kind, axis, axis2 })
 }
 
-/// `<drake:ball_constraint>`; the other constraints of Drake are told how to be written.
+/// `<drake:ball_constraint>`; for the other constraints of Drake an error says what to write.
 fn drake_constraint<'t>(
     reader: &mut Reader<'t, '_>,
     node: Node<'_, 't>,

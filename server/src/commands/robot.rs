@@ -111,11 +111,7 @@ impl RobotFlags {
     }
 
     fn options(&self) -> Options {
-        let base = match self.floating_base.as_deref() {
-            None => Base::Fixed,
-            Some("") => Base::Floating,
-            Some(link) => Base::FloatingAt(link.to_owned()),
-        };
+        let base = Base::of_flag(self.floating_base.as_deref());
         Options { gravity: self.gravity.0, lenient: self.lenient, base }
     }
 }

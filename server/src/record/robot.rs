@@ -61,11 +61,7 @@ impl RecordedRobot {
     /// # Errors
     /// As [`load`].
     pub fn load_as(&self, source: &Source) -> Result<Loaded, LoadError> {
-        let base = match self.floating_base.as_deref() {
-            None => Base::Fixed,
-            Some("") => Base::Floating,
-            Some(link) => Base::FloatingAt(link.to_owned()),
-        };
+        let base = Base::of_flag(self.floating_base.as_deref());
         load(source, &Options { gravity: self.gravity, lenient: self.lenient, base })
     }
 }

@@ -25,9 +25,10 @@ fn robot() -> RecordedRobot {
     RecordedRobot::new(&Source::Bundled("lambda".into()), &Options::default()).unwrap()
 }
 
-/// What is asked in record k: of another sign one lap later, so that all of its bytes tell.
+/// What is asked in record k: of another sign one lap of three segments later, so that its last
+/// byte differs too.
 fn number(k: u64) -> f64 {
-    if (k / (2 * FRAMES)).is_multiple_of(2) { 0.5 + k as f64 } else { -0.5 - k as f64 }
+    if (k / FRAMES).is_multiple_of(2) { 0.5 + k as f64 } else { -0.5 - k as f64 }
 }
 
 /// A body of the lambda elbow: one number in, three out.

@@ -4,6 +4,7 @@
 
 use crate::algorithms::cluster_columns::{ClusterJoint, component, transform_force};
 use crate::algorithms::terms::add_rotors;
+use crate::linalg::{factorise_tree, solve_tree};
 use crate::mechanism::{Cluster, Rotor};
 use crate::model::Model;
 use crate::scalar::Real;
@@ -29,6 +30,15 @@ pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T::Const>, ws: &mut Wor
         // blocks with the clusters that carry it
         pass.meet_ancestors(cluster, M_y);
     }
+}
+
+/// Solves M_y ÿ = b by the M_y of the workspace; `ws.ydd` holds b and becomes ÿ. The mask tells
+/// where every pivot was positive.
+pub(crate) fn projected_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) -> T::Mask {
+    ws.factor.copy_from_slice(&ws.M_y);
+    let positive = factorise_tree(&model.sparsity, &mut ws.factor);
+    solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
+    positive
 }
 
 /// The diagonal of M_y, in internal order, at a cost linear in the number of bodies. Needs the

@@ -9,7 +9,7 @@ mod rnea;
 mod terms;
 
 pub(crate) use cluster_aba::embedded_solve;
-pub(crate) use crba::{own_inertias, reduced_mass_matrix};
+pub(crate) use crba::{own_inertias, projected_solve, reduced_mass_matrix};
 pub(crate) use frames::{
     frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities,
     world_poses,

@@ -10,7 +10,6 @@ use crate::closure::{
 use crate::compile::blocks::blocks;
 use crate::compile::idle::Drift;
 use crate::compile::rank::{independent_rows, locks, matrix, null_space, rank};
-use crate::compile::redundant::zero;
 use crate::compile::{mobility, redundant};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
@@ -58,6 +57,15 @@ impl Sample {
     pub(super) fn columns(&self, of: &[usize], cluster: &Cluster<f64>) -> Mat<f64> {
         matrix(&self.K, cluster.rows.len(), cluster.n_v, of)
     }
+}
+
+/// The zero pose of a cluster.
+pub(super) fn zero(cluster: &Cluster<f64>) -> Vec<f64> {
+    let mut q = vec![0.0; cluster.n_q];
+    for at in cluster.dofs.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
+        q[at.q + at.motion.n_q() - 1] = 1.0;
+    }
+    q
 }
 
 /// The pose of highest rank, which is generic, and that rank.
@@ -262,8 +270,7 @@ fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
     const SUBSTEPS: usize = 8;
     for _ in 0..SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
-            let (at, unit) =
-                (&cluster.dofs[j], if cluster.dofs[j].slides() { cluster.length } else { 1.0 });
+            let (at, unit) = (&cluster.dofs[j], column_unit(cluster, j));
             at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
         }
         if !closed_near(cluster, bodies, &mut q, &cluster.dependent) {

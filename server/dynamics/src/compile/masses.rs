@@ -12,7 +12,6 @@ use crate::closure::Level;
 use crate::compile::analysis::POSES;
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
-use crate::linalg::{factorise_tree, solve_tree};
 use crate::model::{Method, Model, UNEQUAL};
 use crate::scalar::{Dd, Real, Scalar, noise};
 use crate::workspace::{Needs, Workspace};
@@ -135,7 +134,6 @@ pub(super) fn growth(model: &Model<f64>, exact: &Model<Dd>) -> [f64; 2] {
     let mut growth = [0.0; 2];
     let needs = Needs { mass_matrix: n <= PROJECTED, ..Needs::default() };
     let (mut ws, mut exact_ws) = (Workspace::sized(model, needs), Workspace::sized(exact, needs));
-    ws.probe = None;
     for k in 0..POSES {
         if !set_pose(model, &mut ws, k) || !set_pose(exact, &mut exact_ws, k) {
             break;
@@ -171,9 +169,7 @@ fn solved<T: Scalar>(
     ws.ydd.iter_mut().enumerate().for_each(|(i, to)| *to = T::from_f64(b(i)));
     if method == Method::Projection {
         algorithms::reduced_mass_matrix(model, ws);
-        ws.factor.copy_from_slice(&ws.M_y);
-        factorise_tree(&model.sparsity, &mut ws.factor);
-        solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
+        algorithms::projected_solve(model, ws);
     } else {
         algorithms::embedded_solve(model, ws);
     }

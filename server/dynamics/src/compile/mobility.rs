@@ -3,9 +3,9 @@
 use faer::Mat;
 
 use crate::closure::column_unit;
-use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions};
+use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions, zero};
 use crate::compile::rank::{independent_rows, null_space, rank};
-use crate::compile::redundant::{fitting_cuts, zero};
+use crate::compile::redundant::fitting_cuts;
 use crate::diagnostic::Diagnostic;
 use crate::mechanism::Cluster;
 use crate::scalar::noise;

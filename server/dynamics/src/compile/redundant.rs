@@ -4,8 +4,8 @@
 use faer::linalg::solvers::Solve;
 use nalgebra::Vector3;
 
-use crate::closure::{constraint_jacobian, constraint_residual, local_poses};
-use crate::compile::analysis::{Sample, Subject};
+use crate::closure::{column_unit, constraint_jacobian, constraint_residual, local_poses};
+use crate::compile::analysis::{Sample, Subject, zero};
 use crate::compile::blocks::is_length;
 use crate::compile::rank::{matrix, rank};
 use crate::diagnostic::Diagnostic;
@@ -97,8 +97,7 @@ impl Gap {
                         if cluster.independent.len() == 1 { 1.0 } else { noise(k / 2 + 7 * i) };
                     let way = if k % 2 == 0 { share } else { -share };
                     let at = &cluster.dofs[v];
-                    let unit = if at.slides() { cluster.length } else { 1.0 };
-                    at.advance(&mut q, STEP * unit * way);
+                    at.advance(&mut q, STEP * column_unit(cluster, v) * way);
                 }
                 if !close(cluster, bodies, used, &mut q, &mut phi) {
                     break;
@@ -112,15 +111,6 @@ impl Gap {
         }
         gap
     }
-}
-
-/// The zero pose of a cluster.
-pub(super) fn zero(cluster: &Cluster<f64>) -> Vec<f64> {
-    let mut q = vec![0.0; cluster.n_q];
-    for at in cluster.dofs.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
-        q[at.q + at.motion.n_q() - 1] = 1.0;
-    }
-    q
 }
 
 /// Closes the used rows by Newton's method over the dependents; false where that leads away.
@@ -147,7 +137,7 @@ fn close(
         let step = K_d.partial_piv_lu().solve(&right);
         for (a, &v) in cluster.dependent.iter().enumerate() {
             let at = &cluster.dofs[v];
-            let unit = if at.slides() { cluster.length } else { 1.0 };
+            let unit = column_unit(cluster, v);
             // no step of another branch, nor of a singular pose
             if step[(a, 0)].is_nan() || step[(a, 0)].abs() >= unit {
                 return false;

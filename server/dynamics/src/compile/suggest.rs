@@ -3,12 +3,11 @@
 use core::slice;
 
 use crate::closure::column_unit;
-use crate::compile::analysis::{Sample, Subject, generic_of, idle_motions};
+use crate::compile::analysis::{Sample, Subject, generic_of, idle_motions, zero};
 use crate::compile::assemble::Assembly;
 use crate::compile::idle::Drift;
 use crate::compile::mobility::{good_independents, off_zero, preferred};
 use crate::compile::rank::null_space;
-use crate::compile::redundant::zero;
 use crate::description::Description;
 use crate::diagnostic::{CompileError, Site};
 use crate::scalar::{Dd, Scalar};

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use sarrus_proto::Status;
 
-use crate::closure::{Closure, Level, Turn};
+use crate::closure::{Closure, Level, Turn, column_unit};
 use crate::mechanism::Motion;
 use crate::model::Model;
 use crate::workspace::{Needs, Workspace};
@@ -56,8 +56,7 @@ fn turn(model: &Model<f64>, c: usize, i: usize, ws: &mut Workspace<f64>) -> Opti
         let dof = &cluster.dofs[*v];
         let gone = ws.q[cluster.q + dof.q] - zero[dof.q];
         let whole = if dof.motion == Motion::Revolute { (gone / TAU).round() } else { 0.0 };
-        let unit = if dof.slides() { cluster.length } else { 1.0 };
-        if (gone - whole * TAU).abs() > WHOLE * unit {
+        if (gone - whole * TAU).abs() > WHOLE * column_unit(cluster, *v) {
             return None;
         }
         turns[dof.q] = whole;

@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::scalar::Scalar;
-use crate::workspace::{Needs, Workspace};
+use crate::workspace::{Needs, Probe, Workspace};
 
 impl<T: Scalar> Workspace<T> {
     /// Scratch for these plans on this model and for no others, without the square matrices that
@@ -13,14 +13,12 @@ impl<T: Scalar> Workspace<T> {
         model: &Model<T>,
         plans: impl IntoIterator<Item = &'a Plan>,
     ) -> Workspace<T> {
-        let (mut needs, mut longest) = (Needs::default(), 0);
+        let (mut needs, mut given, mut want) = (Needs::default(), 0, 0);
         for plan in plans {
-            (needs, longest) = (needs.and(plan.needs()), longest.max(plan.want().len()));
+            needs = needs.and(plan.needs());
+            (given, want) = (given.max(plan.given().len()), want.max(plan.want().len()));
         }
-        let mut workspace = Workspace::sized(model, needs);
-        if let Some(probe) = &mut workspace.probe {
-            probe.make_room(longest);
-        }
-        workspace
+        let probe = Probe::new(model, needs, given, want);
+        Workspace::sized(model, needs).with_probe(probe)
     }
 }

@@ -144,11 +144,11 @@ impl Plan {
         let cluster = &model.clusters[c];
         let actuated = self.steps.position == Space::Actuation;
         hold_idle(cluster, ws);
-        let mut outcome = if actuated {
-            from_actuators(self.steps.level, model, c, ws, report)?
+        let (mut outcome, mut control) = if actuated {
+            from_actuators(model, c, ws, report)?
         } else {
             let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
-            ws.close(model, c, level)
+            (ws.close(model, c, level), 1.0)
         };
         report.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
@@ -159,11 +159,11 @@ impl Plan {
             let (start, q) = (&ws.start[cluster.coordinates()], &ws.q[cluster.coordinates()]);
             report.projection = report.projection.max(largest_distance(cluster, start, q));
         }
-        let mut control = 1.0;
         if self.actuated_rates() || actuated {
             // ẏ from u̇, then the bias, then ÿ from ü
             if self.steps.velocity == Some(Space::Actuation) {
-                control = self.independent_rates(cluster, ws, given(Field::Ud), false)?;
+                control =
+                    control.min(self.independent_rates(cluster, ws, given(Field::Ud), false)?);
             }
             if self.steps.level > Level::Position {
                 outcome = self.close_again(model, c, ws);
@@ -240,27 +240,26 @@ pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Works
 }
 
 /// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's
-/// method from the start.
+/// method from the start; with the part of their control that the actuators have there.
 fn from_actuators<T: Scalar>(
-    level: Level,
     model: &Model<T>,
     c: usize,
     ws: &mut Workspace<T>,
     report: &mut RunReport<T>,
-) -> Result<Outcome, Status> {
+) -> Result<(Outcome, f64), Status> {
     let cluster = &model.clusters[c];
     let m = cluster.n_vy;
     if cluster.active.len() != m {
         // nothing measures this cluster: its independents are those of the guess
         let at = cluster.coordinates();
         ws.q[at.clone()].copy_from_slice(&ws.start[at]);
-        return Ok(ws.close(model, c, Level::Velocity));
+        return Ok((ws.close(model, c, Level::Velocity), 1.0));
     }
     for (r, &(_, j)) in cluster.active.iter().enumerate() {
         ws.goal_u[r] = ws.q[cluster.q + cluster.dofs[j].q];
     }
     if cluster.active.iter().zip(&cluster.independent).all(|((_, a), i)| a == i) {
-        return Ok(ws.close(model, c, Level::Velocity));
+        return Ok((ws.close(model, c, Level::Velocity), 1.0));
     }
     for &i in &cluster.independent_q {
         ws.q[cluster.q + i] = ws.start[cluster.q + i];
@@ -290,7 +289,7 @@ fn from_actuators<T: Scalar>(
                 return if outcome.status == Status::Ok {
                     Err(Status::SingularActuation)
                 } else {
-                    Ok(outcome)
+                    Ok((outcome, 1.0))
                 };
             }
             Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
@@ -318,12 +317,10 @@ fn from_actuators<T: Scalar>(
             cluster.dofs[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
-            let outcome = ws.close(model, c, Level::Velocity);
-            report.doubt.closure(outcome.gain, level, control);
-            return Ok(outcome);
+            return Ok((ws.close(model, c, Level::Velocity), control));
         }
     }
-    Ok(Outcome::failed(Status::Unreachable, 0))
+    Ok((Outcome::failed(Status::Unreachable, 0), 1.0))
 }
 
 /// Quaternions within 1e-6 of unit length are normalised, others refused.

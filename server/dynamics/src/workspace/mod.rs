@@ -8,7 +8,7 @@ mod probe;
 use nalgebra::Vector3;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
-use probe::Probe;
+pub(crate) use probe::Probe;
 
 use crate::closure::{self, Closure, Level, Local, Outcome, Scratch};
 use crate::mechanism::{Body, Cluster};
@@ -130,7 +130,9 @@ impl<T: Scalar> Workspace<T> {
     /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
     /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
-        Workspace::sized(model, Needs { mass_matrix: true, dense: true, kkt: false })
+        let needs = Needs { mass_matrix: true, dense: true, kkt: false };
+        let probe = Probe::for_any_plan(model, needs);
+        Workspace::sized(model, needs).with_probe(probe)
     }
 
     /// The workspace's numbers of one cluster.
@@ -181,7 +183,12 @@ impl<T: Scalar> Workspace<T> {
         self.needs.and(needs) == self.needs
     }
 
-    /// Scratch with these square matrices and no others.
+    /// The same scratch for requests whose doubtful answers are computed again with this.
+    pub(crate) fn with_probe(self, probe: Option<Box<Probe>>) -> Workspace<T> {
+        Workspace { probe, ..self }
+    }
+
+    /// Scratch with these square matrices and no others; without a probe.
     pub(crate) fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
         let sizes = model.sizes();
         let bodies = model.bodies.len();
@@ -241,7 +248,7 @@ impl<T: Scalar> Workspace<T> {
             kkt: of(kkt * kkt),
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),
-            probe: Probe::new(model, needs),
+            probe: None,
             needs,
             fingerprint: model.fingerprint(),
             dense: of(side * side),

@@ -22,32 +22,35 @@ pub(crate) struct Probe {
 
 impl Probe {
     /// For plans of up to some size on this model, `None` for scalars without one. Allocates.
-    pub(crate) fn new<T: Scalar>(model: &Model<T>, needs: Needs) -> Option<Box<Probe>> {
-        if !T::PROBED {
-            return None;
-        }
-        let (sizes, model) = (model.sizes(), model.map(|c| Stochastic::constant(c.to_f64())));
+    pub(crate) fn for_any_plan<T: Scalar>(model: &Model<T>, needs: Needs) -> Option<Box<Probe>> {
+        let sizes = model.sizes();
         let numbers = |field: &Field, frames| {
             let (rows, columns) = field.shape(&sizes, frames, MAX_WRENCHES);
             rows.saturating_mul(columns)
         };
         let is_input = |field: &&Field| **field <= Field::Wrenches;
-        let input: usize = Field::ALL.iter().filter(is_input).map(|field| numbers(field, 0)).sum();
+        let input = Field::ALL.iter().filter(is_input).map(|field| numbers(field, 0)).sum();
         let output = Field::ALL
             .iter()
             .fold(0_usize, |sum, field| sum.saturating_add(numbers(field, FRAMES)));
-        Some(Box::new(Probe {
-            workspace: Workspace::sized(&model, needs),
-            model,
-            input: vec![Stochastic::ZERO; input],
-            output: vec![Stochastic::ZERO; output.min(LONGEST)],
-        }))
+        Probe::new(model, needs, input, output.min(LONGEST))
     }
 
-    /// Makes room for a plan of this many numbers. Allocates.
-    pub(crate) fn make_room(&mut self, want: usize) {
-        if self.output.len() < want {
-            self.output.resize(want, Stochastic::ZERO);
-        }
+    /// For plans of up to these counts of numbers. Allocates.
+    pub(crate) fn new<T: Scalar>(
+        model: &Model<T>,
+        needs: Needs,
+        input: usize,
+        output: usize,
+    ) -> Option<Box<Probe>> {
+        T::PROBED.then(|| {
+            let model = model.map(|c| Stochastic::constant(c.to_f64()));
+            Box::new(Probe {
+                workspace: Workspace::sized(&model, needs),
+                model,
+                input: vec![Stochastic::ZERO; input],
+                output: vec![Stochastic::ZERO; output],
+            })
+        })
     }
 }

@@ -65,7 +65,7 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
             "Held: status ok and an error of at most {HELD:.0e} by size. Degraded and said so: a \
             larger error, and the answer warns of ill_conditioned, or the simulation's own \
             estimate or energy reports the size of its error. A loop that is open by more than \
-            1e-6 has to be told by loop_open, an input that is replaced by more than 1e-6 by \
+            1e-6 has to carry loop_open, an input that is replaced by more than 1e-6 by \
             input_projected. Failed and said so: any other status with no number beside it, or a \
             refusal at load. Anything else has failed silently."
         ),

@@ -118,7 +118,7 @@ mod tests {
     }
 
     /// A case in a line, with the seed by which it can be asked again.
-    fn told(case: &Case) -> String {
+    fn in_a_line(case: &Case) -> String {
         let Case { family, mechanism, asked, value, method, status, reported, .. } = case;
         let error = error(case);
         format!(
@@ -128,9 +128,9 @@ mod tests {
 
     fn nothing_is_silent(cases: &Cases) {
         let silent = silent(cases);
-        let told: Vec<String> = silent.iter().map(|case| told(case)).collect();
-        let (n, all, told) = (told.len(), cases.all.len(), told.join("\n"));
-        assert!(silent.is_empty(), "{n} of {all} failed silently:\n{told}");
+        let lines: Vec<String> = silent.iter().map(|case| in_a_line(case)).collect();
+        let (n, all, lines) = (lines.len(), cases.all.len(), lines.join("\n"));
+        assert!(silent.is_empty(), "{n} of {all} failed silently:\n{lines}");
     }
 
     /// The rule for every family. What fails silently is printed as it can be asked again.
@@ -197,7 +197,7 @@ mod tests {
             println!("  {} keep eleven digits, {} of these warn", good.count(), warns.count());
             let mut silent = silent(&cases);
             silent.sort_by(|a, b| f64::total_cmp(&error(b), &error(a)));
-            silent.iter().take(40).for_each(|case| println!("  {}", told(case)));
+            silent.iter().take(40).for_each(|case| println!("  {}", in_a_line(case)));
         }
     }
 

@@ -168,13 +168,7 @@ fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo) -> Vec<Exceeded<'a>> {
     let joints = model.tree.iter().zip(&model.limits).zip(numbers.chunks_exact(3));
     for ((name, limits), excess) in joints {
         let Some(limits) = limits else { continue };
-        let (velocity, effort) = (limits.velocity, limits.effort);
-        let ranges = [
-            ("position", limits.lower, limits.upper),
-            ("velocity", velocity.map(|x| -x), velocity),
-            ("effort", effort.map(|x| -x), effort),
-        ];
-        for ((what, lower, upper), excess) in ranges.into_iter().zip(excess) {
+        for ((what, lower, upper), excess) in limits.ranges().into_iter().zip(excess) {
             let bound = if *excess < 0.0 { lower } else { upper };
             if let (Some(bound), true) = (bound, *excess != 0.0) {
                 found.push(Exceeded { name, what, value: bound + excess, lower, upper });

@@ -1,8 +1,7 @@
 //! Limits that a motion does not keep: a simulation knows no stops.
 
 use sarrus_models::Loaded;
-use sarrus_proto::JointLimits;
-use sarrus_simulation::Run;
+use sarrus_simulation::{Run, Sample};
 use serde::Serialize;
 
 /// A limit that samples exceed, at the one that does so the most.
@@ -39,15 +38,14 @@ pub(super) fn exceeded(loaded: &Loaded, run: &Run) -> Vec<Exceeded> {
     let info = loaded.compiled.model.info();
     let mut found = Vec::new();
     for (v, (name, limits)) in info.tree.iter().zip(&info.limits).enumerate() {
-        let Some(JointLimits { lower, upper, velocity, .. }) = *limits else { continue };
         let q = info.tree_q.iter().position(|of_q| of_q == name);
-        let values =
-            [("position", q, lower, upper), ("velocity", Some(v), velocity.map(|x| -x), velocity)];
-        for (what, index, lower, upper) in values {
-            let Some(index) = index else { continue };
-            let of = |sample: &sarrus_simulation::Sample| {
-                let list = if what == "position" { &sample.q } else { &sample.qd };
-                let value = list.get(index).copied().unwrap_or(f64::NAN);
+        let (Some(limits), Some(q)) = (limits, q) else { continue };
+        // a sample holds no efforts
+        let lists: [(usize, fn(&Sample) -> &[f64]); 2] =
+            [(q, |sample| &sample.q), (v, |sample| &sample.qd)];
+        for ((what, lower, upper), (k, list)) in limits.ranges().into_iter().zip(lists) {
+            let of = |sample: &Sample| {
+                let value = list(sample).get(k).copied().unwrap_or(f64::NAN);
                 Exceeded { name: name.clone(), what, value, lower, upper, time: sample.time }
             };
             let worst = run.samples.iter().map(of).max_by(|a, b| a.by().total_cmp(&b.by()));

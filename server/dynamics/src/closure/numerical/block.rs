@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 
 use crate::closure::Local;
 use crate::closure::constraint::rows::{CutState, place};
-use crate::closure::numerical::inverse::{ANY, Inverted, invert};
+use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sine, invert};
+use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster, Cut, Dof, single_pose};
 use crate::scalar::Real;
 use crate::spatial::{Pose, dot, zero};
@@ -108,11 +109,16 @@ impl Block {
     pub(super) fn invert<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) -> Inverted<T> {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
-        invert::<T, M>(
-            &mut scratch.A[..m * m],
-            &mut scratch.inverse[self.offset..self.offset + m * m],
-            m,
-        )
+        let A = &mut scratch.A[..m * m];
+        let inverse = &mut scratch.inverse[self.offset..self.offset + m * m];
+        if m <= 3 {
+            return invert::<T, M>(A, inverse, m);
+        }
+        let squares = &mut scratch.step[..m];
+        squares.iter_mut().enumerate().for_each(|(i, x)| *x = column_square(A, m, m, i));
+        let inverted = invert::<T, M>(A, inverse, m);
+        let gain = inverse_square_sine(inverse, squares, m);
+        Inverted { accurate: accurate(T::ONE, gain), gain, ..inverted }
     }
 
     #[inline(always)]

@@ -26,10 +26,9 @@ pub(in crate::closure) fn accurate<T: Real>(square: T, size: T) -> T::Mask {
 pub(in crate::closure) struct Inverted<T: Real> {
     /// Where the inverse means something.
     pub(in crate::closure) sound: T::Mask,
-    /// Where accelerations by it keep a digit; as `ill_conditioned`.
+    /// Where accelerations by it keep a digit; of one row everywhere.
     pub(in crate::closure) accurate: T::Mask,
-    /// 1/sin² of what vanishes where the matrix is singular; of two or three rows, for others their
-    /// callers must look.
+    /// 1/sin² of what vanishes where the matrix is singular; of one row 1, its callers must look.
     pub(in crate::closure) gain: T,
     pub(in crate::closure) det: T,
 }

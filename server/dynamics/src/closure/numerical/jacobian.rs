@@ -1,9 +1,8 @@
 //! The rows of G that a block determines: G_d = −K_d⁻¹ K_i.
 
 use crate::closure::numerical::block::{Block, RowsAt, by_width};
-use crate::closure::numerical::inverse::{Inverted, accurate, inverse_square_sine};
+use crate::closure::numerical::inverse::Inverted;
 use crate::closure::{Level, Local, column_unit};
-use crate::linalg::column_square;
 use crate::mechanism::Cluster;
 use crate::scalar::Real;
 
@@ -30,10 +29,6 @@ impl Block {
         let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
         self.both_sides::<T, M>(cluster, local);
         let scratch = &mut *local.scratch;
-        let wide = m > 3;
-        if wide {
-            (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
-        }
         // one row alone: its independents move it more than its unknown does
         let alone = (m == 1).then(|| {
             let square = |x: T, v: usize| {
@@ -43,17 +38,9 @@ impl Block {
                 .fold(T::ZERO, |sum, (b, v)| sum + square(*b, *v));
             moves / square(scratch.A[0], self.unknowns[0].v)
         });
-        let Inverted { sound, mut accurate, mut gain, .. } = self.invert::<T, M>(local);
+        let Inverted { sound, accurate, gain, .. } = self.invert::<T, M>(local);
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
-        if let Some(alone) = alone {
-            gain = alone;
-        }
-        if wide {
-            let square = inverse_square_sine(inverse, &scratch.step[..m], m);
-            accurate = self::accurate(T::ONE, square);
-            gain = square;
-        }
         for (i, dof) in self.unknowns[..m].iter().enumerate() {
             let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
             for k in 0..n_vy {
@@ -65,7 +52,7 @@ impl Block {
             }
         }
         let good = if level == Level::Acceleration { sound & accurate } else { sound };
-        (good, gain)
+        (good, alone.unwrap_or(gain))
     }
 
     /// K_d of the block into A; K_i, and what earlier blocks add to it, into B.

@@ -206,21 +206,11 @@ impl Block {
         local: &mut Local<'_, T>,
         attempt: &mut Attempt<T>,
     ) -> T {
-        let m = self.width::<M>();
-        if m > 3 {
-            let scratch = &mut *local.scratch;
-            (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
-        }
         let inverted = self.invert::<T, M>(local);
         attempt.keeps_branch(&inverted);
-        let scratch = &*local.scratch;
-        match m {
+        match self.width::<M>() {
             1 => self.lever_gain(cluster, local),
-            2 | 3 => inverted.gain,
-            _ => {
-                let inverse = &scratch.inverse[self.offset..self.offset + m * m];
-                self::inverse_square_sine(inverse, &scratch.step[..m], m)
-            }
+            _ => inverted.gain,
         }
     }
 
@@ -243,13 +233,18 @@ impl Block {
     ) -> T {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
-        (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
+        if m <= 3 {
+            (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
+        }
         let inverted = self.invert::<T, M>(local);
         attempt.det = match start.branch {
             Some(branch) if self.remember => branch,
             _ => inverted.det,
         };
         attempt.keeps_branch(&inverted);
+        if m > 3 {
+            return inverted.gain;
+        }
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         inverse_square_sine(inverse, &scratch.step[..m], m)

@@ -26,7 +26,7 @@ type Point = [f64; 2];
 const FINE: f64 = 1e-4;
 /// Difference of the rates of path and answer, against 1 and the rate, that is another branch's.
 const OTHER: f64 = 0.1;
-/// Rates of the path that are told by its differences.
+/// Rates of the path that its differences show.
 const SLOW: f64 = 20.0;
 
 /// Parallelograms, kites and other four-bars that fold flat, through and near their flat poses.
@@ -119,8 +119,8 @@ fn sequence(
             jump = Some((y, near, "pose"));
             break;
         }
-        let told = warned(answer.warnings(), "ill_conditioned");
-        if rate.abs() < SLOW && off > OTHER * (1.0 + rate.abs()) && !told {
+        let has_warned = warned(answer.warnings(), "ill_conditioned");
+        if rate.abs() < SLOW && off > OTHER * (1.0 + rate.abs()) && !has_warned {
             jump = Some((y, off, "rate"));
             break;
         }

@@ -122,10 +122,10 @@ fn spherical(random: &mut Random, misfit: f64) -> Outcome<Description> {
     };
     let mut of = begun(random, Kind::Numerical);
     let axes: Vec<[f64; 3]> = (0..4).map(|k| axis(random, TAU * f64::from(k) / 4.0)).collect();
-    let aside = rotation(random)[0];
+    let across = rotation(random)[0];
     let crank = joint(&mut of, BASE, Turn, axes[0], axes[0]);
     let coupler = joint(&mut of, crank, Turn, axes[1].map(|x| 0.8 * x), axes[1]);
-    let foot: [f64; 3] = std::array::from_fn(|k| axes[3][k] + misfit * aside[k]);
+    let foot: [f64; 3] = std::array::from_fn(|k| axes[3][k] + misfit * across[k]);
     let rocker = joint(&mut of, BASE, Turn, foot, axes[3]);
     let cut = CutJoint::Revolute { axis: axes[2] };
     of.cut("cut", coupler, rocker).at(axes[2].map(|x| 0.9 * x)).joint(cut);
