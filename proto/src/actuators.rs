@@ -14,8 +14,8 @@ pub struct OperatorRequest {
     pub stamp_ns: u64,
     /// An [`Operation`].
     pub operation: u32,
-    /// Always 0.
-    pub reserved: u32,
+    /// 0 for all mechanisms, else 1 + the place in u of an actuator of the one that is meant.
+    pub actuator: u32,
 }
 
 /// Most actuators of a robot.
@@ -32,6 +32,8 @@ wire_enum! {
         Enabled = 2, "enabled";
         /// Something failed: its motors have no power until an operator resets it.
         Fault = 3, "fault";
+        /// Its motors are brought to a standstill, and then lose power.
+        Stopping = 4, "stopping";
     }
 }
 
@@ -72,6 +74,38 @@ wire_enum! {
         OtherMechanism = 15, "other_mechanism";
         /// A motor's watchdog is longer than the configuration says.
         WatchdogLong = 16, "watchdog_long";
+        /// An actuator is beyond its position limit and moves outwards.
+        PositionLimit = 17, "position_limit";
+        /// An actuator is faster than its limit.
+        VelocityLimit = 18, "velocity_limit";
+        /// An actuator stays behind its set-point.
+        FollowingError = 19, "following_error";
+        /// A motor reports another effort than it was asked for.
+        EffortMismatch = 20, "effort_mismatch";
+        /// A motor repeats one position while it must have moved.
+        FeedbackFrozen = 21, "feedback_frozen";
+        /// A position changed by more than the speed allows.
+        FeedbackJump = 22, "feedback_jump";
+        /// A motor answers requests of long ago.
+        FeedbackLate = 23, "feedback_late";
+        /// More answers came than a motor was asked for.
+        SecondAnswer = 24, "second_answer";
+        /// Frames with the bridge's own identifiers came from somebody else.
+        SecondMaster = 25, "second_master";
+        /// A motor is too hot.
+        OverTemperature = 26, "over_temperature";
+        /// An actuator is outside its limits, where nothing is armed.
+        OutsideLimits = 27, "outside_limits";
+        /// An independent coordinate of the mechanism is beyond its limit.
+        MechanismLimit = 28, "mechanism_limit";
+        /// No pose of the mechanism has the measured positions.
+        Unreachable = 29, "unreachable";
+        /// The mechanism is too near to a singular pose.
+        NearSingular = 30, "near_singular";
+        /// Encoders of one closed loop contradict each other.
+        LoopResidual = 31, "loop_residual";
+        /// Reported efforts contradict the inverse dynamics of the model.
+        ModelEffort = 32, "model_effort";
     }
 }
 
@@ -109,8 +143,14 @@ pub mod flag {
     pub const POWERED: u32 = 1 << 8;
     /// No motor drives it.
     pub const NO_MOTOR: u32 = 1 << 9;
+    /// The effort is reduced because the motor is hot.
+    pub const DERATED: u32 = 1 << 10;
+    /// The actuator is brought to a standstill.
+    pub const STOPPING: u32 = 1 << 11;
+    /// An effort that pushes outwards beyond a position limit was taken away.
+    pub const OUTWARD_LIMITED: u32 = 1 << 12;
     /// Name of each bit, from the lowest.
-    pub const NAMES: [&str; 10] = [
+    pub const NAMES: [&str; 13] = [
         "effort_limited",
         "position_limited",
         "velocity_limited",
@@ -121,6 +161,9 @@ pub mod flag {
         "motor_fault",
         "powered",
         "no_motor",
+        "derated",
+        "stopping",
+        "outward_limited",
     ];
 }
 

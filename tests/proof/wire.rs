@@ -183,10 +183,10 @@ fn calls_and_their_answers_keep_their_words() {
 #[test]
 fn what_a_bridge_says_keeps_its_numbers_and_names() {
     let states = MechanismState::ALL.iter().map(|state| (*state as u32, state.name()));
-    assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault"])));
+    assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault", "stopping"])));
     let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
     assert!(operations.eq((1..).zip(["arm", "disarm", "reset"])));
-    const REASONS: [&str; 17] = [
+    const REASONS: [&str; 33] = [
         "none",
         "disarmed",
         "command_lost",
@@ -204,6 +204,22 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
         "backlog",
         "other_mechanism",
         "watchdog_long",
+        "position_limit",
+        "velocity_limit",
+        "following_error",
+        "effort_mismatch",
+        "feedback_frozen",
+        "feedback_jump",
+        "feedback_late",
+        "second_answer",
+        "second_master",
+        "over_temperature",
+        "outside_limits",
+        "mechanism_limit",
+        "unreachable",
+        "near_singular",
+        "loop_residual",
+        "model_effort",
     ];
     for (code, name) in (0..).zip(REASONS) {
         assert_eq!(Reason::from_code(code).map(Reason::name), Some(name));

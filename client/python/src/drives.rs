@@ -116,6 +116,7 @@ impl PyDrives {
             match motor.drive.receive(now_ns, &frame.0) {
                 Receipt::NotMine => {}
                 Receipt::Malformed => heard.push((place, "malformed", py.None())),
+                Receipt::Foreign => heard.push((place, "foreign", py.None())),
                 Receipt::Noted => heard.push((place, "noted", py.None())),
                 Receipt::Measured(measured) => heard.push((
                     place,

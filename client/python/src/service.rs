@@ -136,7 +136,7 @@ impl PyController {
     /// Asks the bridge to `arm`, `disarm` or `reset`; false where that could not be sent.
     fn operate(&self, stamp_ns: u64, operation: &str) -> PyResult<bool> {
         let operation = operation_of(operation)?;
-        let request = OperatorRequest { stamp_ns, operation: operation as u32, reserved: 0 };
+        let request = OperatorRequest { stamp_ns, operation: operation as u32, actuator: 0 };
         Ok(self.observer().is_some_and(|end| end.operate(&request)))
     }
 

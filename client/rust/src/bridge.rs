@@ -94,7 +94,7 @@ impl Observer {
 
 fn operate(end: &ObserverEnd, operation: Operation) -> u64 {
     let stamp_ns = now_ns();
-    end.operate(&OperatorRequest { stamp_ns, operation: operation as u32, reserved: 0 });
+    end.operate(&OperatorRequest { stamp_ns, operation: operation as u32, actuator: 0 });
     stamp_ns
 }
 

@@ -126,6 +126,8 @@ pub enum Receipt {
     /// It has this motor's identifier and is none of its frames (length, checksum, format); nothing
     /// was taken from it.
     Malformed,
+    /// It is one that only this drive sends, and came from somebody else.
+    Foreign,
     /// It was read and holds no measurement.
     Noted,
     /// A measurement.

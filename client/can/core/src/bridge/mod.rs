@@ -126,7 +126,7 @@ impl Bridge {
             match motor.config.drive.receive(now_ns, frame) {
                 Receipt::NotMine => continue,
                 Receipt::Malformed => of_bus.counters.counts.malformed += 1,
-                Receipt::Noted | Receipt::Parameter(..) => {}
+                Receipt::Foreign | Receipt::Noted | Receipt::Parameter(..) => {}
                 Receipt::Measured(measured) => {
                     if let Some(reply_ns) = motor.measured(now_ns, &measured) {
                         self.counters.reply_ns = reply_ns;

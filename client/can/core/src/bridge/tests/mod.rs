@@ -216,7 +216,7 @@ fn requests_of_another_time_give_no_power_and_take_it_at_any_time() {
     let request = |stamp_ns, operation: Operation| OperatorRequest {
         stamp_ns,
         operation: operation as u32,
-        reserved: 0,
+        actuator: 0,
     };
     let now_ns = bench.now_ns;
     assert_eq!(bench.bridge.request(now_ns, &request(now_ns - 1001 * MS, Operation::Arm)), None);
@@ -224,7 +224,7 @@ fn requests_of_another_time_give_no_power_and_take_it_at_any_time() {
     assert_eq!(
         bench
             .bridge
-            .request(now_ns, &OperatorRequest { stamp_ns: now_ns, operation: 99, reserved: 0 }),
+            .request(now_ns, &OperatorRequest { stamp_ns: now_ns, operation: 99, actuator: 0 }),
         None
     );
     assert_eq!(
