@@ -138,12 +138,11 @@ fn build(
             continue;
         }
         let kind = kind(&assembly, description, c);
-        let closure = match closed_forms::build(
-            kind,
-            &exact.clusters[c],
-            &exact_bodies,
-            &assembly.local_order(description, c),
-        ) {
+        let order = assembly.local_order(description, c);
+        if closed_forms::has_change_point(&exact.clusters[c], &exact_bodies, &order) {
+            numerical.set_meets();
+        }
+        let closure = match closed_forms::build(kind, &exact.clusters[c], &exact_bodies, &order) {
             None => {
                 if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
                     warnings.push(fault);

@@ -51,7 +51,8 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
         distance += step.abs() * unit;
     }
     let iterations = followed.iterations + count;
-    if good && off < distance * T::from_f64(ASTRAY) {
+    let is_near = off < distance * T::from_f64(ASTRAY);
+    if good && is_near && (!numerical.meets || continuation::is_apart(numerical, local, off)) {
         let gap = continuation::redundant_gap(cluster, local);
         if continuation::holds(gap) {
             return Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) };

@@ -6,7 +6,7 @@ use sarrus_proto::Status;
 use crate::closure::numerical::Numerical;
 use crate::closure::path::distance;
 use crate::closure::{
-    Local, Outcome, Scratch, column_unit, constraint_jacobian, constraint_residual,
+    Level, Local, Outcome, Scratch, column_unit, constraint_jacobian, constraint_residual,
     dependents_range, interpolate, largest_residual, local_poses, row_unit, scaled,
 };
 use crate::linalg::{singular_range, solve_pivoted};
@@ -18,6 +18,8 @@ const ATTEMPTS: u32 = 300;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;
+/// Part of the sine that vanishes where assemblies meet by which a step may miss its tangent.
+const STRAIGHT: f64 = 0.5;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 200;
 /// Residual, in cluster lengths, from which on a redundant row is another closed pose's.
@@ -60,6 +62,7 @@ pub(in crate::closure) fn follow<T: Scalar>(
     }
     local.scratch.last[..n].copy_from_slice(local.q);
     numerical.remember(cluster, bodies, local);
+    let mut leads_on = leads_on_from(numerical, cluster, bodies, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
     let (mut at, mut step, mut attempts, mut failed) = (0.0, FIRST, 0, false);
     let mut open = T::ZERO;
@@ -77,11 +80,12 @@ pub(in crate::closure) fn follow<T: Scalar>(
             numerical.newton(cluster, bodies, local, true, whole * T::from_f64(next - at));
         iterations += count;
         let gap = if good { redundant_gap(cluster, local) } else { T::ZERO };
-        if good && holds(gap) {
+        if good && holds(gap) && leads_on && goes_straight(numerical, cluster, local) {
             open = gap;
             local.scratch.last[..n].copy_from_slice(local.q);
             numerical.remember(cluster, bodies, local);
             at = next;
+            leads_on = at == 1.0 || leads_on_from(numerical, cluster, bodies, local);
             // right after a failure the same step again
             step *= if failed { 1.0 } else { 2.0 };
             failed = false;
@@ -108,6 +112,53 @@ pub(in crate::closure) fn follow<T: Scalar>(
         }
     }
     Outcome { open: open.to_f64(), ..Outcome::closed(iterations) }
+}
+
+/// The tangent at the closed pose into G, where assemblies can meet; false where it has none.
+fn leads_on_from<T: Scalar>(
+    numerical: &Numerical<T>,
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) -> bool {
+    !numerical.meets || numerical.rates(cluster, bodies, local, Level::Velocity)
+}
+
+/// True where assemblies cannot meet, or the step from `scratch.last` to `local.q` ends so near to
+/// the tangent that it cannot have changed from one to the other: between them lies more than the
+/// angle whose sine vanishes where they meet.
+fn goes_straight<T: Scalar>(
+    numerical: &Numerical<T>,
+    cluster: &Cluster<T>,
+    local: &Local<'_, T>,
+) -> bool {
+    if !numerical.meets {
+        return true;
+    }
+    let step = |v: usize| {
+        let q = cluster.dofs[v].q;
+        local.q[q] - local.scratch.last[q]
+    };
+    let m = cluster.n_vy;
+    let mut off = T::ZERO;
+    for &v in &cluster.dependent {
+        let independent = cluster.independent.iter().enumerate();
+        let ahead =
+            independent.fold(T::ZERO, |sum, (k, &i)| local.G[v * m + k].mul_add(step(i), sum));
+        off += (step(v) - ahead).abs() * T::from_f64(1.0 / column_unit(cluster, v));
+    }
+    is_apart(numerical, local, off)
+}
+
+/// True where assemblies that meet are clearly farther apart than this, in radians and lengths of
+/// the cluster.
+pub(in crate::closure) fn is_apart<T: Scalar>(
+    numerical: &Numerical<T>,
+    local: &Local<'_, T>,
+    off: T,
+) -> bool {
+    let gains = &local.scratch.gain[..numerical.blocks.len()];
+    gains.iter().all(|gain| off * off * *gain < T::from_f64(STRAIGHT * STRAIGHT))
 }
 
 /// Largest gap of the rows that the solution leaves out, in radians or lengths of the cluster; the

@@ -52,6 +52,8 @@ pub(crate) struct Numerical<C> {
     /// What turns round with an independent joint that can.
     pub(crate) turns: Vec<Turn>,
     pub(crate) end: End,
+    /// Two assemblies can meet: every way is followed along its tangent.
+    pub(crate) meets: bool,
 }
 
 /// A whole turn of an independent joint that brings the loops back to the same pose.
@@ -88,7 +90,14 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             zero,
             turns: Vec::new(),
             end: End { tolerance: None, steps: STEPS },
+            meets: false,
         }
+    }
+
+    /// Marks a mechanism of which two assemblies can meet.
+    pub(crate) fn set_meets(&mut self) {
+        self.meets = true;
+        self.blocks.iter_mut().for_each(|block| block.remember = true);
     }
 
     /// The same blocks with every constant converted.
@@ -100,6 +109,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             zero: self.zero.iter().map(|x| f(*x)).collect(),
             turns: self.turns.clone(),
             end: self.end,
+            meets: self.meets,
         }
     }
 
@@ -164,7 +174,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean
     /// something.
     #[inline]
-    fn rates<T: Real<Const = C>>(
+    pub(in crate::closure) fn rates<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
         bodies: &[Body<C>],
@@ -221,8 +231,12 @@ impl<C: Scalar> Numerical<C> {
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
         }
-        let moved = distance(cluster, local.start, local.q);
-        let (good, iterations) = self.newton(cluster, bodies, local, false, moved);
+        let (good, iterations) = if self.meets {
+            (false, 0)
+        } else {
+            let moved = distance(cluster, local.start, local.q);
+            self.newton(cluster, bodies, local, false, moved)
+        };
         let gap = if good { continuation::redundant_gap(cluster, local) } else { C::ZERO };
         let outcome = if good && continuation::holds(gap) {
             Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) }

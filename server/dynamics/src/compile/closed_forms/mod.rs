@@ -77,6 +77,15 @@ pub(super) fn build(
     Some(form)
 }
 
+/// True for a plane loop of four joints of which two assemblies can meet.
+pub(super) fn has_change_point(
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    order: &[usize],
+) -> bool {
+    planar::has_change_point(&Reading { cluster, bodies, order, zero: zero_poses(cluster, bodies) })
+}
+
 /// What a closed form is read off.
 struct Reading<'a> {
     cluster: &'a Cluster<Dd>,

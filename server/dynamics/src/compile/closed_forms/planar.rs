@@ -18,7 +18,15 @@ const DEGENERATE: f64 = 1e-6;
 /// files meet it that nearly.
 const CHANGE: f64 = 1e-6;
 
+/// What a loop with a change point is refused with.
+const MEETS: &str = "links can stand in one line where two assemblies meet, a change point";
+
 type Plane = [Dd; 2];
+
+/// True for a loop whose links can just stand in one line.
+pub(super) fn has_change_point(of: &Reading<'_>) -> bool {
+    [false, true].into_iter().any(|slider| read(of, slider).is_err_and(|why| why == MEETS))
+}
 
 /// The loop, with one slider or none.
 pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
@@ -119,7 +127,7 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
 /// assemblies meet there, each goes on as the other, and a closed form knows no path.
 fn has_no_change_point(reach: [f64; 2], length: f64) -> Result<(), String> {
     if reach.iter().any(|x| x.abs() < CHANGE * length) {
-        return Err("links can stand in one line where two assemblies meet, a change point".into());
+        return Err(MEETS.into());
     }
     Ok(())
 }
