@@ -31,7 +31,7 @@ use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, Operato
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
-use mechanism::Mechanism;
+use mechanism::{Course, Mechanism};
 use motor::Motor;
 
 /// Requests for power that are older than this are of another time `[ns]`.
@@ -276,12 +276,18 @@ impl Bridge {
             else {
                 continue;
             };
-            let command = match mechanism.course(now_ns, self.configuration.ramp_ns) {
+            motor.sent_ns = Some(now_ns);
+            let course = mechanism.course(now_ns, self.configuration.ramp_ns);
+            if course == Some(Course::QuickStop)
+                && motor.config.drive.quick_stop(now_ns, &mut bus.queue)
+            {
+                continue;
+            }
+            let command = match course {
                 Some(course) => DriveCommand::On(motor.setpoint(&self.command, course, elapsed)),
                 None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
                 None => DriveCommand::Off,
             };
-            motor.sent_ns = Some(now_ns);
             motor.config.drive.cycle(now_ns, command, &mut bus.queue);
         }
         for bus in &mut self.buses {

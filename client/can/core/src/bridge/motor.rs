@@ -2,7 +2,7 @@
 
 use sarrus_proto::actuators::Reason;
 
-use super::stop::Reference;
+use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
 use crate::drive::{Measurement, Mode, Watchdog};
 use crate::mapping::ActuatorMeasurement;
@@ -12,6 +12,9 @@ use crate::mapping::ActuatorMeasurement;
 pub(super) struct Motor {
     pub(super) config: MotorConfig,
     pub(super) measured: ActuatorMeasurement,
+    /// Its velocity: measured, or of the last two positions where it does not tell it `[rad/s,
+    /// m/s]`.
+    pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
     /// It answers; its drive has something to forget.
@@ -33,6 +36,7 @@ pub(super) struct Motor {
     /// s/m]`.
     pub(super) stop_damping: f64,
     pub(super) stop: Reference,
+    pub(super) chatter: Chatter,
 }
 
 impl Motor {
@@ -45,6 +49,7 @@ impl Motor {
         Motor {
             config,
             measured: ActuatorMeasurement::NONE,
+            velocity: 0.0,
             measured_ns: None,
             is_known: false,
             sent_ns: None,
@@ -56,6 +61,7 @@ impl Motor {
             gravity: 0.0,
             stop_damping,
             stop: Reference::default(),
+            chatter: Chatter::default(),
         }
     }
 
@@ -64,7 +70,16 @@ impl Motor {
         if !measured.position.is_finite() {
             return None;
         }
+        let before = self.measured.position;
         self.measured = self.config.mapping.to_actuator(measured);
+        self.velocity = match self.measured_ns {
+            _ if self.measured.velocity.is_finite() => self.measured.velocity,
+            Some(last) if before.is_finite() && now_ns > last => {
+                (self.measured.position - before) / ((now_ns - last) as f64 * 1e-9)
+            }
+            Some(_) => self.velocity,
+            None => 0.0,
+        };
         (self.measured_ns, self.is_known) = (Some(now_ns), true);
         self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
     }
@@ -90,6 +105,7 @@ impl Motor {
     pub(super) fn hold(&mut self) {
         self.hold = self.place();
         (self.last_position, self.last_effort) = (self.hold, 0.0);
+        self.chatter = Chatter::default();
     }
 
     /// Commands became late.

@@ -22,11 +22,24 @@ impl Motor {
             Course::Follow(ramp) => self.following(command, ramp, elapsed),
             Course::Damp => self.damped(),
             Course::Brake(part) => self.braking(part, elapsed),
+            Course::QuickStop => self.braking(0.0, elapsed),
+            Course::Lower(speed) => self.lowering(speed, elapsed),
+        };
+        // a motor that does not tell its velocity counts as still while it follows
+        let velocity = match course {
+            Course::Follow(_) if self.measured.velocity.is_nan() => 0.0,
+            _ => self.velocity,
         };
         if self.config.common.mode == Mode::Torque {
             // a motor without gains of its own gets their sum
+            if !matches!(course, Course::Follow(_)) {
+                let error = setpoint.damping * (setpoint.velocity - velocity);
+                let gain = self.chatter.gain(error, self.config.limits.effort);
+                (setpoint.stiffness, setpoint.damping) =
+                    (gain * setpoint.stiffness, gain * setpoint.damping);
+            }
             setpoint = ActuatorSetpoint {
-                effort: setpoint.effort + self.by_gains(&setpoint),
+                effort: setpoint.effort + self.by_gains(&setpoint, velocity),
                 stiffness: 0.0,
                 damping: 0.0,
                 ..setpoint
@@ -37,7 +50,7 @@ impl Motor {
             let (least, most) = (self.last_effort - change, self.last_effort + change);
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
         }
-        let setpoint = self.within_effort(setpoint);
+        let setpoint = self.within_effort(setpoint, velocity);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
         self.config.mapping.to_motor(&setpoint)
     }
@@ -103,24 +116,22 @@ impl Motor {
     }
 
     /// What stiffness and damping make of the last measurement `[N m, N]`.
-    fn by_gains(&self, setpoint: &ActuatorSetpoint) -> f64 {
+    fn by_gains(&self, setpoint: &ActuatorSetpoint, velocity: f64) -> f64 {
         if matches!(self.config.common.mode, Mode::Position | Mode::Velocity) {
             return 0.0;
         }
-        // a motor that does not tell its velocity counts as still
-        let known =
-            |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
-        let behind = setpoint.position - known(self.measured.position, setpoint.position);
-        let slower = setpoint.velocity - known(self.measured.velocity, 0.0);
+        let place = self.measured.position;
+        let behind = if place.is_finite() { setpoint.position - place } else { 0.0 };
+        let slower = setpoint.velocity - velocity;
         setpoint.stiffness * behind + setpoint.damping * slower
     }
 
     /// Spring, damper and effort together stay within the limit, as far as the last measurement
     /// tells. All three shrink alike, so that none of them is left alone where the motor itself
     /// saturates another.
-    fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+    fn within_effort(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
         let most = self.config.limits.effort;
-        let total = setpoint.effort + self.by_gains(&setpoint);
+        let total = setpoint.effort + self.by_gains(&setpoint, velocity);
         if total.abs() <= most {
             return setpoint;
         }
