@@ -1,5 +1,5 @@
-//! From a command to the set-point of one motor: limits, ramps, damping. One function for all modes
-//! and all paths.
+//! From a command to the set-point of one motor: limits, ramps, damping, stops. One function for
+//! all modes and all paths.
 
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
@@ -27,7 +27,7 @@ impl Motor {
         };
         // a motor that does not tell its velocity counts as still while it follows
         let velocity = match course {
-            Course::Follow(_) if self.measured.velocity.is_nan() => 0.0,
+            Course::Follow(_) if !self.measured.velocity.is_finite() => 0.0,
             _ => self.velocity,
         };
         if self.config.common.mode == Mode::Torque {
@@ -55,11 +55,12 @@ impl Motor {
         self.config.mapping.to_motor(&setpoint)
     }
 
-    /// Stays where it is by damping alone, and by what gravity needs where that is known: as a velocity of zero where the motor follows
-    /// velocities, and as the position where commands stayed away where it follows positions.
+    /// Stays where it is by damping alone, and by what gravity needs where that is known: as a
+    /// velocity of zero where the motor follows velocities, and as the position where commands
+    /// stayed away where it follows positions.
     fn damped(&self) -> ActuatorSetpoint {
         ActuatorSetpoint {
-            position: self.hold,
+            position: self.hold.max(self.config.limits.lower).min(self.config.limits.upper),
             velocity: 0.0,
             effort: self.gravity,
             stiffness: 0.0,

@@ -17,9 +17,11 @@
 //! clamp(g, ±d v) − d v. It comes to rest where gravity has no more hold on it, or on whatever it
 //! lies on.
 //!
-//! A motor that follows torques gets the sum at the bridge's rate, with a cycle of delay, Δt: v goes
-//! on as v₊ = v − a v₋ with a = d Δt / J, which is stable for a < 1 (with two cycles of delay for a
-//! < 0.61). Nobody knows J, so [`Chatter`] halves spring and damper as often as it has to.
+//! A motor that follows torques gets the sum at the bridge's rate, with a cycle of delay, Δt: the
+//! speed goes on as v₊ = v − a v₋ with a = d Δt / J, which is stable for a < 1 (with two cycles of
+//! delay for a < 0.61). Nobody knows J, so [`Chatter`] halves spring and damper as often as it has
+//! to. Where the greatest effort turns the motor round in one cycle nothing helps, and it is found
+//! to run away.
 
 use super::motor::Motor;
 use crate::mapping::ActuatorSetpoint;

@@ -11,7 +11,7 @@
 //! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque
 //! stop_ms: 500
 //! mechanisms:               # those that stop otherwise, each named by one of its actuators
-//! - {actuator: ALElbowAct, stop_function: lower, stop_ms: 200, hold_ms: 5000, lower_velocity: 0.02}
+//! - {actuator: ALElbowAct, stop_function: lower, hold_ms: 5000, lower_velocity: 0.02}
 //! buses:
 //! - {name: left_arm, interface: socketcan, channel: can0, bitrate: 1000000}
 //! motors:

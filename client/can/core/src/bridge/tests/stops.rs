@@ -74,6 +74,54 @@ fn disarming_stops_and_disarming_again_takes_the_torque_off() {
 }
 
 #[test]
+fn a_request_to_disarm_that_is_repeated_at_once_is_no_second_one() {
+    let mut bench = Bench::armed();
+    let disarm = |bench: &mut Bench| {
+        let request = OperatorRequest {
+            stamp_ns: bench.now_ns,
+            operation: Operation::Disarm as u32,
+            actuator: 0,
+        };
+        bench.bridge.request(bench.now_ns, &request)
+    };
+    assert_eq!(disarm(&mut bench), Some(Operation::Disarm));
+    bench.steps(50);
+    assert_eq!(disarm(&mut bench), None);
+    bench.steps(2);
+    assert_eq!(bench.states(), [MechanismState::Stopping; 3]);
+    bench.steps(150);
+    assert_eq!(disarm(&mut bench), Some(Operation::Disarm));
+    bench.step();
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+}
+
+#[test]
+fn disarming_once_does_not_cut_a_stop_for_another_reason_short() {
+    let mut bench = Bench::armed();
+    bench.bridge.fail_mechanism(0, Reason::FollowingError);
+    bench.steps(50);
+    bench.bridge.operate(bench.now_ns, Operation::Disarm);
+    bench.steps(50);
+    assert_eq!(bench.states(), [MechanismState::Stopping; 3]);
+    assert_eq!((bench.reason(0), bench.reason(2)), (Reason::FollowingError, Reason::Disarmed));
+    bench.bridge.operate(bench.now_ns, Operation::Disarm);
+    bench.step();
+    let (disabled, fault) = (MechanismState::Disabled, MechanismState::Fault);
+    assert_eq!(bench.states(), [fault, fault, disabled]);
+}
+
+#[test]
+fn a_bridge_that_was_stopped_during_a_stop_for_a_fault_is_in_fault() {
+    let mut bench = Bench::armed();
+    bench.bridge.fail_mechanism(0, Reason::FollowingError);
+    bench.steps(50);
+    bench.now_ns += 2_000 * MS;
+    bench.step();
+    assert_eq!((bench.states()[0], bench.last(0)), (MechanismState::Fault, DriveCommand::Off));
+    assert_eq!(bench.reason(0), Reason::FollowingError);
+}
+
+#[test]
 fn a_motor_that_fails_while_it_is_stopped_takes_the_torque_off_at_once() {
     let mut bench = Bench::armed();
     bench.bridge.operate(bench.now_ns, Operation::Disarm);
