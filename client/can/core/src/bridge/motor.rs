@@ -5,7 +5,7 @@ use sarrus_proto::actuators::Reason;
 use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
 use crate::drive::{Measurement, Mode, Watchdog};
-use crate::mapping::ActuatorMeasurement;
+use crate::mapping::{ActuatorMeasurement, Mapping};
 
 /// A motor.
 #[derive(Debug)]
@@ -41,10 +41,17 @@ pub(super) struct Motor {
 
 impl Motor {
     pub(super) fn new(config: MotorConfig) -> Motor {
+        let stop_damping = config.damping.max(config.limits.damping());
         let stop_damping = match config.common.mode {
             // whose damper has the rate of the bridge, and is no better for being stronger
             Mode::Torque if config.damping > 0.0 => config.damping,
-            _ => config.damping.max(config.limits.damping()),
+            // no more than the motor has, which the spring goes with; NaN where nothing limits it
+            Mode::Impedance => {
+                let Mapping { gear, torque_constant, .. } = config.mapping;
+                let range = config.settings.number("damping_range");
+                stop_damping.min(range * gear * gear * torque_constant)
+            }
+            _ => stop_damping,
         };
         Motor {
             config,
