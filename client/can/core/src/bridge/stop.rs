@@ -29,10 +29,6 @@ use crate::mapping::ActuatorSetpoint;
 /// Stiffness of a stop for its damping `[1/s]`.
 const STIFFNESS: f64 = 10.0;
 
-/// A motor that is faster than at the beginning of its stop by this part of the greatest velocity
-/// runs away.
-const AWAY: f64 = 0.5;
-
 /// Where a stop is to lead a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Reference {
@@ -40,7 +36,8 @@ pub(super) struct Reference {
     position: f64,
     /// Velocity at the beginning, no faster than the limit `[rad/s, m/s]`.
     velocity: f64,
-    /// Speed beyond which the motor runs away `[rad/s, m/s]`.
+    /// Speed beyond which the motor runs away: faster than at the beginning by the greatest
+    /// velocity, which no load within the effort's limit reaches against the damper `[rad/s, m/s]`.
     away: f64,
 }
 
@@ -51,7 +48,7 @@ impl Motor {
         self.stop = Reference {
             position: self.place(),
             velocity: self.velocity.max(-limits.velocity).min(limits.velocity),
-            away: self.velocity.abs() + AWAY * limits.speed(),
+            away: self.velocity.abs() + limits.speed(),
         };
     }
 
