@@ -67,8 +67,8 @@ pub(super) enum Change {
     Late,
     /// Commands came back.
     Resume,
-    /// They are stopped.
-    Stop,
+    /// They are stopped, as this reaction says.
+    Stop(Reaction),
 }
 
 /// A closed mechanism.
@@ -315,7 +315,9 @@ impl Mechanism {
             }
             Phase::Following(since) if is_late => (Phase::Damped(since), Change::Late),
             Phase::Damped(since) if !is_late => (Phase::Following(since), Change::Resume),
-            Phase::Stopping(None) => (Phase::Stopping(Some(now_ns)), Change::Stop),
+            Phase::Stopping(None) => {
+                (Phase::Stopping(Some(now_ns)), Change::Stop(Reaction::to(self.reason)))
+            }
             Phase::Stopping(Some(since)) => {
                 if members.moves || !self.lowers(now_ns, since) {
                     self.moved_ns = now_ns;

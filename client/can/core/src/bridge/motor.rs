@@ -30,6 +30,8 @@ pub(super) struct Motor {
     /// The last set-point's position and effort.
     pub(super) last_position: f64,
     pub(super) last_effort: f64,
+    /// What spring, damper and effort of the last set-point came to `[N m, N]`.
+    pub(super) last_total: f64,
     /// What keeps it still against gravity, by the model; 0 without one `[N m, N]`.
     pub(super) gravity: f64,
     /// Damping of stops: the configured one, or more where that could not stop `[N m s/rad, N
@@ -65,6 +67,7 @@ impl Motor {
             deflection: 0.0,
             last_position: 0.0,
             last_effort: 0.0,
+            last_total: 0.0,
             gravity: 0.0,
             stop_damping,
             stop: Reference::default(),

@@ -133,6 +133,7 @@ impl Motor {
     fn within_effort(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
         let most = self.config.limits.effort;
         let total = setpoint.effort + self.by_gains(&setpoint, velocity);
+        self.last_total = total.max(-most).min(most);
         if total.abs() <= most {
             return setpoint;
         }

@@ -8,10 +8,11 @@
 //! ```
 //!
 //! which is a servo of the velocity whose integral is the spring: what gravity g does not tell is
-//! held after a tenth of a second or two. p* stays within the limits of the position, and no
-//! farther from p than where the spring alone has the greatest effort, so that a load which that
-//! effort cannot stop at once is not thrown back. Against an inertia J the servo does not oscillate
-//! where d ≥ 40/s · J.
+//! held after a tenth of a second or two. Where nothing is wrong and the motor stands still, the
+//! last effort takes the place of a g that no model knows. p* stays within the limits of the
+//! position, and no farther from p than where the spring alone has the greatest effort, so that a
+//! load which that effort cannot stop at once is not thrown back. Against an inertia J the servo
+//! does not oscillate where d ≥ 40/s · J.
 //!
 //! Lowering has no spring, and v* = −g/d, no faster than the speed that it may have: τ = g −
 //! clamp(g, ±d v) − d v. It comes to rest where gravity has no more hold on it, or on whatever it
@@ -24,10 +25,14 @@
 //! to run away.
 
 use super::motor::Motor;
+use super::reaction::Reaction;
 use crate::mapping::ActuatorSetpoint;
 
 /// Stiffness of a stop for its damping `[1/s]`.
 const STIFFNESS: f64 = 10.0;
+
+/// A motor slower than this part of its greatest velocity carries a load rather than accelerates.
+const SLOW: f64 = 0.1;
 
 /// Where a stop is to lead a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,6 +41,8 @@ pub(super) struct Reference {
     position: f64,
     /// Velocity at the beginning, no faster than the limit `[rad/s, m/s]`.
     velocity: f64,
+    /// What it carried at the beginning, where no model knows it `[N m, N]`.
+    load: f64,
     /// Speed beyond which the motor runs away: faster than at the beginning by the greatest
     /// velocity, which no load within the effort's limit reaches against the damper `[rad/s, m/s]`.
     away: f64,
@@ -43,11 +50,14 @@ pub(super) struct Reference {
 
 impl Motor {
     /// A stop begins from where the motor is, as fast as it is.
-    pub(super) fn begin_stop(&mut self) {
+    pub(super) fn begin_stop(&mut self, reaction: Reaction) {
         let limits = self.config.limits;
+        let is_slow = self.velocity.abs() < SLOW * limits.speed();
+        let carries = reaction == Reaction::Ramp && is_slow && self.gravity == 0.0;
         self.stop = Reference {
             position: self.place(),
             velocity: self.velocity.max(-limits.velocity).min(limits.velocity),
+            load: if carries { self.last_total } else { 0.0 },
             away: self.velocity.abs() + limits.speed(),
         };
     }
@@ -81,7 +91,7 @@ impl Motor {
         ActuatorSetpoint {
             position: self.stop.position,
             velocity: if self.stop.position == free { velocity } else { 0.0 },
-            effort: self.gravity,
+            effort: self.gravity + self.stop.load,
             stiffness: 0.0,
             damping,
         }

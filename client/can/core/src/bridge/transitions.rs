@@ -136,7 +136,7 @@ impl Bridge {
                     let desired = self.command.position.get(motor.config.actuator).copied();
                     motor.resume(desired.unwrap_or(motor.hold));
                 }
-                Change::Stop => motor.begin_stop(),
+                Change::Stop(reaction) => motor.begin_stop(reaction),
             }
         }
     }

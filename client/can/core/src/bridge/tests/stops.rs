@@ -240,6 +240,29 @@ fn a_load_that_is_not_known_is_held_by_the_spring() {
 }
 
 #[test]
+fn a_load_that_was_carried_in_peace_is_carried_on_when_it_is_disarmed() {
+    for mode in MODES {
+        let mut bench = turning(mode, 0.02);
+        bench.target.torque = 1.0;
+        bench.shafts.iter_mut().flatten().for_each(|shaft| shaft.load = -1.5);
+        bench.steps(500);
+        bench.bridge.operate(bench.now_ns, Operation::Disarm);
+        let before = bench.shaft().position;
+        bench.steps(500);
+        let drop = bench.shaft().position - before;
+        // a drive's own controller has the rest of the load, and gives way to it
+        let allowed = match mode {
+            Mode::Velocity => 0.1,
+            Mode::Position => 4e-3,
+            _ => 2e-3,
+        };
+        assert!(drop.abs() < allowed, "{mode:?}: {drop}");
+        bench.step();
+        assert_eq!(bench.last(0), DriveCommand::Off);
+    }
+}
+
+#[test]
 fn a_command_late_once_lets_a_load_sink_for_the_time_of_its_lateness_alone() {
     for mode in [Mode::Impedance, Mode::Torque] {
         // half of the load is the spring's
